@@ -1,0 +1,154 @@
+"""One manoeuvre as the identification sees it: signals in SI units and ISO axes on one clock.
+
+Axes are ISO 8855 (x forward, y left, z up): a left turn has positive r, a_y and steering angle;
+an outward roll in a left turn is positive phi. ArduPilot's FRD axes end in `rover_sweep.logs`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Kind = Literal["sweep", "doublet", "other"]
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """A measured signal on its own time stamps.
+
+    t: (n,) s on the recording's clock, strictly increasing. x: (n,) in `unit`.
+    hold: True for a staircase (a PWM keeps x[k] from t[k] until t[k+1]); False for samples of
+    something continuous. source: where it was read, e.g. "IMU.GyrZ".
+    """
+
+    t: Array
+    x: Array
+    unit: str
+    source: str = ""
+    hold: bool = False
+
+    def __post_init__(self) -> None:
+        if self.t.shape != self.x.shape or self.t.ndim != 1:
+            raise ValueError(f"Signal {self.source}: t {self.t.shape} and x {self.x.shape} must be equal 1-d shapes")
+        if self.t.size > 1 and not np.all(np.diff(self.t) > 0):
+            raise ValueError(f"Signal {self.source}: time stamps must increase strictly")
+
+    @property
+    def rate(self) -> float:
+        """Median sampling rate, Hz (0 with fewer than two samples)."""
+        return float(1.0 / np.median(np.diff(self.t))) if self.t.size > 1 else 0.0
+
+    def between(self, start: float, end: float) -> Signal:
+        """The samples with start <= t <= end; a staircase keeps the value that held at `start`."""
+        lo, hi = np.searchsorted(self.t, start, "left"), np.searchsorted(self.t, end, "right")
+        t, x = self.t[lo:hi], self.x[lo:hi]
+        if self.hold and lo > 0 and (t.size == 0 or t[0] > start):
+            t, x = np.concatenate(([start], t)), np.concatenate((self.x[lo - 1 : lo], x))
+        return replace(self, t=t, x=x)
+
+    def on(self, grid: Array) -> Array:
+        """Values at the times of a uniform `grid` (n,) s.
+
+        Samples are interpolated linearly. A staircase is averaged over the grid cell centred on
+        each time, which keeps its area, so that steps between grid times are not lost.
+        """
+        if not self.hold:
+            return np.interp(grid, self.t, self.x)
+        step = grid[1] - grid[0] if grid.size > 1 else 1e-3
+        edges = np.concatenate((grid - step / 2, [grid[-1] + step / 2]))
+        area = np.concatenate(([0.0], np.cumsum(self.x[:-1] * np.diff(self.t))))
+        k = np.clip(np.searchsorted(self.t, edges, "right") - 1, 0, self.t.size - 1)
+        return np.diff(area[k] + self.x[k] * (edges - self.t[k])) / step
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A known second-order Butterworth low-pass in a sensor's path, as ArduPilot's LowPassFilter2p."""
+
+    cutoff_hz: float
+    source: str = ""
+
+    def response(self, w: Array) -> NDArray[np.complex128]:
+        """Frequency response at w [rad/s]: 1 / (1 + sqrt(2) s/w0 + (s/w0)^2)."""
+        s = 1j * w / (2 * np.pi * self.cutoff_hz)
+        return 1.0 / (1.0 + np.sqrt(2.0) * s + s * s)
+
+
+@dataclass(frozen=True)
+class Note:
+    """A judgement on the recording, said to the user. level: 'info' or 'warning'."""
+
+    level: Literal["info", "warning"]
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One run: channels on one clock, where the excitation lies, and what is known of the sensors.
+
+    channels, those that were recorded:
+      pwm    steering output [us], a staircase (hold=True)
+      delta  road-wheel angle [rad], left positive; made from pwm by `steered`, or measured (CSV)
+      r, p   yaw and roll rate [rad/s]; phi roll angle [rad]; psi heading [rad], unwrapped, left positive
+      ay     lateral specific force at the IMU [m/s^2], not moved to the CG, gravity included
+      vy     lateral velocity at the IMU [m/s]; speed: forward velocity [m/s]
+      throttle  throttle output [us], a staircase
+    span: (start, end) s of the manoeuvre, from before fade-in to after fade-out; spectra use it.
+    standstill, straight: intervals (start, end) s for biases and the noise floor.
+    filters: known sensor low-pass per channel name (r, p: INS_GYRO_FILTER; ay: INS_ACCEL_FILTER).
+    sources: (path name, sha256) of the files it came from.
+    """
+
+    name: str
+    channels: Mapping[str, Signal]
+    span: tuple[float, float]
+    kind: Kind = "other"
+    standstill: tuple[tuple[float, float], ...] = ()
+    straight: tuple[tuple[float, float], ...] = ()
+    filters: Mapping[str, LowPass] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
+    firmware: str = ""
+    sources: tuple[tuple[str, str], ...] = ()
+
+    def __getitem__(self, channel: str) -> Signal:
+        return self.channels[channel]
+
+    def __contains__(self, channel: str) -> bool:
+        return channel in self.channels
+
+    def manoeuvre(self, channel: str) -> Signal:
+        """The channel within `span`."""
+        return self.channels[channel].between(*self.span)
+
+    def uniform(self, rate: float) -> tuple[Array, dict[str, Array]]:
+        """All channels over `span` on one clock of `rate` Hz: (t (n,), {name: (n,)})."""
+        start, end = self.span
+        t = start + np.arange(int((end - start) * rate) + 1) / rate
+        return t, {name: signal.on(t) for name, signal in self.channels.items()}
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean forward speed over the manoeuvre, m/s."""
+        return float(np.mean(self.manoeuvre("speed").x))
+
+    def bias(self, channel: str) -> float | None:
+        """Mean of a channel at standstill, None where nothing was recorded standing still."""
+        parts = [self.channels[channel].between(a, b).x for a, b in self.standstill]
+        samples = np.concatenate(parts) if parts else np.empty(0)
+        return float(np.mean(samples)) if samples.size else None
+
+
+def steered(recording: Recording, trim_us: float, rad_per_us: float) -> Recording:
+    """The recording with `delta` [rad, left positive] made of `pwm`.
+
+    In ArduPilot a larger PWM normally turns right, so delta = -(pwm - trim_us) * rad_per_us with a
+    positive rad_per_us; a linkage that turns left on a larger PWM has a negative rad_per_us.
+    """
+    pwm = recording["pwm"]
+    delta = replace(pwm, x=-(pwm.x - trim_us) * rad_per_us, unit="rad")
+    return replace(recording, channels={**recording.channels, "delta": delta})
