@@ -1,0 +1,213 @@
+"""Fits of model structures to frequency responses: the cost of equation (11), Cramer-Rao, insensitivity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from rover_sweep.identify.recording import Array, LowPass
+from rover_sweep.identify.response import Band, FrequencyResponse
+from rover_sweep.identify.spectra import Complex
+from rover_sweep.identify.structure import ModelStructure
+
+PHASE_WEIGHT = 0.01745  # W_p: 7.57 deg weigh as much as 1 dB (W_g = 1)
+POINTS = 20  # log-spaced points a response
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseData:
+    """What the cost sees of one response: h (n,) complex per rad of steering at w (n,), coherence (n,)."""
+
+    output: str
+    w: Array
+    h: Complex
+    coherence: Array
+
+    @property
+    def weight(self) -> Array:
+        """W_gamma = [1.58 (1 - exp(-g2))]^2."""
+        return (1.58 * (1.0 - np.exp(-self.coherence))) ** 2
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """Responses of runs at one speed [m/s], with the known low-passes of the sensors by output."""
+
+    speed: float
+    data: tuple[ResponseData, ...]
+    filters: Mapping[str, LowPass]
+
+
+def sampled(response: FrequencyResponse, band: Band, points: int = POINTS) -> ResponseData:
+    """`points` log-spaced points of a measured response within a band [rad/s]."""
+    w = np.geomspace(*band, points)
+    h, coherence = response.at(w)
+    return ResponseData(response.output, w, h, np.clip(coherence, 0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A parameter after the fit. cr_percent, insensitivity_percent: equations (13), (14) in % of |value|."""
+
+    name: str
+    unit: str
+    value: float
+    free: bool
+    cr_percent: float | None
+    insensitivity_percent: float | None
+    at_bound: bool = False
+    meaning: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """A fitted structure. costs: J of each response; average: J_ave; poles at the first condition's speed."""
+
+    structure: ModelStructure
+    speed: float
+    estimates: tuple[Estimate, ...]
+    costs: Mapping[str, float]
+    spread: float
+    """Largest relative difference of a parameter among starts that reached the same cost."""
+
+    @property
+    def average(self) -> float:
+        """J_ave over the responses."""
+        return float(np.mean(list(self.costs.values())))
+
+    def __getitem__(self, name: str) -> Estimate:
+        return next(e for e in self.estimates if e.name == name)
+
+
+def residuals(structure: ModelStructure, condition: Condition) -> dict[str, Array]:
+    """Weighted residuals (2n,) per output, [dB errors, deg errors], whose squares sum to J of that response."""
+    out = {}
+    for data in condition.data:
+        model = structure.response(data.w, condition.speed, data.output, condition.filters)
+        ratio = data.h / model
+        scale = np.sqrt(20.0 / data.w.size * data.weight)
+        db = 20 * np.log10(np.abs(ratio))
+        deg = np.degrees(np.angle(ratio)) * np.sqrt(PHASE_WEIGHT)
+        out[data.output] = np.concatenate((scale * db, scale * deg))
+    return out
+
+
+def jacobian(structure: ModelStructure, condition: Condition) -> Array:
+    """d residuals / d theta (n_residuals, n_free), residuals in the order of `condition.data`."""
+    blocks = []
+    for data in condition.data:
+        s = structure.log_sensitivity(data.w, condition.speed, data.output)
+        scale = np.sqrt(20.0 / data.w.size * data.weight)[:, None]
+        deg = np.degrees(s.imag) * np.sqrt(PHASE_WEIGHT)
+        blocks += [-scale * s.real * 20 / np.log(10), -scale * deg]
+    return np.concatenate(blocks)
+
+
+def costs(structure: ModelStructure, conditions: Sequence[Condition]) -> dict[str, float]:
+    """J of each response, equation (11): the mean over conditions where there are several."""
+    values: dict[str, list[float]] = {}
+    for condition in conditions:
+        for output, r in residuals(structure, condition).items():
+            values.setdefault(output, []).append(float(r @ r))
+    return {output: float(np.mean(j)) for output, j in values.items()}
+
+
+def accuracy(structure: ModelStructure, conditions: Sequence[Condition]) -> tuple[Array, Array]:
+    """Cramer-Rao bounds and insensitivities (n_free,) in percent of |theta|, equations (12)-(14).
+
+    H is the Hessian of the SUM of the costs, 2 Jac^T Jac near the optimum.
+    """
+    theta = np.abs([p.value for p in structure.free])
+    jac = np.concatenate([jacobian(structure, c) for c in conditions]) * theta
+    hessian = 2 * jac.T @ jac
+    with np.errstate(divide="ignore", invalid="ignore"):
+        insensitivity = 1 / np.sqrt(np.diag(hessian))
+        try:
+            bound = 2 * np.sqrt(np.abs(np.diag(np.linalg.inv(hessian))))
+        except np.linalg.LinAlgError:
+            bound = np.full(theta.size, np.inf)
+    return 100 * bound, 100 * insensitivity
+
+
+def _vector(structure: ModelStructure) -> tuple[Array, Array, Array, np.ndarray]:
+    """Start, bounds and a mask of the parameters that are fitted as logarithms (positive ones)."""
+    free = structure.free
+    log = np.array([p.lower > 0 for p in free])
+    start, low, high = (np.array([getattr(p, n) for p in free], dtype=float) for n in ("value", "lower", "upper"))
+    for a in (start, low, high):
+        a[log] = np.log(a[log])
+    return start, low, high, log
+
+
+def fit(
+    structure: ModelStructure,
+    conditions: Sequence[Condition],
+    starts: Sequence[Mapping[str, float]] = (),
+    tolerance: float = 1e-9,
+) -> FitResult:
+    """The structure with its free parameters at the least sum of costs over all conditions.
+
+    starts: further starting values by name; the best end is kept, and `spread` says how far the
+    others that reached the same cost lie from it.
+    """
+    usable = tuple(_restricted(c, structure.outputs) for c in conditions)
+    ends = [_descend(structure.with_values(s), usable, tolerance) for s in ({}, *starts)]
+    best = min(ends, key=lambda e: e[1])
+    same = [e[0] for e in ends if e[1] <= best[1] * 1.001 + 1e-6]
+    reference = np.array([p.value for p in best[0].free])
+    spread = max(
+        float(np.max(np.abs(np.array([p.value for p in s.free]) / reference - 1), initial=0.0)) for s in same
+    )
+    return evaluated(best[0], usable, spread)
+
+
+def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread: float = 0.0) -> FitResult:
+    """Costs and accuracies of a structure at its present values."""
+    usable = tuple(_restricted(c, structure.outputs) for c in conditions)
+    cr, insensitivity = accuracy(structure, usable)
+    by_name = {p.name: (cr[i], insensitivity[i]) for i, p in enumerate(structure.free)}
+    estimates = tuple(
+        Estimate(p.name, p.unit, p.value, p.free, *by_name.get(p.name, (None, None)), _at_bound(p), p.meaning)
+        for p in structure.parameters
+    )
+    return FitResult(structure, usable[0].speed, estimates, costs(structure, usable), spread)
+
+
+def _at_bound(p: object) -> bool:
+    value, low, high = (float(getattr(p, n)) for n in ("value", "lower", "upper"))
+    return bool(getattr(p, "free", False) and (value <= low * (1 + 1e-3) + 1e-9 or value >= high * (1 - 1e-3)))
+
+
+def _restricted(condition: Condition, outputs: Sequence[str]) -> Condition:
+    kept = tuple(d for d in condition.data if d.output in outputs)
+    if not kept:
+        raise ValueError(f"no response among {[d.output for d in condition.data]} is an output of {outputs}")
+    return Condition(condition.speed, kept, condition.filters)
+
+
+def _descend(
+    structure: ModelStructure, conditions: Sequence[Condition], tolerance: float
+) -> tuple[ModelStructure, float]:
+    start, low, high, log = _vector(structure)
+    names = [p.name for p in structure.free]
+
+    def at(x: Array) -> ModelStructure:
+        return structure.with_values(dict(zip(names, np.where(log, np.exp(np.minimum(x, 700)), x), strict=True)))
+
+    def error(x: Array) -> Array:
+        s = at(x)
+        return np.concatenate([r for c in conditions for r in residuals(s, c).values()])
+
+    def slope(x: Array) -> Array:
+        s = at(x)
+        jac = np.concatenate([jacobian(s, c) for c in conditions])
+        return jac * np.where(log, [p.value for p in s.free], 1.0)
+
+    inside = np.clip(start, low + 1e-9, high - 1e-9)
+    done = least_squares(
+        error, inside, jac=slope, bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance, max_nfev=300
+    )
+    return at(done.x), float(2 * done.cost)

@@ -1,0 +1,35 @@
+"""What the models must know of the vehicle, in SI units and ISO axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+GRAVITY = 9.81  # m/s^2, as the paper
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Known numbers of the rover.
+
+    mass, sprung_mass [kg]; a, b [m] from the CG to the front and rear axle; h [m] height of the
+    sprung CG above the roll axis; roll_inertia Ixx [kg m^2] about the sprung mass' own CG.
+    imu_x, imu_z [m]: the IMU ahead of the CG, and above the roll axis (an IMU at the sprung CG
+    has imu_z = h). Numbers that only the roll-yaw model needs may be None.
+    """
+
+    mass: float
+    a: float
+    b: float
+    sprung_mass: float | None = None
+    h: float | None = None
+    roll_inertia: float | None = None
+    yaw_inertia: float | None = None
+    imu_x: float = 0.0
+    imu_z: float = 0.0
+    free: tuple[str, ...] = ()
+    """Names of model parameters to be freed beyond the usual ones, such as "h" or "Ixx"."""
+
+    @property
+    def wheelbase(self) -> float:
+        """a + b, m."""
+        return self.a + self.b

@@ -1,0 +1,199 @@
+"""Composite frequency responses out of several windows and runs, with coherence and random error.
+
+Composite windowing as Tischler & Remple 2012, section 10.4, with the cross-spectrum's real and
+imaginary parts normalised by its magnitude (the book divides by their own start values, which pass
+through zero). The four unknowns of each frequency are solved at all frequencies at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_sweep.identify.recording import Array, Recording
+from rover_sweep.identify.spectra import Complex, WindowSpectra, window_spectra
+
+COHERENCE_GOOD = 0.6
+Band = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Output over steering: h (n_w,) complex at w [rad/s] in output unit per input unit.
+
+    coherence (n_w,), random_error (n_w,) normalised sd of |h|; windows: lengths used [s].
+    gxx, gyy: composite autospectra. band: usable band (lo, hi) rad/s, None where there is none.
+    """
+
+    input: str
+    output: str
+    unit: str
+    w: Array
+    h: Complex
+    coherence: Array
+    random_error: Array
+    gxx: Array
+    gyy: Array
+    windows: tuple[float, ...]
+    band: Band | None
+
+    @property
+    def magnitude_db(self) -> Array:
+        """20 log10 |h|."""
+        return 20 * np.log10(np.abs(self.h))
+
+    @property
+    def phase_deg(self) -> Array:
+        """Phase, unwrapped upwards from the lowest frequency, deg."""
+        return np.degrees(np.unwrap(np.angle(self.h)))
+
+    def at(self, w: Array) -> tuple[Complex, Array]:
+        """Response and coherence at w, interpolated over log w in dB and unwrapped phase."""
+        x, grid = np.log(w), np.log(self.w)
+        db, phase = np.interp(x, grid, self.magnitude_db), np.interp(x, grid, np.unwrap(np.angle(self.h)))
+        return 10 ** (db / 20) * np.exp(1j * phase), np.interp(x, grid, self.coherence)
+
+
+def default_windows(w_min: float, w_max: float, total: float, longest_run: float) -> tuple[float, ...]:
+    """Five window lengths [s] from 20 periods of w_max to min(T_rec/2, T_F/5) (Tischler & Remple 2012).
+
+    w in rad/s; total: T_F, the time of all runs [s]; longest_run: stands for T_rec [s].
+    """
+    t_min = 20 * 2 * np.pi / w_max
+    t_max = min(longest_run / 2, total / 5)
+    t_max = max(t_max, min(1.5 * 2 * np.pi / w_min, longest_run / 2))
+    t_min = min(t_min, t_max / 2)
+    return tuple(float(t) for t in np.geomspace(t_min, t_max, 5))
+
+
+def frequency_grid(w_min: float, w_max: float, windows: Sequence[float], points: int = 120) -> Array:
+    """Log-spaced frequencies [rad/s] from where the longest window still resolves, up to w_max."""
+    return np.geomspace(max(w_min, 2 * np.pi / max(windows)), w_max, points)
+
+
+def frequency_response(
+    runs: Sequence[Recording],
+    output: str,
+    w: Array,
+    windows: Sequence[float],
+    input: str = "delta",
+    band: Band | None = None,
+) -> FrequencyResponse:
+    """Composite response input -> output over all runs at w [rad/s] with windows [s].
+
+    output "vydot" is jw times the response of vy (never a differentiated signal).
+    band: overrides the automatic choice from the coherence.
+    """
+    channel = "vy" if output == "vydot" else output
+    spectra = window_spectra(runs, channel, windows, w, input)
+    gxx, gyy, gxy = composite(spectra)
+    coherence = np.abs(gxy) ** 2 / (gxx * gyy)
+    h = gxy / gxx * (1j * w if output == "vydot" else 1.0)
+    error = np.nanmin([s.random_error for s in spectra], axis=0)
+    unit = f"{runs[0][channel].unit}{'/s' if output == 'vydot' else ''} per {runs[0][input].unit}"
+    return FrequencyResponse(
+        input, output, unit, w, h, coherence, error, gxx, gyy,
+        tuple(s.length for s in spectra), band or usable_band(w, coherence),
+    )  # fmt: skip
+
+
+def composite(spectra: Sequence[WindowSpectra]) -> tuple[Array, Array, Complex]:
+    """Composite Gxx, Gyy, Gxy (n_w,) of several windows: minimises at each frequency
+
+    sum_i W_i { ((Gxx-Gxx_i)/Gxx~)^2 + ((Gyy-Gyy_i)/Gyy~)^2 + ((Re-Re_i)/|Gxy~|)^2 + ((Im-Im_i)/|Gxy~|)^2
+    + 5 ((g2-g2_i)/g2~)^2 }, W_i = (eps_i/eps_min)^-4, from starts G~ = sum W_i^2 G_i / sum W_i^2.
+    """
+    error = np.array([s.random_error for s in spectra])
+    used = np.isfinite(error)
+    weight = np.where(used, (np.where(used, error, 1.0) / np.nanmin(error, axis=0)) ** -4.0, 0.0)
+    xx, yy, xy = (_filled([getattr(s, n) for s in spectra], used) for n in ("gxx", "gyy", "gxy"))
+    start_weight = weight**2 / np.sum(weight**2, axis=0)
+    xx0, yy0, xy0 = (np.sum(start_weight * g, axis=0) for g in (xx, yy, xy))
+    g20 = np.abs(xy0) ** 2 / (xx0 * yy0)
+    data = np.stack((xx / xx0, yy / yy0, xy.real / np.abs(xy0), xy.imag / np.abs(xy0)), axis=-1)
+    measured = np.where(used, np.abs(xy) ** 2 / np.where(used, xx * yy, 1.0), 0.0)
+    z = _solve(data, measured, weight, g20, np.stack((xy0.real, xy0.imag)) / np.abs(xy0))
+    return z[:, 0] * xx0, z[:, 1] * yy0, (z[:, 2] + 1j * z[:, 3]) * np.abs(xy0)
+
+
+def _filled(parts: Sequence[Array | Complex], used: np.ndarray) -> np.ndarray:
+    return np.where(used, np.array(parts), 0.0)
+
+
+def _solve(data: Array, g2: Array, weight: Array, g20: Array, xy_start: Array) -> Array:
+    """Levenberg-Marquardt for z (n_w, 4), normalised Gxx, Gyy, Re, Im, at all frequencies at once."""
+    z = np.column_stack((np.ones_like(g20), np.ones_like(g20), xy_start[0], xy_start[1]))
+    damping = np.full(g20.size, 1e-3)
+    best = _objective(z, data, g2, weight, g20)
+    for _ in range(60):
+        gradient, hessian = _normal_equations(z, data, g2, weight, g20)
+        diagonal = hessian[:, range(4), range(4)] * damping[:, None]
+        step = np.linalg.solve(hessian + diagonal[:, :, None] * np.eye(4), -gradient[..., None])[..., 0]
+        trial = z + step
+        value = np.where(np.all(trial[:, :2] > 0, axis=1), _objective(trial, data, g2, weight, g20), np.inf)
+        better = value < best
+        z, best = np.where(better[:, None], trial, z), np.where(better, value, best)
+        damping = np.where(better, damping / 5, damping * 4)
+        if np.max(np.abs(step)) < 1e-10:
+            break
+    return z
+
+
+def _coherence_of(z: Array, g20: Array) -> Array:
+    return g20 * (z[:, 2] ** 2 + z[:, 3] ** 2) / (z[:, 0] * z[:, 1])
+
+
+def _objective(z: Array, data: Array, g2: Array, weight: Array, g20: Array) -> Array:
+    """The bracket of `composite`, summed over windows: (n_w,)."""
+    spectral = np.sum((z - data) ** 2, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        coherence = 5 * ((_coherence_of(z, g20) - g2) / g20) ** 2
+    return np.sum(weight * (spectral + coherence), axis=0)
+
+
+def _normal_equations(
+    z: Array, data: Array, g2: Array, weight: Array, g20: Array
+) -> tuple[Array, Array]:
+    """Gauss-Newton gradient (n_w, 4) and Hessian (n_w, 4, 4) of half the objective."""
+    c = _coherence_of(z, g20) / g20
+    power = z[:, 2] ** 2 + z[:, 3] ** 2
+    slope = np.column_stack((-c / z[:, 0], -c / z[:, 1], 2 * c * z[:, 2] / power, 2 * c * z[:, 3] / power))
+    total = np.sum(weight, axis=0)
+    gradient = np.sum(weight[..., None] * (z - data), axis=0)
+    gradient += 5 * np.sum(weight * (c - g2 / g20), axis=0)[:, None] * slope
+    hessian = total[:, None, None] * (np.eye(4) + 5 * slope[:, :, None] * slope[:, None, :])
+    return gradient, hessian
+
+
+def usable_band(w: Array, coherence: Array, good: float = COHERENCE_GOOD) -> Band | None:
+    """The widest band (rad/s, in log w) of coherence >= good, local drops allowed between good sides.
+
+    A drop may span 20 % of a decade when the coherence stays above half the limit, as the paper
+    includes "local drops ... if the coherence is good on either side". None without a band of .3 decade.
+    """
+    x, ok = np.log10(w), coherence >= good
+    runs = _stretches(ok)
+    merged: list[tuple[int, int]] = []
+    for lo, hi in runs:
+        if merged and _bridgeable(x, coherence, merged[-1], (lo, hi), good):
+            merged[-1] = (merged[-1][0], hi)
+        else:
+            merged.append((lo, hi))
+    if not merged:
+        return None
+    lo, hi = max(merged, key=lambda s: x[s[1]] - x[s[0]])
+    return (float(w[lo]), float(w[hi])) if x[hi] - x[lo] >= 0.3 else None
+
+
+def _stretches(ok: np.ndarray) -> list[tuple[int, int]]:
+    """(first, last) indices of each stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], ok.astype(int), [0]))))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _bridgeable(x: Array, coherence: Array, left: tuple[int, int], right: tuple[int, int], good: float) -> bool:
+    gap = slice(left[1], right[0] + 1)
+    wide_sides = min(x[left[1]] - x[left[0]], x[right[1]] - x[right[0]]) > 0.05
+    return bool(wide_sides and x[right[0]] - x[left[1]] <= 0.2 and np.min(coherence[gap]) >= good / 2)

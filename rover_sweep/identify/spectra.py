@@ -1,0 +1,146 @@
+"""Windowed spectra of signals on their own time stamps (method of Tischler & Remple 2012, ch. 7).
+
+Each signal is transformed where it was sampled: samples by the discrete-time Fourier sum with
+trapezoidal weights, a staircase (PWM) by the integral of its steps. Nothing is interpolated, so a
+10 Hz log loses neither gain nor phase below its Nyquist frequency.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.identify.recording import Array, Recording, Signal
+
+Complex = NDArray[np.complex128]
+OVERLAP = 0.8
+OVERLAP_CONSTANT = 0.50**0.5  # C of the random error at 80 % overlap (Tischler & Remple 2012)
+
+
+@dataclass(frozen=True, eq=False)
+class WindowSpectra:
+    """Averaged spectra of one window length over all runs; arrays (n_w,), nan below 2 pi/length.
+
+    gxx, gyy in unit^2 s, gxy = conj(X) Y, all with 2/T_win (equation 6 of the paper, its T read as
+    T_win). averages: n_d = T_F / T_win, the number of independent averages.
+    """
+
+    length: float
+    w: Array
+    gxx: Array
+    gyy: Array
+    gxy: Complex
+    averages: float
+
+    @property
+    def coherence(self) -> Array:
+        """Ordinary coherence, equation (8)."""
+        return np.abs(self.gxy) ** 2 / (self.gxx * self.gyy)
+
+    @property
+    def random_error(self) -> Array:
+        """Normalised random error of |H|: C sqrt(1 - g2) / (|g| sqrt(2 n_d))."""
+        g2 = np.clip(self.coherence, 1e-9, 1.0 - 1e-9)
+        return OVERLAP_CONSTANT * np.sqrt(1.0 - g2) / np.sqrt(2.0 * self.averages * g2)
+
+
+def hann(fraction: Array) -> Array:
+    """Hann window at fractions 0..1 of its length, zero outside."""
+    inside = (fraction >= 0) & (fraction <= 1)
+    return inside * (0.5 - 0.5 * np.cos(2 * np.pi * fraction))
+
+
+def detrended(signal: Signal) -> Signal:
+    """The signal less its least-squares line, weighted by the time each sample stands for."""
+    weight = np.sqrt(_durations(signal))
+    centred = signal.t - signal.t.mean()
+    basis = np.column_stack((np.ones_like(centred), centred))
+    line = np.linalg.lstsq(basis * weight[:, None], signal.x * weight, rcond=None)[0]
+    return replace(signal, x=signal.x - basis @ line)
+
+
+def _durations(signal: Signal) -> Array:
+    """The time [s] that each sample stands for: trapezoidal, or until the next step of a staircase."""
+    steps = np.diff(signal.t)
+    if signal.hold:
+        return np.append(steps, np.median(steps))
+    return np.concatenate(([steps[0]], steps[:-1] + steps[1:], [steps[-1]])) / 2
+
+
+def window_starts(start: float, end: float, length: float) -> Array:
+    """Starts of windows of `length` that cover start..end evenly with at least 80 % overlap."""
+    room = end - start - length
+    if room < -1e-9:
+        return np.empty(0)
+    count = int(np.ceil(max(room, 0.0) / ((1 - OVERLAP) * length) - 1e-9)) + 1
+    return start + np.linspace(0.0, max(room, 0.0), count)
+
+
+def fine(signal: Signal, w_max: float) -> tuple[Signal, float]:
+    """A staircase as cell means on a grid fine enough for w_max [rad/s], and its step [s] (0 for samples)."""
+    if not signal.hold:
+        return signal, 0.0
+    step = 2 * np.pi / w_max / 64
+    n = int(np.ceil((signal.t[-1] - signal.t[0]) / step))
+    grid = signal.t[0] + (np.arange(n) + 0.5) * step
+    return replace(signal, t=grid, x=signal.on(grid), hold=False), step
+
+
+def transforms(signal: Signal, starts: Sequence[Array], lengths: Sequence[float], w: Array) -> list[Complex]:
+    """Fourier transforms of every window of every length: a list (per length) of (n_windows, n_w) arrays."""
+    points, step = fine(signal, float(w[-1]))
+    points = detrended(points)
+    kernel = np.exp(-1j * np.outer(points.t, w)) * (points.x * _durations(points))[:, None]
+    if step:
+        kernel /= np.sinc(w * step / (2 * np.pi))
+    out = []
+    for begin, length in zip(starts, lengths, strict=True):
+        rows = np.empty((begin.size, w.size), dtype=complex)
+        for i, s in enumerate(begin):
+            lo, hi = np.searchsorted(points.t, (s, s + length))
+            rows[i] = hann((points.t[lo:hi] - s) / length) @ kernel[lo:hi]
+        out.append(rows)
+    return out
+
+
+def window_spectra(
+    runs: Sequence[Recording], output: str, lengths: Sequence[float], w: Array, input: str = "delta"
+) -> tuple[WindowSpectra, ...]:
+    """Averaged spectra input -> output for each window length [s] at w [rad/s], over all runs.
+
+    No window crosses from one run into another. Lengths that fit in no run are left out.
+    """
+    total = sum(run.span[1] - run.span[0] for run in runs)
+    sums = [_Sums(w) for _ in lengths]
+    for run in runs:
+        starts = [window_starts(*run.span, length) for length in lengths]
+        x = transforms(run.manoeuvre(input), starts, lengths, w)
+        y = transforms(run.manoeuvre(output), starts, lengths, w)
+        for acc, xs, ys in zip(sums, x, y, strict=True):
+            acc.add(xs, ys)
+    return tuple(
+        acc.averaged(length, total) for acc, length in zip(sums, lengths, strict=True) if acc.count > 0
+    )
+
+
+class _Sums:
+    """Running sums of the spectra of one window length."""
+
+    def __init__(self, w: Array) -> None:
+        self.w, self.count = w, 0
+        self.xx, self.yy, self.xy = np.zeros(w.size), np.zeros(w.size), np.zeros(w.size, dtype=complex)
+
+    def add(self, x: Complex, y: Complex) -> None:
+        self.count += len(x)
+        self.xx += np.sum(np.abs(x) ** 2, axis=0)
+        self.yy += np.sum(np.abs(y) ** 2, axis=0)
+        self.xy += np.sum(np.conj(x) * y, axis=0)
+
+    def averaged(self, length: float, total: float) -> WindowSpectra:
+        scale = 2.0 / length / self.count * np.where(self.w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
+        return WindowSpectra(
+            length, self.w, scale * self.xx, scale * self.yy, scale * self.xy, averages=total / length
+        )
