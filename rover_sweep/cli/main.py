@@ -1,0 +1,109 @@
+"""The command line `rover-sweep`: one line per subcommand, loaded only when it is called.
+
+Narration and errors go to stderr, results to stdout. Exit codes: 0 done, 2 usage, 3 data refused,
+4 link, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+import click
+
+from rover_sweep import __version__
+from rover_sweep.errors import RoverSweepError
+
+# name -> ("module:click command", one line of help). The help stands here so that `--help` imports nothing.
+COMMANDS: dict[str, tuple[str, str]] = {
+    "dry-run": ("rover_sweep.cli.dry_run:dry_run", "The whole job on a simulated rover, no hardware needed."),
+    "design": ("rover_sweep.cli.design:design", "A sweep or doublet on paper, before it is driven."),
+    "identify": (
+        "rover_sweep.cli.identify:identify",
+        "Recorded runs in, identified models and a report out.",
+    ),
+    "coherence": ("rover_sweep.cli.coherence:coherence", "Is this run good enough? The verdict alone."),
+    "inertia": ("rover_sweep.cli.inertia:inertia", "Moment of inertia from a swing test."),
+    "vehicle": ("rover_sweep.cli.vehicle:vehicle", "Print an example vehicle file, or check yours."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group that imports a subcommand's module only when that subcommand is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        command = getattr(importlib.import_module(module), attribute)
+        assert isinstance(command, click.Command)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            raise click.UsageError(_no_such_command(args[0]), ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+def _no_such_command(name: str) -> str:
+    import difflib
+
+    near = difflib.get_close_matches(name, COMMANDS, 1)
+    return f"there is no command {name!r}" + (f"; did you mean {near[0]}?" if near else "")
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="rover-sweep", message="%(prog)s %(version)s")
+def cli() -> None:
+    """Find out how a rover really steers: design a sweep, drive it, identify models, verify them.
+
+    Begin with `rover-sweep dry-run`, which needs no hardware.
+    """
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line (sys.argv by default); returns its exit code, a user's mistake included."""
+    try:
+        result = cli.main(args=arguments, prog_name="rover-sweep", standalone_mode=False)
+        sys.stdout.flush()
+        return result if isinstance(result, int) else 0
+    except RoverSweepError as error:
+        click.echo(f"rover-sweep: {error}", err=True)
+        return error.exit_code
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        return 2
+    except click.ClickException as error:
+        click.echo(f"rover-sweep: {error.format_message()}{_see_help(error)}", err=True)
+        return error.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("rover-sweep: interrupted", err=True)
+        return 130
+    except BrokenPipeError:  # the reader of our output went away, as in `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _see_help(error: click.ClickException) -> str:
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    return f" (see {context.command_path} --help)" if context else ""
+
+
+def main() -> None:
+    """Entry point of the `rover-sweep` program."""
+    sys.exit(run())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,159 @@
+"""The vehicle file: what is read, every mistake told at once, comments kept when it is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rover_sweep.errors import UsageError
+from rover_sweep.vehicle_file import Measured, example, load, parse, set_number
+
+DATA = Path(__file__).parent / "data"
+MINIMAL = "[vehicle]\nmass = 2.66\ncg_to_front_axle = 0.203\ncg_to_rear_axle = 0.188\n"
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(UsageError) as caught:
+        parse(text, "my.toml")
+    return str(caught.value)
+
+
+def test_example_is_read_whole() -> None:
+    rover = parse(example())
+    assert rover.mass == Measured(2.66, 0.005)
+    assert rover.wheelbase == pytest.approx(0.391)
+    assert rover.roll_inertia == Measured(0.0125, 0.001)
+    assert rover.sprung_mass == Measured(2.40)
+    assert rover.steering() == (1500.0, 0.00095)
+    assert rover.imu_iso == (0.0, 0.0, -0.058)
+    assert rover.free == ()
+    assert [rover.missing_for(m) for m in ("bicycle", "roll-yaw", "lumped")] == [(), (), ()]
+
+
+def test_committed_rover_toml_is_the_example() -> None:
+    assert (DATA / "rover.toml").read_text(encoding="utf-8") == example()
+
+
+def test_minimal_file_serves_the_bicycle_and_says_what_roll_yaw_needs() -> None:
+    rover = parse(MINIMAL)
+    rover.require("bicycle")
+    with pytest.raises(UsageError, match="sprung_mass = 2.40") as caught:
+        rover.require("roll-yaw")
+    assert all(key in str(caught.value) for key in ("cg_height_above_roll_centre", "roll_inertia"))
+    with pytest.raises(UsageError, match="rad_per_us = "):
+        rover.steering()
+
+
+def test_free_and_sd_inside_position() -> None:
+    text = MINIMAL + "yaw_inertia = 0.07\n[imu]\nposition = [0.02, {value = -0.01, sd = 0.003}, 0]\n"
+    rover = parse(text + '[fit]\nfree = ["yaw_inertia"]\n')
+    assert rover.free == ("yaw_inertia",)
+    assert rover.imu_position == (Measured(0.02), Measured(-0.01, 0.003), Measured(0.0))
+    assert rover.imu_iso == (0.02, 0.01, 0.0)
+
+
+MISTAKES = {
+    "unknown key, near": (MINIMAL + "spung_mass = 2.4", "did you mean sprung_mass?"),
+    "symbol of the paper": (MINIMAL + "Izz = 0.07", "did you mean yaw_inertia?"),
+    "key of another section": (MINIMAL + "rad_per_us = 0.00095", "belongs under [steering]"),
+    "key outside a section": ("mass = 2.66\n" + MINIMAL, "mass stands outside a section; it belongs"),
+    "unknown section": (MINIMAL + "[sterring]\ntrim_us = 1500", "did you mean [steering]?"),
+    "text for a number": (MINIMAL.replace("2.66", '"2.66"'), "'2.66' in quotes; it must be a plain number"),
+    "true for a number": (MINIMAL.replace("2.66", "true"), "mass is True; it must be a plain number"),
+    "infinite": (MINIMAL.replace("2.66", "inf"), "mass is inf; it must be a plain number"),
+    "negative mass": (MINIMAL.replace("2.66", "-2.66"), "mass is -2.66 kg; it must be above 0"),
+    "sprung above mass": (MINIMAL + "sprung_mass = 2.7", "sprung_mass 2.7 kg is above mass 2.66 kg"),
+    "grams": (MINIMAL.replace("2.66", "2660"), "grams? give kg"),
+    "centimetres": (MINIMAL.replace("0.203", "20.3").replace("0.188", "18.8"), "wheelbase of 39.1 m"),
+    "one in centimetres": (MINIMAL.replace("0.203", "20.3"), "centimetres or millimetres? give metres"),
+    "h in centimetres": (MINIMAL + "cg_height_above_roll_centre = 5.8", "centimetres? give metres"),
+    "imu in centimetres": (MINIMAL + "[imu]\nposition = [0, 0, 5.8]", "lies outside the vehicle"),
+    "inertia in kg cm^2": (MINIMAL + "yaw_inertia = 710", "kg cm^2 or g m^2? give kg m^2"),
+    "degrees per us": (MINIMAL + "[steering]\ntrim_us = 1500\nrad_per_us = 0.0544", "1558 deg at 500 us"),
+    "hardly any steering": (MINIMAL + "[steering]\ntrim_us = 1500\nrad_per_us = 1e-6", "only 0.029 deg"),
+    "trim as offset": (MINIMAL + "[steering]\ntrim_us = 12\nrad_per_us = 0.001", "outside 800..2200 us"),
+    "missing key": (MINIMAL.replace("mass = 2.66\n", ""), "mass is missing; add a line such as: mass = 2.66"),
+    "half a steering": (MINIMAL + "[steering]\ntrim_us = 1500", "rad_per_us is missing; add a line such as"),
+    "sd in percent": (MINIMAL.replace("0.203", "{value = 0.203, sd = 2}"), "sd is in m, not percent"),
+    "sd negative": (MINIMAL.replace("2.66", "{value = 2.66, sd = -0.1}"), "sd is -0.1"),
+    "sd alone": (MINIMAL.replace("2.66", "{sd = 0.1}"), "has no value; write { value = .., sd = .. }"),
+    "odd field": (MINIMAL.replace("2.66", "{value = 2.66, free = true}"), "has free; write"),
+    "position of two": (MINIMAL + "[imu]\nposition = [0, 0.05]", "three numbers [forward, right, down]"),
+    "free unknown": (MINIMAL + '[fit]\nfree = ["C_f"]', "free names 'C_f', which is none of: mass"),
+    "free without value": (MINIMAL + '[fit]\nfree = ["roll_inertia"]', "gives no roll_inertia to start from"),
+    "free no list": (MINIMAL + '[fit]\nfree = "mass"', "it must be a list"),
+    "decimal comma": (MINIMAL.replace("2.66", "2,66"), "write decimals with a point: mass = 2,66"),
+    "unit after number": (MINIMAL.replace("2.66", "2.66 kg"), "write the number alone"),
+    "empty": ("", "mass is missing"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_each_mistake_is_said(case: str) -> None:
+    text, sentence = MISTAKES[case]
+    said = refusal(text)
+    assert sentence in said
+    assert said.startswith("my.toml")
+
+
+@pytest.mark.parametrize("case", [c for c in MISTAKES if c not in ("empty", "half a steering")])
+def test_one_mistake_is_told_once(case: str) -> None:
+    assert "problems:" not in refusal(MISTAKES[case][0])
+
+
+def test_all_problems_at_once() -> None:
+    said = refusal(MINIMAL.replace("2.66", "-1") + "spung_mass = 2\n[steering]\ntrim_us = 15\n")
+    assert said.startswith("my.toml has 4 problems:")
+    assert said.count("\n  - ") == 4
+
+
+def test_missing_file_says_how_to_begin(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="vehicle --example"):
+        load(tmp_path / "none.toml")
+
+
+def test_not_text(tmp_path: Path) -> None:
+    path = tmp_path / "log.BIN"
+    path.write_bytes(b"\xa3\x95\x80\x80\xff")
+    with pytest.raises(UsageError, match="cannot be read"):
+        load(path)
+
+
+def test_writing_changes_one_number_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text(example(), encoding="utf-8")
+    rover = set_number(path, "vehicle.yaw_inertia", Measured(0.0712, 0.0008))
+    assert rover.yaw_inertia == Measured(0.0712, 0.0008) == load(path).yaw_inertia
+    before, after = example().splitlines(), path.read_text(encoding="utf-8").splitlines()
+    changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
+    assert len(changed) == 1
+    assert changed[0][1].startswith("yaw_inertia = {value = 0.0712, sd = 0.0008}")
+    assert changed[0][1].split("#")[1] == changed[0][0].split("#")[1]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        MINIMAL,
+        MINIMAL + "\n[vehicle.yaw_inertia]\nvalue = 0.05\nsd = 0.01\n",
+        MINIMAL + "yaw_inertia = 0.05\n",
+    ],
+)
+def test_writing_adds_or_replaces(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text(text, encoding="utf-8")
+    set_number(path, "vehicle.yaw_inertia", Measured(0.07, 0.002))
+    set_number(path, "vehicle.roll_inertia", Measured(0.0125))
+    rover = load(path)
+    assert (rover.yaw_inertia, rover.roll_inertia) == (Measured(0.07, 0.002), Measured(0.0125))
+    assert rover.mass == Measured(2.66)
+
+
+def test_writing_nonsense_leaves_the_file_alone(tmp_path: Path) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text(example(), encoding="utf-8")
+    with pytest.raises(UsageError, match="give kg m\\^2"):
+        set_number(path, "vehicle.yaw_inertia", Measured(710.0))
+    assert path.read_text(encoding="utf-8") == example()
+    assert [p.name for p in tmp_path.iterdir()] == ["rover.toml"]
