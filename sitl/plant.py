@@ -1,0 +1,287 @@
+"""A small rover in motion: nonlinear single track with roll, driven by two PWM signals.
+
+Axes are ISO: x forward, y left, z up; the earth frame is x north, y west, so psi and everything
+that turns or points left is positive. The reference point lies on the roll axis below the CG.
+
+Equations of motion (Lagrange; phi the roll of the sprung mass, p = phi', s, c = sin, cos phi,
+M = m, S = m_s; the sprung CG stands at (0, -h s, h c) from the reference point):
+
+    M (vx' - r vy) + S h (r' s + 2 r p c)                 = Fx
+    M (vy' + r vx) + S h (-p' c + p^2 s + r^2 s)          = Fy
+    Izz r' + Ixz p' + S h s [vx' - r vy + h (r' s + 2 r p c)] = Mz
+    (Ixx + S h^2) p' + Ixz r' - S h c (vy' + r vx) - S h^2 r^2 s c
+                                         = -k phi - b p + S g h s + L
+
+Linearised about straight driving this is equation (18) of Ivler, Gowans and Marfise 2022 as corrected:
+V_y at the height of the roll axis, Ixx about the sprung CG, and at zero slip the force -C alpha per axle.
+The sprung mass' pitch and yaw inertia are taken as equal, so Izz does not change with roll.
+"""
+
+from __future__ import annotations
+
+from math import ceil, cos, hypot, sin, sqrt
+
+from sitl.parameters import PlantParameters, load_variant, variant_names
+from sitl.road import Road
+from sitl.servo import Servo
+from sitl.tyre import LOW_SPEED, lateral_force, slip_angle
+
+__all__ = ["GRAVITY", "Plant", "PlantParameters", "PlantState", "load_variant", "variant_names"]
+
+GRAVITY = 9.80665
+STICTION_SPEED = 0.02  # m/s, below which resistance that exceeds the drive stops the rover
+_STEP_LIMIT = 0.6  # step times fastest tyre pole that the midpoint rule is used up to
+
+
+class PlantState:
+    """Where the rover is and how it moves, ISO axes, SI units; changed in place by every step.
+
+    t [s]; x (north), y (west) [m] of the reference point; psi heading [rad], unwrapped; vx, vy [m/s] of the
+    reference point along and across the heading; r = psi', p = phi' [rad/s]; phi roll [rad]; delta
+    road-wheel angle [rad]. vx_dot, vy_dot [m/s2], r_dot, p_dot [rad/s2]: the last (sub-)step's mean rates
+    of change. ax, ay, az: specific force [m/s2] at the IMU in its own (rolled) axes, gravity included
+    (az = +g at rest), the mean of the last (sub-)step, as an integrating accelerometer gives it.
+    """
+
+    __slots__ = (
+        "ax",
+        "ay",
+        "az",
+        "delta",
+        "p",
+        "p_dot",
+        "phi",
+        "psi",
+        "r",
+        "r_dot",
+        "t",
+        "vx",
+        "vx_dot",
+        "vy",
+        "vy_dot",
+        "x",
+        "y",
+    )
+
+    def __init__(self) -> None:
+        self.t = self.x = self.y = self.psi = 0.0
+        self.vx = self.vy = self.r = self.phi = self.p = self.delta = 0.0
+        self.vx_dot = self.vy_dot = self.r_dot = self.p_dot = 0.0
+        self.ax = self.ay = 0.0
+        self.az = GRAVITY
+
+
+class Plant:
+    """The rover. `step` it with the PWM that holds; read `state`. Same seed, same inputs, same motion."""
+
+    def __init__(self, parameters: PlantParameters, seed: int = 1) -> None:
+        self.parameters = parameters
+        self.state = PlantState()
+        self._servo = Servo(parameters)
+        self._road = Road(parameters, seed)
+        self._wanted_speed = 0.0
+        self._constants = _constants(parameters)
+        forward, right, down = parameters.imu_position
+        self._imu = (forward, -right, parameters.cg_height_above_roll_centre - down)
+        self._tyre_pole, self._roll_pole = _fast_poles(parameters)
+
+    def step(self, steer_us: float, throttle_us: float, dt: float) -> None:
+        """Advance by dt [s] (2.5 ms is meant, up to 0.02 works) with these PWM [us]; 0 us means no pulse."""
+        state, servo = self.state, self._servo
+        servo.command(steer_us, state.t)
+        self._throttle(throttle_us)
+        end = state.t + dt
+        if self._parked():
+            self._stand(servo.advance(state.t, end), end)
+            return
+        speed = hypot(state.vx, state.vy)
+        self._road.advance(speed * dt, speed)
+        rolling = abs(state.vx)
+        pole = self._tyre_pole / (rolling if rolling > LOW_SPEED else LOW_SPEED) + self._roll_pole
+        substeps = ceil(dt * pole / _STEP_LIMIT)
+        if substeps <= 1:
+            self._move(dt)
+        else:
+            for _ in range(substeps):
+                self._move(dt / substeps)
+        state.t = end
+
+    def derivatives(
+        self, vx: float, vy: float, r: float, phi: float, p: float, delta: float
+    ) -> tuple[float, float, float, float]:
+        """(vx', vy', r', p') of a motion with the road-wheel angle delta, from the equations above."""
+        (
+            m,
+            a,
+            b,
+            sh,
+            shh,
+            coupling,
+            izz,
+            roll_inertia,
+            ixz,
+            k,
+            damping,
+            sgh,
+            cf,
+            cr,
+            df,
+            dr,
+            shape,
+            gain,
+            top,
+            rf,
+            rr,
+        ) = self._constants
+        road = self._road
+        s, c = sin(phi), cos(phi)
+        ss, cs = sin(delta), cos(delta)
+
+        # axle forces, front in the wheel's plane and turned into the body's
+        vyf, vyr = vy + a * r, vy - b * r
+        forward = vx * cs + vyf * ss
+        side_f = lateral_force(slip_angle(forward, vyf * cs - vx * ss), cf, df, shape)
+        drag_f = -rf * _direction(forward)
+        drive = gain * (self._wanted_speed - vx)
+        along_r = (top if drive > top else -top if drive < -top else drive) - rr * _direction(vx)
+        if along_r > 0.99 * dr or along_r < -0.99 * dr:
+            along_r = 0.99 * dr if along_r > 0 else -0.99 * dr
+        side_r = lateral_force(slip_angle(vx, vyr), cr, sqrt(dr * dr - along_r * along_r), shape)
+        front = side_f * cs + drag_f * ss
+        fx = along_r + drag_f * cs - side_f * ss
+        fy = front + side_r + road.force
+        mz = a * front - b * side_r + road.yaw_moment
+
+        # vx', vy' eliminated from the last two equations; coupling = 1 - m_s/m
+        hs = sh * s
+        yaw = mz - hs * fx / m - coupling * shh * s * 2.0 * r * p * c
+        centrifugal = sh * s * (p * p + r * r)
+        roll = (
+            sgh * s
+            - k * phi
+            - damping * p
+            + road.roll_moment
+            + sh * c * (fy - centrifugal) / m
+            + shh * r * r * s * c
+        )
+        j_yaw = izz + coupling * shh * s * s
+        j_roll = roll_inertia - sh * sh * c * c / m
+        determinant = j_yaw * j_roll - ixz * ixz
+        r_dot = (yaw * j_roll - ixz * roll) / determinant
+        p_dot = (roll * j_yaw - ixz * yaw) / determinant
+        vx_dot = r * vy + (fx - hs * r_dot - 2.0 * sh * r * p * c) / m
+        vy_dot = -r * vx + (fy + sh * c * p_dot - centrifugal) / m
+        return vx_dot, vy_dot, r_dot, p_dot
+
+    def _move(self, dt: float) -> None:
+        """One explicit midpoint step."""
+        state, servo = self.state, self._servo
+        vx, vy, r, phi, p, delta = state.vx, state.vy, state.r, state.phi, state.p, state.delta
+        half = 0.5 * dt
+        end = state.t + dt
+        new_delta = servo.advance(state.t, end)
+        ax, ay, ar, ap = self.derivatives(vx, vy, r, phi, p, delta)
+        middle = self.derivatives(
+            vx_m := vx + half * ax,
+            vy_m := vy + half * ay,
+            r_m := r + half * ar,
+            phi_m := phi + half * p,
+            p_m := p + half * ap,
+            0.5 * (delta + new_delta),
+        )
+        ax, ay, ar, ap = middle
+        psi_m = state.psi + half * r
+        sn, cn = sin(psi_m), cos(psi_m)
+        state.x += dt * (vx_m * cn - vy_m * sn)
+        state.y += dt * (vx_m * sn + vy_m * cn)
+        state.psi += dt * r_m
+        state.vx, state.vy, state.r = vx + dt * ax, vy + dt * ay, r + dt * ar
+        state.phi, state.p = phi + dt * p_m, p + dt * ap
+        state.vx_dot, state.vy_dot, state.r_dot, state.p_dot = ax, ay, ar, ap
+        state.delta, state.t = new_delta, end
+        self._feel(vx_m, vy_m, r_m, phi_m, p_m)
+
+    def _feel(self, vx: float, vy: float, r: float, phi: float, p: float) -> None:
+        """Specific force at the IMU, a = a_ref + w' x rho + w x (w x rho) + g up, turned into rolled axes."""
+        state = self.state
+        ahead, left, above = self._imu
+        s, c = sin(phi), cos(phi)
+        y, z = left * c - above * s, left * s + above * c
+        r_dot, p_dot = state.r_dot, state.p_dot
+        # w = (p, 0, r) in the yawing frame, so w' = (p', r p, r')
+        ax = state.vx_dot - r * vy + 2.0 * r * p * z - r_dot * y - r * r * ahead
+        ay = state.vy_dot + r * vx + r_dot * ahead - p_dot * z - (r * r + p * p) * y
+        az = GRAVITY + p_dot * y - p * p * z
+        state.ax, state.ay, state.az = ax, ay * c + az * s, az * c - ay * s
+
+    def _throttle(self, pwm_us: float) -> None:
+        parameters = self.parameters
+        offset = pwm_us - parameters.throttle_trim_us
+        idle = pwm_us <= 0 or abs(offset) <= parameters.throttle_deadband_us
+        self._wanted_speed = 0.0 if idle else offset * parameters.speed_per_us
+
+    def _parked(self) -> bool:
+        """Standing on four wheels with less drive than it takes to break loose."""
+        state, parameters = self.state, self.parameters
+        if abs(state.vx) > STICTION_SPEED or abs(state.vy) > STICTION_SPEED or abs(state.r) > STICTION_SPEED:
+            return False
+        if abs(state.p) > 1e-3 or abs(state.phi) > 1e-3:
+            return False
+        drive = parameters.mass / parameters.speed_lag * abs(self._wanted_speed)
+        return drive <= parameters.rolling_resistance * parameters.mass * GRAVITY
+
+    def _stand(self, delta: float, t: float) -> None:
+        state = self.state
+        state.vx = state.vy = state.r = state.p = state.phi = 0.0
+        state.vx_dot = state.vy_dot = state.r_dot = state.p_dot = 0.0
+        state.ax, state.ay, state.az = 0.0, 0.0, GRAVITY
+        state.delta, state.t = delta, t
+
+
+def _direction(speed: float) -> float:
+    """Sign of a rolling speed [m/s], smooth within STICTION_SPEED."""
+    return speed / sqrt(speed * speed + STICTION_SPEED * STICTION_SPEED)
+
+
+def _constants(q: PlantParameters) -> tuple[float, ...]:
+    """What `derivatives` needs, in its order, worked out once."""
+    wheelbase = q.cg_to_front_axle + q.cg_to_rear_axle
+    front_load = q.mass * GRAVITY * q.cg_to_rear_axle / wheelbase
+    rear_load = q.mass * GRAVITY * q.cg_to_front_axle / wheelbase
+    sh = q.sprung_mass * q.cg_height_above_roll_centre
+    shh = sh * q.cg_height_above_roll_centre
+    return (
+        q.mass,
+        q.cg_to_front_axle,
+        q.cg_to_rear_axle,
+        sh,
+        shh,
+        1.0 - q.sprung_mass / q.mass,
+        q.yaw_inertia,
+        q.roll_inertia + shh,
+        q.roll_yaw_inertia,
+        q.roll_stiffness,
+        q.roll_damping,
+        sh * GRAVITY,
+        q.front_cornering_stiffness,
+        q.rear_cornering_stiffness,
+        q.friction * front_load,
+        q.friction * rear_load,
+        q.tyre_shape,
+        q.mass / q.speed_lag,
+        q.drive_force_limit,
+        q.rolling_resistance * front_load,
+        q.rolling_resistance * rear_load,
+    )
+
+
+def _fast_poles(q: PlantParameters) -> tuple[float, float]:
+    """Bounds of the fast poles: (tyres, times the rolling speed [m/s2], suspension [1/s])."""
+    sh = q.sprung_mass * q.cg_height_above_roll_centre
+    roll_inertia = q.roll_inertia + sh * q.cg_height_above_roll_centre
+    light_mass = q.mass - sh * sh / roll_inertia  # what the axles push when the body is free to roll
+    light_roll = roll_inertia - sh * sh / q.mass
+    cf, cr = q.front_cornering_stiffness, q.rear_cornering_stiffness
+    lateral = (cf + cr) / light_mass
+    yaw = (q.cg_to_front_axle**2 * cf + q.cg_to_rear_axle**2 * cr) / q.yaw_inertia
+    return lateral + yaw, q.roll_damping / light_roll + sqrt(q.roll_stiffness / light_roll)
