@@ -1,0 +1,18 @@
+"""Recordings: .BIN, .tlog and .csv files become `Recording`s. Alone knows field names and microseconds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rover_sweep.logs.read import read_logs, read_runs
+
+__all__ = ["read_logs", "read_runs"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        from rover_sweep.logs import read
+
+        return getattr(read, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

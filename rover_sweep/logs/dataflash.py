@@ -1,0 +1,189 @@
+"""Columns out of an ArduPilot DataFlash log (.BIN), only for the message types that are asked for.
+
+A log is a row of messages: 0xA3 0x95, a type byte, a body whose layout the FMT messages (type 128) in
+the same log define (source: ArduPilot libraries/AP_Logger/LogStructure.h). The whole file is scanned once
+for message headers with numpy; a body is decoded when its type is read, as columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+HEAD = (0xA3, 0x95)
+FMT_TYPE, FMT_LENGTH = 128, 89
+BLOCK = 1 << 25  # bytes scanned at a time: bounds the memory that a log of a gigabyte needs
+
+# Format character -> (numpy type, factor to the unit that is meant); AP_Logger/LogStructure.h
+FORMATS: dict[str, tuple[str, float]] = {
+    "b": ("<i1", 1), "B": ("<u1", 1), "M": ("<u1", 1), "h": ("<i2", 1), "H": ("<u2", 1), "i": ("<i4", 1),
+    "I": ("<u4", 1), "q": ("<i8", 1), "Q": ("<u8", 1), "g": ("<f2", 1), "f": ("<f4", 1), "d": ("<f8", 1),
+    "c": ("<i2", 0.01), "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7),
+    "n": ("S4", 0), "N": ("S16", 0), "Z": ("S64", 0), "a": ("64u1", 0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MessageFormat:
+    """What one FMT message defines: the body of messages of `type`. length: whole message, bytes."""
+
+    type: int
+    name: str
+    length: int
+    format: str
+    columns: tuple[str, ...]
+
+    @cached_property
+    def dtype(self) -> np.dtype[np.void]:
+        """The whole message with its three bytes of header."""
+        fields = [("_head", "3u1")]
+        fields += [(c, FORMATS[f][0]) for c, f in zip(self.columns, self.format, strict=True)]
+        return np.dtype(fields)
+
+
+@dataclass(frozen=True)
+class DataFlash:
+    """An indexed log. Read columns with `rows`, `column` and `text`.
+
+    formats: by message name. positions: (n,) byte offsets of the messages, by name.
+    bad_bytes: bytes that belong to no whole message (damage, or a cut at the end: `tail_bytes`).
+    """
+
+    data: NDArray[np.uint8]
+    formats: dict[str, MessageFormat]
+    positions: dict[str, NDArray[np.int64]]
+    bad_bytes: int
+    tail_bytes: int
+
+    def count(self, name: str) -> int:
+        """How many messages of that name the log holds (0 for a name it does not define)."""
+        return int(self.positions[name].size) if name in self.positions else 0
+
+    def has(self, name: str, *columns: str) -> bool:
+        """Whether there are such messages, with all these columns."""
+        return self.count(name) > 0 and set(columns) <= set(self.formats[name].columns)
+
+    def rows(self, name: str) -> NDArray[np.void]:
+        """All messages of a name, (n,) structured as stored: integers without their factor."""
+        layout = self.formats[name]
+        if self.count(name) == 0:
+            return np.empty(0, layout.dtype)
+        windows = np.lib.stride_tricks.sliding_window_view(self.data, layout.length)
+        return np.ascontiguousarray(windows[self.positions[name]]).view(layout.dtype)[:, 0]
+
+    def column(self, name: str, column: str, rows: NDArray[np.void] | None = None) -> Array:
+        """A numeric column (n,) in the unit that is meant (degrees, not centidegrees)."""
+        layout = self.formats[name]
+        factor = FORMATS[layout.format[layout.columns.index(column)]][1]
+        values = (self.rows(name) if rows is None else rows)[column].astype(float)
+        return values * factor if factor != 1 else values
+
+    def text(self, name: str, column: str) -> list[str]:
+        """A column of text, without the padding."""
+        return [cell.split(b"\0")[0].decode("ascii", "replace") for cell in self.rows(name)[column].tolist()]
+
+    def seconds(self, name: str, rows: NDArray[np.void] | None = None) -> Array:
+        """Time since boot of each message [s]: TimeUS, or TimeMS of logs from before 2015."""
+        rows = self.rows(name) if rows is None else rows
+        stamp, scale = ("TimeUS", 1e-6) if "TimeUS" in (rows.dtype.names or ()) else ("TimeMS", 1e-3)
+        return rows[stamp].astype(float) * scale
+
+
+def open_dataflash(path: str | Path) -> DataFlash:
+    """Index a .BIN file. A file without any message gives an index without formats."""
+    size = Path(path).stat().st_size
+    data = np.memmap(path, dtype=np.uint8, mode="r") if size else np.empty(0, np.uint8)
+    return index(data)
+
+
+def index(data: NDArray[np.uint8]) -> DataFlash:
+    """Find the formats and the messages of a log held in `data`."""
+    formats = _formats(data)
+    lengths = np.zeros(256, np.int64)
+    for layout in formats.values():
+        lengths[layout.type] = layout.length
+    starts, good_bytes = _messages(data, lengths)
+    kinds = data[starts + 2] if starts.size else np.empty(0, np.uint8)
+    order = np.argsort(kinds, kind="stable")
+    edges = np.searchsorted(kinds[order], np.arange(257))
+    positions = {f.name: starts[order[edges[f.type] : edges[f.type + 1]]] for f in formats.values()}
+    end = int(starts[-1] + lengths[kinds[-1]]) if starts.size else 0
+    return DataFlash(data, formats, positions, int(data.size - good_bytes), int(data.size - end))
+
+
+def _headers(data: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Offsets (n,) of everything that looks like a header, ascending."""
+    found = []
+    for start in range(0, max(data.size - 2, 0), BLOCK):
+        block = data[start : start + BLOCK + 1]
+        first = np.flatnonzero(block[:-1] == HEAD[0])
+        hits = first[block[first + 1] == HEAD[1]] + start
+        found.append(hits[hits < data.size - 2])
+    return np.concatenate(found) if found else np.empty(0, np.int64)
+
+
+def _formats(data: NDArray[np.uint8]) -> dict[str, MessageFormat]:
+    """The formats that the log defines, by name; a damaged FMT is left out, the last of a name counts."""
+    heads = _headers(data)
+    heads = heads[data[heads + 2] == FMT_TYPE]
+    formats = {}
+    for start in heads[heads + FMT_LENGTH <= data.size].tolist():
+        layout = _format(data[start + 3 : start + FMT_LENGTH].tobytes())
+        if layout is not None:
+            formats[layout.name] = layout
+    return formats
+
+
+def _format(body: bytes) -> MessageFormat | None:
+    """One FMT message, None where its parts contradict each other."""
+    kind, length = body[0], body[1]
+    try:
+        name, layout, labels = (
+            b.split(b"\0")[0].decode("ascii") for b in (body[2:6], body[6:22], body[22:86])
+        )
+    except UnicodeDecodeError:
+        return None
+    columns = tuple(labels.split(",")) if labels else ()
+    if not name.isalnum() or len(columns) != len(layout) or not set(layout) <= set(FORMATS):
+        return None
+    found = MessageFormat(kind, name, length, layout, columns)
+    return found if len(set(columns)) == len(columns) and found.dtype.itemsize == length else None
+
+
+def _messages(data: NDArray[np.uint8], lengths: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """Offsets (n,) of the messages, and how many bytes they cover.
+
+    Two bytes of a payload may look like a header, so messages are what a walk from header to header
+    meets. A message counts if another one, or the end of the file, follows right after it; otherwise
+    the walk goes on at the next header that has such a follower. Only the places where the next header
+    is not the expected one cost a step of the loop.
+    """
+    heads = _headers(data)
+    heads = heads[lengths[data[heads + 2]] > 0]
+    if heads.size == 0:
+        return heads, 0
+    follower = heads + lengths[data[heads + 2]]
+    target = np.searchsorted(heads, follower)
+    chained = (follower == data.size) | (heads[np.minimum(target, heads.size - 1)] == follower)
+    following = np.flatnonzero(chained)
+    stops = np.flatnonzero(~chained | (target != np.arange(heads.size) + 1))
+    keep, at = [], 0
+    while at < heads.size:
+        if not chained[at]:
+            later = np.searchsorted(following, at)
+            if later == following.size:
+                break
+            at = int(following[later])
+        stop_index = np.searchsorted(stops, at)
+        stop = int(stops[stop_index]) if stop_index < stops.size else heads.size - 1
+        last = stop + 1 if chained[stop] else stop
+        keep.append(np.arange(at, last))
+        at = max(int(target[stop]), stop + 1) if chained[stop] else stop
+    starts = heads[np.concatenate(keep)] if keep else heads[:0]
+    return starts, int(lengths[data[starts + 2]].sum())

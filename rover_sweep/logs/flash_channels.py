@@ -1,0 +1,237 @@
+"""From the messages of a DataFlash log to channels in SI units and ISO axes.
+
+ArduPilot logs in FRD axes (x forward, y right, z down) and yaw clockwise from north, so r, a_y, V_y
+and psi change sign; p and phi do not. Message names and units as seen in logs of ArduRover 3.1 to 4.6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.errors import DataRefused
+from rover_sweep.identify.recording import Note, Signal
+from rover_sweep.logs.dataflash import DataFlash, open_dataflash
+from rover_sweep.logs.log import (
+    STEERING,
+    THROTTLE,
+    AppletRows,
+    Array,
+    Log,
+    increasing,
+    is_banner,
+    joined_steering,
+    output_channel,
+    output_limits,
+    sensor_filters,
+    source_of,
+    vehicle_of,
+)
+
+Rows = NDArray[np.void]
+
+DAMAGE_LIMIT = 0.01  # share of lost bytes above which gaps are everywhere
+RAW_POST_FILTER, RAW_PRE_AND_POST = 1 << 2, 1 << 3  # bits of INS_RAW_LOG_OPT
+
+
+def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> Log:
+    """One .BIN file as a `Log`. Raises DataRefused for a file that is empty, no log, or damaged."""
+    flash = open_dataflash(path)
+    _refuse_damage(path, flash)
+    parameters = dict(
+        zip(flash.text("PARM", "Name"), flash.rows("PARM")["Value"].astype(float).tolist(), strict=True)
+        if flash.has("PARM", "Name", "Value")
+        else ()
+    )
+    marks = _marks(flash)
+    firmware = next((text for _, text in marks if is_banner(text)), "")
+    gyro, raw_gyro = _gyro(flash, parameters)
+    accel, raw_accel = _accel(flash)
+    raw = frozenset(("r", "p") if raw_gyro else ()) | frozenset(("ay",) if raw_accel else ())
+    known, notes = sensor_filters(parameters, filters, raw)
+    signals = gyro | accel | _attitude(flash) | _velocity(flash)
+    channel = output_channel(parameters, STEERING) or 1
+    coarse = _output(flash, channel)
+    throttle = _output(flash, output_channel(parameters, THROTTLE) or 3)
+    if throttle is not None:
+        signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
+    fine = _applet_steering(flash)
+    return Log(
+        name=path.stem,
+        signals=signals,
+        steering=tuple(s for s in (fine and joined_steering(fine, coarse), coarse) if s is not None),
+        applet=_applet(flash),
+        marks=marks,
+        parameters=parameters,
+        filters={c: f for c, f in known.items() if c in signals},
+        limits=output_limits(parameters, channel),
+        vehicle=vehicle_of(firmware),
+        firmware=firmware,
+        notes=(*notes, *_reading_notes(flash)),
+        sources=(source_of(path),),
+    )
+
+
+def _refuse_damage(path: Path, flash: DataFlash) -> None:
+    if flash.data.size == 0:
+        raise DataRefused(f"{path.name} is empty (0 bytes): fetch the log from the vehicle again")
+    if not flash.formats or not any(flash.count(name) for name in flash.formats if name != "FMT"):
+        raise DataRefused(
+            f"{path.name} is no DataFlash log: its {flash.data.size} bytes hold no messages; give a .BIN of an ArduPilot rover"
+        )  # fmt: skip
+    lost = flash.bad_bytes - flash.tail_bytes
+    if lost > DAMAGE_LIMIT * flash.data.size:
+        raise DataRefused(
+            f"{path.name} is damaged: {lost} of {flash.data.size} bytes ({100 * lost / flash.data.size:.1f} %) "
+            "belong to no message; copy the log from the vehicle again"
+        )
+
+
+def _reading_notes(flash: DataFlash) -> Iterator[Note]:
+    lost = flash.bad_bytes - flash.tail_bytes
+    if lost:
+        yield Note("warning", f"{lost} damaged bytes in the log were skipped")
+    if flash.tail_bytes:
+        yield Note("info", f"The log ends in the middle of a message ({flash.tail_bytes} bytes left over)")
+    if flash.has("DSF", "Dp") and (dropped := int(flash.rows("DSF")["Dp"].max())):
+        yield Note(
+            "warning",
+            f"The autopilot could not write {dropped} log messages (DSF.Dp): log less (LOG_BITMASK) or use a faster card",
+        )
+
+
+def _marks(flash: DataFlash) -> tuple[tuple[float, str], ...]:
+    if not flash.has("MSG", "Message"):
+        return ()
+    return tuple(zip(flash.seconds("MSG").tolist(), flash.text("MSG", "Message"), strict=True))
+
+
+def _first_instance(flash: DataFlash, name: str, instance: str, number: int = 0) -> Rows:
+    """Rows of one sensor or filter core; logs before 4.1 have no instance column."""
+    rows = flash.rows(name)
+    return rows[rows[instance] == number] if instance in flash.formats[name].columns else rows
+
+
+def _stamps(flash: DataFlash, name: str, rows: Rows) -> Array:
+    """Raw samples carry the time of the sample beside the time of writing."""
+    if "SampleUS" in flash.formats[name].columns:
+        return rows["SampleUS"].astype(float) * 1e-6
+    return flash.seconds(name, rows)
+
+
+def _signals(
+    flash: DataFlash, name: str, rows: Rows, channels: Mapping[str, tuple[str, float, str]]
+) -> dict[str, Signal]:
+    """Channels out of one message type: {channel: (column, factor, unit)}."""
+    t, columns, _ = increasing(
+        _stamps(flash, name, rows), *(flash.column(name, c, rows) * f for c, f, _ in channels.values())
+    )
+    return {
+        channel: Signal(t, x, unit, f"{name}.{column}")
+        for (channel, (column, _, unit)), x in zip(channels.items(), columns, strict=True)
+    }
+
+
+def _gyro(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, Signal], bool]:
+    """r and p [rad/s], and whether they are unfiltered (raw samples were logged)."""
+    channels = {"r": ("GyrZ", -1.0, "rad/s"), "p": ("GyrX", 1.0, "rad/s")}
+    options = int(parameters.get("INS_RAW_LOG_OPT", 0))
+    filtered = bool(options & RAW_POST_FILTER) and not options & RAW_PRE_AND_POST
+    for name, raw in (("GYR", not filtered), ("IMU", False)):
+        if flash.has(name, "GyrX", "GyrZ"):
+            return _signals(flash, name, _first_instance(flash, name, "I"), channels), raw
+    return {}, False
+
+
+def _accel(flash: DataFlash) -> tuple[dict[str, Signal], bool]:
+    """ay [m/s^2], and whether it is unfiltered."""
+    for name, raw in (("ACC", True), ("IMU", False)):
+        if flash.has(name, "AccY"):
+            rows = _first_instance(flash, name, "I")
+            return _signals(flash, name, rows, {"ay": ("AccY", -1.0, "m/s^2")}), raw
+    return {}, False
+
+
+def _attitude(flash: DataFlash) -> dict[str, Signal]:
+    """phi and psi [rad]; psi unwrapped, left positive."""
+    if not flash.has("ATT", "Roll", "Yaw"):
+        return {}
+    degree = np.pi / 180
+    found = _signals(
+        flash, "ATT", flash.rows("ATT"), {"phi": ("Roll", degree, "rad"), "psi": ("Yaw", -degree, "rad")}
+    )
+    psi = found["psi"]
+    return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
+
+
+def _velocity(flash: DataFlash) -> dict[str, Signal]:
+    """speed and vy [m/s] from the estimator's velocity and yaw; without one, speed from GPS."""
+    for name in ("XKF1", "NKF1", "EKF1"):
+        if flash.has(name, "VN", "VE", "Yaw"):
+            rows = _first_instance(flash, name, "C", _primary_core(flash))
+            t, (vn, ve, yaw), _ = increasing(
+                flash.seconds(name, rows), *(flash.column(name, c, rows) for c in ("VN", "VE", "Yaw"))
+            )
+            return body_velocity(t, vn, ve, -np.radians(yaw), name)
+    if flash.has("GPS", "Spd"):
+        rows = _first_instance(flash, "GPS", "I")
+        return _signals(flash, "GPS", rows, {"speed": ("Spd", 1.0, "m/s")})
+    return {}
+
+
+def _primary_core(flash: DataFlash) -> int:
+    """The estimator core that steered the vehicle most of the time (XKF4.PI)."""
+    if not flash.has("XKF4", "PI"):
+        return 0
+    return int(np.bincount(flash.rows("XKF4")["PI"].astype(np.int64).clip(0)).argmax())
+
+
+def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> dict[str, Signal]:
+    """speed (forward) and vy (left) [m/s] from north and east velocity [m/s] and heading psi [rad], left positive."""
+    speed = vn * np.cos(psi) - ve * np.sin(psi)
+    left = -vn * np.sin(psi) - ve * np.cos(psi)
+    return {
+        "speed": Signal(t, speed, "m/s", f"{source}.VN,VE,Yaw"),
+        "vy": Signal(t, left, "m/s", f"{source}.VN,VE,Yaw"),
+    }
+
+
+def _output(flash: DataFlash, channel: int) -> Signal | None:
+    """A servo output [us] from RCOU.
+
+    Logged at 10 Hz whatever the loop rate, so it samples a much finer staircase: the samples are those
+    of a band-limited signal, and holding them would cost 2.4 dB and 50 ms at 4 Hz. Hence no `hold`.
+    """
+    for column in (f"C{channel}", f"Ch{channel}"):
+        if flash.has("RCOU", column):
+            return _signals(flash, "RCOU", flash.rows("RCOU"), {"pwm": (column, 1.0, "us")})["pwm"]
+    return None
+
+
+def _applet(flash: DataFlash) -> AppletRows | None:
+    if not flash.has("SWEP", "Run", "St", "T"):
+        return None
+    rows = flash.rows("SWEP")
+    t, (run, state, clock), _ = increasing(
+        flash.seconds("SWEP", rows), *(flash.column("SWEP", c, rows) for c in ("Run", "St", "T"))
+    )
+    return AppletRows(t, run, state, clock)
+
+
+def _applet_steering(flash: DataFlash) -> Signal | None:
+    """The staircase that the applet put out: SWEP.Out as read back, Cmd where Out is not the servo's.
+
+    Out is read right after it was set, and reaches the servo at the next main loop; that wait is left
+    to the identified time-delay.
+    """
+    if not flash.has("SWEP", "Cmd", "Out"):
+        return None
+    rows = flash.rows("SWEP")
+    t, (wanted, out), _ = increasing(
+        flash.seconds("SWEP", rows), flash.column("SWEP", "Cmd", rows), flash.column("SWEP", "Out", rows)
+    )
+    is_output = np.ptp(out) > 0 and float(np.min(out)) > 0
+    return Signal(t, out if is_output else wanted, "us", "SWEP.Out" if is_output else "SWEP.Cmd", hold=True)

@@ -1,0 +1,149 @@
+"""A whole log in SI units and ISO axes, before the runs in it have been told apart."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.identify.recording import LowPass, Note, Signal
+
+Array = NDArray[np.float64]
+
+STEERING, THROTTLE, THRUST_LEFT, THRUST_RIGHT = 26, 70, 73, 74  # SERVOn_FUNCTION (ArduRover 4.6 parameters)
+GYRO_FACTORY_HZ, ACCEL_FACTORY_HZ = 4.0, 10.0  # INS_GYRO_FILTER, INS_ACCEL_FILTER of Rover as delivered
+
+
+@dataclass(frozen=True, eq=False)
+class AppletRows:
+    """The SWEP messages of the sweep applet: t (n,) s, run (n,), state (n,), clock T of the override (n,) s."""
+
+    t: Array
+    run: Array
+    state: Array
+    clock: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Everything of interest in one log, on the vehicle's clock.
+
+    signals: as the channels of `Recording`, over the whole log and without steering.
+    steering: the recorded steering outputs ("pwm" in us, or "delta" in rad from a CSV), best first.
+    marks: (time [s], text) of messages to the user. parameters: the last value of each.
+    limits: (lowest, highest) steering output [us], None where unknown.
+    vehicle: "rover", another ArduPilot vehicle's name, or "" where the log does not tell.
+    """
+
+    name: str
+    signals: Mapping[str, Signal]
+    steering: tuple[Signal, ...]
+    applet: AppletRows | None = None
+    marks: tuple[tuple[float, str], ...] = ()
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    filters: Mapping[str, LowPass] = field(default_factory=dict)
+    limits: tuple[float, float] | None = None
+    vehicle: str = ""
+    firmware: str = ""
+    notes: tuple[Note, ...] = ()
+    sources: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def has_motion(self) -> bool:
+        """Whether the two signals without which no run can be found were recorded."""
+        return "speed" in self.signals and "r" in self.signals
+
+
+def source_of(path: Path) -> tuple[str, str]:
+    """(path name, sha256) of a file, for `Recording.sources`."""
+    with path.open("rb") as file:
+        return path.name, hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def vehicle_of(firmware: str) -> str:
+    """The kind of vehicle that a firmware's banner names, "" where it names none."""
+    banner = firmware.lower()
+    kinds = {"rover": "rover", "copter": "copter", "plane": "plane", "sub": "submarine",
+             "tracker": "antenna tracker", "blimp": "blimp", "heli": "helicopter"}  # fmt: skip
+    return next((kind for word, kind in kinds.items() if word in banner), "")
+
+
+def is_banner(text: str) -> bool:
+    """Whether a message to the user is the firmware's banner, e.g. "ArduRover V4.6.3 (3fc7011a)"."""
+    return text.startswith(("Ardu", "APM:", "AntennaTracker", "Blimp")) and " v" in text.lower()
+
+
+def output_channel(parameters: Mapping[str, float], function: int) -> int | None:
+    """Servo output (1-based) that carries a SERVOn_FUNCTION; firmware before 3.2 has RCMAP_* instead."""
+    for n in range(1, 33):
+        if round(parameters.get(f"SERVO{n}_FUNCTION", -1)) == function:
+            return n
+    if any(name.startswith("SERVO") and name.endswith("_FUNCTION") for name in parameters):
+        return None
+    old = {STEERING: "RCMAP_ROLL", THROTTLE: "RCMAP_THROTTLE"}.get(function, "")
+    return round(parameters[old]) if old in parameters else None
+
+
+def output_limits(parameters: Mapping[str, float], channel: int) -> tuple[float, float] | None:
+    """SERVOn_MIN and SERVOn_MAX [us] of an output (RCn_* before 3.2), None where not recorded."""
+    for prefix in (f"SERVO{channel}", f"RC{channel}"):
+        if f"{prefix}_MIN" in parameters and f"{prefix}_MAX" in parameters:
+            return float(parameters[f"{prefix}_MIN"]), float(parameters[f"{prefix}_MAX"])
+    return None
+
+
+def sensor_filters(
+    parameters: Mapping[str, float], override: Mapping[str, float] | None, raw: frozenset[str] = frozenset()
+) -> tuple[dict[str, LowPass], tuple[Note, ...]]:
+    """The low-pass of r, p (gyro) and ay (accelerometer), and what must be said about it.
+
+    override: {"gyro_hz", "accel_hz"} [Hz] instead of the recorded parameters. A cut-off of 0 means off.
+    raw: channels that come from unfiltered samples. Where nothing is known the factory values are assumed.
+    """
+    filters: dict[str, LowPass] = {}
+    notes: list[Note] = []
+    told = override or {}
+    for key, name, factory, channels in (
+        ("gyro_hz", "INS_GYRO_FILTER", GYRO_FACTORY_HZ, ("r", "p")),
+        ("accel_hz", "INS_ACCEL_FILTER", ACCEL_FACTORY_HZ, ("ay",)),
+    ):
+        filtered = [c for c in channels if c not in raw]
+        cutoff, source = told.get(key, parameters.get(name)), name
+        if key in told:
+            source = f"given as {key}"
+        elif cutoff is None and filtered:
+            cutoff, source = factory, "factory value, assumed"
+            notes.append(
+                Note("warning", f"The log does not hold {name}: the factory value {factory:g} Hz is assumed; give {key} if it was set otherwise")
+            )  # fmt: skip
+        if cutoff:
+            filters |= {c: LowPass(float(cutoff), source) for c in filtered}
+    return filters, tuple(notes)
+
+
+def increasing(t: Array, *columns: Array) -> tuple[Array, tuple[Array, ...], int]:
+    """Samples whose stamp is later than all before, and how many were dropped (duplicates, rewinds)."""
+    keep = np.ones(t.size, bool)
+    if t.size > 1:
+        keep[1:] = t[1:] > np.maximum.accumulate(t)[:-1]
+    keep &= np.isfinite(t)
+    return t[keep], tuple(c[keep] for c in columns), int(t.size - keep.sum())
+
+
+def joined_steering(fine: Signal, coarse: Signal | None) -> Signal:
+    """A staircase that is `fine` where that was logged, and `coarse` before, after and in its long gaps."""
+    if coarse is None or fine.t.size == 0:
+        return fine
+    step = 1.0  # s: outside a run the applet may be silent
+    k = np.searchsorted(fine.t, coarse.t, "right")
+    before = np.where(k > 0, coarse.t - fine.t[np.maximum(k - 1, 0)], np.inf)
+    after = np.where(k < fine.t.size, fine.t[np.minimum(k, fine.t.size - 1)] - coarse.t, np.inf)
+    # behind the last sample of a run the first coarse sample takes over at once
+    lone = (before > 0) & (after > 0) & ((before + after) > step)
+    t, x = np.concatenate((fine.t, coarse.t[lone])), np.concatenate((fine.x, coarse.x[lone]))
+    order = np.argsort(t, kind="stable")
+    return Signal(t[order], x[order], fine.unit, fine.source, hold=fine.hold)

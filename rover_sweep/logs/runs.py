@@ -1,0 +1,206 @@
+"""The runs in a log: where they are, what wave they hold, and where the rover stood or drove straight."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.identify.recording import Note, Recording, Signal
+from rover_sweep.logs.log import AppletRows, Array, Log
+from rover_sweep.logs.wave import active_intervals, kind_of
+
+Bool = NDArray[np.bool_]
+Interval = tuple[float, float]
+
+LEAD = 1.0  # s of straight driving kept before and after the excitation, as far as there is any
+CELL = 0.05  # s: grid on which intervals are looked for
+STILL_SPEED = 0.1  # m/s
+STILL_GYRO = 0.03  # rad/s rms about the mean within a second: above every gyro's noise, below any motion
+SHORTEST = 1.0  # s: a shorter interval is no use for a bias
+
+WAVE_STATES = {4, 5, 6, 7}  # fade-in, dwell, law or doublet, fade-out
+OVERRIDE_STATES = {3, 8} | WAVE_STATES
+STOPPED = 10
+OLD_STATE = 2  # the only state that the applet of 2025 logged
+START = re.compile(r"^SW[PX]\b.*\bstart\b", re.IGNORECASE)
+END = re.compile(r"^SW[PX]\b.*\b(done|stop|stopped|abort|aborted)\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Window:
+    """Where a run's excitation lies [s], and how far its recording may reach to both sides."""
+
+    start: float
+    end: float
+    earliest: float = -np.inf
+    latest: float = np.inf
+    label: str = ""
+    notes: tuple[Note, ...] = ()
+
+
+def find_runs(log: Log) -> tuple[Recording, ...]:
+    """All runs of a log that holds steering, speed and yaw rate; empty without any excitation."""
+    windows = _windows(log)
+    standstill = still_intervals(log)
+    return tuple(_recording(log, w, standstill, len(windows)) for w in windows)
+
+
+def _windows(log: Log) -> list[Window]:
+    """By the applet's own states, else by its messages, else by steering activity in motion."""
+    found = list(_by_applet(log)) or list(_by_marks(log)) or list(_by_activity(log))
+    found = [w for w in found if _moved(log, w)]
+    fenced = []
+    for i, w in enumerate(found):
+        earliest = max(w.earliest, found[i - 1].end if i else -np.inf)
+        latest = min(w.latest, found[i + 1].start if i + 1 < len(found) else np.inf)
+        fenced.append(replace(w, earliest=earliest, latest=latest))
+    return fenced
+
+
+def _moved(log: Log, w: Window) -> bool:
+    speed = log.signals["speed"].between(w.start, w.end).x
+    return speed.size > 0 and float(np.median(speed)) > STILL_SPEED
+
+
+def _by_applet(log: Log) -> Iterator[Window]:
+    if log.applet is None:
+        return
+    for rows in _applet_runs(log.applet):
+        if set(np.unique(rows.state)) <= {OLD_STATE}:
+            yield Window(rows.t[0], rows.t[-1], label=f"run {rows.run[0]:.0f}")
+            continue
+        waving = np.isin(rows.state, list(WAVE_STATES))
+        if waving.any():
+            yield _states_window(log, rows, waving)
+
+
+def _applet_runs(rows: AppletRows) -> Iterator[AppletRows]:
+    """The applet's rows run by run; the old applet's clock T restarts with each run."""
+    old = (rows.state == OLD_STATE) & (rows.clock >= 0)
+    restarted = old[1:] & old[:-1] & (np.diff(rows.clock) < -0.5)
+    cuts = np.flatnonzero((np.diff(rows.run) != 0) | restarted) + 1
+    for a, b in pairwise([0, *cuts.tolist(), rows.t.size]):
+        if b - a > 1:
+            yield AppletRows(rows.t[a:b], rows.run[a:b], rows.state[a:b], rows.clock[a:b])
+
+
+def _states_window(log: Log, rows: AppletRows, waving: Bool) -> Window:
+    override = np.isin(rows.state, list(OVERRIDE_STATES))
+    start, end = rows.t[waving][0], rows.t[waving][-1]
+    stopped = np.flatnonzero((rows.state == STOPPED) & (rows.t > end))
+    notes: tuple[Note, ...] = ()
+    if stopped.size:
+        at = float(rows.t[stopped[0]])
+        reason = next(
+            (text for t, text in log.marks if abs(t - at) < 1.0 and END.match(text)), "reason not logged"
+        )
+        notes = (Note("warning", f"The applet stopped this run at {at - start:.1f} s ({reason})"),)
+    return Window(start, end, rows.t[override][0], rows.t[override][-1], f"run {rows.run[0]:.0f}", notes)
+
+
+def _by_marks(log: Log) -> Iterator[Window]:
+    """From "start" to "done" or "stop", the steering activity in between."""
+    starts = [t for t, text in log.marks if START.match(text)]
+    ends = [t for t, text in log.marks if END.match(text)]
+    for i, start in enumerate(starts):
+        later = [t for t in ends if t > start]
+        if later and (i + 1 == len(starts) or later[0] <= starts[i + 1]):
+            yield Window(start, later[0], label=f"run {i + 1}")
+
+
+def _by_activity(log: Log) -> Iterator[Window]:
+    steering, speed = log.steering[0], log.signals["speed"]
+    for i, (start, end) in enumerate(active_intervals(steering, speed)):
+        yield Window(start, end, label=f"run {i + 1}")
+
+
+def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count: int) -> Recording:
+    steering = log.steering[0]
+    channel = "delta" if steering.unit == "rad" else "pwm"
+    signals = {channel: steering, **log.signals}
+    first = max(s.t[0] for s in signals.values() if s.t.size)
+    last = min(s.t[-1] for s in signals.values() if s.t.size)
+    span = (
+        float(max(window.start - LEAD, window.earliest, first)),
+        float(min(window.end + LEAD, window.latest, last)),
+    )
+    return Recording(
+        name=f"{log.name} {window.label}" if count > 1 else log.name,
+        channels=signals,
+        span=span,
+        kind=kind_of(steering.between(window.start, window.end)),
+        standstill=standstill,
+        straight=straight_intervals(log, window),
+        filters=log.filters,
+        notes=log.notes + window.notes,
+        firmware=log.firmware,
+        sources=log.sources,
+    )
+
+
+def still_intervals(log: Log) -> tuple[Interval, ...]:
+    """Where the speed is below 0.1 m/s and the gyros are quiet, anywhere in the log."""
+    grid, speed = _grid(log.signals["speed"])
+    if grid.size == 0:
+        return ()
+    still = np.abs(speed) < STILL_SPEED
+    for name in {"r", "p"} & set(log.signals):
+        still &= _rms(log.signals[name], grid) < STILL_GYRO
+    return _intervals(grid, still)
+
+
+def straight_intervals(log: Log, window: Window) -> tuple[Interval, ...]:
+    """Where the rover drives at the run's speed with constant steering, next to the run."""
+    grid, speed = _grid(log.signals["speed"])
+    steering = log.steering[0]
+    if grid.size == 0:
+        return ()
+    run_speed = float(np.median(log.signals["speed"].between(window.start, window.end).x))
+    k = np.clip(np.searchsorted(steering.t, grid, "right") - 1, 0, steering.t.size - 1)
+    value = steering.x[k]
+    tolerance = 0.002 if steering.unit == "rad" else 2.0
+    around = steering.between(window.start, window.end).x
+    constant = (
+        np.abs(
+            value
+            - np.median(
+                value[(grid < window.start) | (grid > window.end)] if _outside(grid, window) else around
+            )
+        )
+        <= tolerance
+    )
+    fit = constant & (np.abs(speed - run_speed) < 0.15 * abs(run_speed))
+    fit &= ((grid < window.start) | (grid > window.end)) & (grid > window.earliest) & (grid < window.latest)
+    return _intervals(grid, fit)
+
+
+def _outside(grid: Array, window: Window) -> bool:
+    return bool(np.any((grid < window.start) | (grid > window.end)))
+
+
+def _grid(speed: Signal) -> tuple[Array, Array]:
+    if speed.t.size < 2:
+        return np.empty(0), np.empty(0)
+    grid = np.arange(speed.t[0], speed.t[-1], CELL)
+    return grid, speed.on(grid)
+
+
+def _rms(signal: Signal, grid: Array) -> Array:
+    """Root mean square about the mean in the second around each grid time; infinite where nothing was recorded."""
+    sums = [np.concatenate(([0.0], np.cumsum(signal.x**power))) for power in (1, 2)]
+    lo, hi = np.searchsorted(signal.t, grid - 0.5), np.searchsorted(signal.t, grid + 0.5)
+    n = np.maximum(hi - lo, 1)
+    mean, square = ((s[hi] - s[lo]) / n for s in sums)
+    return np.where(hi > lo, np.sqrt(np.maximum(square - mean**2, 0.0)), np.inf)
+
+
+def _intervals(grid: Array, holds: Bool) -> tuple[Interval, ...]:
+    """Intervals of at least a second in which a condition holds all the time."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False])).astype(int)))
+    pairs = edges.reshape(-1, 2)
+    return tuple((float(grid[a]), float(grid[b - 1])) for a, b in pairs if grid[b - 1] - grid[a] >= SHORTEST)
