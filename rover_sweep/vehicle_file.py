@@ -151,9 +151,8 @@ def set_number(path: str | os.PathLike[str], key: str, number: Measured) -> Vehi
     if isinstance(table.get(name), tomlkit.items.Table):  # written as [vehicle.mass]: change it in place
         table[name].update(fields)
     else:
-        item = tomlkit.inline_table()
-        item.update(fields)
-        table[name] = item
+        inside = ", ".join(f"{field} = {x!r}" for field, x in fields.items())
+        table[name] = tomlkit.value(f"{{ {inside} }}")
     text = tomlkit.dumps(document)
     vehicle = parse(text, str(path))
     _replace(path, text)

@@ -128,7 +128,7 @@ def test_writing_changes_one_number_and_nothing_else(tmp_path: Path) -> None:
     before, after = example().splitlines(), path.read_text(encoding="utf-8").splitlines()
     changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
     assert len(changed) == 1
-    assert changed[0][1].startswith("yaw_inertia = {value = 0.0712, sd = 0.0008}")
+    assert changed[0][1].startswith("yaw_inertia = { value = 0.0712, sd = 0.0008 }")
     assert changed[0][1].split("#")[1] == changed[0][0].split("#")[1]
 
 
