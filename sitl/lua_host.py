@@ -12,7 +12,11 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Protocol
 
+from lupa.lua53 import LuaRuntime
+
 CRITICAL = 2  # MAV_SEVERITY_CRITICAL, with which ArduPilot reports a script's error
+INSTRUCTION_LIMIT = 100_000  # ten times SCR_VM_I_COUNT's default: here the bindings are Lua and count too
+_API = Path(__file__).with_name("lua_api.lua")
 Vector = tuple[float, float, float]
 
 
@@ -91,20 +95,83 @@ class LuaHost:
 
     source: the applet's text. removed: calls to leave out, to be like another version or build, e.g.
     {"SRV_Channels:get_output_pwm_chan"} for 4.5.7; a bare name removes a whole object.
-    """
 
-    error: str | None
-    """The message of the error that stopped the script."""
-    running: bool
-    """False after an error, or when the script asked for no further call."""
-    next_run_ms: int
-    """Vehicle time [ms] at which the next `poll` runs the script."""
+    Public state: `running` is False after an error or when the script asked for no further call;
+    `error` is the message of the error that stopped it; `next_run_ms` is the vehicle time [ms] from
+    which the next `poll` runs the script.
+    """
 
     def __init__(
         self, autopilot: Autopilot, source: str, name: str = "applet.lua", removed: Collection[str] = ()
     ) -> None:
-        raise NotImplementedError(Path(name))
+        self.error: str | None = None
+        self.running = True
+        self.next_run_ms = 0
+        self._autopilot = autopilot
+        self._name = name
+        self._lua = LuaRuntime(
+            unpack_returned_tuples=True, register_eval=False, register_builtins=False, encoding="utf-8"
+        )
+        environment, self._run = self._lua.execute(
+            _API.read_text(encoding="utf-8"), self._functions(), INSTRUCTION_LIMIT
+        )
+        for call in removed:
+            _remove(environment, call)
+        loaded = self._lua.globals().load(source, "@" + name, "t", environment)
+        self._function = loaded[0] if isinstance(loaded, tuple) else loaded
+        if self._function is None:
+            self._stop(f"Error: {loaded[1]}")
+
+    def _functions(self) -> Any:
+        ap = self._autopilot
+        functions = {call: getattr(ap, call) for call in vars(Autopilot) if not call.startswith("_")}
+
+        def log_write(name: str, labels: str, fmt: str, units: str, multipliers: str, *values: Any) -> None:
+            ap.log_write(name, labels, fmt, values, units, multipliers)
+
+        return self._lua.table_from({**functions, "log_write": log_write})
 
     def poll(self) -> bool:
-        """Run the script if its time has come; True if it ran."""
-        raise NotImplementedError
+        """Run the script if its time has come; True if it ran.
+
+        An error of the script stops it, as lua_scripts::run_next_script does (pilot steering comes back
+        when the override's timeout is over); an exception of the autopilot object is raised.
+        """
+        now_ms = self._autopilot.micros() // 1000
+        if not self.running or now_ms < self.next_run_ms:
+            return False
+        results = self._run(self._function)
+        succeeded, returned = (results[0], results[1:]) if isinstance(results, tuple) else (results, ())
+        if not succeeded:
+            if isinstance(returned[0], BaseException):
+                raise returned[0]
+            self._stop(str(returned[0]))
+        else:
+            self._reschedule(now_ms, returned)
+        return True
+
+    def _reschedule(self, now_ms: int, returned: tuple[Any, ...]) -> None:
+        if not returned:
+            self.running = False
+        elif len(returned) != 2:
+            self._stop(f"{self._name} returned bad result count ({len(returned)})")
+        elif not isinstance(returned[1], int | float):
+            self._stop(f"{self._name} did not return a delay")
+        elif not callable(returned[0]):
+            self._stop(f"{self._name} did not return a function")
+        else:
+            self._function, self.next_run_ms = returned[0], now_ms + int(returned[1])
+
+    def _stop(self, message: str) -> None:
+        self.running, self.error = False, message
+        self._autopilot.statustext(CRITICAL, f"Lua: {message}")
+
+
+def _remove(environment: Any, call: str) -> None:
+    owner, _, method = call.partition(":")
+    if owner not in environment or (method and method not in environment[owner]):
+        raise ValueError(f"the Lua API has no {call}")
+    if method:
+        environment[owner][method] = None
+    else:
+        environment[owner] = None

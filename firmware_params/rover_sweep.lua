@@ -1,0 +1,580 @@
+--[[
+Frequency sweep and doublets on the steering of an ArduPilot rover (4.5, 4.6), for identification.
+
+Switch 6 (RC6_OPTION 300, or MAV_CMD_DO_AUX_FUNCTION 300) thrown high while armed in MANUAL starts a run:
+  1 stand still for SWP_STILL s    2 the pilot brings the rover into SWP_V_MIN..SWP_V_MAX for 1 s
+  3 straight    4 fade-in    5 dwell at SWP_WMIN    6 the law, SWP_TREC s    7 fade-out    8 straight
+  9 stand still again for SWP_STILL s (steering is the pilot's)    10 stopped    0 idle
+A doublet has 3, 6 and 8 only. Steering is overridden in states 3 to 8 and nowhere else; the pilot
+keeps the throttle throughout. Thrown while moving in the band, the switch leads straight to 3.
+
+Switch low, disarm, any mode but MANUAL, RC or GCS loss, the steering stick moved, or a limit passed:
+the override ends, and the main loop gives steering back to the pilot. If this script dies, the
+override runs out by itself after OVERRIDE_MS. After a stop the switch must go low first; so it must
+after boot, after arming and after a change of SWP_CHAN.
+
+The wave is that of rover_sweep/identify/sweep.py. Numbers here are 32-bit integers and single floats.
+"Source" below is ArduPilot at Rover-4.6.3, with Rover-4.5.7 compared.
+]]
+
+local VERSION = "1.0"
+local TABLE_KEY = 158 -- used by no script that ships with 4.5 or 4.6
+local PREFIX = "SWP_"
+
+-- Name, default, lowest, highest. The same table, with units and meaning, is in parameters.py.
+local PARAMETERS = {
+    { "ENABLE", 1, 0, 1 },
+    { "TYPE", 0, 0, 1 },
+    { "AMP", 150, 1, 500 },
+    { "WMIN", 0.3, 0.05, 50 },
+    { "WMAX", 25, 0.1, 100 },
+    { "TREC", 55, 1, 600 },
+    { "FADE", 2, 0, 20 },
+    { "DWELL", 2, 0, 60 },
+    { "STRAIGHT", 3, 0, 30 },
+    { "STILL", 3, 0, 30 },
+    { "PULSE", 1, 0.1, 10 },
+    { "PAUSE", 2, 0, 30 },
+    { "COUNT", 2, 1, 20 },
+    { "PWM_MAX", 250, 1, 500 },
+    { "ROLL_MAX", 30, 1, 90 },
+    { "P_MAX", 200, 1, 2000 },
+    { "R_MAX", 150, 1, 2000 },
+    { "V_MIN", 0.5, 0, 30 },
+    { "V_MAX", 4, 0.1, 50 },
+    { "GCS", 0, 0, 1 },
+    { "CHAN", 0, 0, 16 },
+    { "RUN", 0, 0, 65535 },
+}
+
+local PERIOD_MS = 10 -- gives about 84 Hz; 72 ms was the longest gap seen, at a loop rate of 50 Hz
+local OVERRIDE_MS = 100 -- outlasts that gap; counted in main loops, rounded up (source: SRV_Channels.cpp)
+local STEERING = 26 -- SERVOn_FUNCTION of ground steering
+local AUX_FUNCTION = 300 -- RCx_OPTION Scripting1
+local LOW, MIDDLE, HIGH = 0, 1, 2
+local MANUAL = 0 -- elsewhere a controller would steer against the sweep and wind up behind it
+local GCS_LOST_MS = 3000 -- two heartbeats at 1 Hz may be missed
+local STILL_SPEED, MOVED_SPEED = 0.2, 0.4 -- m/s; an EKF on GPS wanders below the first when parked
+local IN_BAND_S, STILL_TIMEOUT_S = 1.0, 30.0
+local STICK_CENTRED_US, STICK_MOVED_US = 100, 200
+local REPORT_US, IDLE_REPORT_US = 200000, 1000000
+local CRITICAL, WARNING, INFO = 2, 4, 6
+local C1, C2 = 4.0, 0.0187 -- Tischler & Remple 2012
+
+local IDLE, STILL_BEFORE, WAITING, STRAIGHT_BEFORE, FADE_IN = 0, 1, 2, 3, 4
+local DWELL, LAW, FADE_OUT, STRAIGHT_AFTER, STILL_AFTER, STOPPED = 5, 6, 7, 8, 9, 10
+
+---------------------------------------------------------------- what this firmware can do
+
+local function say(severity, ...)
+    gcs:send_text(severity, "SWP: " .. string.format(...))
+end
+
+-- The first call that is needed and not there, by name. A missing method reads as nil (source: generator).
+local function missing_call()
+    local needed = {
+        { param, "param", "add_table", "add_param", "get", "set_and_save" },
+        { rc, "rc", "get_pwm", "get_aux_cached", "has_valid_input" },
+        { arming, "arming", "is_armed" },
+        { vehicle, "vehicle", "get_mode" },
+        { SRV_Channels, "SRV_Channels", "find_channel", "set_output_pwm_chan_timeout" },
+        { ahrs, "ahrs", "get_gyro", "get_velocity_NED" },
+        { logger, "logger", "write" },
+    }
+    for _, entry in ipairs(needed) do
+        for i = 3, #entry do
+            if not entry[1] or not entry[1][entry[i]] then
+                return entry[2] .. ":" .. entry[i]
+            end
+        end
+    end
+    -- Either of two names will do. 4.5 and 4.6 have get_roll; get_roll_rad is its later name.
+    if not (ahrs.get_roll or ahrs.get_roll_rad) then
+        return "ahrs:get_roll"
+    end
+    -- get_output_pwm_chan is in 4.6, not in 4.5; get_output_pwm is in both.
+    if not (SRV_Channels.get_output_pwm or SRV_Channels.get_output_pwm_chan) then
+        return "SRV_Channels:get_output_pwm"
+    end
+    return nil
+end
+
+local function roll_rad()
+    if ahrs.get_roll then
+        return ahrs:get_roll()
+    end
+    return ahrs:get_roll_rad()
+end
+
+local function output_pwm(channel)
+    if SRV_Channels.get_output_pwm then
+        return SRV_Channels:get_output_pwm(STEERING)
+    end
+    return SRV_Channels:get_output_pwm_chan(channel)
+end
+
+---------------------------------------------------------------- the wave
+
+-- Frequency [rad/s] at s seconds into the law.
+local function sweep_rate(run, s)
+    return run.WMIN + C2 * (math.exp(C1 * s / run.TREC) - 1.0) * (run.WMAX - run.WMIN)
+end
+
+-- Phase [rad] at law time t, in closed form; linear before the law and after it.
+local function sweep_phase(run, t)
+    local s = math.max(0.0, math.min(t, run.TREC))
+    local law = (run.WMAX - run.WMIN) * C2 * (run.TREC / C1 * (math.exp(C1 * s / run.TREC) - 1.0) - s)
+    local after = sweep_rate(run, run.TREC) * math.max(t - run.TREC, 0.0)
+    return run.WMIN * (s + math.min(t, 0.0)) + law + after
+end
+
+-- State, offset [us] and frequency [rad/s] of a sweep at t seconds of override; a nil state: it is over.
+local function sweep(run, t)
+    local lead = run.FADE + run.DWELL
+    local since = t - run.STRAIGHT
+    local left = lead + run.TREC + run.FADE - since
+    if since < 0 then
+        return STRAIGHT_BEFORE, 0.0, 0.0
+    elseif left <= 0 then
+        return left > -run.STRAIGHT and STRAIGHT_AFTER or nil, 0.0, 0.0
+    end
+    local state, rate, envelope = LAW, sweep_rate(run, math.max(0.0, math.min(since - lead, run.TREC))), 1.0
+    if since < run.FADE then
+        state, envelope = FADE_IN, since / run.FADE
+    elseif since < lead then
+        state = DWELL
+    elseif left < run.FADE then
+        state, envelope = FADE_OUT, left / run.FADE
+    end
+    local phase = sweep_phase(run, since - lead) + run.WMIN * lead
+    return state, run.AMP * envelope * math.sin(phase), rate
+end
+
+-- The same for doublets: +AMP and -AMP for PULSE s each, PAUSE s apart, COUNT times.
+local function doublet(run, t)
+    local since = t - run.STRAIGHT
+    local period = 2.0 * run.PULSE + run.PAUSE
+    if since < 0 then
+        return STRAIGHT_BEFORE, 0.0, 0.0
+    elseif since >= run.COUNT * period then
+        return since < run.COUNT * period + run.STRAIGHT and STRAIGHT_AFTER or nil, 0.0, 0.0
+    end
+    local into = since % period
+    if into < run.PULSE then
+        return LAW, run.AMP, 0.0
+    elseif into < 2.0 * run.PULSE then
+        return LAW, -run.AMP, 0.0
+    end
+    return LAW, 0.0, 0.0
+end
+
+local MANOEUVRES = { [0] = { name = "sweep", at = sweep }, [1] = { name = "doublet", at = doublet } }
+
+---------------------------------------------------------------- what is seen
+
+local parameter = {} -- name without prefix -> Parameter
+local state = IDLE
+local entered = uint32_t(0) -- micros() when the state began
+local run = nil -- the parameters of the run, copied at the switch, and what the run remembers
+local ready = false -- the switch has been low since boot, arming, the last run
+local last_source = nil
+local was_armed = false
+local last_report = uint32_t(0)
+
+-- Seconds since `earlier`; uint32_t differences are right across the wrap after 71 minutes.
+local function seconds_since(earlier)
+    return (micros() - earlier):tofloat() * 1e-6
+end
+
+-- LOW, MIDDLE, HIGH or nil where nothing is known. Thresholds of read_3pos_switch (source: RC_Channel.cpp).
+local function switch_position(source)
+    if source == 0 then
+        return rc:get_aux_cached(AUX_FUNCTION)
+    elseif source < 0 or source > 16 then
+        return nil
+    end
+    local pwm = rc:get_pwm(source)
+    if not pwm or pwm <= 800 or pwm >= 2200 then
+        return nil
+    elseif pwm < 1200 then
+        return LOW
+    end
+    return pwm > 1800 and HIGH or MIDDLE
+end
+
+-- Milliseconds since the ground station was heard. last_seen is read first: it may move on meanwhile.
+local function gcs_age_ms()
+    local heard = gcs:last_seen()
+    return (millis() - heard):tofloat()
+end
+
+-- Everything that decides about a run, read once an update.
+local function look(source)
+    local velocity, gyro = ahrs:get_velocity_NED(), ahrs:get_gyro()
+    local vn, ve = 0.0 / 0.0, 0.0 / 0.0 -- logged as NaN while the EKF has no velocity
+    if velocity then
+        vn, ve = velocity:x(), velocity:y()
+    end
+    return {
+        switch = switch_position(source),
+        armed = arming:is_armed(),
+        mode = vehicle:get_mode(),
+        rc_valid = rc:has_valid_input(), -- false in the throttle failsafe (source: Rover/RC_Channel.cpp)
+        gcs_age_ms = gcs.last_seen and gcs_age_ms(),
+        roll = math.deg(roll_rad()),
+        p = math.deg(gyro:x()),
+        r = math.deg(gyro:z()),
+        vn = vn,
+        ve = ve,
+        speed = velocity and math.sqrt(vn * vn + ve * ve),
+    }
+end
+
+---------------------------------------------------------------- refusing and stopping
+
+local function read_parameters()
+    local values = {}
+    for _, p in ipairs(PARAMETERS) do
+        values[p[1]] = parameter[p[1]]:get()
+    end
+    return values
+end
+
+-- Why these parameters cannot be driven, or nil. `not (a <= b)` refuses NaN as well.
+local function refuse_parameters(v)
+    for _, p in ipairs(PARAMETERS) do
+        if not (v[p[1]] >= p[3] and v[p[1]] <= p[4]) then
+            return string.format("SWP_%s %g outside %g to %g", p[1], v[p[1]], p[3], p[4])
+        end
+    end
+    if not MANOEUVRES[v.TYPE] then
+        return string.format("SWP_TYPE %g is unknown", v.TYPE)
+    elseif v.AMP > v.PWM_MAX then
+        return string.format("SWP_AMP %g > SWP_PWM_MAX %g", v.AMP, v.PWM_MAX)
+    elseif v.WMIN >= v.WMAX then
+        return string.format("SWP_WMIN %g >= SWP_WMAX %g", v.WMIN, v.WMAX)
+    elseif v.V_MIN >= v.V_MAX then
+        return string.format("SWP_V_MIN %g >= SWP_V_MAX %g", v.V_MIN, v.V_MAX)
+    elseif v.GCS > 0 and not gcs.last_seen then
+        return "SWP_GCS 1, but no gcs:last_seen"
+    end
+    return nil
+end
+
+-- Where the steering servo is and what it may do, added to the run; or why not.
+local function refuse_servo(v)
+    local channel = SRV_Channels:find_channel(STEERING)
+    if not channel then
+        return "no servo has function 26 (steering)"
+    end
+    local name = string.format("SERVO%d_", channel + 1)
+    local trim, low, high = param:get(name .. "TRIM"), param:get(name .. "MIN"), param:get(name .. "MAX")
+    if not (trim and low and high) then
+        return name .. "TRIM, MIN, MAX unknown"
+    elseif trim - v.AMP < low or trim + v.AMP > high then
+        return string.format("PWM %g+-%g not in %s%g..%g", trim, v.AMP, name, low, high)
+    end
+    v.channel, v.trim = channel, trim
+    return nil
+end
+
+-- Why the vehicle may not start a run, or nil.
+local function refuse_vehicle(v, seen)
+    if v.ENABLE < 1 then
+        return "SWP_ENABLE is 0"
+    elseif not seen.armed then
+        return "not armed"
+    elseif seen.mode ~= MANUAL then
+        return string.format("mode %d, needs MANUAL", seen.mode)
+    elseif not seen.rc_valid then
+        return "no RC"
+    elseif not seen.speed then
+        return "no velocity estimate"
+    end
+    return nil
+end
+
+-- The pilot reaches for the wheel: the stick, once centred, moves away.
+local function stick_moved(v)
+    local stick = rc:get_pwm(v.stick_channel)
+    local away = stick and math.abs(stick - v.stick_trim) or 0
+    v.stick_centred = v.stick_centred or away <= STICK_CENTRED_US
+    return v.stick_centred and away > STICK_MOVED_US
+end
+
+-- Why a run must end at once, or nil. One condition a line: the tests take each line out in turn.
+local function reason_to_stop(v, seen)
+    if seen.switch ~= HIGH then return "switch low" end
+    if not seen.armed then return "disarmed" end
+    if seen.mode ~= MANUAL then return string.format("mode %d, not MANUAL", seen.mode) end
+    if not seen.rc_valid then return "RC lost" end
+    if v.GCS > 0 and seen.gcs_age_ms > GCS_LOST_MS then return "GCS lost" end
+    return nil
+end
+
+-- The same for what matters only while this script steers.
+local function limit_passed(v, seen)
+    local off = math.abs(output_pwm(v.channel) - v.trim)
+    local over = "%s %.1f > %g %s"
+    if off > v.PWM_MAX then return string.format(over, "steering", off, v.PWM_MAX, "us") end
+    if stick_moved(v) then return "steering stick moved" end
+    if math.abs(seen.roll) > v.ROLL_MAX then return string.format(over, "roll", math.abs(seen.roll), v.ROLL_MAX, "deg") end
+    if math.abs(seen.p) > v.P_MAX then return string.format(over, "roll rate", math.abs(seen.p), v.P_MAX, "deg/s") end
+    if math.abs(seen.r) > v.R_MAX then return string.format(over, "yaw rate", math.abs(seen.r), v.R_MAX, "deg/s") end
+    if not seen.speed then return "no velocity estimate" end
+    if seen.speed and seen.speed > v.V_MAX then return string.format(over, "speed", seen.speed, v.V_MAX, "m/s") end
+    if seen.speed and seen.speed < v.V_MIN then return string.format("speed %.1f < %g m/s", seen.speed, v.V_MIN) end
+    return nil
+end
+
+---------------------------------------------------------------- acting and telling
+
+local function report(rate)
+    gcs:send_named_float("SWP_ST", state)
+    gcs:send_named_float("SWP_W", rate)
+    gcs:send_named_float("SWP_RUN", run and run.number or parameter.RUN:get())
+    last_report = micros()
+end
+
+local function enter(new_state, rate)
+    state, entered = new_state, micros()
+    report(rate or 0.0)
+end
+
+-- One SWEP message. `wanted` is the PWM before rounding; where the pilot steers there is no wish but his.
+local function log(seen, t, wanted)
+    local out = output_pwm(run.channel)
+    logger:write("SWEP", "Run,St,T,Cmd,Out,VN,VE", "HBfffff", "--sYYnn", "--00000",
+        run.number, state, t, wanted or out, out, seen.vn, seen.ve)
+end
+
+-- The only line that moves anything. An override works disarmed too (measured), hence the last look.
+local function steer(pwm, timeout_ms)
+    if arming:is_armed() then
+        SRV_Channels:set_output_pwm_chan_timeout(run.channel, math.floor(pwm + 0.5), timeout_ms)
+    end
+end
+
+local function overriding()
+    return state >= STRAIGHT_BEFORE and state <= STRAIGHT_AFTER
+end
+
+-- Steering is the pilot's at the next main loop: a timeout of 0 lets calc_pwm recompute the output
+-- (source: SRV_Channels.cpp). Disarmed, nothing is sent and the last override runs out.
+local function release()
+    steer(output_pwm(run.channel), 0)
+end
+
+local function stop(seen, reason)
+    if overriding() then
+        release()
+    end
+    say(WARNING, "run %d stopped: %s", run.number, reason)
+    enter(STOPPED)
+    log(seen, run.time, nil)
+end
+
+local function done()
+    say(INFO, "run %d done", run.number)
+    enter(IDLE)
+    run = nil
+end
+
+---------------------------------------------------------------- the course of a run
+
+local function start_override()
+    run.start = micros()
+    say(INFO, "run %d start %s", run.number, run.manoeuvre.name)
+    enter(STRAIGHT_BEFORE)
+end
+
+local function wait_for_speed()
+    say(INFO, "run %d drive at %g to %g m/s", run.number, run.V_MIN, run.V_MAX)
+    run.in_band = nil
+    enter(WAITING)
+end
+
+local function begin(seen)
+    local values = read_parameters()
+    local refusal = refuse_vehicle(values, seen) or refuse_parameters(values) or refuse_servo(values)
+    if refusal then
+        say(WARNING, "refused: %s", refusal)
+        return
+    end
+    run = values
+    run.manoeuvre, run.time = MANOEUVRES[run.TYPE], 0.0
+    run.stick_channel = math.floor(param:get("RCMAP_ROLL") or 1)
+    run.stick_trim = param:get(string.format("RC%d_TRIM", run.stick_channel)) or 1500
+    run.number = math.floor(run.RUN) % 65535 + 1
+    parameter.RUN:set_and_save(run.number)
+    if run.STILL > 0 and seen.speed < STILL_SPEED then
+        say(INFO, "run %d stand still for %g s", run.number, run.STILL)
+        enter(STILL_BEFORE)
+        return
+    end
+    if run.STILL > 0 then
+        say(INFO, "run %d moving: no standstill in the record", run.number)
+    end
+    if seen.speed >= run.V_MIN and seen.speed <= run.V_MAX then
+        start_override()
+    else
+        wait_for_speed()
+    end
+end
+
+local function idle(seen)
+    if seen.switch == LOW then
+        ready = true
+    elseif seen.switch == HIGH and ready then
+        ready = false
+        begin(seen)
+    end
+end
+
+local function stand_before(seen)
+    if seen.speed and seen.speed > MOVED_SPEED then
+        say(INFO, "run %d standstill only %.1f s", run.number, seconds_since(entered))
+        wait_for_speed()
+    elseif seconds_since(entered) >= run.STILL then
+        wait_for_speed()
+    end
+end
+
+local function wait(seen)
+    if not (seen.speed and seen.speed >= run.V_MIN and seen.speed <= run.V_MAX) then
+        run.in_band = nil
+    elseif not run.in_band then
+        run.in_band = micros()
+    elseif seconds_since(run.in_band) >= IN_BAND_S then
+        start_override()
+    end
+end
+
+local function stand_after(seen)
+    if not seen.speed or seen.speed > STILL_SPEED then
+        run.still_since = nil
+    elseif not run.still_since then
+        run.still_since = micros()
+    end
+    local stood = run.still_since and seconds_since(run.still_since) >= run.STILL
+    if stood or seen.switch ~= HIGH or not seen.armed then
+        done()
+    elseif seconds_since(entered) > STILL_TIMEOUT_S then
+        say(INFO, "run %d no standstill at the end", run.number)
+        done()
+    end
+end
+
+local function end_override()
+    release()
+    if run.STILL > 0 then
+        say(INFO, "run %d steering is yours: stop", run.number)
+        enter(STILL_AFTER)
+    else
+        done()
+    end
+end
+
+-- One step of the override: the wave at this very moment, on the servo and in the log.
+local function drive(seen)
+    local t = seconds_since(run.start)
+    local next_state, offset, rate = run.manoeuvre.at(run, t)
+    run.time = t
+    if not next_state then
+        end_override()
+        return
+    end
+    if next_state ~= state then
+        enter(next_state, rate)
+    end
+    run.rate = rate
+    local wanted = run.trim + offset
+    steer(wanted, OVERRIDE_MS)
+    log(seen, t, wanted)
+end
+
+local function follow(seen)
+    local reason = reason_to_stop(run, seen)
+    if not reason and overriding() then
+        reason = limit_passed(run, seen)
+    end
+    if reason then
+        stop(seen, reason)
+        return
+    end
+    if state == STILL_BEFORE then
+        stand_before(seen)
+    elseif state == WAITING then
+        wait(seen)
+    end
+    if overriding() then
+        drive(seen)
+    else
+        log(seen, 0.0, nil)
+    end
+end
+
+-- A switch that is already high at boot, at arming or where SWP_CHAN now points is not a throw.
+local function watch_switch(source, armed)
+    if source ~= last_source or armed ~= was_armed then
+        ready = false
+    end
+    if source ~= last_source and (source < 0 or source > 16) then
+        say(WARNING, "refused: SWP_CHAN %d outside 0 to 16", source)
+    end
+    last_source, was_armed = source, armed
+end
+
+local function update()
+    local source = math.floor(run and run.CHAN or parameter.CHAN:get())
+    local seen = look(source)
+    watch_switch(source, seen.armed)
+    if state == IDLE then
+        idle(seen)
+        if overriding() then
+            drive(seen)
+        end
+    elseif state == STOPPED then
+        if seen.switch ~= HIGH then
+            enter(IDLE)
+            run = nil
+        end
+    elseif state == STILL_AFTER then
+        log(seen, run.time + seconds_since(entered), nil)
+        stand_after(seen)
+    else
+        follow(seen)
+    end
+    if (micros() - last_report):tofloat() >= (state == IDLE and IDLE_REPORT_US or REPORT_US) then
+        report(overriding() and run.rate or 0.0)
+    end
+    return update, PERIOD_MS
+end
+
+---------------------------------------------------------------- start
+
+local function add_parameters()
+    if not param:add_table(TABLE_KEY, PREFIX, #PARAMETERS) then
+        return string.format("parameter table %d is taken", TABLE_KEY)
+    end
+    for i, p in ipairs(PARAMETERS) do
+        if not param:add_param(TABLE_KEY, i, p[1], p[2]) then
+            return "cannot add " .. PREFIX .. p[1]
+        end
+        parameter[p[1]] = Parameter(PREFIX .. p[1])
+    end
+    return nil
+end
+
+local missing = missing_call()
+if missing then
+    say(CRITICAL, "no %s", missing)
+    return
+end
+local trouble = add_parameters()
+if trouble then
+    say(CRITICAL, "refused: %s", trouble)
+    return
+end
+say(INFO, "applet %s ready", VERSION)
+return update, PERIOD_MS
