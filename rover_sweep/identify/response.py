@@ -8,11 +8,11 @@ through zero). The four unknowns of each frequency are solved at all frequencies
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_sweep.identify.recording import Array, Recording
+from rover_sweep.identify.recording import Array, Recording, Signal
 from rover_sweep.identify.spectra import Complex, WindowSpectra, window_spectra
 
 COHERENCE_GOOD = 0.6
@@ -83,20 +83,34 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Composite response input -> output over all runs at w [rad/s] with windows [s].
 
-    output "vydot" is jw times the response of vy (never a differentiated signal).
+    Outputs that vanish at w = 0 are jw times the response of their integral: vydot of vy (never a
+    differentiated signal), p of the integrated roll rate. The slope of the window leaks an error of
+    about 2 pi/(T_win w) of itself into a response that rises as w; into a flat one it leaks nothing
+    (measured on the recordings' truth: 3 dB and 34 deg of p at .3-.5 rad/s became .5 dB and 12 deg).
     band: overrides the automatic choice from the coherence.
     """
-    channel = "vy" if output == "vydot" else output
-    spectra = window_spectra(runs, channel, windows, w, input)
+    rising = output in ("vydot", "p")
+    used = [_integrated(run) for run in runs] if output == "p" else runs
+    spectra = window_spectra(used, "vy" if output == "vydot" else output, windows, w, input)
     gxx, gyy, gxy = composite(spectra)
     coherence = np.abs(gxy) ** 2 / (gxx * gyy)
-    h = gxy / gxx * (1j * w if output == "vydot" else 1.0)
+    h = gxy / gxx * (1j * w if rising else 1.0)
+    gyy = gyy * (w**2 if rising else 1.0)
     error = np.nanmin([s.random_error for s in spectra], axis=0)
-    unit = f"{runs[0][channel].unit}{'/s' if output == 'vydot' else ''} per {runs[0][input].unit}"
+    unit = {"vydot": "m/s^2", "p": "rad/s"}.get(output) or runs[0][output].unit
+    unit = f"{unit} per {runs[0][input].unit}"
     return FrequencyResponse(
         input, output, unit, w, h, coherence, error, gxx, gyy,
         tuple(s.length for s in spectra), band or usable_band(w, coherence),
     )  # fmt: skip
+
+
+def _integrated(run: Recording) -> Recording:
+    """The run with p replaced by its integral over the manoeuvre [rad], from its mean."""
+    p = run.manoeuvre("p")
+    x = p.x - p.x.mean()
+    angle = np.concatenate(([0.0], np.cumsum((x[1:] + x[:-1]) / 2 * np.diff(p.t))))
+    return replace(run, channels={**run.channels, "p": Signal(p.t, angle, "rad", f"integral of {p.source}")})
 
 
 def composite(spectra: Sequence[WindowSpectra]) -> tuple[Array, Array, Complex]:

@@ -1,0 +1,159 @@
+"""Is a run good enough? Coherence by band, in words, with what to change before it is driven again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_sweep.identify.recording import Array, Recording
+from rover_sweep.identify.response import (
+    COHERENCE_GOOD,
+    Band,
+    FrequencyResponse,
+    default_windows,
+    frequency_grid,
+    frequency_response,
+)
+from rover_sweep.identify.spectra import transforms, window_starts
+
+WANTED_COHERENCE = 0.8  # what a repeated run is asked to reach: a margin above the .6 that is usable
+COVERED = 0.8  # of the swept range, in log w
+LATERAL_LIMIT = 6.0  # m/s^2, above which a rover on asphalt slides or rolls over
+
+
+@dataclass(frozen=True)
+class OutputCoherence:
+    """Coherence of one output: usable band [rad/s], share of the swept range at >= .6, lowest value."""
+
+    output: str
+    band: Band | None
+    covered: float
+    lowest: float
+    lowest_at: float
+
+
+@dataclass(frozen=True)
+class CoherenceVerdict:
+    """keep, or repeat with what. range: the excited range [rad/s]; amplitude [us] or [rad] as recorded.
+
+    amplitude_factor: by how much more amplitude the coherence would reach .8, None when kept.
+    """
+
+    run: str
+    keep: bool
+    range: Band
+    amplitude: float
+    amplitude_unit: str
+    amplitude_factor: float | None
+    outputs: tuple[OutputCoherence, ...]
+    sentence: str
+
+
+def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | None = None) -> Band:
+    """Frequencies [rad/s] that the steering excites: power within 20 dB of its median.
+
+    From 2 pi/(half the longest run) to `top` or to .8 of the slowest Nyquist frequency, at most 60 rad/s.
+    """
+    longest = max(run.span[1] - run.span[0] for run in runs)
+    nyquist = np.pi * min(run[c].rate for run in runs for c in (input, "r") if c in run)
+    w = np.geomspace(2 * np.pi / (longest / 2), min(top or 60.0, 0.8 * nyquist), 150)
+    power = np.sum([_power(run, input, w, longest / 4) for run in runs], axis=0)
+    strong = w[power > 1e-2 * np.median(power[power > 1e-3 * power.max()])]
+    return float(strong[0]), float(strong[-1])
+
+
+def _power(run: Recording, input: str, w: Array, length: float) -> Array:
+    length = min(length, run.span[1] - run.span[0])
+    starts = window_starts(*run.span, length)
+    return np.mean(np.abs(transforms(run.manoeuvre(input), [starts], [length], w)[0]) ** 2, axis=0)
+
+
+def responses(
+    runs: Sequence[Recording],
+    outputs: Sequence[str] = ("r", "ay", "vydot", "p"),
+    input: str = "delta",
+    band: Band | None = None,
+    windows: Sequence[float] | None = None,
+    bands: Mapping[str, Band] | None = None,
+) -> dict[str, FrequencyResponse]:
+    """Composite responses of all outputs that were recorded, over the excited range.
+
+    band: swept range [rad/s] in place of the excited one; windows [s] in place of the default five;
+    bands: usable band per output in place of the choice from the coherence.
+    """
+    total = sum(run.span[1] - run.span[0] for run in runs)
+    longest = max(run.span[1] - run.span[0] for run in runs)
+    low, high = band or excited_range(runs, input)
+    lengths = tuple(windows or default_windows(low, high, total, longest))
+    w = frequency_grid(low, high, lengths)
+    recorded = [o for o in outputs if all({"vydot": "vy"}.get(o, o) in run for run in runs)]
+    return {o: frequency_response(runs, o, w, lengths, input, (bands or {}).get(o)) for o in recorded}
+
+
+def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None) -> CoherenceVerdict:
+    """The verdict on one run from the coherence of r and a_y over the excited range."""
+    input = "delta" if "delta" in run else "pwm"
+    measured = found or responses([run], input=input)
+    outputs = tuple(_output(f) for f in measured.values())
+    judged = [f for name, f in measured.items() if name in ("r", "ay")] or list(measured.values())
+    worst = min(judged, key=lambda f: _output(f).covered)
+    signal = run.manoeuvre(input)
+    amplitude = float(np.ptp(signal.x)) / 2
+    unit = "us" if signal.unit == "us" else signal.unit
+    swept = (float(worst.w[0]), float(worst.w[-1]))
+    keep = _output(worst).covered >= COVERED
+    factor = None if keep else _factor(worst)
+    words = _keep_words(outputs, swept) if keep else _repeat_words(run, worst, amplitude, unit, factor or 1.0)
+    return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, words)
+
+
+def _output(f: FrequencyResponse) -> OutputCoherence:
+    lowest = int(np.argmin(f.coherence))
+    return OutputCoherence(
+        f.output, f.band, float(np.mean(f.coherence >= COHERENCE_GOOD)),
+        float(f.coherence[lowest]), float(f.w[lowest]),
+    )  # fmt: skip
+
+
+def _factor(f: FrequencyResponse) -> float:
+    """Amplitude ratio that lifts the lower three quarters of the poor points to the wanted coherence.
+
+    The signal-to-noise power ratio is g2/(1 - g2) and grows with the square of the amplitude.
+    """
+    g2 = np.clip(f.coherence[f.coherence < COHERENCE_GOOD], 0.02, None)
+    wanted = WANTED_COHERENCE / (1 - WANTED_COHERENCE)
+    return float(np.clip(np.sqrt(wanted * (1 - np.percentile(g2, 25)) / np.percentile(g2, 25)), 1.2, 12.0))
+
+
+def _keep_words(outputs: Sequence[OutputCoherence], swept: Band) -> str:
+    bands = ", ".join(f"{o.output} {o.band[0]:.2g}-{o.band[1]:.3g}" for o in outputs if o.band)
+    poor = [o.output for o in outputs if o.band is None]
+    rest = f"; {', '.join(poor)} too weak to be used" if poor else ""
+    return f"keep: coherence >= 0.6 over {swept[0]:.2g}-{swept[1]:.3g} rad/s ({bands} rad/s{rest})"
+
+
+def _repeat_words(run: Recording, f: FrequencyResponse, amplitude: float, unit: str, factor: float) -> str:
+    low = f.w[f.coherence < COHERENCE_GOOD]
+    where = f"{low[0]:.2g}-{low[-1]:.3g} rad/s"
+    wanted = amplitude * factor
+    value = f"{wanted:.0f} us" if unit == "us" else f"{wanted:.2g} {unit}"
+    said = (
+        f"repeat with {factor:.1f} times the amplitude ({value} in place of {amplitude:.3g}): "
+        f"coherence of {f.output} is below 0.6 over {100 * np.mean(f.coherence < COHERENCE_GOOD):.0f} % "
+        f"of the range ({where}, median {np.median(f.coherence):.2f})"
+    )
+    peak = float(np.percentile(np.abs(run.manoeuvre("ay").x), 99)) * factor if "ay" in run else 0.0
+    if peak > LATERAL_LIMIT:
+        said += (
+            f"; that much would take a_y to about {peak:.0f} m/s^2, so lengthen T_rec or lower w_max instead"
+        )
+    return said
+
+
+def sign_is_wrong(response: FrequencyResponse) -> bool:
+    """True when r answers the steering with the opposite sign at the low end of the band."""
+    low, high = response.band or (response.w[0], response.w[-1])
+    inside = (response.w >= low) & (response.w <= np.sqrt(low * high))
+    return bool(np.sum((response.h * response.coherence)[inside]).real < 0)

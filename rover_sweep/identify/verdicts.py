@@ -1,0 +1,83 @@
+"""What a fit is worth, in words: guidelines of Tischler & Remple 2012 on J, Cramer-Rao bounds and insensitivity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from rover_sweep.identify.fit import Estimate, FitResult
+
+if TYPE_CHECKING:
+    from rover_sweep.identify.identification import ModelResult
+
+Level = Literal["good", "acceptable", "poor", "not identifiable"]
+J_GOOD, J_ACCEPTABLE = 50.0, 100.0
+CR_GUIDE, I_GUIDE = 20.0, 10.0  # percent
+CR_LOST, I_LOST = 60.0, 25.0  # percent: beyond these the number says nothing about the rover
+
+
+@dataclass(frozen=True)
+class ModelVerdict:
+    """level, and the reasons as sentences, the weightiest first."""
+
+    level: Level
+    sentences: tuple[str, ...]
+
+
+def judge_model(result: FitResult) -> ModelVerdict:
+    """The verdict on one fit by itself."""
+    lost = [e for e in result.estimates if e.free and e.name != "tau" and _is_lost(e)]
+    weak = [e for e in result.estimates if e.free and e not in lost and _is_weak(e)]
+    words = [_cost_words(result.average)]
+    if weak:
+        words.append("uncertain beyond the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, weak)))
+    if result.spread > 0.02:
+        words.append(f"other starts reach the same cost with parameters up to {100 * result.spread:.0f} % away")
+    if lost:
+        return ModelVerdict("not identifiable", ("cannot be identified: " + ", ".join(map(_numbers, lost)), *words))
+    return ModelVerdict(_level(result.average), tuple(words))
+
+
+def _is_lost(e: Estimate) -> bool:
+    return e.at_bound or (e.cr_percent or 0.0) > CR_LOST or (e.insensitivity_percent or 0.0) > I_LOST
+
+
+def _is_weak(e: Estimate) -> bool:
+    return (e.cr_percent or 0.0) > CR_GUIDE or (e.insensitivity_percent or 0.0) > I_GUIDE
+
+
+def _numbers(e: Estimate) -> str:
+    bound = ", at its bound" if e.at_bound else ""
+    return f"{e.name} (CR {e.cr_percent:.3g} %, I {e.insensitivity_percent:.3g} %{bound})"
+
+
+def _level(average: float) -> Level:
+    return "good" if average <= J_GOOD else "acceptable" if average <= J_ACCEPTABLE else "poor"
+
+
+def _cost_words(average: float) -> str:
+    level = {
+        "good": f"hardly distinguishable from the data (guideline <= {J_GOOD:g})",
+        "acceptable": f"acceptable (guideline <= {J_ACCEPTABLE:g})",
+        "poor": f"a poor fit (guideline <= {J_ACCEPTABLE:g})",
+    }[_level(average)]
+    return f"J_ave {average:.1f}: {level}"
+
+
+def kinematic_suffices(models: Mapping[str, ModelResult]) -> str | None:
+    """Why tyre parameters mean nothing here, or None: the kinematic model fits r and a_y as well as the bicycle.
+
+    A stiffness beyond what the data can tell from infinity is soaked-up noise and delay.
+    """
+    plain, tyres = models.get("kinematic"), models.get("bicycle") or models.get("roll-yaw")
+    if plain is None or tyres is None:
+        return None
+    shared = [o for o in ("r", "ay") if o in plain.costs and o in tyres.costs]
+    without, with_tyres = (sum(m.costs[o] for o in shared) / len(shared) for m in (plain, tyres))
+    if without > with_tyres * 1.1 + 2.0:
+        return None
+    return (
+        f"the kinematic model fits as well (J of {' and '.join(shared)} {without:.1f}, "
+        f"{with_tyres:.1f} with tyres), so tyre stiffness and yaw inertia cannot be identified from these runs"
+    )
