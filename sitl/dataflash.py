@@ -97,8 +97,6 @@ class DataFlashWriter:
         """Adds a message type to a log that is open already, as logger:write of a script does."""
         self.formats[fmt.name] = fmt
         self._heads[fmt.name] = HEAD + bytes([fmt.type])
-        if fmt.plain:
-            self._plain.add(fmt.name)
         self._announce(fmt)
 
     def _announce(self, fmt: LogFormat) -> None:
