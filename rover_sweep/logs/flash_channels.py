@@ -21,6 +21,7 @@ from rover_sweep.logs.log import (
     AppletRows,
     Array,
     Log,
+    body_velocity,
     increasing,
     is_banner,
     joined_steering,
@@ -175,7 +176,7 @@ def _velocity(flash: DataFlash) -> dict[str, Signal]:
             t, (vn, ve, yaw), _ = increasing(
                 flash.seconds(name, rows), *(flash.column(name, c, rows) for c in ("VN", "VE", "Yaw"))
             )
-            return body_velocity(t, vn, ve, -np.radians(yaw), name)
+            return body_velocity(t, vn, ve, -np.radians(yaw), f"{name}.VN,VE,Yaw")
     if flash.has("GPS", "Spd"):
         rows = _first_instance(flash, "GPS", "I")
         return _signals(flash, "GPS", rows, {"speed": ("Spd", 1.0, "m/s")})
@@ -187,16 +188,6 @@ def _primary_core(flash: DataFlash) -> int:
     if not flash.has("XKF4", "PI"):
         return 0
     return int(np.bincount(flash.rows("XKF4")["PI"].astype(np.int64).clip(0)).argmax())
-
-
-def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> dict[str, Signal]:
-    """speed (forward) and vy (left) [m/s] from north and east velocity [m/s] and heading psi [rad], left positive."""
-    speed = vn * np.cos(psi) - ve * np.sin(psi)
-    left = -vn * np.sin(psi) - ve * np.cos(psi)
-    return {
-        "speed": Signal(t, speed, "m/s", f"{source}.VN,VE,Yaw"),
-        "vy": Signal(t, left, "m/s", f"{source}.VN,VE,Yaw"),
-    }
 
 
 def _output(flash: DataFlash, channel: int) -> Signal | None:

@@ -134,6 +134,16 @@ def increasing(t: Array, *columns: Array) -> tuple[Array, tuple[Array, ...], int
     return t[keep], tuple(c[keep] for c in columns), int(t.size - keep.sum())
 
 
+def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> dict[str, Signal]:
+    """speed (forward) and vy (left) [m/s] from north and east velocity [m/s] and heading psi [rad], left positive."""
+    speed = vn * np.cos(psi) - ve * np.sin(psi)
+    left = -vn * np.sin(psi) - ve * np.cos(psi)
+    return {
+        "speed": Signal(t, speed, "m/s", source),
+        "vy": Signal(t, left, "m/s", source),
+    }
+
+
 def joined_steering(fine: Signal, coarse: Signal | None) -> Signal:
     """A staircase that is `fine` where that was logged, and `coarse` before, after and in its long gaps."""
     if coarse is None or fine.t.size == 0:

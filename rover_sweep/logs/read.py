@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.recording import Recording
 from rover_sweep.logs.judge import judged, refuse_useless
 from rover_sweep.logs.log import Log
@@ -26,10 +26,17 @@ def read_runs(
     "accel_hz"} [Hz, 0 = off] in place of the recorded INS_GYRO_FILTER and INS_ACCEL_FILTER.
     Raises UsageError for a source that cannot be opened, DataRefused for one that cannot be used.
     """
-    runs = []
+    runs: list[Recording] = []
+    refusals: list[DataRefused] = []
     for log in read_logs(source, column_map=column_map, filters=filters):
-        refuse_useless(log)
+        try:
+            refuse_useless(log)
+        except DataRefused as refusal:  # of one trial or one start of the vehicle; others may do
+            refusals.append(refusal)
+            continue
         runs += [judged(run, log) for run in find_runs(log)]
+    if not runs and refusals:
+        raise refusals[0]
     return tuple(runs)
 
 
@@ -40,10 +47,42 @@ def read_logs(
     filters: Mapping[str, float] | None = None,
 ) -> tuple[Log, ...]:
     """The logs in a source: one, or several where the vehicle restarted or a .csv joins trials."""
+    parts = [source] if Path(source).is_file() else source.split("+")
+    if len(parts) == 2:
+        return (_pair(*parts, filters),)
     path = _existing(source)
+    match path.suffix.lower():
+        case ".bin":
+            return (_flash(path, filters),)
+        case ".tlog":
+            return _telemetry(path, filters)
+        case ".csv":
+            from rover_sweep.logs.csv import read_csv
+
+            return read_csv(path, column_map)
+    raise UsageError(f"{path.name}: {path.suffix or 'no extension'} is not read; give a .BIN, .tlog or .csv")
+
+
+def _flash(path: Path, filters: Mapping[str, float] | None) -> Log:
     from rover_sweep.logs.flash_channels import read_dataflash
 
-    return (read_dataflash(path, filters),)
+    return read_dataflash(path, filters)
+
+
+def _telemetry(path: Path, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
+    from rover_sweep.logs.telemetry_channels import read_telemetry
+
+    return read_telemetry(path, filters)
+
+
+def _pair(first: str, second: str, filters: Mapping[str, float] | None) -> Log:
+    """Both logs of one drive, named in either order."""
+    from rover_sweep.logs.pair import paired
+
+    by_kind = {path.suffix.lower(): path for path in (_existing(first), _existing(second))}
+    if set(by_kind) != {".bin", ".tlog"}:
+        raise UsageError(f"{first}+{second}: a pair is one .BIN and one .tlog of the same drive")
+    return paired(_flash(by_kind[".bin"], filters), _telemetry(by_kind[".tlog"], filters))
 
 
 def _existing(name: str) -> Path:

@@ -1,0 +1,306 @@
+"""From the messages of a telemetry log to channels in SI units and ISO axes, on the vehicle's clock.
+
+A .tlog is stamped on arrival, so its stamps hold the link's delays (pymavlink issue 661); the messages'
+own time_boot_ms and time_usec are used. Field units: https://mavlink.io/en/messages/common.html; that
+ArduPilot counts both since boot, and time_usec of SERVO_OUTPUT_RAW in 32 bit, was seen in logs of 4.6.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.errors import DataRefused
+from rover_sweep.identify.recording import Note, Signal
+from rover_sweep.logs.log import (
+    STEERING,
+    THROTTLE,
+    Array,
+    Log,
+    body_velocity,
+    increasing,
+    is_banner,
+    output_channel,
+    output_limits,
+    sensor_filters,
+    source_of,
+    vehicle_of,
+)
+from rover_sweep.logs.tlog import Frames, Tlog, open_tlog
+
+WANTED = frozenset(
+    ("HEARTBEAT", "AUTOPILOT_VERSION", "ATTITUDE", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "HIGHRES_IMU")
+    + (
+        "LOCAL_POSITION_NED",
+        "GLOBAL_POSITION_INT",
+        "VFR_HUD",
+        "SERVO_OUTPUT_RAW",
+        "PARAM_VALUE",
+        "STATUSTEXT",
+    )
+)
+CLOCKS = (
+    "ATTITUDE",
+    "RAW_IMU",
+    "SCALED_IMU",
+    "SCALED_IMU2",
+    "HIGHRES_IMU",
+    "LOCAL_POSITION_NED",
+    "GLOBAL_POSITION_INT",
+)
+ARDUPILOT = 3  # MAV_AUTOPILOT
+KINDS = {10: "rover", 11: "boat", 12: "submarine", 5: "antenna tracker", 1: "plane", 7: "blimp",
+         2: "copter", 3: "copter", 4: "helicopter", 13: "copter", 14: "copter", 15: "copter"}  # MAV_TYPE  # fmt: skip
+WRAP = 2.0**32 * 1e-6  # s after which SERVO_OUTPUT_RAW.time_usec starts again
+REBOOT = 1.0  # s: a clock that falls by more has started again
+EVERY_STEP_SEEN = 100.0  # Hz: a faster stream catches each step of the staircase (Lua runs at 84 Hz)
+MILLI_G = 9.80665e-3
+DAMAGE_LIMIT = 0.01
+STEERING_FIRST = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """The vehicle's messages between two restarts, with a clock for those that carry no time."""
+
+    messages: Mapping[str, Frames]
+    clock_order: NDArray[np.int64]
+    clock: Array
+
+    def seconds(self, name: str) -> Array:
+        """Vehicle time (n,) s of each message of a name; that of the message before, where it has none."""
+        frames = self.messages[name]
+        fields = frames.rows.dtype.names or ()
+        if "time_boot_ms" in fields:
+            return frames.rows["time_boot_ms"].astype(float) * 1e-3
+        k = np.clip(np.searchsorted(self.clock_order, frames.order, "right") - 1, 0, None)
+        before = self.clock[k]
+        if "time_usec" not in fields:
+            return before
+        t = frames.rows["time_usec"].astype(float) * 1e-6
+        return t + WRAP * np.round((before - t) / WRAP) if frames.rows["time_usec"].itemsize == 4 else t
+
+
+def read_telemetry(path: Path, filters: Mapping[str, float] | None = None) -> tuple[Log, ...]:
+    """A .tlog as one `Log` for each start of the vehicle. Raises DataRefused for a useless file."""
+    tlog = open_tlog(path, WANTED)
+    _refuse_damage(path, tlog)
+    kind, own = _of_vehicle(path, tlog)
+    sessions = list(_sessions(own))
+    if not sessions:
+        raise DataRefused(
+            f"{path.name} holds no ATTITUDE or IMU messages: ask the vehicle for them while recording"
+        )
+    source, damage = source_of(path), tuple(_reading_notes(tlog, len(sessions)))
+    names = [path.stem if len(sessions) == 1 else f"{path.stem} start {i + 1}" for i in range(len(sessions))]
+    return tuple(_log(n, s, kind, filters, source, damage) for n, s in zip(names, sessions, strict=True))
+
+
+def _refuse_damage(path: Path, tlog: Tlog) -> None:
+    if tlog.size == 0:
+        raise DataRefused(f"{path.name} is empty (0 bytes): record the telemetry again")
+    if tlog.frame_count == 0:
+        raise DataRefused(f"{path.name} is no telemetry log: its {tlog.size} bytes hold no MAVLink frame")
+    wanted = sum(len(f) for f in tlog.messages.values()) + tlog.bad_checksums
+    if tlog.bad_bytes > DAMAGE_LIMIT * tlog.size or tlog.bad_checksums > DAMAGE_LIMIT * max(wanted, 100):
+        raise DataRefused(
+            f"{path.name} is damaged: {tlog.bad_bytes} of {tlog.size} bytes belong to no frame and "
+            f"{tlog.bad_checksums} of {wanted} messages have a wrong checksum; use another copy or the .BIN"
+        )
+
+
+def _reading_notes(tlog: Tlog, sessions: int) -> Iterator[Note]:
+    if tlog.bad_bytes:
+        yield Note(
+            "warning",
+            f"{tlog.bad_bytes} bytes of the telemetry log belong to no whole frame and were skipped",
+        )
+    if tlog.bad_checksums:
+        yield Note("warning", f"{tlog.bad_checksums} messages were dropped for a wrong checksum")
+    if sessions > 1:
+        yield Note("info", f"The vehicle restarted {sessions - 1} times while this was recorded")
+
+
+def _of_vehicle(path: Path, tlog: Tlog) -> tuple[str, dict[str, Frames]]:
+    """The kind of the vehicle whose heartbeats are most frequent, and its messages."""
+    hearts = tlog.messages.get("HEARTBEAT")
+    if hearts is None or not np.any(hearts.rows["autopilot"] == ARDUPILOT):
+        raise DataRefused(
+            f"{path.name} holds no heartbeat of an ArduPilot vehicle in {tlog.frame_count} frames"
+        )
+    hearts = hearts.where(hearts.rows["autopilot"] == ARDUPILOT)
+    system = np.bincount(hearts.system).argmax()
+    hearts = hearts.where(hearts.system == system)
+    component = np.bincount(hearts.component).argmax()
+    kind = int(hearts.rows["type"][-1])
+    own = {n: f.where((f.system == system) & (f.component == component)) for n, f in tlog.messages.items()}
+    return KINDS.get(kind, f"vehicle of MAV_TYPE {kind}"), {n: f for n, f in own.items() if len(f)}
+
+
+def _sessions(messages: dict[str, Frames]) -> Iterator[Session]:
+    """Cut where the vehicle's clock jumps back."""
+    clocks = [messages[n] for n in CLOCKS if n in messages]
+    if not clocks:
+        return
+    order = np.concatenate([f.order for f in clocks])
+    times = np.concatenate([_own_time(f) for f in clocks])
+    sorting = np.argsort(order)
+    order, times = order[sorting], times[sorting]
+    cuts = np.flatnonzero(np.diff(times) < -REBOOT) + 1
+    edges = [-1, *order[cuts].tolist(), int(np.iinfo(np.int64).max)]
+    for start, end in zip(edges[:-1], edges[1:], strict=True):
+        inside = (order >= start) & (order < end)
+        parts = {n: f.where((f.order >= start) & (f.order < end)) for n, f in messages.items()}
+        yield Session({n: f for n, f in parts.items() if len(f)}, order[inside], times[inside])
+
+
+def _own_time(frames: Frames) -> Array:
+    if "time_boot_ms" in (frames.rows.dtype.names or ()):
+        return frames.rows["time_boot_ms"].astype(float) * 1e-3
+    return frames.rows["time_usec"].astype(float) * 1e-6
+
+
+def _log(
+    name: str,
+    session: Session,
+    kind: str,
+    override: Mapping[str, float] | None,
+    source: tuple[str, str],
+    damage: tuple[Note, ...],
+) -> Log:
+    parameters, marks = _parameters(session), _marks(session)
+    filters, notes = sensor_filters(parameters, override)
+    attitude = _attitude(session)
+    signals = _imu(session) | attitude | _velocity(session, attitude.get("psi"))
+    recorded = output_channel(parameters, STEERING)
+    steering = _output(session, recorded or STEERING_FIRST)
+    throttle = _output(session, output_channel(parameters, THROTTLE) or 3)
+    if throttle is not None:
+        signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
+    firmware = next((text for _, text in marks if is_banner(text)), "") or _version(session)
+    if recorded is None and steering is not None:
+        notes += (Note("info", "The telemetry log does not tell which output steers: servo 1 is assumed"),)
+    return Log(
+        name=name,
+        signals=signals,
+        steering=(steering,) if steering is not None else (),
+        marks=marks,
+        parameters=parameters,
+        filters={c: f for c, f in filters.items() if c in signals},
+        limits=output_limits(parameters, recorded or STEERING_FIRST),
+        vehicle=vehicle_of(firmware) if vehicle_of(firmware) not in ("", "rover") else kind,
+        firmware=firmware,
+        notes=damage + notes,
+        sources=(source,),
+    )
+
+
+def _parameters(session: Session) -> dict[str, float]:
+    if "PARAM_VALUE" not in session.messages:
+        return {}
+    rows = session.messages["PARAM_VALUE"].rows
+    names = [n.decode("ascii", "replace") for n in rows["param_id"].tolist()]
+    return dict(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
+
+
+def _marks(session: Session) -> tuple[tuple[float, str], ...]:
+    if "STATUSTEXT" not in session.messages:
+        return ()
+    texts = [t.decode("utf-8", "replace") for t in session.messages["STATUSTEXT"].rows["text"].tolist()]
+    return tuple(zip(session.seconds("STATUSTEXT").tolist(), texts, strict=True))
+
+
+def _version(session: Session) -> str:
+    """Firmware version out of AUTOPILOT_VERSION, e.g. "V4.6.3"."""
+    if "AUTOPILOT_VERSION" not in session.messages:
+        return ""
+    number = int(session.messages["AUTOPILOT_VERSION"].rows["flight_sw_version"][-1])
+    return f"V{number >> 24 & 255}.{number >> 16 & 255}.{number >> 8 & 255}"
+
+
+def _signals(
+    session: Session, name: str, channels: Mapping[str, tuple[str, float, str]]
+) -> dict[str, Signal]:
+    """Channels out of one message: {channel: (field, factor, unit)}."""
+    rows = session.messages[name].rows
+    t, columns, _ = increasing(
+        session.seconds(name), *(rows[field].astype(float) * factor for field, factor, _ in channels.values())
+    )
+    return {
+        channel: Signal(t, x, unit, f"{name}.{field}")
+        for (channel, (field, _, unit)), x in zip(channels.items(), columns, strict=True)
+    }
+
+
+def _count(session: Session, name: str) -> int:
+    return len(session.messages[name]) if name in session.messages else 0
+
+
+def _imu(session: Session) -> dict[str, Signal]:
+    """r, p [rad/s] and ay [m/s^2] from the fastest IMU message; the rates from ATTITUDE where that is much faster."""
+    names = ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2")
+    best = max(names, key=lambda n: _count(session, n))
+    found: dict[str, Signal] = {}
+    if _count(session, best):
+        rate, force = (1.0, 1.0) if best == "HIGHRES_IMU" else (1e-3, MILLI_G)
+        channels = {
+            "r": ("zgyro", -rate, "rad/s"),
+            "p": ("xgyro", rate, "rad/s"),
+            "ay": ("yacc", -force, "m/s^2"),
+        }
+        found = _signals(session, best, channels)
+    if _count(session, "ATTITUDE") > 1.5 * _count(session, best):
+        found |= _signals(
+            session, "ATTITUDE", {"r": ("yawspeed", -1.0, "rad/s"), "p": ("rollspeed", 1.0, "rad/s")}
+        )
+    return found
+
+
+def _attitude(session: Session) -> dict[str, Signal]:
+    """phi and psi [rad]; psi unwrapped, left positive."""
+    if "ATTITUDE" not in session.messages:
+        return {}
+    found = _signals(session, "ATTITUDE", {"phi": ("roll", 1.0, "rad"), "psi": ("yaw", -1.0, "rad")})
+    psi = found["psi"]
+    return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
+
+
+def _velocity(session: Session, psi: Signal | None) -> dict[str, Signal]:
+    """speed and vy [m/s] from the velocity north and east; speed alone from VFR_HUD."""
+    local, world = _count(session, "LOCAL_POSITION_NED"), _count(session, "GLOBAL_POSITION_INT")
+    if psi is not None and max(local, world) > 1:
+        name, factor = ("LOCAL_POSITION_NED", 1.0) if local >= world else ("GLOBAL_POSITION_INT", 0.01)
+        rows = session.messages[name].rows
+        t, (vn, ve), _ = increasing(
+            session.seconds(name), rows["vx"].astype(float) * factor, rows["vy"].astype(float) * factor
+        )
+        return body_velocity(t, vn, ve, np.interp(t, psi.t, psi.x), f"{name}.vx,vy")
+    if _count(session, "VFR_HUD") > 1:
+        return _signals(session, "VFR_HUD", {"speed": ("groundspeed", 1.0, "m/s")})
+    return {}
+
+
+def _output(session: Session, channel: int) -> Signal | None:
+    """A servo output [us] from SERVO_OUTPUT_RAW.
+
+    The stream samples a staircase that may be as fine as itself (40 Hz out of a loop at 50 Hz), so the
+    samples are taken as those of a smooth wave; holding them would add half an interval of delay. Only
+    a stream that catches every step is a staircase itself.
+    """
+    frames = session.messages.get("SERVO_OUTPUT_RAW")
+    if frames is None:
+        return None
+    of_port = frames.rows["port"] == (channel - 1) // 16
+    if not np.any(of_port):
+        return None
+    t, x = (
+        session.seconds("SERVO_OUTPUT_RAW"),
+        frames.rows[f"servo{(channel - 1) % 16 + 1}_raw"].astype(float),
+    )
+    t, (x,), _ = increasing(t[of_port], x[of_port])
+    signal = Signal(t, x, "us", f"SERVO_OUTPUT_RAW.servo{channel}_raw")
+    return Signal(t, x, "us", signal.source, hold=signal.rate > EVERY_STEP_SEEN)
