@@ -1,0 +1,59 @@
+"""Brings the Lua applet onto the vehicle by MAVLink FTP and starts it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.mavlink import ftp_put
+from rover_sweep.vehicle.parameters import ParameterMissing, read
+
+HARDWARE, SITL = "/APM/scripts", "scripts"  # folder of scripts on a flight controller, in SITL
+_RESTART = 3.0  # SCRIPTING_CMD_STOP_AND_RESTART
+
+
+def upload(link: Link, applet: Path, progress: Callable[[float], None] | None = None) -> str:
+    """Copy the applet to the vehicle's script folder; returns where it lies. LinkError where that fails."""
+    if link.armed:
+        raise LinkError("the applet is not exchanged while the rover is armed; disarm first")
+    errors = []
+    for folder in (HARDWARE, SITL):
+        error = ftp_put(link, str(applet), f"{folder}/{applet.name}", progress)
+        if not error:
+            return f"{folder}/{applet.name}"
+        errors.append(f"{folder}: {error}")
+    raise LinkError(
+        f"{applet.name} could not be copied to the vehicle ({'; '.join(errors)}); is there a card in it? "
+        "Else copy it to APM/scripts on the card by hand"
+    )
+
+
+def restart_scripts(link: Link) -> None:
+    """Stop and start all scripts (MAV_CMD_SCRIPTING); Refused where scripting is off (SCR_ENABLE 0)."""
+    link.require("restart its scripts", "MAV_CMD_SCRIPTING", _RESTART)
+
+
+def reboot(link: Link) -> None:
+    """Reboot the vehicle and wait until it is back. LinkError while armed or when it does not return."""
+    if link.armed:
+        raise LinkError("the rover is not rebooted while it is armed; disarm first")
+    link.request_message("SYSTEM_TIME")  # its clock is what tells the reboot
+    while link.clock.now < 3.0 and link.receive(1.0) is not None:
+        link.request_message("SYSTEM_TIME")
+    link.require("reboot", "MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN", 1.0)
+    link.reconnect()
+
+
+def await_applet(link: Link, seconds: float = 20.0) -> bool:
+    """Whether the applet's parameters appear within `seconds`: scripts start some time after boot."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            read(link, "SWP_ENABLE")
+            return True
+        except ParameterMissing:
+            continue
+    return False

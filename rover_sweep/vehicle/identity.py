@@ -1,0 +1,104 @@
+"""Who is at the other end: firmware, its version, and whether the applet runs on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from firmware_params.parameters import PARAMETERS
+from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.mavlink import Message, constant, vehicle_type_name
+from rover_sweep.vehicle.parameters import ParameterMissing, read, read_present
+
+OLDEST = (4, 5)  # the applet is written for ArduRover 4.5 and 4.6
+NEWEST = (4, 6)
+_ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """An ArduPilot Rover. version: (major, minor, patch); git_hash: first 8 characters; uid: of the board."""
+
+    firmware: str
+    version: tuple[int, int, int]
+    git_hash: str
+    uid: int
+    system: int
+
+
+def identify_vehicle(link: Link) -> Vehicle:
+    """Ask for AUTOPILOT_VERSION. LinkError in words for anything but an ArduPilot Rover from 4.5 on."""
+    heartbeat = link.heartbeat
+    assert heartbeat is not None  # Link.open waits for it
+    if heartbeat.autopilot != _ARDUPILOT:
+        raise LinkError(f"the autopilot on {link.url} is not ArduPilot (MAV_AUTOPILOT {heartbeat.autopilot})")
+    if heartbeat.type != constant("MAV_TYPE_GROUND_ROVER"):
+        raise LinkError(
+            f"the vehicle on {link.url} is a {vehicle_type_name(heartbeat.type)}, not a ground rover; "
+            "sweeps are for wheeled vehicles that steer"
+        )
+    answer = link.request_message("AUTOPILOT_VERSION")
+    if answer is None:
+        raise LinkError(
+            f"the rover on {link.url} does not tell its version (AUTOPILOT_VERSION); is the link too slow?"
+        )
+    version = _version(answer.flight_sw_version)
+    if version[:2] < OLDEST:
+        raise LinkError(
+            f"ArduRover {'.'.join(map(str, version))} is too old for the applet, "
+            f"which needs {OLDEST[0]}.{OLDEST[1]} or newer"
+        )
+    return Vehicle(
+        firmware=f"ArduRover {'.'.join(map(str, version))}",
+        version=version,
+        git_hash=_hash(answer),
+        uid=int(answer.uid),
+        system=link.target[0],
+    )
+
+
+def untried(vehicle: Vehicle) -> str:
+    """A sentence where the firmware is newer than any the applet was tried on, else ''."""
+    if vehicle.version[:2] <= NEWEST:
+        return ""
+    return (
+        f"{vehicle.firmware} is newer than {NEWEST[0]}.{NEWEST[1]}, the last version the applet was tried on"
+    )
+
+
+def check_applet(link: Link) -> dict[str, float]:
+    """The applet's parameters, which prove that it runs. LinkError in words where it does not, is
+    switched off, or is of another version."""
+    present = read_present(link, [p.name for p in PARAMETERS])
+    if "SWP_ENABLE" not in present:
+        raise LinkError(_why_no_applet(link))
+    lacking = [p.name for p in PARAMETERS if p.name not in present]
+    if lacking:
+        raise LinkError(
+            f"the applet on the rover is of another version (no {', '.join(lacking)}); "
+            "copy firmware_params/rover_sweep.lua onto it anew and reboot"
+        )
+    if present["SWP_ENABLE"] == 0:
+        raise LinkError("the applet is switched off (SWP_ENABLE 0); set SWP_ENABLE to 1")
+    return present
+
+
+def _why_no_applet(link: Link) -> str:
+    try:
+        scripting = read(link, "SCR_ENABLE")
+    except ParameterMissing:
+        return "this firmware has no Lua scripting (no SCR_ENABLE); use a board that has it"
+    if scripting == 0:
+        return "the sweep applet does not run: SCR_ENABLE is 0; set it to 1 and reboot"
+    return (
+        "the sweep applet does not run (no parameter SWP_ENABLE); copy firmware_params/rover_sweep.lua to "
+        "APM/scripts on the card (scripts/ in SITL) and reboot, and look for script errors in the messages"
+    )
+
+
+def _version(packed: int) -> tuple[int, int, int]:
+    return packed >> 24 & 0xFF, packed >> 16 & 0xFF, packed >> 8 & 0xFF
+
+
+def _hash(answer: Message) -> str:
+    return bytes(answer.flight_custom_version).rstrip(b"\0").decode("ascii", "replace")

@@ -1,0 +1,345 @@
+"""A MAVLink link to one vehicle: everything is recorded first, then looked at.
+
+There is no reader thread: whoever waits on the link pumps it. That keeps one flow of control (a
+Ctrl-C lands where the stop path is), and lets a rover that is simulated faster than real time be
+slowed by TCP while nobody reads. When this program stops reading while the rover drives, the RC
+override lapses by itself (RC_OVERRIDE_TIME, 3 s) and the applet stops; see `run.py`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.clock import Periodic, VehicleClock
+from rover_sweep.vehicle.mavlink import (
+    Codec,
+    Framer,
+    Message,
+    constant,
+    kind,
+    make,
+    message_id,
+    result_name,
+    sender,
+)
+from rover_sweep.vehicle.recorder import TlogWriter
+from rover_sweep.vehicle.statustext import StatusText, TextAssembler
+from rover_sweep.vehicle.transport import Transport, open_transport
+from rover_sweep.vehicle.watch import SILENCE, Watch
+
+_SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+_GCS_TYPE, _NO_AUTOPILOT = 6, 8  # MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID
+_IN_PROGRESS = 5  # MAV_RESULT_IN_PROGRESS
+
+
+class Refused(LinkError):
+    """The vehicle answered, and will not do it."""
+
+
+class Link:
+    """One vehicle on one connection. Use as a context manager.
+
+    url, tlog: where it is connected and recorded. clock: the vehicle's. armed, mode (custom_mode),
+    heartbeat: from its last HEARTBEAT. texts: the last 200 status texts.
+    """
+
+    def __init__(self, url: str, transport: Transport, recorder: TlogWriter) -> None:
+        self.url = url
+        self.clock = VehicleClock()
+        self.target = (0, 0)
+        self.heartbeat: Message | None = None
+        self.texts: deque[StatusText] = deque(maxlen=200)
+        self._listeners: list[Callable[[Message], None]] = []
+        self._text_listeners: list[Callable[[StatusText], None]] = []
+        self._transport = transport
+        self._recorder = recorder
+        self._codec, self._framer, self._assembler = Codec(), Framer(), TextAssembler()
+        self._queue: deque[Message] = deque()
+        self._periodic: list[Periodic] = [Periodic(1.0, self._send_heartbeat)]
+        self._watch = Watch(url)
+
+    @classmethod
+    def open(cls, url: str, tlog_path: Path, timeout: float = 15.0) -> Link:
+        """Connect, record into `tlog_path` and wait up to `timeout` s for a vehicle's heartbeat."""
+        link = cls(url, open_transport(url), TlogWriter(tlog_path))
+        try:
+            link._find_vehicle(timeout)
+        except BaseException:
+            link.close()
+            raise
+        return link
+
+    def __enter__(self) -> Link:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._transport.close()
+        self._recorder.close()
+
+    @property
+    def tlog(self) -> Path:
+        """The file being recorded into."""
+        return self._recorder.path
+
+    def record_to(self, path: Path) -> None:
+        """Go on recording in another .tlog."""
+        self._recorder.close()
+        self._recorder = TlogWriter(path)
+
+    @property
+    def armed(self) -> bool:
+        return self.heartbeat is not None and bool(self.heartbeat.base_mode & _SAFETY_ARMED)
+
+    @property
+    def mode(self) -> int:
+        """custom_mode of the last heartbeat; on Rover 0 is MANUAL."""
+        return int(self.heartbeat.custom_mode) if self.heartbeat is not None else -1
+
+    # ---- receiving -----------------------------------------------------------------------------
+
+    def receive(self, timeout: float) -> Message | None:
+        """The next message of the vehicle within `timeout` s; sends what is due meanwhile.
+
+        LinkError when the vehicle closed the connection or has been silent for too long.
+        """
+        deadline = time.monotonic() + timeout
+        while True:
+            self._send_due()
+            if self._queue:
+                message = self._queue.popleft()
+                if self._take(message):
+                    return message
+                continue
+            left = deadline - time.monotonic()
+            if left <= 0 and timeout > 0:
+                return None
+            self._pump(min(max(left, 0.0), 0.2))
+            if timeout <= 0 and not self._queue:
+                return None
+
+    def wait_for(
+        self,
+        kinds: str | tuple[str, ...],
+        timeout: float,
+        where: Callable[[Message], bool] | None = None,
+    ) -> Message | None:
+        """The next message of these kinds (and for which `where` holds); None after `timeout` s."""
+        wanted = (kinds,) if isinstance(kinds, str) else kinds
+        deadline = time.monotonic() + timeout
+        while (left := deadline - time.monotonic()) > 0:
+            message = self.receive(left)
+            if message is not None and kind(message) in wanted and (where is None or where(message)):
+                return message
+        return None
+
+    def _pump(self, wait: float) -> None:
+        began = time.monotonic()
+        try:
+            data = self._transport.receive(wait)
+        except (OSError, ValueError) as error:  # ValueError: a socket that was closed
+            raise LinkError(
+                f"the connection {self.url} ended ({error}); is the vehicle still running?"
+            ) from error
+        if not data:
+            self._watch.waited(time.monotonic() - began, found=self.target != (0, 0))
+            return
+        pieces = list(self._framer.feed(data))
+        self._recorder.write(pieces)
+        for frame, is_frame in pieces:
+            message = self._codec.decode(frame) if is_frame else None
+            if message is not None:
+                self._queue.append(message)
+
+    def _take(self, message: Message) -> bool:
+        """Keep the books on a message; False where it is not from our vehicle."""
+        if sender(message) != self.target:
+            if self.target != (0, 0) or kind(message) != "HEARTBEAT" or not _is_autopilot(message):
+                return False
+            self.target = sender(message)
+        self.clock.update(message)
+        self._watch.heard(self.clock.now, kind(message) == "HEARTBEAT")
+        if kind(message) == "HEARTBEAT":
+            self.heartbeat = message
+        elif kind(message) == "STATUSTEXT":
+            self._take_text(message)
+        for listener in self._listeners:
+            listener(message)
+        return True
+
+    def _take_text(self, message: Message) -> None:
+        text = self._assembler.add(message, self.clock.now)
+        if text is None:
+            return
+        self.texts.append(text)
+        for listener in self._text_listeners:
+            listener(text)
+
+    @contextmanager
+    def listening(
+        self, messages: Callable[[Message], None], texts: Callable[[StatusText], None] | None = None
+    ) -> Iterator[None]:
+        """Meanwhile call `messages` with each message and `texts` with each whole status text."""
+        self._listeners.append(messages)
+        if texts is not None:
+            self._text_listeners.append(texts)
+        try:
+            yield
+        finally:
+            self._listeners.remove(messages)
+            if texts is not None:
+                self._text_listeners.remove(texts)
+
+    # ---- sending -------------------------------------------------------------------------------
+
+    def send(self, message: Message) -> None:
+        try:
+            self._transport.send(self._codec.pack(message))
+        except OSError as error:
+            raise LinkError(f"cannot send to {self.url} ({error}); is it still running?") from error
+
+    def every(self, interval: float, action: Callable[[], None]) -> Periodic:
+        """Run `action` at once and every `interval` s (see `Periodic`) until `cancel`."""
+        periodic = Periodic(interval, action)
+        self._periodic.append(periodic)
+        return periodic
+
+    def cancel(self, periodic: Periodic) -> None:
+        if periodic in self._periodic:
+            self._periodic.remove(periodic)
+
+    def _send_due(self) -> None:
+        now = time.monotonic()
+        for periodic in tuple(self._periodic):
+            periodic.run_if_due(self.clock.now, now)
+
+    def _send_heartbeat(self) -> None:
+        self.send(
+            make(
+                "HEARTBEAT",
+                type=_GCS_TYPE,
+                autopilot=_NO_AUTOPILOT,
+                base_mode=0,
+                custom_mode=0,
+                system_status=4,
+                mavlink_version=3,
+            )
+        )
+
+    def command(self, name: str, *params: float, timeout: float = 2.0, tries: int = 3) -> int:
+        """Send COMMAND_LONG `name` (MAV_CMD_...) and return its MAV_RESULT (0 accepted).
+
+        Repeated while no answer comes; LinkError when none comes at all.
+        """
+        number = constant(name)
+        for attempt in range(tries):
+            self._send_command(number, params, attempt)
+            answer = self.wait_for(
+                "COMMAND_ACK", timeout, lambda m: m.command == number and m.result != _IN_PROGRESS
+            )
+            if answer is not None:
+                return int(answer.result)
+        raise LinkError(
+            f"the vehicle did not answer {name} in {tries} tries of {timeout:.0f} s; is the link too slow?"
+        )
+
+    def _send_command(self, number: int, params: tuple[float, ...], confirmation: int = 0) -> None:
+        values = {f"param{i}": params[i - 1] if i <= len(params) else 0.0 for i in range(1, 8)}
+        self.to_vehicle("COMMAND_LONG", command=number, confirmation=confirmation, **values)
+
+    def require(self, what: str, name: str, *params: float) -> None:
+        """A command that must be accepted; Refused with the vehicle's own words where it is not."""
+        before = len(self.texts)
+        result = self.command(name, *params)
+        if result == 0:
+            return
+        self.wait_for("STATUSTEXT", 0.3)
+        said = "; ".join(text.text for text in list(self.texts)[before:][-3:])
+        raise Refused(
+            f"the vehicle refuses to {what} ({result_name(result)})" + (f": {said}" if said else "")
+        )
+
+    def request_message(self, name: str, timeout: float = 2.0, tries: int = 3) -> Message | None:
+        """Ask for one message by name and wait for it; None where it does not come."""
+        for _ in range(tries):
+            self._request(name)
+            message = self.wait_for(name, timeout)
+            if message is not None:
+                return message
+        return None
+
+    def _request(self, name: str) -> None:
+        self._send_command(constant("MAV_CMD_REQUEST_MESSAGE"), (message_id(name),))
+
+    def to_vehicle(self, name: str, **fields: Any) -> None:
+        """Send a message that carries target_system and target_component."""
+        self.send(make(name, target_system=self.target[0], target_component=self.target[1], **fields))
+
+    # ---- finding and losing the vehicle --------------------------------------------------------
+
+    def _find_vehicle(self, timeout: float) -> None:
+        deadline = time.monotonic() + timeout
+        while self.heartbeat is None and time.monotonic() < deadline:
+            self._watch.forgive()  # a vehicle that boots may take its time; `timeout` is the limit here
+            self.receive(0.5)
+        if self.heartbeat is None:
+            raise LinkError(
+                f"no heartbeat of an autopilot on {self.url} within {timeout:.0f} s; "
+                "is the vehicle on, is it the right port or baud rate, does that port speak MAVLink?"
+            )
+
+    def reconnect(self, timeout: float = 60.0) -> None:
+        """After a reboot was asked for: wait until the vehicle's clock has started anew.
+
+        The connection is opened again where the vehicle closed it or falls silent.
+        """
+        boots, deadline, quiet = self.clock.boots, time.monotonic() + timeout, 0.0
+        while time.monotonic() < deadline:
+            try:
+                self._request("SYSTEM_TIME")  # so that the clock shows
+                quiet = 0.0 if self.receive(0.3) is not None else quiet + 0.3
+                self._watch.forgive()
+            except LinkError:
+                quiet = SILENCE
+            if self.clock.boots > boots:
+                self._resume(deadline)
+                return
+            if quiet >= SILENCE and self._reopen():
+                quiet = 0.0
+        raise LinkError(
+            f"the vehicle did not come back within {timeout:.0f} s of its reboot; "
+            "switch it off and on, and connect again"
+        )
+
+    def _reopen(self) -> bool:
+        self._transport.close()
+        time.sleep(0.3)
+        try:
+            self._transport = open_transport(self.url, timeout=2.0)
+        except LinkError:
+            return False
+        self._framer = Framer()
+        self._queue.clear()
+        return True
+
+    def _resume(self, deadline: float) -> None:
+        """Wait for a heartbeat of the new boot."""
+        self.heartbeat = None
+        while self.heartbeat is None and time.monotonic() < deadline:
+            self._watch.forgive()
+            self.receive(0.5)
+
+
+def _is_autopilot(message: Message) -> bool:
+    return message.type != _GCS_TYPE and message.autopilot != _NO_AUTOPILOT

@@ -1,0 +1,126 @@
+"""The vehicle's .BIN logs over LOG_REQUEST_LIST/DATA, gaps asked for again.
+
+`LogSource` is what a session needs of a downloader, so that another transport (MAVSDK) can take its place.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.events import LogProgress, LogSaved
+from rover_sweep.vehicle.link import Link
+
+_BLOCK = 90  # bytes in a LOG_DATA
+_WINDOW = 512 * _BLOCK  # asked for at a time
+_QUIET, _TRIES = 0.5, 12  # s without data until the gaps are asked for again; how often without any progress
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """A log on the vehicle. size in bytes (grows while written); time_utc in s since 1970, 0 unknown."""
+
+    number: int
+    size: int
+    time_utc: int
+
+
+class LogSource(Protocol):
+    """Lists and fetches logs."""
+
+    def logs(self) -> tuple[LogEntry, ...]: ...
+    def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]: ...
+
+
+@dataclass(frozen=True)
+class MavlinkLogs:
+    """Logs by MAVLink's log messages. LinkError while armed: ArduPilot then answers nothing."""
+
+    link: Link
+
+    def logs(self) -> tuple[LogEntry, ...]:
+        """All logs, oldest first."""
+        self._refuse_armed()
+        entries: dict[int, LogEntry] = {}
+        for _ in range(3):
+            self.link.to_vehicle("LOG_REQUEST_LIST", start=0, end=0xFFFF)
+            while (message := self.link.wait_for("LOG_ENTRY", 1.5)) is not None:
+                if message.num_logs == 0:
+                    return ()
+                entries[message.id] = LogEntry(message.id, message.size, message.time_utc)
+                if len(entries) >= message.num_logs:
+                    return tuple(entries[number] for number in sorted(entries))
+        if not entries:
+            raise LinkError(
+                "the vehicle does not list its logs; is there a card in it, and another download running?"
+            )
+        return tuple(entries[number] for number in sorted(entries))
+
+    def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
+        """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved."""
+        self._refuse_armed()
+        partial = path.with_name(path.name + ".part")
+        began, done = time.monotonic(), 0
+        try:
+            with partial.open("wb") as file:
+                for start in range(0, entry.size, _WINDOW):
+                    block = self._window(entry, start, min(_WINDOW, entry.size - start))
+                    file.write(block)
+                    done += len(block)
+                    yield LogProgress(entry.number, done, entry.size)
+        finally:
+            self.link.to_vehicle("LOG_REQUEST_END")
+        partial.replace(path)
+        yield LogSaved(path, done, time.monotonic() - began)
+
+    def _window(self, entry: LogEntry, start: int, size: int) -> bytes:
+        data, missing = bytearray(size), set(range(0, size, _BLOCK))
+        tries = 0
+        while missing:
+            for first, last in _spans(missing):
+                # ArduPilot serves one request at a time and ignores those that come meanwhile.
+                count = min(last + _BLOCK, size) - first
+                self.link.to_vehicle("LOG_REQUEST_DATA", id=entry.number, ofs=start + first, count=count)
+                got = self._receive(entry.number, start, data, missing, last)
+                tries = 0 if got else tries + 1
+                if tries >= _TRIES:
+                    raise LinkError(
+                        f"log {entry.number} stopped coming at {start + first} of {entry.size} bytes; "
+                        "try again closer or by USB"
+                    )
+        return bytes(data)
+
+    def _receive(self, number: int, start: int, data: bytearray, missing: set[int], last: int) -> bool:
+        """Take LOG_DATA until the block at `last` has come or nothing comes; whether any was new."""
+        before = len(missing)
+        while True:
+            message = self.link.wait_for("LOG_DATA", _QUIET, lambda m: m.id == number)
+            if message is None:
+                return len(missing) < before
+            at = message.ofs - start
+            if 0 <= at < len(data) and at in missing:
+                room = min(message.count, len(data) - at)
+                data[at : at + room] = bytes(message.data[:room])
+                if room == min(_BLOCK, len(data) - at):
+                    missing.discard(at)
+            if at >= last:
+                return len(missing) < before
+
+    def _refuse_armed(self) -> None:
+        if self.link.armed:
+            raise LinkError("logs cannot be downloaded while the rover is armed; disarm first")
+
+
+def _spans(offsets: set[int]) -> list[tuple[int, int]]:
+    """Runs of consecutive blocks: [(first, last offset)]."""
+    spans: list[tuple[int, int]] = []
+    for offset in sorted(offsets):
+        if spans and offset == spans[-1][1] + _BLOCK:
+            spans[-1] = (spans[-1][0], offset)
+        else:
+            spans.append((offset, offset))
+    return spans

@@ -1,0 +1,213 @@
+"""The only module of `rover_sweep.vehicle` that knows pymavlink: packing, framing, decoding, FTP.
+
+Everything else handles opaque messages (`kind(message)`, attributes by MAVLink field name) made by
+`make(name, **fields)`.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from typing import Any, Protocol
+
+from fastcrc import crc16
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+Message = Any  # a pymavlink message: attributes are the MAVLink fields
+
+GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
+GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
+V1, V2 = 0xFE, 0xFD
+_SIGNED = 0x01
+_CRC_EXTRA = {number: cls.crc_extra for number, cls in dialect.mavlink_map.items()}
+
+
+def constant(name: str) -> int:
+    """A MAVLink constant by name, e.g. MAV_CMD_DO_AUX_FUNCTION."""
+    return int(getattr(dialect, name))
+
+
+def result_name(result: int) -> str:
+    """MAV_RESULT as a word, e.g. 'denied'."""
+    entry = dialect.enums["MAV_RESULT"].get(result)
+    return entry.name.removeprefix("MAV_RESULT_").lower().replace("_", " ") if entry else f"result {result}"
+
+
+def vehicle_type_name(number: int) -> str:
+    """MAV_TYPE as words, e.g. 'surface boat'."""
+    entry = dialect.enums["MAV_TYPE"].get(number)
+    return entry.name.removeprefix("MAV_TYPE_").lower().replace("_", " ") if entry else f"type {number}"
+
+
+def message_id(name: str) -> int:
+    """Number of a MAVLink message by its name."""
+    return int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
+
+
+def make(name: str, **fields: Any) -> Message:
+    """A message to send, e.g. make("HEARTBEAT", type=6, ...)."""
+    return getattr(dialect, f"MAVLink_{name.lower()}_message")(**fields)
+
+
+def kind(message: Message) -> str:
+    """The message's name, e.g. 'ATTITUDE'."""
+    return str(message.msgname)
+
+
+def sender(message: Message) -> tuple[int, int]:
+    """(system, component) the message came from."""
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
+class Codec:
+    """Packs and decodes MAVLink 2 for one sender; keeps its sequence number."""
+
+    def __init__(self, system: int = GCS_SYSTEM, component: int = GCS_COMPONENT) -> None:
+        self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+
+    def pack(self, message: Message) -> bytes:
+        """Bytes of the message with the next sequence number."""
+        data = bytes(message.pack(self._mav))
+        self._mav.seq = (self._mav.seq + 1) % 256
+        return data
+
+    def decode(self, frame: bytes) -> Message | None:
+        """The message in a frame; None where it is unknown or damaged."""
+        try:
+            message = self._mav.decode(bytearray(frame))
+        except (dialect.MAVError, UnicodeDecodeError, ValueError):
+            return None
+        return None if message.msgname.startswith("UNKNOWN") else message
+
+
+class Framer:
+    """Cuts a stream of bytes into MAVLink frames and noise, without reading their content.
+
+    A frame whose checksum fails is still a frame when the next byte starts another one (damaged on
+    the way); else its first byte is noise and the search goes on one byte later, so that a false
+    start swallows nothing.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[tuple[bytes, bool]]:
+        """(bytes, is_frame) of everything that is complete."""
+        buffer = self._buffer
+        buffer += data
+        at = 0
+        while at < len(buffer):
+            length = _length(buffer, at)
+            if length == 0:
+                break
+            is_frame = length > 0 and _is_frame(buffer, at, length)
+            end = at + (length if is_frame else _noise(buffer, at))
+            yield bytes(buffer[at:end]), is_frame
+            at = end
+        del buffer[:at]
+
+
+def _length(buffer: bytearray, at: int) -> int:
+    """Length of the frame at `at`; 0 where it is not complete yet, -1 where none starts."""
+    have = len(buffer) - at
+    if buffer[at] == V2:
+        if have < 3:
+            return 0
+        length = buffer[at + 1] + 12 + (13 if buffer[at + 2] & _SIGNED else 0)
+    elif buffer[at] == V1:
+        if have < 2:
+            return 0
+        length = buffer[at + 1] + 8
+    else:
+        return -1
+    return length if have >= length else 0
+
+
+def _is_frame(buffer: bytearray, at: int, length: int) -> bool:
+    end = at + length
+    signature = 13 if buffer[at] == V2 and buffer[at + 2] & _SIGNED else 0
+    number = int.from_bytes(buffer[at + 7 : at + 10], "little") if buffer[at] == V2 else buffer[at + 5]
+    crc_at = end - signature - 2
+    extra = _CRC_EXTRA.get(number)
+    if extra is not None:
+        wanted = crc16.mcrf4xx(bytes(buffer[at + 1 : crc_at]) + bytes([extra]))
+        if wanted == int.from_bytes(buffer[crc_at : crc_at + 2], "little"):
+            return True
+    return end == len(buffer) or buffer[end] in (V1, V2)
+
+
+def _noise(buffer: bytearray, at: int) -> int:
+    """How many bytes from `at` on start no frame (at least one)."""
+    end = at + 1
+    while end < len(buffer) and buffer[end] not in (V1, V2):
+        end += 1
+    return end - at
+
+
+class FtpLink(Protocol):
+    """What an FTP transfer needs of the link."""
+
+    @property
+    def target(self) -> tuple[int, int]: ...
+    def send(self, message: Message) -> None: ...
+    def wait_for(self, kinds: str | tuple[str, ...], timeout: float) -> Message | None: ...
+
+
+class _FtpMaster:
+    """Looks to pymavlink.mavftp like a mavutil connection; sends and receives through our link."""
+
+    source_system, source_component = GCS_SYSTEM, GCS_COMPONENT
+
+    def __init__(self, link: FtpLink) -> None:
+        self._link = link
+        self.mav = self
+
+    def file_transfer_protocol_send(self, network: int, system: int, component: int, payload: Any) -> None:
+        self._link.send(
+            make(
+                "FILE_TRANSFER_PROTOCOL",
+                target_network=network,
+                target_system=system,
+                target_component=component,
+                payload=payload,
+            )
+        )
+
+    def recv_match(self, type: list[str], timeout: float = 0.1, **_: Any) -> Message | None:
+        return self._link.wait_for(tuple(type), timeout)
+
+
+def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
+    """Upload a file by MAVLink FTP (pymavlink.mavftp). '' when done, else what went wrong."""
+    ftp, quiet = _ftp(link)
+    with quiet:
+        ftp.cmd_put([local, remote], progress_callback=progress)
+        result = ftp.process_ftp_reply("put", timeout=60)
+    return "" if result.return_code == 0 else f"MAVLink FTP error {result.error_code}"
+
+
+def ftp_get(link: FtpLink, remote: str, local: str) -> str:
+    """Download a file by MAVLink FTP. '' when done, else what went wrong."""
+    ftp, quiet = _ftp(link)
+    with quiet:
+        ftp.cmd_get([remote, local])
+        result = ftp.process_ftp_reply("get", timeout=60)
+    return "" if result.return_code == 0 else f"MAVLink FTP error {result.error_code}"
+
+
+def _ftp(link: FtpLink) -> tuple[Any, _Quiet]:
+    from pymavlink import mavftp
+
+    quiet = _Quiet()
+    with quiet:
+        return mavftp.MAVFTP(_FtpMaster(link), *link.target), quiet
+
+
+class _Quiet:
+    """mavftp reports through the root logger; our caller says what happened in its own words."""
+
+    def __enter__(self) -> None:
+        logging.disable(logging.ERROR)
+
+    def __exit__(self, *_: object) -> None:
+        logging.disable(logging.NOTSET)

@@ -1,0 +1,138 @@
+"""Parameters: read, written, read back and compared as the float32 that MAVLink carries."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.mavlink import Message
+
+_REAL32 = 9  # MAV_PARAM_TYPE_REAL32
+_TRIES, _TIMEOUT = 4, 1.0
+
+
+class ParameterMissing(UsageError):
+    """The vehicle has no parameter of that name (or did not answer for it)."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """A parameter that was set and read back. old is None where it was not read before."""
+
+    name: str
+    old: float | None
+    value: float
+
+    @property
+    def changed(self) -> bool:
+        return self.old != self.value
+
+
+def float32(value: float) -> float:
+    """The value as MAVLink carries it."""
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
+def read(link: Link, name: str) -> float:
+    """One parameter. ParameterMissing when the vehicle, otherwise alive, does not answer."""
+    return float(_read(link, name).param_value)
+
+
+def _read(link: Link, name: str) -> Message:
+    for _ in range(_TRIES):
+        link.to_vehicle("PARAM_REQUEST_READ", param_id=_encoded(name), param_index=-1)
+        answer = link.wait_for("PARAM_VALUE", _TIMEOUT, lambda m: m.param_id == name)
+        if answer is not None:
+            return answer
+    raise ParameterMissing(
+        f"the vehicle has no parameter {name} (asked {_TRIES} times); is the name right, "
+        "and for SWP_ ones, does the applet run?"
+    )
+
+
+def read_present(link: Link, names: Iterable[str]) -> dict[str, float]:
+    """Those of `names` that the vehicle has, asked for all at once and again where no answer came."""
+    wanted, found = set(names), dict[str, float]()
+    for _ in range(_TRIES):
+        missing = wanted - found.keys()
+        if not missing:
+            break
+        for name in sorted(missing):
+            link.to_vehicle("PARAM_REQUEST_READ", param_id=_encoded(name), param_index=-1)
+        deadline = time.monotonic() + _TIMEOUT
+        while wanted - found.keys() and (left := deadline - time.monotonic()) > 0:
+            message = link.wait_for("PARAM_VALUE", left)
+            if message is not None and message.param_id in wanted:
+                found[message.param_id] = float(message.param_value)
+                deadline = time.monotonic() + _TIMEOUT / 2
+    return found
+
+
+def read_all(link: Link, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:
+    """Every parameter, by name. Missing ones are asked for by index; LinkError where some never come."""
+    link.to_vehicle("PARAM_REQUEST_LIST")
+    found: dict[int, tuple[str, float]] = {}
+    count, quiet = 0, 0
+    while quiet < _TRIES and (count == 0 or len(found) < count):
+        message = link.wait_for("PARAM_VALUE", _TIMEOUT)
+        if message is None:
+            quiet += 1
+            _ask_again(link, found, count)
+            continue
+        count, quiet = int(message.param_count), 0
+        if message.param_index < count:
+            found[int(message.param_index)] = (message.param_id, float(message.param_value))
+        if progress is not None:
+            progress(len(found), count)
+    if count == 0 or len(found) < count:
+        raise LinkError(
+            f"only {len(found)} of {count} parameters came; the link loses too much, move closer or use USB"
+        )
+    return dict(found.values())
+
+
+def _ask_again(link: Link, found: Mapping[int, object], count: int) -> None:
+    if count == 0:
+        link.to_vehicle("PARAM_REQUEST_LIST")
+    for index in [i for i in range(count) if i not in found][:20]:
+        link.to_vehicle("PARAM_REQUEST_READ", param_id=b"", param_index=index)
+
+
+def write(link: Link, name: str, value: float) -> Written:
+    """Set a parameter where it differs, read it back and compare as float32.
+
+    ParameterMissing where there is none; LinkError where it came back other than it was sent.
+    """
+    before = _read(link, name)
+    old, wanted = float(before.param_value), float32(value)
+    if old == wanted:
+        return Written(name, old, old)
+    back = old
+    for _ in range(_TRIES):
+        link.to_vehicle(
+            "PARAM_SET", param_id=_encoded(name), param_value=wanted, param_type=before.param_type or _REAL32
+        )
+        link.wait_for("PARAM_VALUE", _TIMEOUT, lambda m: m.param_id == name)
+        back = read(link, name)
+        if back == wanted:
+            return Written(name, old, back)
+    raise LinkError(
+        f"{name} was set to {value:g} but the vehicle has {back:g}; "
+        "it is read-only, of whole numbers, or out of its range"
+    )
+
+
+def write_all(link: Link, values: Mapping[str, float]) -> list[Written]:
+    """`write` for each, in the order given."""
+    return [write(link, name, value) for name, value in values.items()]
+
+
+def _encoded(name: str) -> bytes:
+    data = name.encode("ascii", "replace")
+    if len(data) > 16:
+        raise UsageError(f"{name} is no ArduPilot parameter: names have at most 16 characters")
+    return data

@@ -1,0 +1,203 @@
+"""One run on the vehicle, as a generator of events.
+
+Nothing arms or moves unless `RunSettings` says so. However the run ends (done, exception, Ctrl-C, the
+generator closed, the link lost) the switch goes low, throttle and steering go to trim, the rover is
+disarmed if this program armed it, and the override is released.
+
+Stop paths that need no laptop, all on the vehicle: the pilot throws the switch low, disarms or
+changes the mode; RC_OVERRIDE_TIME (3 s) after our last override the switch is the radio's again and
+the applet stops; the applet stops on RC loss, GCS loss (SWP_GCS) and on its own limits; its servo
+override has a timeout, so that even a script error hands steering back within a fraction of a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.identify.sweep import Manoeuvre
+from rover_sweep.vehicle.controls import MANUAL, Controls, Trigger, find_channels, pump
+from rover_sweep.vehicle.events import (
+    Armed,
+    Event,
+    Notice,
+    ParameterSet,
+    RunFinished,
+    RunStarted,
+    SwitchWanted,
+)
+from rover_sweep.vehicle.follow import Follower
+from rover_sweep.vehicle.link import Link, Refused
+from rover_sweep.vehicle.manoeuvre import parameters_of
+from rover_sweep.vehicle.parameters import read_present, write
+from rover_sweep.vehicle.streams import StreamMonitor
+
+_STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
+_START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's first state
+_BEFORE_ARMING = 1.0  # s: the radio inputs must show our override before the arming checks
+_JUDGED = frozenset({"SERVO_OUTPUT_RAW", "ATTITUDE", "RAW_IMU"})
+# Read at the start of each run, so that its .tlog explains itself (filters, steering output, limits).
+_SELF_DESCRIBING = (
+    *(
+        "INS_GYRO_FILTER",
+        "INS_ACCEL_FILTER",
+        "SCHED_LOOP_RATE",
+        "LOG_BITMASK",
+        "SWP_STILL",
+        "RC_OVERRIDE_TIME",
+    ),
+    *(f"SERVO{n}_{what}" for n in (1, 2, 3, 4) for what in ("FUNCTION", "TRIM", "MIN", "MAX", "REVERSED")),
+)
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What this program may do in a run.
+
+    arm: arm the rover (the user's consent). throttle_us: drive with this throttle, None leaves
+    driving to the pilot. trigger: throw the switch by RC override, by MAV_CMD_DO_AUX_FUNCTION, or
+    ask the pilot. extra: limits and other numbers of the applet, named without prefix (v_max,
+    roll_max, still, ...). patience: s of the vehicle's clock to wait for the pilot, for arming and
+    for the speed.
+    """
+
+    arm: bool = False
+    throttle_us: int | None = None
+    trigger: Trigger = "pilot"
+    extra: Mapping[str, float] = field(default_factory=dict)
+    patience: float = 120.0
+
+    def __post_init__(self) -> None:
+        if self.throttle_us is None:
+            return
+        if not self.arm:
+            raise UsageError("throttle is only set on a rover that this program armed; allow arming too")
+        if not 1000 <= self.throttle_us <= 2000:
+            raise UsageError(
+                f"throttle {self.throttle_us} us is out of range; a PWM lies within 1000 to 2000"
+            )
+
+
+def run(link: Link, manoeuvre: Manoeuvre, name: str, tlog: Path, settings: RunSettings) -> Iterator[Event]:
+    """Upload, arm and trigger as far as `settings` allow, follow, and let go. Yields events.
+
+    LinkError where the vehicle refuses or the applet does not start; a manoeuvre that the applet
+    stopped is a `RunFinished` with completed False.
+    """
+    link.record_to(tlog)
+    yield from _upload(link, parameters_of(manoeuvre, **settings.extra))
+    present = read_present(link, _SELF_DESCRIBING)
+    channels = find_channels(link)
+    follower, monitor = Follower(_steering_output(present)), StreamMonitor(_JUDGED)
+    controls = Controls(link, channels, settings.trigger, drive=settings.throttle_us is not None)
+    yield RunStarted(name, manoeuvre, tlog)
+    limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
+    with link.listening(lambda m: follower.message(m, link.clock.now), follower.text):
+        try:
+            start = yield from _start(link, controls, follower, settings)
+            with link.listening(monitor):
+                yield from _follow(link, controls, follower, settings, limit)
+        except BaseException:
+            controls.let_go()
+            raise
+        failures = controls.let_go()
+        yield from follower.take()
+    for failure in failures:
+        yield Notice("warning", f"after {name}: {failure}")
+    if settings.trigger == "pilot":
+        yield SwitchWanted("low", channels.switch)
+    completed, reason = follower.outcome
+    yield RunFinished(
+        name, completed, reason, tlog, (start, follower.ended_at), follower.number, monitor.quality()
+    )
+
+
+def _upload(link: Link, values: Mapping[str, float]) -> Iterator[Event]:
+    for name, value in values.items():
+        written = write(link, name, value)
+        if written.changed:
+            yield ParameterSet(written.name, written.old, written.value)
+
+
+def _start(
+    link: Link, controls: Controls, follower: Follower, settings: RunSettings
+) -> Generator[Event, None, float]:
+    """Arm, throw the switch and wait for the applet; returns the vehicle's time of the switch [s]."""
+    controls.take()
+    yield from _arm(link, controls, settings)
+    yield Armed(link.clock.now)
+    if link.mode != MANUAL:
+        yield Notice("warning", f"the rover is not in MANUAL (mode {link.mode}); the applet will not start")
+    yield from follower.take()
+    follower.begin()
+    start = link.clock.now
+    pilot = settings.trigger == "pilot"
+    if pilot:
+        yield SwitchWanted("high", controls.channels.switch)
+    else:
+        controls.switch(True)
+    patience = settings.patience if pilot else _START_LIMIT
+    while not follower.active:
+        if follower.refused:
+            raise LinkError(f"the applet refuses the run: {follower.refused}")
+        if link.clock.now - start > patience:
+            raise LinkError(_not_started(link, controls, patience))
+        link.receive(0.5)
+        yield from follower.take()
+    return start
+
+
+def _arm(link: Link, controls: Controls, settings: RunSettings) -> Iterator[Event]:
+    """Arm, again and again while the vehicle is not ready; or wait until the pilot did."""
+    started, told = link.clock.now, ""
+    if not settings.arm and not link.armed:
+        yield Notice("info", "waiting for the pilot to arm, in MANUAL")
+    while not link.armed:
+        if link.clock.now - started > settings.patience:
+            waited = f"the rover was not armed within {settings.patience:.0f} s"
+            raise LinkError(f"{waited}: {told}" if told else waited)
+        if not settings.arm:
+            link.receive(0.5)
+            continue
+        pump(link, _BEFORE_ARMING)
+        try:
+            controls.arm()
+        except Refused as refused:
+            if str(refused) != told:
+                yield Notice("info", f"{refused}; trying for {settings.patience:.0f} s")
+            told = str(refused)
+        else:
+            link.wait_for("HEARTBEAT", 3.0, lambda _: link.armed)
+
+
+def _not_started(link: Link, controls: Controls, patience: float) -> str:
+    said = [text.text for text in link.texts if text.text.startswith("SWP")]
+    sentence = f"the applet did not start within {patience:.0f} s of switch {controls.channels.switch}"
+    return (
+        f"{sentence}; it says: {said[-1]}"
+        if said
+        else f"{sentence} and says nothing; does it run (SCR_ENABLE 1)?"
+    )
+
+
+def _follow(
+    link: Link, controls: Controls, follower: Follower, settings: RunSettings, limit: float
+) -> Iterator[Event]:
+    """Follow the applet to its end; drives while it waits for speed and steers (states 2 to 8)."""
+    deadline = link.clock.now + limit
+    while not follower.ended:
+        if link.clock.now > deadline:
+            yield Notice("warning", f"the applet did not end within {limit:.0f} s (state {follower.state})")
+            return
+        if settings.throttle_us is not None:
+            moving = 2 <= follower.state <= 8
+            controls.throttle(settings.throttle_us if moving else controls.channels.throttle_trim)
+        link.receive(0.5)
+        yield from follower.take()
+
+
+def _steering_output(present: Mapping[str, float]) -> int:
+    """Servo output (1-based) that steers; 1 as ArduPilot's default where none of 1-4 says so."""
+    return next((n for n in range(1, 5) if present.get(f"SERVO{n}_FUNCTION") == _STEERING_FUNCTION), 1)

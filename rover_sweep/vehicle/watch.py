@@ -1,0 +1,49 @@
+"""Judges whether the vehicle is still there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rover_sweep.errors import LinkError
+
+SILENCE = 5.0  # s without any message from the vehicle
+HEARTBEAT_LOSS = 10.0  # s of the vehicle's clock without a heartbeat while other messages come
+
+
+@dataclass
+class Watch:
+    """Counts the time spent waiting in vain (a caller that does not read is not the vehicle's silence)."""
+
+    url: str
+    silent: float = 0.0  # s
+    _heartbeat: float | None = None  # vehicle's clock at the last one [s]
+
+    def waited(self, seconds: float, found: bool) -> None:
+        """Nothing came for `seconds`. LinkError in words when that adds up to SILENCE."""
+        self.silent += seconds
+        if self.silent <= SILENCE:
+            return
+        if not found:
+            raise LinkError(
+                f"nothing was heard on {self.url} for {SILENCE:.0f} s; "
+                "is a vehicle there, at that port or baud rate?"
+            )
+        raise LinkError(
+            f"the vehicle on {self.url} has been silent for {SILENCE:.0f} s; check its power, the radio's "
+            "range and the cable. Its own failsafes stop a running sweep"
+        )
+
+    def heard(self, now: float, heartbeat: bool) -> None:
+        """A message came when the vehicle's clock was `now`. LinkError where heartbeats stay away."""
+        self.silent = 0.0
+        if heartbeat or self._heartbeat is None or now < self._heartbeat:  # the clock restarts on a reboot
+            self._heartbeat = now
+        elif now - self._heartbeat > HEARTBEAT_LOSS:
+            raise LinkError(
+                f"the vehicle on {self.url} sends messages but no heartbeat for {HEARTBEAT_LOSS:.0f} s of "
+                "its clock; its main loop may hang: stop it by hand and look at its messages"
+            )
+
+    def forgive(self) -> None:
+        """Start anew: the vehicle was told to reboot, or is booting."""
+        self.silent, self._heartbeat = 0.0, None
