@@ -157,8 +157,8 @@ def remarks(
     elif not check.passed:
         said.append(
             f"g comes out {check.percent:+.1f} % ({check.sigmas:.1f} sd) off {GRAVITY.value:g} m/s^2: "
-            "measure the wires from clamp to clamp, count the swings again (there and back is one), and swing "
-            "in the plane of the wires"
+            "measure the wires from clamp to clamp, count the swings again (there and back is one), and "
+            "swing in the plane of the wires"
         )
     if swing is not None and abs(test.period.value / swing.value - 1) < 0.05:
         said.append(
