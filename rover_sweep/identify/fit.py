@@ -176,6 +176,16 @@ def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread
     return FitResult(structure, usable[0].speed, estimates, costs(structure, usable), spread)
 
 
+def silent(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
+    """True when the structure at its present values gives no answer at all in one of the responses."""
+    return any(
+        not np.all(np.abs(structure.response(d.w, c.speed, d.output)) > 0)
+        for c in conditions
+        for d in c.data
+        if d.output in structure.outputs
+    )
+
+
 def _at_bound(p: object) -> bool:
     value, low, high = (float(getattr(p, n)) for n in ("value", "lower", "upper"))
     return bool(getattr(p, "free", False) and (value <= low * (1 + 1e-3) + 1e-9 or value >= high * (1 - 1e-3)))

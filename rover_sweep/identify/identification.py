@@ -280,7 +280,7 @@ def _result(
     structure = best.structure
     all_costs = costs(structure, [_only(g.condition(structure.outputs), structure) for g in groups])
     verification = tuple(verify(structure, run) for run in verify_on)
-    return ModelResult(best, all_costs, variants, verification, judge_model(best), steps)
+    return ModelResult(best, all_costs, variants, verification, judge_model(best, structure.name != "lumped"), steps)
 
 
 def _only(condition: Condition, structure: ModelStructure) -> Condition:

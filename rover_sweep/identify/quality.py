@@ -14,9 +14,9 @@ from rover_sweep.identify.response import (
     FrequencyResponse,
     default_windows,
     frequency_grid,
-    frequency_response,
+    frequency_responses,
 )
-from rover_sweep.identify.spectra import transforms, window_starts
+from rover_sweep.identify.spectra import Transformer
 
 WANTED_COHERENCE = 0.8  # what a repeated run is asked to reach: a margin above the .6 that is usable
 COVERED = 0.8  # of the swept range, in log w
@@ -66,8 +66,7 @@ def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | 
 
 def _power(run: Recording, input: str, w: Array, length: float) -> Array:
     length = min(length, run.span[1] - run.span[0])
-    starts = window_starts(*run.span, length)
-    return np.mean(np.abs(transforms(run.manoeuvre(input), [starts], [length], w)[0]) ** 2, axis=0)
+    return np.mean(np.abs(Transformer(*run.span, [length], w)(run.manoeuvre(input))[0]) ** 2, axis=0)
 
 
 def responses(
@@ -89,7 +88,7 @@ def responses(
     lengths = tuple(windows or default_windows(low, high, total, longest))
     w = frequency_grid(low, high, lengths)
     recorded = [o for o in outputs if all({"vydot": "vy"}.get(o, o) in run for run in runs)]
-    return {o: frequency_response(runs, o, w, lengths, input, (bands or {}).get(o)) for o in recorded}
+    return frequency_responses(runs, recorded, w, lengths, input, bands)
 
 
 def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None) -> CoherenceVerdict:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rover_sweep.identify.fit import Condition, Estimate, FitResult, fit
+from rover_sweep.identify.fit import Condition, Estimate, FitResult, fit, silent
 
 INSENSITIVITY_LIMIT = 10.0  # percent
 CRAMER_RAO_LIMIT = 20.0  # percent
@@ -27,12 +27,16 @@ def reduce(start: FitResult, conditions: Sequence[Condition]) -> tuple[FitResult
     """Drops (sets to zero) the worst parameter, one at a time, while J_ave hardly rises.
 
     First the worst insensitivity above 10 %, then the worst Cramer-Rao bound above 20 %. A parameter
-    whose loss costs too much stays. tau is never dropped.
+    whose loss costs too much stays, and so does the only path to an output. tau is never dropped.
     """
     best, steps, kept = start, [], {"tau"}
     while (worst := _worst(best, kept)) is not None:
         estimate, reason = worst
-        trial = fit(best.structure.fixed(estimate.name, 0.0), conditions)
+        without = best.structure.fixed(estimate.name, 0.0)
+        if silent(without, conditions):
+            kept.add(estimate.name)
+            continue
+        trial = fit(without, conditions)
         dropped = trial.average <= best.average * (1 + COST_RISE) + 1.0
         steps.append(ReductionStep(estimate.name, reason, best.average, trial.average, dropped))
         if dropped:

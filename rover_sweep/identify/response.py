@@ -7,8 +7,8 @@ through zero). The four unknowns of each frequency are solved at all frequencies
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -68,49 +68,65 @@ def default_windows(w_min: float, w_max: float, total: float, longest_run: float
     return tuple(float(t) for t in np.geomspace(t_min, t_max, 5))
 
 
+LOWEST_BIN = 1.4  # of 2 pi/T_win: below it a Hann window takes in the mean, the drift and negative frequencies
+
+
 def frequency_grid(w_min: float, w_max: float, windows: Sequence[float], points: int = 120) -> Array:
     """Log-spaced frequencies [rad/s] from where the longest window still resolves, up to w_max."""
-    return np.geomspace(max(w_min, 2 * np.pi / max(windows)), w_max, points)
+    return np.geomspace(max(w_min, LOWEST_BIN * 2 * np.pi / max(windows)), w_max, points)
 
 
-def frequency_response(
+def frequency_responses(
     runs: Sequence[Recording],
-    output: str,
+    outputs: Sequence[str],
     w: Array,
     windows: Sequence[float],
     input: str = "delta",
-    band: Band | None = None,
-) -> FrequencyResponse:
-    """Composite response input -> output over all runs at w [rad/s] with windows [s].
+    bands: Mapping[str, Band] | None = None,
+) -> dict[str, FrequencyResponse]:
+    """Composite responses input -> outputs over all runs at w [rad/s] with windows [s].
 
     Outputs that vanish at w = 0 are jw times the response of their integral: vydot of vy (never a
     differentiated signal), p of the integrated roll rate. The slope of the window leaks an error of
     about 2 pi/(T_win w) of itself into a response that rises as w; into a flat one it leaks nothing
     (measured on the recordings' truth: 3 dB and 34 deg of p at .3-.5 rad/s became .5 dB and 12 deg).
-    band: overrides the automatic choice from the coherence.
+    bands: overrides the automatic choice from the coherence.
     """
-    rising = output in ("vydot", "p")
-    used = [_integrated(run) for run in runs] if output == "p" else runs
-    spectra = window_spectra(used, "vy" if output == "vydot" else output, windows, w, input)
-    gxx, gyy, gxy = composite(spectra)
-    coherence = np.abs(gxy) ** 2 / (gxx * gyy)
-    h = gxy / gxx * (1j * w if rising else 1.0)
-    gyy = gyy * (w**2 if rising else 1.0)
-    error = np.nanmin([s.random_error for s in spectra], axis=0)
-    unit = {"vydot": "m/s^2", "p": "rad/s"}.get(output) or runs[0][output].unit
-    unit = f"{unit} per {runs[0][input].unit}"
-    return FrequencyResponse(
-        input, output, unit, w, h, coherence, error, gxx, gyy,
-        tuple(s.length for s in spectra), band or usable_band(w, coherence),
-    )  # fmt: skip
+    channels = [{input: run.manoeuvre(input)} | {o: _transformed(run, o) for o in outputs} for run in runs]
+    spectra = window_spectra(channels, [run.span for run in runs], outputs, windows, w, input)
+    per = runs[0][input].unit
+    return {o: _response(input, o, per, channels[0][o].unit, spectra[o], (bands or {}).get(o)) for o in outputs}
 
 
-def _integrated(run: Recording) -> Recording:
-    """The run with p replaced by its integral over the manoeuvre [rad], from its mean."""
-    p = run.manoeuvre("p")
+RISING = {"vydot": "m/s^2", "p": "rad/s"}  # outputs got as jw times their integral, and their units
+
+
+def _transformed(run: Recording, output: str) -> Signal:
+    """The signal whose transform is taken for an output."""
+    if output == "p":
+        return _integrated(run.manoeuvre("p"))
+    return run.manoeuvre("vy" if output == "vydot" else output)
+
+
+def _integrated(p: Signal) -> Signal:
+    """The integral [rad] of a rate [rad/s], from its mean."""
     x = p.x - p.x.mean()
     angle = np.concatenate(([0.0], np.cumsum((x[1:] + x[:-1]) / 2 * np.diff(p.t))))
-    return replace(run, channels={**run.channels, "p": Signal(p.t, angle, "rad", f"integral of {p.source}")})
+    return Signal(p.t, angle, "rad", f"integral of {p.source}")
+
+
+def _response(
+    input: str, output: str, per: str, unit: str, spectra: Sequence[WindowSpectra], band: Band | None
+) -> FrequencyResponse:
+    w = spectra[0].w
+    gxx, gyy, gxy = composite(spectra)
+    coherence = np.abs(gxy) ** 2 / (gxx * gyy)
+    rise = 1j * w if output in RISING else np.ones_like(w, dtype=complex)
+    error = np.nanmin([s.random_error for s in spectra], axis=0)
+    return FrequencyResponse(
+        input, output, f"{RISING.get(output, unit)} per {per}", w, gxy / gxx * rise, coherence, error,
+        gxx, gyy * np.abs(rise) ** 2, tuple(s.length for s in spectra), band or usable_band(w, coherence),
+    )  # fmt: skip
 
 
 def composite(spectra: Sequence[WindowSpectra]) -> tuple[Array, Array, Complex]:

@@ -7,13 +7,13 @@ trapezoidal weights, a staircase (PWM) by the integral of its steps. Nothing is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.identify.recording import Array, Recording, Signal
+from rover_sweep.identify.recording import Array, Signal
 
 Complex = NDArray[np.complex128]
 OVERLAP = 0.8
@@ -79,51 +79,81 @@ def window_starts(start: float, end: float, length: float) -> Array:
     return start + np.linspace(0.0, max(room, 0.0), count)
 
 
-def fine(signal: Signal, w_max: float) -> tuple[Signal, float]:
-    """A staircase as cell means on a grid fine enough for w_max [rad/s], and its step [s] (0 for samples)."""
+def sampled_evenly(signal: Signal, w_max: float) -> tuple[Signal, float]:
+    """A staircase as cell means on a grid fine enough for w_max [rad/s], and its step [s] (0 for samples).
+
+    The mean over a cell multiplies the transform by sinc(w step/2 pi), which `Transformer` takes out.
+    """
     if not signal.hold:
         return signal, 0.0
-    step = 2 * np.pi / w_max / 64
+    step = 2 * np.pi / w_max / 16
     n = int(np.ceil((signal.t[-1] - signal.t[0]) / step))
     grid = signal.t[0] + (np.arange(n) + 0.5) * step
     return replace(signal, t=grid, x=signal.on(grid), hold=False), step
 
 
-def transforms(signal: Signal, starts: Sequence[Array], lengths: Sequence[float], w: Array) -> list[Complex]:
-    """Fourier transforms of every window of every length: a list (per length) of (n_windows, n_w) arrays."""
-    points, step = fine(signal, float(w[-1]))
-    points = detrended(points)
-    kernel = np.exp(-1j * np.outer(points.t, w)) * (points.x * _durations(points))[:, None]
-    if step:
-        kernel /= np.sinc(w * step / (2 * np.pi))
-    out = []
-    for begin, length in zip(starts, lengths, strict=True):
-        rows = np.empty((begin.size, w.size), dtype=complex)
-        for i, s in enumerate(begin):
-            lo, hi = np.searchsorted(points.t, (s, s + length))
-            rows[i] = hann((points.t[lo:hi] - s) / length) @ kernel[lo:hi]
-        out.append(rows)
-    return out
+class Transformer:
+    """Fourier transforms at w [rad/s] of every window of every length over start..end [s].
+
+    Signals on the same time stamps share the exponentials, which cost most of the time.
+    """
+
+    def __init__(self, start: float, end: float, lengths: Sequence[float], w: Array) -> None:
+        self.w = w
+        self.windows = [(window_starts(start, end, length), length) for length in lengths]
+        self._kernels: list[tuple[Array, Complex]] = []
+
+    def __call__(self, signal: Signal) -> list[Complex]:
+        """A list, per length, of (n_windows, n_w) arrays."""
+        points, step = sampled_evenly(signal, float(self.w[-1]))
+        points = detrended(points)
+        scaled = self._kernel(points.t) * (points.x * _durations(points))[:, None]
+        if step:
+            scaled /= np.sinc(self.w * step / (2 * np.pi))
+        return [self._windowed(points.t, scaled, starts, length) for starts, length in self.windows]
+
+    def _windowed(self, t: Array, scaled: Complex, starts: Array, length: float) -> Complex:
+        rows = np.empty((starts.size, self.w.size), dtype=complex)
+        for i, s in enumerate(starts):
+            lo, hi = np.searchsorted(t, (s, s + length))
+            rows[i] = hann((t[lo:hi] - s) / length) @ scaled[lo:hi]
+        return rows
+
+    def _kernel(self, t: Array) -> Complex:
+        for known, kernel in self._kernels:
+            if known.size == t.size and np.array_equal(known, t):
+                return kernel
+        angle = np.outer(t, self.w)
+        kernel = np.cos(angle) - 1j * np.sin(angle)
+        self._kernels.append((t, kernel))
+        return kernel
 
 
 def window_spectra(
-    runs: Sequence[Recording], output: str, lengths: Sequence[float], w: Array, input: str = "delta"
-) -> tuple[WindowSpectra, ...]:
-    """Averaged spectra input -> output for each window length [s] at w [rad/s], over all runs.
+    runs: Sequence[Mapping[str, Signal]],
+    spans: Sequence[tuple[float, float]],
+    outputs: Sequence[str],
+    lengths: Sequence[float],
+    w: Array,
+    input: str = "delta",
+) -> dict[str, tuple[WindowSpectra, ...]]:
+    """Averaged spectra input -> each output for each window length [s] at w [rad/s], over all runs.
 
-    No window crosses from one run into another. Lengths that fit in no run are left out.
+    runs: channels within the spans. No window crosses from one run into another. Lengths that fit
+    in no run are left out.
     """
-    total = sum(run.span[1] - run.span[0] for run in runs)
-    sums = [_Sums(w) for _ in lengths]
-    for run in runs:
-        starts = [window_starts(*run.span, length) for length in lengths]
-        x = transforms(run.manoeuvre(input), starts, lengths, w)
-        y = transforms(run.manoeuvre(output), starts, lengths, w)
-        for acc, xs, ys in zip(sums, x, y, strict=True):
-            acc.add(xs, ys)
-    return tuple(
-        acc.averaged(length, total) for acc, length in zip(sums, lengths, strict=True) if acc.count > 0
-    )
+    total = sum(end - start for start, end in spans)
+    sums = {output: [_Sums(w) for _ in lengths] for output in outputs}
+    for channels, span in zip(runs, spans, strict=True):
+        transform = Transformer(*span, lengths, w)
+        x = transform(channels[input])
+        for output in outputs:
+            for acc, xs, ys in zip(sums[output], x, transform(channels[output]), strict=True):
+                acc.add(xs, ys)
+    return {
+        output: tuple(a.averaged(length, total) for a, length in zip(parts, lengths, strict=True) if a.count)
+        for output, parts in sums.items()
+    }
 
 
 class _Sums:

@@ -25,16 +25,20 @@ class ModelVerdict:
     sentences: tuple[str, ...]
 
 
-def judge_model(result: FitResult) -> ModelVerdict:
-    """The verdict on one fit by itself."""
+def judge_model(result: FitResult, physical: bool = True) -> ModelVerdict:
+    """The verdict on one fit by itself.
+
+    physical: its parameters are properties of the rover, so that one that is lost spoils the model;
+    the derivatives of a lumped model are correlated by nature and stand for one another.
+    """
     lost = [e for e in result.estimates if e.free and e.name != "tau" and _is_lost(e)]
-    weak = [e for e in result.estimates if e.free and e not in lost and _is_weak(e)]
+    weak = [e for e in result.estimates if e.free and _is_weak(e) and not (physical and e in lost)]
     words = [_cost_words(result.average)]
     if weak:
         words.append("uncertain beyond the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, weak)))
     if result.spread > 0.02:
         words.append(f"other starts reach the same cost with parameters up to {100 * result.spread:.0f} % away")
-    if lost:
+    if lost and physical:
         return ModelVerdict("not identifiable", ("cannot be identified: " + ", ".join(map(_numbers, lost)), *words))
     return ModelVerdict(_level(result.average), tuple(words))
 
