@@ -272,7 +272,7 @@ local function refuse_servo(v)
     if not (trim and low and high) then
         return name .. "TRIM, MIN, MAX unknown"
     elseif trim - v.AMP < low or trim + v.AMP > high then
-        return string.format("PWM %g+-%g not in %s%g..%g", trim, v.AMP, name, low, high)
+        return string.format("PWM %g+-%g not in %g..%g", trim, v.AMP, low, high)
     end
     v.channel, v.trim = channel, trim
     return nil

@@ -1,0 +1,107 @@
+"""parameters.py is what the applet has; the .param files read back; differences are found as float32."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from applet_bench import Bench, Drive
+
+from firmware_params import check, parameters
+from firmware_params.parameters import PARAMETERS, STATES, applet_path, applet_source, for_manoeuvre
+
+
+def test_names_and_defaults_are_those_that_the_applet_adds() -> None:
+    bench = Bench(parameters={})
+    Drive(bench)
+    assert bench.parameters == {p.name: float(np.float32(p.default)) for p in PARAMETERS}
+    assert all(len(p.name) <= 16 for p in PARAMETERS)
+
+
+def test_ranges_are_those_that_the_applet_refuses_beyond() -> None:
+    table = re.search(r"local PARAMETERS = \{(.*?)\n\}", applet_source(), re.DOTALL)
+    assert table
+    rows = re.findall(r'\{ "(\w+)", (\S+), (\S+), (\S+) \}', table[1])
+    assert [("SWP_" + n, float(d), float(lo), float(hi)) for n, d, lo, hi in rows] == [
+        (p.name, p.default, p.low, p.high) for p in PARAMETERS
+    ]
+
+
+def test_constants_shared_with_the_applet() -> None:
+    source = applet_source()
+    assert f"local TABLE_KEY = {parameters.TABLE_KEY} " in source
+    assert f"local AUX_FUNCTION = {parameters.AUX_FUNCTION} " in source
+    assert applet_path().name == "rover_sweep.lua" and len(STATES) == 11
+
+
+def test_values_for_a_manoeuvre() -> None:
+    values = for_manoeuvre("doublet", amplitude=120, pulse=0.5, v_min=1, pwm_max=200)
+    assert values == {"SWP_TYPE": 1, "SWP_AMP": 120, "SWP_PULSE": 0.5, "SWP_V_MIN": 1, "SWP_PWM_MAX": 200}
+    for kind, numbers, complaint in (
+        ("chirp", {}, "no manoeuvre 'chirp'"),
+        ("sweep", {"amplitud": 3}, "no parameter for amplitud"),
+        ("sweep", {"t_rec": 0}, "SWP_TREC 0 s is outside 1 to 600"),
+        ("sweep", {"run": 4}, "no parameter for run"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            for_manoeuvre(kind, **numbers)
+
+
+@pytest.mark.parametrize("name", ["identification", "raw_imu"])
+def test_shipped_files_have_a_reason_on_every_line(name: str) -> None:
+    wanted = check.read(check.shipped(name))
+    assert wanted and all(len(p.reason) > 10 and len(p.name) <= 16 for p in wanted)
+    reboot = {p.name for p in wanted if p.needs_reboot}
+    assert reboot == {p.name for p in wanted} & {"SCR_ENABLE", "SCR_HEAP_SIZE", "SCHED_LOOP_RATE"}
+
+
+def test_unknown_file_is_named() -> None:
+    with pytest.raises(ValueError, match="'race'; there are identification, raw_imu"):
+        check.shipped("race")
+
+
+def test_formats_of_parameter_files() -> None:
+    text = "# heading\n\nINS_GYRO_FILTER,20\nRC6_OPTION\t300 # switch [reboot]\nLOG_BITMASK = 0xFFFF"
+    text += "\nA 1 @READONLY"
+    assert check.parse(text) == (
+        check.WantedParameter("INS_GYRO_FILTER", 20),
+        check.WantedParameter("RC6_OPTION", 300, "switch", True),
+        check.WantedParameter("LOG_BITMASK", 65535),
+        check.WantedParameter("A", 1),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("A 1\nB", "file, line 2: 'B' is not NAME value"),
+        ("A one", "line 1: 'A one'"),
+        ("A 1 2", "line 1: 'A 1 2'"),
+        ("A 1\nA 2", "line 2: A is there twice"),
+    ],
+)
+def test_bad_lines_are_named(text: str, complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        check.parse(text, "file")
+
+
+def test_differences_are_those_of_float32() -> None:
+    wanted = check.parse(
+        "FS_TIMEOUT 1.1 # as the firmware\nSCR_ENABLE 1 # Lua [reboot]\nRC6_OPTION 300\nGONE 0"
+    )
+    vehicle = {"FS_TIMEOUT": float(np.float32(1.1)), "SCR_ENABLE": 0.0, "RC6_OPTION": 300.0}
+    scripting, gone = check.compare(vehicle, wanted)
+    assert scripting == check.Difference(
+        "SCR_ENABLE", 1, 0, "Lua", True, "SCR_ENABLE is 0, wanted 1: Lua (counts after a reboot)"
+    )
+    assert gone.found is None and gone.sentence == "GONE does not exist on this vehicle, wanted 0"
+    assert check.compare(vehicle | {"FS_TIMEOUT": 1.1000003}, wanted[:1])
+
+
+def test_imports_nothing_of_the_other_parts() -> None:
+    for module in Path(parameters.__file__).parent.glob("*.py"):
+        assert not re.search(
+            r"^\s*(from|import) (rover_sweep|sitl)", module.read_text(encoding="utf-8"), re.M
+        )

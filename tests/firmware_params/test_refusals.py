@@ -1,0 +1,156 @@
+"""What makes no sense, or is not there, is refused in words; nothing starts and the script lives on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from applet_bench import LOW, Bench, Drive, moving, throw_switch
+
+
+def vehicle(**values: float) -> Callable[[Bench], None]:
+    return lambda bench: bench.parameters.update(values)
+
+
+def no_steering(bench: Bench) -> None:
+    bench.steering_channel = None
+
+
+def no_trim(bench: Bench) -> None:
+    del bench.parameters["SERVO1_TRIM"]
+
+
+def not_manual(bench: Bench) -> None:
+    bench.current_mode = 10
+
+
+def no_rc(bench: Bench) -> None:
+    bench.is_rc_valid = False
+
+
+def no_velocity(bench: Bench) -> None:
+    bench.velocity = None
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (vehicle(SWP_ENABLE=0), "SWP_ENABLE is 0"),
+        (vehicle(SWP_AMP=260), "SWP_AMP 260 > SWP_PWM_MAX 250"),
+        (vehicle(SWP_AMP=0), "SWP_AMP 0 outside 1 to 500"),
+        (vehicle(SWP_AMP=float("nan")), "SWP_AMP nan outside 1 to 500"),
+        (vehicle(SWP_WMIN=25), "SWP_WMIN 25 >= SWP_WMAX 25"),
+        (vehicle(SWP_WMIN=-1), "SWP_WMIN -1 outside 0.05 to 50"),
+        (vehicle(SWP_TREC=0), "SWP_TREC 0 outside 1 to 600"),
+        (vehicle(SWP_FADE=-2), "SWP_FADE -2 outside 0 to 20"),
+        (vehicle(SWP_TYPE=2), "SWP_TYPE 2 outside 0 to 1"),
+        (vehicle(SWP_TYPE=0.5), "SWP_TYPE 0.5 is unknown"),
+        (vehicle(SWP_V_MIN=4), "SWP_V_MIN 4 >= SWP_V_MAX 4"),
+        (vehicle(SERVO1_MAX=1640), "PWM 1500+-150 not in 1100..1640"),
+        (vehicle(SERVO1_MIN=1360), "PWM 1500+-150 not in 1360..1900"),
+        (no_steering, "no servo has function 26 (steering)"),
+        (no_trim, "SERVO1_TRIM, MIN, MAX unknown"),
+        (not_manual, "mode 10, needs MANUAL"),
+        (no_rc, "no RC"),
+        (no_velocity, "no velocity estimate"),
+    ],
+)
+def test_refused_at_the_switch(spoil: Callable[[Bench], None], said: str) -> None:
+    bench = moving()
+    drive = Drive(bench)
+    spoil(bench)
+    throw_switch(drive)
+    drive.run(3)
+    assert bench.texts[1:] == [f"SWP: refused: {said}"]
+    assert bench.overrides == [] and bench.log == [] and bench.parameters["SWP_RUN"] == 0
+    assert drive.host.running
+
+
+def test_refused_run_starts_once_put_right_and_thrown_again() -> None:
+    bench = moving(trec=0)
+    drive = Drive(bench)
+    throw_switch(drive)
+    bench.parameters["SWP_TREC"] = 5
+    drive.run(2)
+    assert bench.state == 0
+    throw_switch(drive)
+    assert bench.state == 3
+
+
+@pytest.mark.parametrize("channel", [17, -1, 300])
+def test_impossible_switch_channel_is_said_and_does_not_kill_the_script(channel: int) -> None:
+    bench = moving(chan=channel)
+    drive = Drive(bench)
+    throw_switch(drive)
+    assert bench.texts[1:] == [f"SWP: refused: SWP_CHAN {channel} outside 0 to 16"]
+    assert drive.host.running and bench.state == 0
+
+
+NEEDED = (
+    "SRV_Channels:set_output_pwm_chan_timeout",
+    "SRV_Channels:find_channel",
+    "SRV_Channels",
+    "rc:get_aux_cached",
+    "rc:has_valid_input",
+    "arming:is_armed",
+    "vehicle:get_mode",
+    "ahrs:get_gyro",
+    "ahrs:get_roll",
+    "logger:write",
+    "param:add_table",
+)
+
+
+@pytest.mark.parametrize("missing", NEEDED)
+def test_call_that_is_needed_is_missed_in_words(missing: str) -> None:
+    bench = moving()
+    drive = Drive(bench, removed=(missing,))
+    assert len(bench.texts) == 1 and bench.texts[0].startswith(f"SWP: no {missing}")
+    assert not drive.host.running and drive.host.error is None
+
+
+@pytest.mark.parametrize("removed", ["SRV_Channels:get_output_pwm_chan", "SRV_Channels:get_output_pwm"])
+def test_either_way_to_read_the_output_will_do(removed: str) -> None:
+    """4.5.7 has no get_output_pwm_chan."""
+    bench = moving(still=0, trec=5, straight=0)
+    drive = Drive(bench, removed=(removed,))
+    throw_switch(drive)
+    drive.run_until(0)
+    assert bench.texts[-1] == "SWP: run 1 done" and max(row["Out"] for row in bench.log) == 1650
+
+
+def test_neither_way_to_read_the_output_is_refused() -> None:
+    bench = moving()
+    Drive(bench, removed=("SRV_Channels:get_output_pwm_chan", "SRV_Channels:get_output_pwm"))
+    assert bench.texts == ["SWP: no SRV_Channels:get_output_pwm"]
+
+
+def test_gcs_loss_wanted_but_not_to_be_seen_is_refused() -> None:
+    bench = moving(gcs=1)
+    drive = Drive(bench, removed=("gcs:last_seen",))
+    throw_switch(drive)
+    assert bench.texts[-1] == "SWP: refused: SWP_GCS 1, but no gcs:last_seen"
+    bench.parameters["SWP_GCS"], bench.switch = 0, LOW
+    throw_switch(drive)
+    assert bench.state == 3
+
+
+def test_parameter_table_of_another_script_is_not_touched() -> None:
+    class Full(Bench):
+        def add_parameter(self, name: str, default: float) -> bool:
+            return name != "SWP_TREC"
+
+    bench = Full()
+    bench.parameters |= dict.fromkeys(("SWP_ENABLE", "SWP_TYPE", "SWP_AMP", "SWP_WMIN", "SWP_WMAX"), 1.0)
+    drive = Drive(bench)
+    assert bench.texts == ["SWP: refused: cannot add SWP_TREC"] and not drive.host.running
+
+
+def test_switch_that_was_never_set_is_not_low() -> None:
+    bench = moving()
+    bench.switch = None
+    drive = Drive(bench)
+    drive.run(1)
+    bench.switch = 2
+    drive.run(1)
+    assert bench.state == 0 and not bench.overrides

@@ -1,0 +1,151 @@
+"""The wave that the applet puts on the servo is the closed form, whatever the update intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from applet_bench import HIGH, TRIM, Bench, Drive, moving, throw_switch
+
+from firmware_params.parameters import for_manoeuvre
+from rover_sweep.identify.sweep import Doublet, Manoeuvre, Sweep
+
+UINT32 = 2**32
+
+
+def driven(manoeuvre: Manoeuvre, start_us: int = 5_000_000) -> Bench:
+    """A bench on which the whole manoeuvre was driven, without standstills."""
+    bench = moving()
+    bench.now = start_us
+    bench.parameters |= for_manoeuvre(still=0, pwm_max=400, **vars(manoeuvre))
+    drive = Drive(bench)
+    throw_switch(drive)
+    drive.run_until(0)
+    return bench
+
+
+@pytest.mark.parametrize(
+    "manoeuvre",
+    [
+        Sweep(),
+        Sweep(amplitude=240, w_min=0.5, w_max=12, t_rec=20, fade=1, dwell=0, straight=1),
+        Sweep(amplitude=90, w_min=2, w_max=60, t_rec=15, fade=0, dwell=3, straight=0),
+        Doublet(),
+        Doublet(amplitude=300, pulse=0.4, pause=0, count=3, straight=0.5),
+    ],
+    ids=["default", "fast", "no fade", "doublet", "doublet without pause"],
+)
+def test_wave_is_the_closed_form(manoeuvre: Manoeuvre) -> None:
+    bench = driven(manoeuvre)
+    t = np.array([row["T"] for row in bench.log])
+    wanted = np.array([row["Cmd"] for row in bench.log]) - TRIM
+    on_servo = np.array([row["Out"] for row in bench.log]) - TRIM
+    np.testing.assert_allclose(wanted, manoeuvre.wave(t), atol=2e-3)
+    np.testing.assert_allclose(on_servo, manoeuvre.wave(t), atol=0.502)  # a whole microsecond
+    assert t[0] == 0 and manoeuvre.duration - 0.08 < t[-1] < manoeuvre.duration
+    assert np.ptp(on_servo) > 1.8 * manoeuvre.amplitude
+
+
+def test_clock_of_the_wave_is_the_vehicles_and_survives_the_wrap_of_micros() -> None:
+    sweep = Sweep(t_rec=10, straight=1)
+    bench = driven(sweep, start_us=UINT32 - 6_000_000)
+    t = np.array([row["T"] for row in bench.log])
+    true = np.array([row["t"] for row in bench.log])
+    assert bench.now > UINT32
+    np.testing.assert_allclose(t, true - true[0], atol=2e-6)
+
+
+def test_states_begin_and_end_where_the_manoeuvre_says() -> None:
+    sweep = Sweep(t_rec=8, fade=1.5, dwell=2, straight=1)
+    bench = driven(sweep)
+    edges = np.cumsum([sweep.straight, sweep.fade, sweep.dwell, sweep.t_rec, sweep.fade])
+    t = np.array([row["T"] for row in bench.log])
+    expected = 3 + np.searchsorted(edges, t, side="right")
+    np.testing.assert_array_equal([row["St"] for row in bench.log], expected)
+
+
+def test_whole_course_with_standstills() -> None:
+    bench = moving(speed=0.0, still=2, trec=5, straight=1)
+    drive = Drive(bench)
+    throw_switch(drive)
+    drive.run(3)
+    assert bench.state == 2 and not bench.overrides
+    bench.velocity = (2.0, 0.0, 0.0)
+    drive.run(0.9)
+    assert bench.state == 2
+    drive.run_until(9)
+    steered = [row for row in bench.log if 3 <= row["St"] <= 8]
+    assert len(steered) == len([o for o in bench.overrides if o[2] > 0])
+    bench.velocity, bench.pilot_pwm = (0.1, 0.0, 0.0), 1620
+    drive.run_until(0)
+    course = [row["St"] for row in bench.log]
+    assert sorted(set(course)) == [1, 2, 3, 4, 5, 6, 7, 8, 9] and course == sorted(course)
+    assert bench.log[-1]["Out"] == 1620 and len(bench.overrides) == len(steered) + 1
+    assert [text.removeprefix("SWP: run 1 ") for text in bench.texts[1:]] == [
+        "stand still for 2 s",
+        "drive at 0.5 to 4 m/s",
+        "start sweep",
+        "steering is yours: stop",
+        "done",
+    ]
+
+
+def test_last_state_ends_after_30_s_without_standstill() -> None:
+    bench = moving(type=1, count=1, still=2)
+    drive = Drive(bench)
+    throw_switch(drive)
+    assert "SWP: run 1 moving: no standstill in the record" in bench.texts
+    drive.run_until(9)
+    drive.run(29)
+    assert bench.state == 9
+    drive.run(1.5)
+    assert bench.state == 0 and bench.texts[-2:] == ["SWP: run 1 no standstill at the end", "SWP: run 1 done"]
+
+
+def test_leaving_the_standstill_early_is_said() -> None:
+    bench = moving(speed=0.0, still=5)
+    drive = Drive(bench)
+    throw_switch(drive)
+    drive.run(1)
+    bench.velocity = (0.45, 0.0, 0.0)
+    drive.run(0.1)
+    assert bench.state == 2 and "SWP: run 1 standstill only 1." in bench.said
+
+
+def test_runs_are_counted_over_a_reboot_and_told_with_state_and_frequency() -> None:
+    bench = moving(still=0, trec=5, straight=0, fade=1, dwell=1)
+    for number in (1, 2):
+        drive = Drive(bench)
+        throw_switch(drive)
+        drive.run_until(0)
+        assert bench.parameters["SWP_RUN"] == number and bench.log[-1]["Run"] == number
+        bench.switch = 0
+    during = [(t, value) for t, name, value in bench.floats if name == "SWP_W" and value > 0]
+    gaps = np.diff([t for t, _ in during]) * 1e-6
+    assert np.median(gaps) < 0.25
+    assert max(value for _, value in during) == pytest.approx(25.1, abs=0.1)
+
+
+def test_parameter_changed_during_a_run_counts_for_the_next() -> None:
+    bench = moving(still=0, type=1, count=2, straight=1)
+    drive = Drive(bench)
+    throw_switch(drive)
+    drive.run_until(6)
+    bench.parameters |= {"SWP_AMP": 40, "SWP_PWM_MAX": 50, "SWP_CHAN": 9, "SWP_TYPE": 0, "SWP_COUNT": 1}
+    bench.parameters |= {"SERVO1_TRIM": 1400, "SWP_ENABLE": 0, "SWP_V_MAX": 1, "SWP_ROLL_MAX": 1}
+    drive.run_until(0)
+    t = np.array([row["T"] for row in bench.log])
+    doublet = Doublet(count=2, straight=1)
+    np.testing.assert_allclose([row["Cmd"] - TRIM for row in bench.log], doublet.wave(t), atol=1e-6)
+    assert t[-1] > doublet.duration - 0.08
+
+
+@pytest.mark.parametrize("channel", [0, 7])
+def test_switch_is_the_auxiliary_function_or_a_raw_channel(channel: int) -> None:
+    bench = moving(still=0, chan=channel)
+    bench.switch, bench.rc[7] = (0, 1900) if channel == 0 else (HIGH, 1100)
+    drive = Drive(bench)
+    drive.run(1)
+    assert not bench.overrides
+    bench.switch, bench.rc[7] = (HIGH, 1900) if channel == 0 else (0, 1900)
+    drive.run(0.05)
+    assert bench.state == 3
