@@ -22,6 +22,7 @@ from rover_sweep.logs.log import (
     Array,
     Log,
     body_velocity,
+    clock_notes,
     increasing,
     is_banner,
     joined_steering,
@@ -81,13 +82,14 @@ def _refuse_damage(path: Path, flash: DataFlash) -> None:
         raise DataRefused(f"{path.name} is empty (0 bytes): fetch the log from the vehicle again")
     if not flash.formats or not any(flash.count(name) for name in flash.formats if name != "FMT"):
         raise DataRefused(
-            f"{path.name} is no DataFlash log: its {flash.data.size} bytes hold no messages; give a .BIN of an ArduPilot rover"
-        )  # fmt: skip
+            f"{path.name} is no DataFlash log: its {flash.data.size} bytes hold no messages; "
+            "give a .BIN of an ArduPilot rover"
+        )
     lost = flash.bad_bytes - flash.tail_bytes
     if lost > DAMAGE_LIMIT * flash.data.size:
         raise DataRefused(
-            f"{path.name} is damaged: {lost} of {flash.data.size} bytes ({100 * lost / flash.data.size:.1f} %) "
-            "belong to no message; copy the log from the vehicle again"
+            f"{path.name} is damaged: {lost} of {flash.data.size} bytes "
+            f"({100 * lost / flash.data.size:.1f} %) belong to no message; copy it from the vehicle again"
         )
 
 
@@ -97,17 +99,26 @@ def _reading_notes(flash: DataFlash) -> Iterator[Note]:
         yield Note("warning", f"{lost} damaged bytes in the log were skipped")
     if flash.tail_bytes:
         yield Note("info", f"The log ends in the middle of a message ({flash.tail_bytes} bytes left over)")
-    if flash.has("DSF", "Dp") and (dropped := int(flash.rows("DSF")["Dp"].max())):
+    if flash.has("DSF", "Dp") and (dropped := int(np.ptp(flash.rows("DSF")["Dp"]))):
         yield Note(
             "warning",
-            f"The autopilot could not write {dropped} log messages (DSF.Dp): log less (LOG_BITMASK) or use a faster card",
+            f"The autopilot could not write {dropped} log messages during this log (DSF.Dp): "
+            "log less (LOG_BITMASK) or use a faster card",
         )
+    names = [n for n in ("IMU", "GYR", "XKF1", "SWEP", "RCOU") if flash.count(n)]
+    yield from clock_notes({n: _stamps(flash, n, _instance_rows(flash, n)) for n in names})
 
 
 def _marks(flash: DataFlash) -> tuple[tuple[float, str], ...]:
     if not flash.has("MSG", "Message"):
         return ()
     return tuple(zip(flash.seconds("MSG").tolist(), flash.text("MSG", "Message"), strict=True))
+
+
+def _instance_rows(flash: DataFlash, name: str) -> Rows:
+    """Rows of instance 0, by whatever name a message has for its instance."""
+    label = next((c for c in ("I", "C") if c in flash.formats[name].columns), "")
+    return _first_instance(flash, name, label)
 
 
 def _first_instance(flash: DataFlash, name: str, instance: str, number: int = 0) -> Rows:
@@ -127,7 +138,7 @@ def _signals(
     flash: DataFlash, name: str, rows: Rows, channels: Mapping[str, tuple[str, float, str]]
 ) -> dict[str, Signal]:
     """Channels out of one message type: {channel: (column, factor, unit)}."""
-    t, columns, _ = increasing(
+    t, columns = increasing(
         _stamps(flash, name, rows), *(flash.column(name, c, rows) * f for c, f, _ in channels.values())
     )
     return {
@@ -173,7 +184,7 @@ def _velocity(flash: DataFlash) -> dict[str, Signal]:
     for name in ("XKF1", "NKF1", "EKF1"):
         if flash.has(name, "VN", "VE", "Yaw"):
             rows = _first_instance(flash, name, "C", _primary_core(flash))
-            t, (vn, ve, yaw), _ = increasing(
+            t, (vn, ve, yaw) = increasing(
                 flash.seconds(name, rows), *(flash.column(name, c, rows) for c in ("VN", "VE", "Yaw"))
             )
             return body_velocity(t, vn, ve, -np.radians(yaw), f"{name}.VN,VE,Yaw")
@@ -206,7 +217,7 @@ def _applet(flash: DataFlash) -> AppletRows | None:
     if not flash.has("SWEP", "Run", "St", "T"):
         return None
     rows = flash.rows("SWEP")
-    t, (run, state, clock), _ = increasing(
+    t, (run, state, clock) = increasing(
         flash.seconds("SWEP", rows), *(flash.column("SWEP", c, rows) for c in ("Run", "St", "T"))
     )
     return AppletRows(t, run, state, clock)
@@ -221,7 +232,7 @@ def _applet_steering(flash: DataFlash) -> Signal | None:
     if not flash.has("SWEP", "Cmd", "Out"):
         return None
     rows = flash.rows("SWEP")
-    t, (wanted, out), _ = increasing(
+    t, (wanted, out) = increasing(
         flash.seconds("SWEP", rows), flash.column("SWEP", "Cmd", rows), flash.column("SWEP", "Out", rows)
     )
     is_output = np.ptp(out) > 0 and float(np.min(out)) > 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,12 +15,14 @@ from rover_sweep.identify.recording import LowPass, Note, Signal
 Array = NDArray[np.float64]
 
 STEERING, THROTTLE, THRUST_LEFT, THRUST_RIGHT = 26, 70, 73, 74  # SERVOn_FUNCTION (ArduRover 4.6 parameters)
+FAR = 10.0  # s from the neighbouring stamps: the stamp is damaged
+DUPLICATES_TOLD = 0.005  # share of samples with a repeated or damaged stamp that is worth telling
 GYRO_FACTORY_HZ, ACCEL_FACTORY_HZ = 4.0, 10.0  # INS_GYRO_FILTER, INS_ACCEL_FILTER of Rover as delivered
 
 
 @dataclass(frozen=True, eq=False)
 class AppletRows:
-    """The SWEP messages of the sweep applet: t (n,) s, run (n,), state (n,), clock T of the override (n,) s."""
+    """The applet's SWEP messages: t (n,) s, run (n,), state (n,), clock T of the override (n,) s."""
 
     t: Array
     run: Array
@@ -51,11 +53,6 @@ class Log:
     firmware: str = ""
     notes: tuple[Note, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def has_motion(self) -> bool:
-        """Whether the two signals without which no run can be found were recorded."""
-        return "speed" in self.signals and "r" in self.signals
 
 
 def source_of(path: Path) -> tuple[str, str]:
@@ -118,24 +115,53 @@ def sensor_filters(
         elif cutoff is None and filtered:
             cutoff, source = factory, "factory value, assumed"
             notes.append(
-                Note("warning", f"The log does not hold {name}: the factory value {factory:g} Hz is assumed; give {key} if it was set otherwise")
-            )  # fmt: skip
+                Note(
+                    "warning",
+                    f"The log does not hold {name}: the factory value {factory:g} Hz is assumed; "
+                    f"give {key} if it was set otherwise",
+                )
+            )
         if cutoff:
             filters |= {c: LowPass(float(cutoff), source) for c in filtered}
     return filters, tuple(notes)
 
 
-def increasing(t: Array, *columns: Array) -> tuple[Array, tuple[Array, ...], int]:
-    """Samples whose stamp is later than all before, and how many were dropped (duplicates, rewinds)."""
+def increasing(t: Array, *columns: Array) -> tuple[Array, tuple[Array, ...]]:
+    """Samples with a plausible stamp that is later than all before.
+
+    A single damaged stamp far in the future must not void what follows, so a stamp that lies more
+    than 10 s from the median of its neighbourhood is dropped first.
+    """
+    finite = np.isfinite(t)
+    t, columns = t[finite], tuple(c[finite] for c in columns)
+    if t.size > 5:
+        padded = np.pad(t, 2, mode="edge")
+        usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+        near = np.abs(t - usual) < FAR
+        t, columns = t[near], tuple(c[near] for c in columns)
     keep = np.ones(t.size, bool)
-    if t.size > 1:
-        keep[1:] = t[1:] > np.maximum.accumulate(t)[:-1]
-    keep &= np.isfinite(t)
-    return t[keep], tuple(c[keep] for c in columns), int(t.size - keep.sum())
+    keep[1:] = t[1:] > np.maximum.accumulate(t)[:-1]
+    return t[keep], tuple(c[keep] for c in columns)
+
+
+def clock_notes(stamps: Mapping[str, Array]) -> Iterator[Note]:
+    """What `increasing` leaves out of the messages with these stamps {message: (n,) s}."""
+    for name, t in stamps.items():
+        backwards = int(np.sum(np.diff(t) < 0))
+        if backwards:
+            yield Note(
+                "warning",
+                f"The clock of {name} runs back {backwards} times; "
+                "samples that are not later than the one before were left out",
+            )
+        lost = t.size - increasing(t)[0].size
+        if lost > DUPLICATES_TOLD * t.size:
+            text = f"{lost} of {t.size} samples of {name} have the time of another and were left out"
+            yield Note("info", text)
 
 
 def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> dict[str, Signal]:
-    """speed (forward) and vy (left) [m/s] from north and east velocity [m/s] and heading psi [rad], left positive."""
+    """speed (forward) and vy (left) [m/s] from velocity north and east [m/s] and heading psi [rad]."""
     speed = vn * np.cos(psi) - ve * np.sin(psi)
     left = -vn * np.sin(psi) - ve * np.cos(psi)
     return {

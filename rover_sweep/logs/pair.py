@@ -8,7 +8,8 @@ from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import Note, Signal
 from rover_sweep.logs.log import Log, sensor_filters
 
-AGREE_US = 60.0  # rms: the same output in both logs, sampled at different times, differs by less
+UNLIKE = 0.7  # rms difference over standard deviation; two drives of one wave give about 1.4
+LEAST_US = 10.0  # rms: less tells nothing
 
 
 def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
@@ -20,13 +21,14 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
     match = max(telemetry, key=lambda log: overlap(flash, log))
     if overlap(flash, match) < 1.0:
         raise DataRefused(
-            f"{flash.name} ({_extent(flash)}) and {match.name} ({_extent(match)}) have no vehicle time in common: "
-            "give the two logs of one drive"
+            f"{flash.name} ({_extent(flash)}) and {match.name} ({_extent(match)}) have no vehicle time "
+            "in common: give the two logs of one drive"
         )
-    apart = _disagreement(flash, match)
-    if apart > AGREE_US:
+    apart, spread = _disagreement(flash, match)
+    if apart > max(LEAST_US, UNLIKE * spread):
         raise DataRefused(
-            f"{flash.name} and {match.name} are not of one drive: their steering outputs differ by {apart:.0f} us (rms)"
+            f"{flash.name} and {match.name} are not of one drive: their steering outputs differ by "
+            f"{apart:.0f} us (rms) where they vary by {spread:.0f}; give the two logs of one drive"
         )
     filters, _ = sensor_filters(flash.parameters, None)
     borrowed = {c: s for c, s in match.signals.items() if c not in flash.signals}
@@ -72,13 +74,13 @@ def _extent(log: Log) -> str:
     return f"{start:.0f} to {end:.0f} s after boot"
 
 
-def _disagreement(flash: Log, telemetry: Log) -> float:
-    """Rms difference [us] of the two logs' steering outputs where both have one, else 0."""
+def _disagreement(flash: Log, telemetry: Log) -> tuple[float, float]:
+    """Rms difference [us] of the two logs' steering outputs where both have one, and its spread."""
     if not flash.steering or not telemetry.steering:
-        return 0.0
+        return 0.0, 0.0
     coarse, fine = flash.steering[-1], telemetry.steering[0]
     inside = (coarse.t > fine.t[0]) & (coarse.t < fine.t[-1])
     if not np.any(inside):
-        return 0.0
+        return 0.0, 0.0
     difference = coarse.x[inside] - np.interp(coarse.t[inside], fine.t, fine.x)
-    return float(np.sqrt(np.mean(difference**2)))
+    return float(np.sqrt(np.mean(difference**2))), float(np.std(coarse.x[inside]))

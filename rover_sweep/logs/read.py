@@ -8,7 +8,7 @@ from typing import Any
 
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.recording import Recording
-from rover_sweep.logs.judge import judged, refuse_useless
+from rover_sweep.logs.judge import judged, refuse_unexcited, refuse_useless
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.runs import find_runs
 
@@ -31,10 +31,13 @@ def read_runs(
     for log in read_logs(source, column_map=column_map, filters=filters):
         try:
             refuse_useless(log)
+            found = find_runs(log)
+            if not found:
+                refuse_unexcited(log)
         except DataRefused as refusal:  # of one trial or one start of the vehicle; others may do
             refusals.append(refusal)
             continue
-        runs += [judged(run, log) for run in find_runs(log)]
+        runs += [judged(run, log) for run in found]
     if not runs and refusals:
         raise refusals[0]
     return tuple(runs)
@@ -49,7 +52,7 @@ def read_logs(
     """The logs in a source: one, or several where the vehicle restarted or a .csv joins trials."""
     parts = [source] if Path(source).is_file() else source.split("+")
     if len(parts) == 2:
-        return (_pair(*parts, filters),)
+        return (_pair(parts[0], parts[1], filters),)
     path = _existing(source)
     match path.suffix.lower():
         case ".bin":

@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 
 from rover_sweep.identify.recording import Note, Recording, Signal
 from rover_sweep.logs.log import AppletRows, Array, Log
-from rover_sweep.logs.wave import active_intervals, kind_of
+from rover_sweep.logs.wave import active_intervals, active_threshold, kind_of
 
 Bool = NDArray[np.bool_]
 Interval = tuple[float, float]
 
-LEAD = 1.0  # s of straight driving kept before and after the excitation, as far as there is any
+LEAD = 3.0  # s of straight driving kept before and after the excitation, as far as there is any
+TOUCHING = 0.5  # s between straight driving and the excitation
 CELL = 0.05  # s: grid on which intervals are looked for
 STILL_SPEED = 0.1  # m/s
 STILL_GYRO = 0.03  # rad/s rms about the mean within a second: above every gyro's noise, below any motion
 SHORTEST = 1.0  # s: a shorter interval is no use for a bias
+SAME_SPEED = 0.15  # of the run's speed
+CONSTANT = 0.2  # of the steering that counts as activity: the flicker of a receiver
 
 WAVE_STATES = {4, 5, 6, 7}  # fade-in, dwell, law or doublet, fade-out
 OVERRIDE_STATES = {3, 8} | WAVE_STATES
@@ -53,7 +56,7 @@ def find_runs(log: Log) -> tuple[Recording, ...]:
 def _windows(log: Log) -> list[Window]:
     """By the applet's own states, else by its messages, else by steering activity in motion."""
     found = list(_by_applet(log)) or list(_by_marks(log)) or list(_by_activity(log))
-    found = [w for w in found if _moved(log, w)]
+    found = [w for w in found if _is_excited(log, w)]
     fenced = []
     for i, w in enumerate(found):
         earliest = max(w.earliest, found[i - 1].end if i else -np.inf)
@@ -62,9 +65,12 @@ def _windows(log: Log) -> list[Window]:
     return fenced
 
 
-def _moved(log: Log, w: Window) -> bool:
-    speed = log.signals["speed"].between(w.start, w.end).x
-    return speed.size > 0 and float(np.median(speed)) > STILL_SPEED
+def _is_excited(log: Log, w: Window) -> bool:
+    """Whether the rover moves and is steered within the window."""
+    speed, steering = log.signals["speed"].between(w.start, w.end).x, log.steering[0].between(w.start, w.end)
+    if speed.size == 0 or steering.t.size < 2 or float(np.median(speed)) < STILL_SPEED:
+        return False
+    return bool(np.ptp(steering.x) > active_threshold(steering))
 
 
 def _by_applet(log: Log) -> Iterator[Window]:
@@ -125,22 +131,29 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
     signals = {channel: steering, **log.signals}
     first = max(s.t[0] for s in signals.values() if s.t.size)
     last = min(s.t[-1] for s in signals.values() if s.t.size)
-    span = (
-        float(max(window.start - LEAD, window.earliest, first)),
-        float(min(window.end + LEAD, window.latest, last)),
-    )
+    straight = straight_intervals(log, window)
+    start, end = _with_lead(window, straight)
     return Recording(
         name=f"{log.name} {window.label}" if count > 1 else log.name,
         channels=signals,
-        span=span,
-        kind=kind_of(steering.between(window.start, window.end)),
+        span=(float(max(start, first)), float(min(end, last))),
+        kind=kind_of(steering, window.start, window.end),
         standstill=standstill,
-        straight=straight_intervals(log, window),
+        straight=straight,
         filters=log.filters,
         notes=log.notes + window.notes,
         firmware=log.firmware,
         sources=log.sources,
     )
+
+
+def _with_lead(window: Window, straight: tuple[Interval, ...]) -> Interval:
+    """The excitation and up to `LEAD` s of the straight driving right before and after it."""
+    before = [a for a, b in straight if b <= window.start + CELL and b > window.start - TOUCHING]
+    after = [b for a, b in straight if a >= window.end - CELL and a < window.end + TOUCHING]
+    start = max(before[-1], window.start - LEAD) if before else window.start
+    end = min(after[0], window.end + LEAD) if after else window.end
+    return start, end
 
 
 def still_intervals(log: Log) -> tuple[Interval, ...]:
@@ -155,32 +168,17 @@ def still_intervals(log: Log) -> tuple[Interval, ...]:
 
 
 def straight_intervals(log: Log, window: Window) -> tuple[Interval, ...]:
-    """Where the rover drives at the run's speed with constant steering, next to the run."""
+    """Where the rover drives at the run's speed with constant steering, before and after the run."""
     grid, speed = _grid(log.signals["speed"])
     steering = log.steering[0]
-    if grid.size == 0:
-        return ()
     run_speed = float(np.median(log.signals["speed"].between(window.start, window.end).x))
-    k = np.clip(np.searchsorted(steering.t, grid, "right") - 1, 0, steering.t.size - 1)
-    value = steering.x[k]
-    tolerance = 0.002 if steering.unit == "rad" else 2.0
-    around = steering.between(window.start, window.end).x
-    constant = (
-        np.abs(
-            value
-            - np.median(
-                value[(grid < window.start) | (grid > window.end)] if _outside(grid, window) else around
-            )
-        )
-        <= tolerance
-    )
-    fit = constant & (np.abs(speed - run_speed) < 0.15 * abs(run_speed))
-    fit &= ((grid < window.start) | (grid > window.end)) & (grid > window.earliest) & (grid < window.latest)
-    return _intervals(grid, fit)
-
-
-def _outside(grid: Array, window: Window) -> bool:
-    return bool(np.any((grid < window.start) | (grid > window.end)))
+    beside = ((grid < window.start) | (grid > window.end)) & (grid > window.earliest) & (grid < window.latest)
+    beside &= np.abs(speed - run_speed) < SAME_SPEED * abs(run_speed)
+    if not np.any(beside):
+        return ()
+    value = steering.x[np.clip(np.searchsorted(steering.t, grid, "right") - 1, 0, steering.t.size - 1)]
+    tolerance = CONSTANT * active_threshold(steering)
+    return _intervals(grid, beside & (np.abs(value - np.median(value[beside])) <= tolerance))
 
 
 def _grid(speed: Signal) -> tuple[Array, Array]:
@@ -191,7 +189,7 @@ def _grid(speed: Signal) -> tuple[Array, Array]:
 
 
 def _rms(signal: Signal, grid: Array) -> Array:
-    """Root mean square about the mean in the second around each grid time; infinite where nothing was recorded."""
+    """Root mean square about the mean in the second around each grid time; infinite without samples."""
     sums = [np.concatenate(([0.0], np.cumsum(signal.x**power))) for power in (1, 2)]
     lo, hi = np.searchsorted(signal.t, grid - 0.5), np.searchsorted(signal.t, grid + 0.5)
     n = np.maximum(hi - lo, 1)

@@ -22,6 +22,7 @@ from rover_sweep.logs.log import (
     Array,
     Log,
     body_velocity,
+    clock_notes,
     increasing,
     is_banner,
     output_channel,
@@ -52,9 +53,9 @@ CLOCKS = (
     "LOCAL_POSITION_NED",
     "GLOBAL_POSITION_INT",
 )
-ARDUPILOT = 3  # MAV_AUTOPILOT
+ARDUPILOT = 3  # MAV_AUTOPILOT; below, the vehicles of MAV_TYPE
 KINDS = {10: "rover", 11: "boat", 12: "submarine", 5: "antenna tracker", 1: "plane", 7: "blimp",
-         2: "copter", 3: "copter", 4: "helicopter", 13: "copter", 14: "copter", 15: "copter"}  # MAV_TYPE  # fmt: skip
+         2: "copter", 3: "copter", 4: "helicopter", 13: "copter", 14: "copter", 15: "copter"}  # fmt: skip
 WRAP = 2.0**32 * 1e-6  # s after which SERVO_OUTPUT_RAW.time_usec starts again
 REBOOT = 1.0  # s: a clock that falls by more has started again
 EVERY_STEP_SEEN = 100.0  # Hz: a faster stream catches each step of the staircase (Lua runs at 84 Hz)
@@ -174,6 +175,7 @@ def _log(
 ) -> Log:
     parameters, marks = _parameters(session), _marks(session)
     filters, notes = sensor_filters(parameters, override)
+    clocks = {n: session.seconds(n) for n in (*CLOCKS, "SERVO_OUTPUT_RAW") if n in session.messages}
     attitude = _attitude(session)
     signals = _imu(session) | attitude | _velocity(session, attitude.get("psi"))
     recorded = output_channel(parameters, STEERING)
@@ -194,7 +196,7 @@ def _log(
         limits=output_limits(parameters, recorded or STEERING_FIRST),
         vehicle=vehicle_of(firmware) if vehicle_of(firmware) not in ("", "rover") else kind,
         firmware=firmware,
-        notes=damage + notes,
+        notes=(*damage, *notes, *clock_notes(clocks)),
         sources=(source,),
     )
 
@@ -227,7 +229,7 @@ def _signals(
 ) -> dict[str, Signal]:
     """Channels out of one message: {channel: (field, factor, unit)}."""
     rows = session.messages[name].rows
-    t, columns, _ = increasing(
+    t, columns = increasing(
         session.seconds(name), *(rows[field].astype(float) * factor for field, factor, _ in channels.values())
     )
     return {
@@ -241,7 +243,7 @@ def _count(session: Session, name: str) -> int:
 
 
 def _imu(session: Session) -> dict[str, Signal]:
-    """r, p [rad/s] and ay [m/s^2] from the fastest IMU message; the rates from ATTITUDE where that is much faster."""
+    """r, p [rad/s], ay [m/s^2] from the fastest IMU message; r and p from ATTITUDE if much faster."""
     names = ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2")
     best = max(names, key=lambda n: _count(session, n))
     found: dict[str, Signal] = {}
@@ -275,7 +277,7 @@ def _velocity(session: Session, psi: Signal | None) -> dict[str, Signal]:
     if psi is not None and max(local, world) > 1:
         name, factor = ("LOCAL_POSITION_NED", 1.0) if local >= world else ("GLOBAL_POSITION_INT", 0.01)
         rows = session.messages[name].rows
-        t, (vn, ve), _ = increasing(
+        t, (vn, ve) = increasing(
             session.seconds(name), rows["vx"].astype(float) * factor, rows["vy"].astype(float) * factor
         )
         return body_velocity(t, vn, ve, np.interp(t, psi.t, psi.x), f"{name}.vx,vy")
@@ -301,6 +303,6 @@ def _output(session: Session, channel: int) -> Signal | None:
         session.seconds("SERVO_OUTPUT_RAW"),
         frames.rows[f"servo{(channel - 1) % 16 + 1}_raw"].astype(float),
     )
-    t, (x,), _ = increasing(t[of_port], x[of_port])
+    t, (x,) = increasing(t[of_port], x[of_port])
     signal = Signal(t, x, "us", f"SERVO_OUTPUT_RAW.servo{channel}_raw")
     return Signal(t, x, "us", signal.source, hold=signal.rate > EVERY_STEP_SEEN)

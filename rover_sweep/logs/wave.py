@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_sweep.identify.recording import Kind, Signal
 from rover_sweep.logs.log import Array
@@ -11,7 +12,9 @@ ACTIVE_US, ACTIVE_RAD = 10.0, 0.01  # departure from straight that counts as ste
 MOVING_SPEED = 0.3  # m/s
 PAUSE = 5.0  # s: longer without steering ends a run
 SHORTEST_RUN = 4.0  # s
-REVERSALS = 2  # a run steers to both sides
+REVERSALS = 2  # a run steers to both sides and back
+HALT = 1.0  # s
+PLATEAU = 7  # samples of 0.05 s in which a step signal keeps its value
 
 
 def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float]]:
@@ -24,15 +27,17 @@ def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float
     times = steering.t[active]
     if times.size == 0:
         return []
-    halted = np.concatenate(([0], np.cumsum(~moving)))  # a stop between two samples separates runs
-    index = np.flatnonzero(active)
-    cuts = np.flatnonzero((np.diff(times) > PAUSE) | (np.diff(halted[index]) > 0)) + 1
-    spans = [(float(part[0]), float(part[-1])) for part in np.split(times, cuts)]
-    return [
-        s
-        for s in spans
-        if s[1] - s[0] >= SHORTEST_RUN and _reversals(steering.between(*s), straight) >= REVERSALS
-    ]
+    halts = np.searchsorted(times, _halts(steering.t, moving))
+    cuts = np.union1d(np.flatnonzero(np.diff(times) > PAUSE) + 1, halts)
+    spans = [(float(part[0]), float(part[-1])) for part in np.split(times, cuts) if part.size]
+    long = [(start, end) for start, end in spans if end - start >= SHORTEST_RUN]
+    return [s for s in long if _crossings(steering.between(*s), straight).size >= REVERSALS]
+
+
+def _halts(t: Array, moving: NDArray[np.bool_]) -> Array:
+    """Times (n,) s at which a halt of at least `HALT` begins; a shorter dip of the speed is none."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], ~moving, [False])).astype(int))).reshape(-1, 2)
+    return np.array([t[a] for a, b in edges if t[min(b, t.size - 1)] - t[a] >= HALT])
 
 
 def active_threshold(steering: Signal) -> float:
@@ -41,7 +46,7 @@ def active_threshold(steering: Signal) -> float:
 
 
 def _crossings(signal: Signal, level: float) -> Array:
-    """Times (n,) s at which the signal crosses a level, ignoring what stays within a tenth of its amplitude."""
+    """Times (n,) s at which the signal crosses a level, ignoring what stays it (a tenth of the amplitude)."""
     x = signal.x - level
     far = np.abs(x) > 0.1 * np.max(np.abs(x), initial=0.0)
     t, sign = signal.t[far], np.sign(x[far])
@@ -49,16 +54,15 @@ def _crossings(signal: Signal, level: float) -> Array:
     return (t[turn] + t[turn + 1]) / 2
 
 
-def _reversals(signal: Signal, level: float) -> int:
-    return int(_crossings(signal, level).size)
-
-
-def kind_of(steering: Signal) -> Kind:
-    """'sweep' if its half periods shrink throughout, 'doublet' if it sits on three levels, else 'other'."""
+def kind_of(whole: Signal, start: float, end: float) -> Kind:
+    """What lies in start..end: 'sweep' if the half periods shrink throughout, 'doublet' if it goes in
+    steps that leave no net steering, else 'other'."""
+    steering = whole.between(start, end)
     if steering.t.size < 8 or np.ptp(steering.x) <= active_threshold(steering):
         return "other"
-    if _on_three_levels(steering):
-        return "doublet"
+    if _goes_in_steps(steering):
+        rest = whole.x[max(int(np.searchsorted(whole.t, start)) - 1, 0)]
+        return "doublet" if abs(_mean(steering) - rest) < 0.1 * np.ptp(steering.x) / 2 else "other"
     middle = (np.min(steering.x) + np.max(steering.x)) / 2
     halves = np.diff(_crossings(steering, float(middle)))
     if halves.size < 6:
@@ -68,14 +72,23 @@ def kind_of(steering: Signal) -> Kind:
     return "sweep" if shrinks and _rank_correlation(halves) < -0.6 else "other"
 
 
-def _on_three_levels(steering: Signal) -> bool:
-    """Whether the signal is nearly always at -A, 0 or +A from its centre, and at both extremes."""
-    low, high = float(np.min(steering.x)), float(np.max(steering.x))
-    t, x = steering.t, steering.x
-    weight = np.append(np.diff(t), 0.0)
-    near = [np.abs(x - level) < 0.08 * (high - low) / 2 for level in (low, (low + high) / 2, high)]
-    shares = [float(weight[n].sum() / weight.sum()) for n in near]
-    return sum(shares) > 0.85 and min(shares[0], shares[2]) > 0.1
+def _mean(signal: Signal) -> float:
+    """Mean over time of a signal whose samples may be uneven."""
+    return float(np.sum(signal.x[:-1] * np.diff(signal.t)) / (signal.t[-1] - signal.t[0]))
+
+
+def _goes_in_steps(steering: Signal) -> bool:
+    """Whether the signal keeps a constant value most of the time, and goes to both sides of its middle."""
+    grid = np.arange(steering.t[0], steering.t[-1], 0.05)
+    if grid.size < 2 * PLATEAU:
+        return False
+    x = np.interp(grid, steering.t, steering.x)
+    if steering.hold:
+        x = steering.x[np.searchsorted(steering.t, grid, "right") - 1]
+    windows = np.lib.stride_tricks.sliding_window_view(x, PLATEAU)
+    amplitude = np.ptp(x) / 2
+    constant = np.ptp(windows, axis=1) < 0.04 * amplitude
+    return bool(np.mean(constant) > 0.6) and _crossings(steering, float((x.min() + x.max()) / 2)).size >= 1
 
 
 def _rank_correlation(x: Array) -> float:
