@@ -37,7 +37,16 @@ def main(command: Sequence[str]) -> int:
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
     threading.Thread(target=watch, name="watch standard input", daemon=True).start()
-    return program.wait()
+    code = program.wait()
+    _end_group()
+    return code
+
+
+def _end_group() -> None:
+    """Ask whatever the program left behind in our process group to end, when the group is ours alone."""
+    if hasattr(os, "getpgrp") and os.getpgrp() == os.getpid():
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        os.killpg(0, signal.SIGTERM)
 
 
 if __name__ == "__main__":

@@ -183,16 +183,18 @@ def _start(command: Sequence[str], output: Path, cwd: Path | None = None) -> sub
 
 
 def _stop(program: subprocess.Popen[bytes]) -> None:
-    """Close the guard's standard input; kill the whole group if it does not end by itself."""
+    """Close the guard's standard input, then kill whatever is left of its process group."""
+    if program.poll() is not None and (program.stdin is None or program.stdin.closed):
+        return
     if program.stdin is not None:
         program.stdin.close()
-    try:
+    with contextlib.suppress(subprocess.TimeoutExpired):
         program.wait(GRACE + 1.0)
-    except subprocess.TimeoutExpired:
-        if hasattr(os, "killpg"):
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError):
             os.killpg(program.pid, signal.SIGKILL)
-        program.kill()
-        program.wait()
+    program.kill()
+    program.wait()
 
 
 def _await(

@@ -1,0 +1,240 @@
+"""The plant against what is known of it without it: equation (18), statics, conservation laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, radians, sin
+
+import numpy as np
+import pytest
+
+from sitl.plant import GRAVITY, Plant, PlantParameters, load_variant
+
+NOMINAL = load_variant("nominal")
+SMOOTH = {"road_force": 0.0, "road_yaw_moment": 0.0, "road_roll_moment": 0.0}
+DT = 0.0025
+
+
+def smooth(parameters: PlantParameters, **changes: float) -> PlantParameters:
+    """Without road disturbance."""
+    return replace(parameters, **{**SMOOTH, **changes})  # type: ignore[arg-type]
+
+
+def drive(plant: Plant, seconds: float, steer_us: float, throttle_us: float, dt: float = DT) -> None:
+    for _ in range(round(seconds / dt)):
+        plant.step(steer_us, throttle_us, dt)
+
+
+def equation_18(q: PlantParameters, speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """A (4, 4) and B (4,) of x' = A x + B delta, x = [V_y, r, phi', phi]: equation (18), corrected, with the
+    algebraic states (slip angles) put in."""
+    m, ms, h = q.mass, q.sprung_mass, q.cg_height_above_roll_centre
+    a, b = q.cg_to_front_axle, q.cg_to_rear_axle
+    cf, cr = q.front_cornering_stiffness, q.rear_cornering_stiffness
+    left = np.array(
+        [
+            [1, 0, -h * ms / m, 0],
+            [0, q.yaw_inertia, q.roll_yaw_inertia, 0],
+            [-h * ms, q.roll_yaw_inertia, q.roll_inertia + ms * h**2, 0],
+            [0, 0, 0, 1],
+        ]
+    )
+    slip_front, slip_rear = np.array([1 / speed, a / speed, 0, 0]), np.array([1 / speed, -b / speed, 0, 0])
+    right = np.array(
+        [
+            [0, -speed, 0, 0],
+            [0, 0, 0, 0],
+            [0, h * ms * speed, -q.roll_damping, -q.roll_stiffness + ms * GRAVITY * h],
+            [0, 0, 1, 0],
+        ]
+    )
+    right[0] -= cf / m * slip_front + cr / m * slip_rear
+    right[1] -= a * cf * slip_front - b * cr * slip_rear
+    return np.linalg.solve(left, right), np.linalg.solve(left, np.array([cf / m, a * cf, 0, 0]))
+
+
+def linearised(plant: Plant, speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of the plant by central differences about straight driving at constant speed."""
+    q = plant.parameters
+    plant.step(
+        q.steering_trim_us, q.throttle_trim_us + speed / q.speed_per_us, 1e-9
+    )  # no drive force at `speed`
+
+    def rates(x: np.ndarray, delta: float) -> np.ndarray:
+        vy, r, p, phi = x
+        _, vy_dot, r_dot, p_dot = plant.derivatives(speed, vy, r, phi, p, delta)
+        return np.array([vy_dot, r_dot, p_dot, p])
+
+    step = 1e-5
+    columns = [(rates(step * e, 0) - rates(-step * e, 0)) / (2 * step) for e in np.eye(4)]
+    zero = np.zeros(4)
+    return np.array(columns).T, (rates(zero, step) - rates(zero, -step)) / (2 * step)
+
+
+@pytest.mark.parametrize("variant", ["nominal", "paper", "slippery"])
+@pytest.mark.parametrize("speed", [1.0, 2.4, 4.0])
+@pytest.mark.parametrize("ixz", [0.0, 0.004])
+def test_linearises_to_equation_18(variant: str, speed: float, ixz: float) -> None:
+    # the front wheel's rolling resistance turns with the wheel (0.8 % of C): not in equation (18)
+    q = smooth(load_variant(variant), rolling_resistance=0.0, roll_yaw_inertia=ixz)
+    a, b = linearised(Plant(q), speed)
+    wanted_a, wanted_b = equation_18(q, speed)
+    assert a == pytest.approx(wanted_a, rel=1e-6, abs=1e-5)
+    assert b == pytest.approx(wanted_b, rel=1e-6, abs=1e-5)
+
+
+def test_paper_variant_has_the_poles_of_table_3() -> None:
+    q = smooth(load_variant("paper"), rolling_resistance=0.0)
+    poles = sorted(np.linalg.eigvals(linearised(Plant(q), 2.4)[0]), key=lambda z: (z.real, z.imag))
+    assert np.real(poles[:2]) == pytest.approx([-94.3, -44.8], abs=0.1)
+    assert poles[2] == pytest.approx(-9.60 - 2.98j, abs=0.02)
+
+
+def test_understeer_gradient_and_roll_angle_in_a_steady_turn() -> None:
+    q = smooth(NOMINAL, friction=50.0, rolling_resistance=0.0, servo_rate_limit=50.0)
+    plant = Plant(q)
+    drive(plant, 10.0, 1500 - 20, 1700)
+    s = plant.state
+    wheelbase = q.cg_to_front_axle + q.cg_to_rear_axle
+    cf, cr = q.front_cornering_stiffness, q.rear_cornering_stiffness
+    understeer = q.mass / wheelbase * (q.cg_to_rear_axle / cf - q.cg_to_front_axle / cr)
+    assert s.delta == pytest.approx(20 * q.rad_per_us)
+    assert s.r == pytest.approx(s.vx * s.delta / (wheelbase + understeer * s.vx**2), rel=2e-3)
+    moment = q.sprung_mass * q.cg_height_above_roll_centre
+    assert s.phi == pytest.approx(moment * s.vx * s.r / (q.roll_stiffness - moment * GRAVITY), rel=2e-3)
+    assert s.phi > 0 and s.y > 0, "a left turn leans outward and ends left of the start"
+
+
+def kinetic_and_potential(q: PlantParameters, s: object) -> tuple[float, float]:
+    """(energy, angular momentum about the reference point's vertical) from positions of the two masses."""
+    vx, vy, r, phi, p = (getattr(s, name) for name in ("vx", "vy", "r", "phi", "p"))
+    h, ms, mu = q.cg_height_above_roll_centre, q.sprung_mass, q.mass - q.sprung_mass
+    sprung = np.array([vx + r * h * sin(phi), vy - h * cos(phi) * p, -h * sin(phi) * p])
+    kinetic = 0.5 * ms * sprung @ sprung + 0.5 * mu * (vx**2 + vy**2)
+    kinetic += 0.5 * q.roll_inertia * p**2 + 0.5 * q.yaw_inertia * r**2 + q.roll_yaw_inertia * p * r
+    potential = 0.5 * q.roll_stiffness * phi**2 + ms * GRAVITY * h * cos(phi)
+    return kinetic, potential
+
+
+def test_conserves_energy_and_momentum_without_tyres() -> None:
+    free = {"front_cornering_stiffness": 1e-12, "rear_cornering_stiffness": 1e-12, "rolling_resistance": 0.0}
+    q = smooth(NOMINAL, **free, roll_damping=0.0, speed_lag=1e12, roll_yaw_inertia=0.003)
+    plant = Plant(q)
+    s = plant.state
+    s.vx, s.vy, s.r, s.phi, s.p = 2.0, -0.7, 3.0, 0.4, 2.0
+    before = kinetic_and_potential(q, s)
+
+    def momentum() -> np.ndarray:
+        """Linear momentum in the earth frame."""
+        h, ms = q.cg_height_above_roll_centre, q.sprung_mass
+        along = q.mass * s.vx + ms * s.r * h * sin(s.phi)
+        across = q.mass * s.vy - ms * h * cos(s.phi) * s.p
+        c, n = cos(s.psi), sin(s.psi)
+        return np.array([along * c - across * n, along * n + across * c])
+
+    start = momentum()
+    for _ in range(4000):
+        plant.step(1500, 1500, 5e-4)
+    after = kinetic_and_potential(q, s)
+    assert abs(after[1] - before[1]) > 0.05, "energy must have moved between the two forms"
+    assert sum(after) == pytest.approx(sum(before), rel=2e-4)
+    assert momentum() == pytest.approx(start, rel=1e-3)
+
+
+@pytest.mark.parametrize("variant", ["nominal", "paper", "slippery"])
+def test_a_parked_car_stays_parked(variant: str) -> None:
+    plant = Plant(load_variant(variant))
+    for k in range(2000):
+        plant.step(1500 + 400 * sin(0.01 * k), 1500 + 15 * sin(0.003 * k), DT)
+    s = plant.state
+    assert (s.x, s.y, s.psi, s.vx, s.vy, s.r, s.phi) == (0, 0, 0, 0, 0, 0, 0)
+    assert (s.ax, s.ay, s.az) == (0, 0, GRAVITY)
+    assert abs(s.delta) > 0.05 and s.t == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("variant", ["nominal", "paper", "slippery"])
+@pytest.mark.parametrize("steer", [1500, 1800])
+def test_comes_to_rest_and_stays_there(variant: str, steer: float) -> None:
+    plant = Plant(load_variant(variant))
+    drive(plant, 5.0, steer, 1700)
+    drive(plant, 8.0, steer, 1500)
+    s = plant.state
+    place = (s.x, s.y, s.psi)
+    drive(plant, 2.0, steer, 1500)
+    assert (s.x, s.y, s.psi) == place and s.vx == 0
+
+
+@pytest.mark.parametrize("variant", ["nominal", "paper"])
+@pytest.mark.parametrize("throttle", [1530, 1560])
+def test_no_chatter_at_walking_speed(variant: str, throttle: float) -> None:
+    """At 0.2-0.6 m/s the tyre poles are fastest; the yaw rate must settle, not ring from step to step."""
+    plant = Plant(smooth(load_variant(variant)))
+    drive(plant, 5.0, 1350, throttle, dt=0.005)
+    rates = []
+    for _ in range(100):
+        plant.step(1350, throttle, 0.005)
+        rates.append(plant.state.r)
+    assert plant.state.vx > 0.1
+    assert np.ptp(rates) < 1e-4
+    wheelbase = plant.parameters.cg_to_front_axle + plant.parameters.cg_to_rear_axle
+    assert plant.state.r == pytest.approx(plant.state.vx * np.tan(plant.state.delta) / wheelbase, rel=0.03)
+
+
+def test_throttle_gives_a_speed_that_drops_in_a_corner() -> None:
+    plant = Plant(smooth(NOMINAL))
+    drive(plant, 6.0, 1500, 1710)
+    straight = plant.state.vx
+    drive(plant, 6.0, 1500 + 150, 1710)
+    assert straight == pytest.approx(2.5, abs=0.02)
+    assert 0.85 * straight < plant.state.vx < 0.99 * straight
+    assert plant.state.r < 0, "a larger PWM turns right"
+
+
+def test_reverses() -> None:
+    plant = Plant(smooth(NOMINAL))
+    drive(plant, 6.0, 1450, 1400)
+    assert plant.state.vx < -0.8
+    assert plant.state.r < 0, "wheels left, going back: the nose swings right"
+
+
+def test_grip_ends_at_the_friction_limit() -> None:
+    q = smooth(load_variant("slippery"))
+    plant = Plant(q)
+    drive(plant, 6.0, 1500, 1900)
+    largest = 0.0
+    for _ in range(800):
+        plant.step(1100, 1900, DT)
+        largest = max(largest, abs(plant.state.vy_dot + plant.state.vx * plant.state.r))
+    assert 0.8 * q.friction * GRAVITY < largest < 1.3 * q.friction * GRAVITY
+
+
+def test_step_size_does_not_matter() -> None:
+    ends = []
+    for dt in (0.0025, 0.0005):
+        plant = Plant(smooth(NOMINAL))
+        drive(plant, 3.0, 1500, 1710, dt)
+        for k in range(round(4.0 / dt)):
+            held = int(k * dt / 0.01 + 1e-9) * 0.01  # a PWM held over the main loop
+            plant.step(1500 + 150 * sin(8 * held), 1710, dt)
+        s = plant.state
+        ends.append([s.vx, s.vy, s.r, s.phi, s.p, s.delta])
+    assert ends[0] == pytest.approx(ends[1], rel=0.01, abs=2e-3)
+
+
+def test_same_seed_same_motion() -> None:
+    def end(seed: int) -> tuple[float, float, float]:
+        plant = Plant(NOMINAL, seed)
+        drive(plant, 3.0, 1500, 1710)
+        return plant.state.x, plant.state.y, plant.state.r
+
+    assert end(3) == end(3) != end(4)
+
+
+def test_road_shakes_lightly() -> None:
+    plant = Plant(NOMINAL)
+    drive(plant, 3.0, 1500, 1710)
+    rates = []
+    for _ in range(8000):
+        plant.step(1500, 1710, DT)
+        rates.append(plant.state.r)
+    assert radians(0.1) < np.std(rates) < radians(2.0)
