@@ -200,7 +200,7 @@ def spectrum(manoeuvre: Manoeuvre, w: Array) -> Array:
 def spectrum_grid(design: Design, points: int) -> Array:
     """Log-spaced frequencies [rad/s] worth looking at: a little beyond a sweep's band, a doublet's lobes."""
     m = design.manoeuvre
-    low, high = (m.w_min / 1.5, m.w_max * 1.5) if isinstance(m, Sweep) else (0.1 / m.pulse, 20 / m.pulse)
+    low, high = (m.w_min / 1.5, m.w_max * 1.5) if isinstance(m, Sweep) else (0.2 / m.pulse, 8 / m.pulse)
     return np.geomspace(low, high, points)
 
 
@@ -247,9 +247,9 @@ def space(manoeuvre: Manoeuvre, vehicle: Vehicle, speed: float) -> Space:
     return Space(
         speed=speed,
         forward=float(path.x.max()),
-        back=float(-path.x.min()),
+        back=0.0 - float(path.x.min()),
         left=float(path.y.max()),
-        right=float(-path.y.min()),
+        right=0.0 - float(path.y.min()),
         farthest=max(float(np.hypot(p.x, p.y).max()) for p in (path, *bent)),
         path=speed * manoeuvre.duration,
         heading_deg=math.degrees(float(np.ptp(path.psi))),

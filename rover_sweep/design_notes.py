@@ -56,9 +56,8 @@ def _sweep(design: Design) -> list[Note]:
         needed = math.ceil(5 * longest / (sweep.duration - 2 * sweep.straight))
         notes.append(
             _warning(
-                f"{_runs(design.runs)} of this sweep allow a window of {windows.t_max:.0f} s by the "
-                f"rule, too short for "
-                f"{sweep.w_min:g} rad/s ({longest:.0f} s): drive {needed} runs."
+                f"with {_runs(design.runs)} of this sweep the longest window is {windows.t_max:.0f} s by the "
+                f"rule, too short for {sweep.w_min:g} rad/s ({longest:.0f} s): drive {needed} runs."
             )
         )
     if sweep.fade == 0:
@@ -120,7 +119,8 @@ def _servo(design: Design, own: float | None) -> list[Note]:
         too_quick = " Give --servo with the data sheet's figure to be sure."
     return [
         _warning(
-            f"the horn must turn at {horn:.0f} deg/s at the end of the sweep; {servo} does {limit:.0f} "
+            f"at {HORN_DEG_PER_US:g} deg/us the horn must turn at {horn:.0f} deg/s at the end of the "
+            f"sweep; {servo} does {limit:.0f} "
             f"deg/s and would "
             f"flatten the wave. {fits:.0f} us would fit.{too_quick}"
         )

@@ -108,15 +108,15 @@ def design(
         options["accel_filter"],
     )
     planned = judged(planned, servo)
-    if as_json:
-        show_json(planned)
-    else:
-        show(planned, vehicle)
     if plot:
         from rover_sweep.cli.design_plot import draw
 
         draw(planned, vehicle, Path(plot))
         click.echo(f"picture written to {plot}", err=True)
+    if as_json:
+        show_json(planned)
+    else:
+        show(planned, vehicle)
 
 
 def _manoeuvre(ctx: click.Context, options: dict[str, Any]) -> Manoeuvre:

@@ -63,14 +63,14 @@ def _draw_spectrum(axes: Any, design: Design) -> None:
     axes.semilogx(w, 20 * np.log10(spectrum(design.manoeuvre, w)))
     if isinstance(design.manoeuvre, Sweep):
         axes.axvspan(design.manoeuvre.w_min, design.manoeuvre.w_max, alpha=0.1)
-    axes.set(xlabel="frequency, rad/s", ylabel="amplitude spectrum, dB (us s)")
+    axes.set(xlabel="frequency, rad/s", ylabel="spectrum, dB")
     axes.grid(alpha=0.3, which="both")
 
 
 def _draw_track(axes: Any, design: Design, vehicle: Vehicle, speed: float) -> None:
     for error, style in ((0.0, "-"), (-TRIM_ERROR, ":"), (TRIM_ERROR, "--")):
         path = drive(design.manoeuvre, vehicle, speed, error)
-        label = "trim right" if error == 0 else f"trim {error:+g} us off"
+        label = "trim exact" if error == 0 else f"trim {error:+g} us off"
         axes.plot(path.x, path.y, style, linewidth=1.5 if error == 0 else 0.9, label=label)
     axes.plot(0, 0, "ko", label="start")
     axes.set(xlabel="forward, m", ylabel="left, m", title=f"track at {speed:g} m/s (nobody steers)")

@@ -13,6 +13,7 @@ import numpy as np
 from rover_sweep.cli.terminal_plot import blocks, braille, ruler
 from rover_sweep.cli.text import bullet
 from rover_sweep.design import (
+    DOUBLET_PEAK,
     GRAVITY,
     SERVO_60_DEG,
     Design,
@@ -101,7 +102,7 @@ def _spectrum_lines(design: Design) -> list[str]:
 
 
 def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
-    facts = [("one run", _duration(design))]
+    facts = [("one run", _duration(design)), ("", "and the standstill before and after it")]
     if isinstance(design.manoeuvre, Sweep) and design.windows:
         facts.append(
             (
@@ -110,6 +111,10 @@ def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
             )
         )
         facts += _window_facts(design.windows, design.runs)
+    if isinstance(design.manoeuvre, Doublet):
+        pulse = design.manoeuvre.pulse
+        band = f"most at {DOUBLET_PEAK / pulse:.2g} rad/s, nothing at {2 * math.pi / pulse:.2g} rad/s"
+        facts.append(("excites", band))
     facts += _servo_facts(design.servo)
     facts += _space_facts(design.space) if design.space else [("space", _why_no_space(vehicle))]
     rates = design.rates
@@ -167,9 +172,9 @@ def _servo_facts(servo: ServoDemand) -> list[tuple[str, str]]:
 
 def _space_facts(space: Space) -> list[tuple[str, str]]:
     sides = {"forward": space.forward, "back": space.back, "left": space.left, "right": space.right}
-    reach = ", ".join(f"{name} {max(metres, 0):.0f}" for name, metres in sides.items())
+    reach = ", ".join(f"{name} {metres:.0f}" for name, metres in sides.items())
     turning = f"turning radius {space.radius:.1f} m, heading over {space.heading_deg:.0f} deg"
-    sideways = f"{space.ay:.1f} m/s^2 = {space.ay / GRAVITY:.2f} g sideways"
+    sideways = f"{space.ay:.2g} m/s^2 = {space.ay / GRAVITY:.2f} g sideways"
     return [
         ("space", f"{space.length:.0f} x {space.width:.0f} m at {space.speed:g} m/s: {reach} m of the start"),
         ("", f"{space.path:.0f} m driven, {turning}"),

@@ -7,6 +7,7 @@ Narration and errors go to stderr, results to stdout. Exit codes: 0 done, 2 usag
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -74,6 +75,9 @@ def cli() -> None:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line (sys.argv by default); returns its exit code, a user's mistake included."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a plain ASCII terminal shows ? for ±, and no traceback
     try:
         result = cli.main(args=arguments, prog_name="rover-sweep", standalone_mode=False)
         sys.stdout.flush()

@@ -49,7 +49,7 @@ def _show(found: Vehicle, file: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     table = Table(
         title=f"{file}: {found.name or 'no name'}", title_justify="left", box=None, padding=(0, 2, 0, 0)
     )
@@ -59,9 +59,7 @@ def _show(found: Vehicle, file: str) -> None:
         name = key.partition(".")[2]
         number = getattr(found, name)
         free = " [free]" if name in found.free else ""
-        table.add_row(
-            name, "-" if number is None else str(number), rule.unit, rule.meaning + free.replace("[", "\\[")
-        )
+        table.add_row(name, "-" if number is None else str(number), rule.unit, rule.meaning + free)
     table.add_row("wheelbase", f"{found.wheelbase:g}", "m", "a + b")
     place = "-" if found.imu_position is None else ", ".join(str(m) for m in found.imu_position)
     table.add_row("imu position", place, "m", "forward, right, down")

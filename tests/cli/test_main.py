@@ -1,0 +1,230 @@
+"""The command line: start-up, errors, exit codes, and what each of these commands shows."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import click
+import pytest
+
+from rover_sweep import __version__, errors
+from rover_sweep.cli import main
+from rover_sweep.vehicle_file import example, load
+
+ROVER = str(Path(__file__).parents[1] / "data" / "rover.toml")
+SWING = ["inertia", "--mass", "2.66+-0.005", "--length", "1.2+-0.003", "--spacing", "0.3+-0.001",
+         "--swings", "20", "--times", "47.5,47.3,47.6"]  # fmt: skip
+
+
+def program(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rover_sweep.cli.main", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_help_is_quick_and_imports_nothing_heavy() -> None:
+    script = (
+        "import sys; from rover_sweep.cli.main import run; run(['--help']);"
+        "heavy = {'numpy', 'scipy', 'matplotlib', 'rich', 'pymavlink', 'tomlkit'} & set(sys.modules);"
+        "sys.exit(f'imported {heavy}' if heavy else 0)"
+    )
+    best = 9.0
+    for _ in range(3):  # the best of three, since others may be using the machine
+        start = time.perf_counter()
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+        best = min(best, time.perf_counter() - start)
+    assert done.returncode == 0, done.stderr
+    assert all(name in done.stdout for name in main.COMMANDS)
+    assert best < 0.3
+
+
+@pytest.mark.parametrize("name", main.COMMANDS)
+def test_every_command_is_there(name: str) -> None:
+    command = main.cli.get_command(click.Context(main.cli), name)
+    assert command is not None and command.get_short_help_str()
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["--version"]) == 0
+    assert capsys.readouterr().out == f"rover-sweep {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["inertai"], "did you mean inertia?"),
+        (["--fast"], "No such option"),
+        (["vehicle", "check"], "Missing argument 'FILE'"),
+        (["design", "--wmin", "30"], "must lie below --wmax"),
+        (["design", "--type", "doublet", "--wmin", "1"], "--wmin belongs to --type sweep"),
+        (["design", "--amplitude", "0"], "--amplitude"),
+        (["design", "--plot", "x.foo"], "cannot be written"),
+        (["inertia", "--length", "120", "--spacing", "0.3", "--times", "2.4"], "give metres"),
+        (
+            ["inertia", "--length", "1.2", "--spacing", "0.3+-0.4", "--times", "2.4"],
+            "the uncertainty must be",
+        ),
+        (["inertia", "--length", "1.2", "--spacing", "0.3", "--times", "2.4;2.5"], "not a list of times"),
+        (["inertia", "--length", "1.2", "--spacing", "0.3", "--times", "2.4"], "no --vehicle file was given"),
+        (
+            ["inertia", "--axis", "roll", "--length", "1.2", "--spacing", "0.3", "--times", "2"],
+            "what hung there",
+        ),
+        ([*SWING, "--rig-mass", "1"], "--rig-mass and --rig-times go together"),
+        ([*SWING, "--rig-mass", "5", "--rig-times", "60"], "exchanged?"),
+    ],
+)
+def test_a_usage_error_is_one_line_and_2(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.run(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("rover-sweep: ") and said in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "said"),
+    [
+        (errors.UsageError("wrong"), 2, "rover-sweep: wrong\n"),
+        (errors.DataRefused("empty"), 3, "rover-sweep: empty\n"),
+        (errors.LinkError("silent"), 4, "rover-sweep: silent\n"),
+        (KeyboardInterrupt(), 130, "rover-sweep: interrupted\n"),
+        (click.Abort(), 130, "rover-sweep: interrupted\n"),
+    ],
+)
+def test_errors_become_exit_codes(
+    raised: BaseException,
+    code: int,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(main.cli, "invoke", fails)
+    assert main.run(["design"]) == code
+    assert capsys.readouterr().err.lstrip("\n") == said
+
+
+def test_output_to_a_closed_pipe_is_no_error() -> None:
+    done = subprocess.run(
+        f"{sys.executable} -m rover_sweep.cli.main vehicle --example | head -c 1; exit ${{PIPESTATUS[0]}}",
+        shell=True, executable="/bin/bash", capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "#", "")
+
+
+def test_plain_ascii_terminal() -> None:
+    command = [sys.executable, "-m", "rover_sweep.cli.main", "vehicle", "check", ROVER]
+    environment = {"PYTHONIOENCODING": "ascii", "PATH": ""}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0 and "2.66 ? 0.005" in done.stdout
+
+
+def test_vehicle_example_and_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["vehicle", "--example"]) == 0
+    assert capsys.readouterr().out == example()
+    assert main.run(["vehicle", "check", ROVER]) == 0
+    shown = capsys.readouterr().out
+    assert "roll-yaw: enough" in shown and "2.66 ± 0.005" in shown
+    assert main.run(["vehicle", "check", ROVER, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["mass"] == {"value": 2.66, "sd": 0.005} and data["models"]["roll-yaw"] is True
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text("[vehicle]\nmas = 2\n")
+    assert main.run(["vehicle", "check", str(wrong)]) == 2
+    assert "did you mean mass?" in capsys.readouterr().err
+
+
+def test_vehicle_check_says_which_models_lack_what(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text("[vehicle]\nmass = 2.66\ncg_to_front_axle = 0.2\ncg_to_rear_axle = 0.2\n")
+    assert main.run(["vehicle", "check", str(path)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "bicycle: enough" in shown and "roll-yaw: needs sprung_mass" in shown
+    assert "no [steering]" in shown and "no [imu] position" in shown
+
+
+def test_inertia_writes_the_file_and_shows_the_uncertainty(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text(example())
+    assert main.run([*SWING, "--check-times", "43.9,44.1", "--write", str(path)]) == 0
+    out, err = capsys.readouterr()
+    assert "0.06981 ± 0.00063 kg m^2" in out and "fine" in out
+    assert "written into" in err
+    written = load(path).yaw_inertia
+    assert written is not None and (written.value, written.sd) == (0.06981, 0.00063)
+
+
+def test_inertia_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run([*SWING, "--check-times", "40", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["moment_kg_m2"]["value"] == pytest.approx(0.0698, rel=1e-3)
+    assert data["gravity_check"]["passed"] is False
+    assert any("off 9.81" in text for text in data["remarks"])
+
+
+def test_inertia_of_the_roll_axis_says_about_which_axis(capsys: pytest.CaptureFixture[str]) -> None:
+    roll = [
+        "inertia",
+        "--axis",
+        "roll",
+        "--mass",
+        "2.66",
+        "--length",
+        "1.2",
+        "--spacing",
+        "0.1",
+        "--times",
+        "3.0",
+    ]
+    assert main.run([*roll, "--vehicle", ROVER]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "sprung mass about the forward axis through its own CG" in shown
+    assert "sprung_mass = 2.4 kg" in shown and "upper bound" in shown
+
+
+def test_design_shows_numbers_pictures_and_warnings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "design.png"
+    asked = ["design", "--wmin", ".3", "--wmax", "25", "--trec", "55", "--amplitude", "150", "--speed", "2.5"]
+    assert main.run([*asked, "--vehicle", ROVER, "--plot", str(picture)]) == 0
+    out, err = capsys.readouterr()
+    for part in (
+        "3758 us/s",
+        "205 deg/s",
+        "127 x 39 m",
+        "2.6 of 0.3 rad/s",
+        "INS_GYRO_FILTER 4 Hz lags",
+        "\u28ff",
+    ):
+        assert part in out
+    assert all(len(line) <= 100 for line in out.splitlines())
+    assert picture.read_bytes().startswith(b"\x89PNG") and "picture written" in err
+
+
+def test_design_json_and_doublet(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["design", "--json", "--type", "doublet", "--speed", "2", "--vehicle", ROVER]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["manoeuvre"]["kind"] == "doublet" and data["duration"] == 14.0
+    assert data["space"]["ay"] == pytest.approx(2**2 * 0.1435 / 0.391, rel=0.01)
+
+
+def test_design_without_a_vehicle_says_what_is_missing(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["design"]) == 0
+    assert "give --vehicle rover.toml and --speed" in capsys.readouterr().out
+
+
+def test_the_installed_program_name() -> None:
+    assert program("--version").stdout.startswith("rover-sweep ")
+    assert program("nonsense").returncode == 2
