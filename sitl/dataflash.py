@@ -105,7 +105,9 @@ class DataFlashWriter:
     def write(self, name: str, *values: float | str | bytes) -> None:
         """One record of the type `name` with its columns' values in order, in their natural units."""
         fmt = self.formats[name]
-        fields = values if name in self._plain else [encoded(c, v) for c, v in zip(fmt.codes, values, strict=True)]
+        fields = (
+            values if name in self._plain else [encoded(c, v) for c, v in zip(fmt.codes, values, strict=True)]
+        )
         record = self._heads[name] + fmt.packer.pack(*fields)
         self.file.write(record)
         self.bytes_written += len(record)

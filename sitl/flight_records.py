@@ -12,7 +12,15 @@ from sitl.geodesy import ORIGIN, latitude_longitude
 from sitl.rover import GPS_MS, Rover
 from sitl.sensors import GpsFix
 
-ATTITUDE_FAST, GPS, THROTTLE, IMU, STEERING, RC, IMU_RAW = 1 << 0, 1 << 2, 1 << 4, 1 << 7, 1 << 13, 1 << 14, 1 << 19
+ATTITUDE_FAST, GPS, THROTTLE, IMU, STEERING, RC, IMU_RAW = (
+    1 << 0,
+    1 << 2,
+    1 << 4,
+    1 << 7,
+    1 << 13,
+    1 << 14,
+    1 << 19,
+)
 IMU_TEMPERATURE = 35.0
 GPS_WEEK, WEEK_MS = 2345, 7 * 86400 * 1000
 FIX_3D, SATELLITES, HDOP = 3, 10, 1.21
@@ -70,7 +78,9 @@ class FlightRecords:
                 )
         if mask & IMU:
             rate = round(sensors.rate_hz)
-            writer.write("IMU", now, 0, *sensors.gyro, *sensors.accel, 0, 0, IMU_TEMPERATURE, 1, 1, rate, rate)
+            writer.write(
+                "IMU", now, 0, *sensors.gyro, *sensors.accel, 0, 0, IMU_TEMPERATURE, 1, 1, rate, rate
+            )
 
     def _ten_hertz(self, mask: int) -> None:
         rover, log = self.rover, self.rover.log
@@ -95,7 +105,9 @@ class FlightRecords:
         time_of_week = round(fix.t * 1000) % WEEK_MS
         place = (latitude, longitude, ORIGIN[2] - fix.position[2])
         speed = (hypot(vn, ve), course, vd)
-        self.rover.log.write("GPS", 0, FIX_3D, time_of_week, GPS_WEEK, SATELLITES, HDOP, *place, *speed, 0.0, 1)
+        self.rover.log.write(
+            "GPS", 0, FIX_3D, time_of_week, GPS_WEEK, SATELLITES, HDOP, *place, *speed, 0.0, 1
+        )
 
 
 def forward_speed(rover: Rover) -> float:

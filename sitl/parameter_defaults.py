@@ -70,7 +70,7 @@ SCRIPTING: tuple[Row, ...] = (
     ("SCR_DEBUG_OPTS", 0, "int8"),
     ("SCR_DIR_DISABLE", 0, "int16"),
     ("SCR_THD_PRIORITY", 0, "int8"),
-    *((f"SCR_USER{n}", 0.0, "float") for n in range(1, 7)),  # type: ignore[misc]
+    *((f"SCR_USER{n}", 0.0, "float") for n in range(1, 7)),
 )
 MOTORS: tuple[Row, ...] = (
     ("MOT_SPD_SCA_BASE", 1, "float"),
@@ -93,10 +93,21 @@ RADIO: tuple[Row, ...] = (
     ("RCMAP_THROTTLE", 3, "int8"),
     ("RCMAP_YAW", 4, "int8"),
     ("MODE_CH", 8, "int8"),
-    *((f"MODE{n}", 0, "int8") for n in range(1, 7)),  # type: ignore[misc]
+    *((f"MODE{n}", 0, "int8") for n in range(1, 7)),
     ("SIM_RC_FAIL", 0, "int8"),
 )
-STREAMS = ("RAW_SENS", "EXT_STAT", "RC_CHAN", "RAW_CTRL", "POSITION", "EXTRA1", "EXTRA2", "EXTRA3", "PARAMS", "ADSB")
+STREAMS = (
+    "RAW_SENS",
+    "EXT_STAT",
+    "RC_CHAN",
+    "RAW_CTRL",
+    "POSITION",
+    "EXTRA1",
+    "EXTRA2",
+    "EXTRA3",
+    "PARAMS",
+    "ADSB",
+)
 CHANNELS = range(1, 17)
 
 

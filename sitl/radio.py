@@ -95,7 +95,7 @@ class Radio:
         return throttle < self.parameters["FS_THR_VALUE"] or now_ms - self.last_valid_ms > 500
 
     def angle(self, channel: int, full: float) -> float:
-        """Stick of channel 1..16 as -full..full about its trim, dead zone taken out; cut to a whole number."""
+        """Stick of channel 1..16 as -full..full about its trim, without its dead zone; a whole number."""
         p = self.parameters
         pwm, trim, zone = self.pwm[channel - 1], p[f"RC{channel}_TRIM"], p[f"RC{channel}_DZ"]
         sign = -1 if p[f"RC{channel}_REVERSED"] else 1

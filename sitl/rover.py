@@ -40,7 +40,9 @@ class Rover:
     on_named_float(name, value), on_parameter(parameter).
     """
 
-    def __init__(self, directory: Path, plant: PlantParameters, seed: int, parameters: ParameterStore) -> None:
+    def __init__(
+        self, directory: Path, plant: PlantParameters, seed: int, parameters: ParameterStore
+    ) -> None:
         self.directory = directory
         self.parameters = parameters
         low, high = LOOP_RATE_LIMITS
@@ -137,7 +139,9 @@ class Rover:
     def set_mode(self, mode: int, reason: int) -> bool:
         """Another mode; False where this rover does not have it."""
         if mode not in MODE_NAMES:
-            self.text(NOTICE, f"Flight mode change to mode {mode} failed: the embedded rover has MANUAL and HOLD")
+            self.text(
+                NOTICE, f"Flight mode change to mode {mode} failed: the embedded rover has MANUAL and HOLD"
+            )
             return False
         if mode != self.mode:
             self.mode, self.mode_reason = mode, reason

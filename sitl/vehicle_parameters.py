@@ -23,7 +23,7 @@ NOT_SAVED = frozenset({"SIM_RC_FAIL"})
 
 @dataclass
 class Parameter:
-    """name, its value now and by default, both as the vehicle stores them; listed: a list request shows it."""
+    """name, its value now and by default, both as the vehicle stores them; listed: in a list request."""
 
     name: str
     kind: Kind
@@ -33,7 +33,7 @@ class Parameter:
 
 
 def stored(value: float, kind: Kind) -> float:
-    """The value that the vehicle keeps of one that was sent: float32, integers cut towards zero after +-.01."""
+    """What the vehicle keeps of a value: float32; integers cut towards zero after +-.01."""
     single = float(struct.unpack("<f", struct.pack("<f", value))[0])
     if kind == "float":
         return single
@@ -119,5 +119,7 @@ def read_saved(file: Path) -> dict[str, float]:
             name, value = line.split()
             values[name] = float(value)
         except ValueError:
-            raise ValueError(f"{file}, line {number}: '{line}' is not NAME VALUE; delete the file to start afresh") from None
+            raise ValueError(
+                f"{file}, line {number}: '{line}' is not NAME VALUE; delete the file to start afresh"
+            ) from None
     return values
