@@ -1,0 +1,107 @@
+"""Identified models for python-control, MATLAB and anybody: continuous-time matrices with names and units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rover_sweep.identify.identification import Identification
+from rover_sweep.identify.models import bicycle, kinematic, lumped, roll_yaw
+from rover_sweep.identify.recording import LowPass
+from rover_sweep.identify.structure import Matrices, ModelStructure
+from rover_sweep.report.standing import known_filters
+from rover_sweep.report.strict_json import plain
+
+UNITS = {
+    "beta": "rad", "r": "rad/s", "V_y": "m/s", "p": "rad/s", "phi": "rad", "ay": "m/s^2", "vydot": "m/s^2",
+}  # fmt: skip
+BUILDERS = {
+    "kinematic": kinematic.matrices,
+    "bicycle": bicycle.matrices,
+    "roll-yaw": roll_yaw.matrices,
+    "lumped": lumped.matrices,
+}
+NOTE = (
+    "M x' = F x + G delta(t - tau), y = H0 x + H1 x'; the same as x' = A x + B delta(t - tau), y = C x + D "
+    "delta(t - tau). delta [rad] is the road-wheel angle, left positive; ISO axes (x forward, y left, z up). "
+    "The outputs are the rover's motion at the IMU; sensor_filters are what the recorded signals went "
+    "through after it."
+)
+
+
+def exported_model(
+    result: Identification, name: str, steering: tuple[float, float] | None = None
+) -> dict[str, Any]:
+    """One model of a result as plain data. steering: (trim_us, rad_per_us) of the vehicle file.
+
+    A, B, C, D and M, F, G, H0, H1 as nested lists (B and G one column, D one column); tau [s] is the
+    delay of the input; sensor_filters: {output: {cutoff_hz, num, den}}, not part of the matrices.
+    """
+    model = result.models[name]
+    structure = model.fit.structure
+    return plain(
+        {
+            "format": "rover-sweep model",
+            "model": name,
+            "verdict": model.verdict.level,
+            "note": NOTE,
+            "reference": structure.reference,
+            **_system(structure, structure.matrices(model.fit.speed), model.fit.speed),
+            "parameters": structure.values,
+            "parameter_units": {p.name: p.unit for p in structure.parameters},
+            "sensor_filters": _filters(known_filters(result), structure.outputs),
+            "steering": {"trim_us": steering[0], "rad_per_us": steering[1]} if steering else None,
+        }
+    )  # fmt: skip
+
+
+def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
+    """An exported model of physical parameters at another speed [m/s].
+
+    ValueError for the lumped model, whose derivatives hold at the speed of the identification alone.
+    """
+    if exported["model"] == "lumped":
+        raise ValueError("the lumped model holds at the speed of the identification alone")
+    mat = BUILDERS[exported["model"]]({**exported["parameters"], "V": speed})
+    return plain({**exported, **_matrices(mat), "speed_m_s": speed})
+
+
+def _system(structure: ModelStructure, mat: Matrices, speed: float) -> dict[str, Any]:
+    return {
+        "speed_m_s": speed,
+        "tau_s": structure.values["tau"],
+        "inputs": ["delta"],
+        "input_units": ["rad"],
+        "states": structure.states,
+        "state_units": [UNITS[s] for s in structure.states],
+        "outputs": structure.outputs,
+        "output_units": [UNITS[o] for o in structure.outputs],
+        **_matrices(mat),
+    }
+
+
+def _matrices(mat: Matrices) -> dict[str, Any]:
+    a = np.linalg.solve(mat.m, mat.f)
+    b = np.linalg.solve(mat.m, mat.g.astype(float))[:, None]
+    return {
+        "A": a, "B": b, "C": mat.h0 + mat.h1 @ a, "D": mat.h1 @ b,
+        "M": mat.m.astype(float), "F": mat.f.astype(float), "G": mat.g.astype(float)[:, None],
+        "H0": mat.h0.astype(float), "H1": mat.h1.astype(float),
+    }  # fmt: skip
+
+
+def _filters(filters: Mapping[str, LowPass], outputs: tuple[str, ...]) -> dict[str, Any]:
+    """Numerator and denominator in falling powers of s of each known low-pass, unit gain at 0."""
+    known = {o: filters[o] for o in outputs if o in filters}
+    out = {}
+    for output, f in known.items():
+        w0 = 2 * np.pi * f.cutoff_hz
+        out[output] = {
+            "cutoff_hz": f.cutoff_hz,
+            "num": [w0**2],
+            "den": [1.0, np.sqrt(2) * w0, w0**2],
+            "source": f.source,
+        }
+    return out

@@ -1,0 +1,104 @@
+"""One model of identification.json: parameters, costs, verification, poles, variants, reduction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rover_sweep.identify.fit import Estimate, FitResult
+from rover_sweep.identify.identification import Identification, ModelResult
+from rover_sweep.identify.structure import OUTPUTS
+from rover_sweep.identify.verify import Verification
+from rover_sweep.report.standing import rejection
+
+
+def model_document(result: Identification, name: str) -> dict[str, Any]:
+    """parameters, cost, verification and all the rest of a model; see `identification_document`.
+
+    Where the kinematic model suffices, the value of every free parameter of a richer model is null,
+    with "reason", and what the optimiser returned stands under "rejected".
+    """
+    model, reason = result.models[name], rejection(result, name)
+    return {
+        "verdict": {"level": model.verdict.level, "sentences": model.verdict.sentences},
+        "reference": model.fit.structure.reference,
+        "speed_m_s": model.fit.speed,
+        "parameters": parameters_document(model.fit, reason),
+        "cost": _cost(model.costs, model.fit.costs),
+        "verification": _first(model),
+        "verification_runs": [_verification(v) for v in model.verification],
+        "poles": _poles(model.fit),
+        "starts_spread_percent": 100 * model.fit.spread,
+        "variants": {
+            label: {"parameters": parameters_document(f, reason), "cost": _cost(f.costs, f.costs)}
+            for label, f in model.variants.items()
+        },
+        "reduction": [
+            {
+                "parameter": s.parameter, "reason": s.reason,
+                "average_before": s.before, "average_after": s.after, "dropped": s.dropped,
+            }
+            for s in model.reduction
+        ],
+    }  # fmt: skip
+
+
+def parameters_document(fit: FitResult, reason: str | None = None) -> dict[str, Any]:
+    """{name: {value, unit, free, cr_percent, insensitivity_percent, at_bound, meaning}}."""
+    return {e.name: _parameter(e, reason if e.free else None) for e in fit.estimates}
+
+
+def _parameter(e: Estimate, reason: str | None) -> dict[str, Any]:
+    numbers = {
+        "value": e.value, "cr_percent": e.cr_percent, "insensitivity_percent": e.insensitivity_percent,
+    }  # fmt: skip
+    shown = dict.fromkeys(numbers) if reason else numbers
+    out = {
+        "value": shown["value"],
+        "unit": e.unit,
+        "free": e.free,
+        "cr_percent": shown["cr_percent"],
+        "insensitivity_percent": shown["insensitivity_percent"],
+        "at_bound": e.at_bound,
+        "meaning": e.meaning,
+    }
+    return out | ({"reason": reason, "rejected": numbers} if reason else {})
+
+
+def _cost(costs: Mapping[str, float], fitted: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        **{output: costs.get(output) for output in OUTPUTS},
+        "average": float(np.mean(list(fitted.values()))),
+        "fitted": list(fitted),
+        "average_all": float(np.mean(list(costs.values()))),
+    }
+
+
+def _first(model: ModelResult) -> dict[str, Any] | None:
+    return _verification(model.verification[0]) if model.verification else None
+
+
+def _verification(v: Verification) -> dict[str, Any]:
+    return {
+        "j_rms": v.j_rms,
+        "tic": v.tic,
+        "run": v.run,
+        "speed_m_s": v.speed,
+        "channels": {o.channel: {"unit": o.unit, "j_rms": o.j_rms, "tic": o.tic} for o in v.overlays},
+        "state_biases": v.state_biases,
+        "output_biases": v.output_biases,
+    }
+
+
+def _poles(fit: FitResult) -> list[dict[str, float]]:
+    """Poles [rad/s] with natural frequency [rad/s] and damping ratio, slowest first."""
+    poles = sorted(fit.structure.poles(fit.speed), key=lambda s: (abs(s), s.imag))
+    return [
+        {
+            "re": float(s.real), "im": float(s.imag),
+            "frequency_rad_s": float(abs(s)), "damping": float(-s.real / abs(s)) if s else 0.0,
+        }
+        for s in poles
+    ]  # fmt: skip
