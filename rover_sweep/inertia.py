@@ -181,7 +181,7 @@ def _inputs(test: SwingTest) -> list[tuple[str, Measured]]:
 
 
 CAVEATS = (
-    "swings below 10 deg: 10 deg lengthens a period by 0.2 %, 20 deg by 0.8 % and the inertia by 1.5 %",
+    "swings below 10 deg: 20 deg lengthens a period by 0.8 %, and the inertia comes out 1.5 % high",
     "air turns with the body and adds to its inertia, more for a big flat body shell; drag only damps: "
     "a third of the angle lost in ten swings is too much",
     "the CG midway between the wires, and the axis that is asked for vertical",

@@ -31,7 +31,7 @@ KEYS: dict[str, Key] = {
     "vehicle.cg_to_rear_axle": Key("m", "CG to rear axle, b", "cg_to_rear_axle = 0.188  # m", required=True),
     "vehicle.sprung_mass": Key("kg", "what the springs carry", "sprung_mass = 2.40  # kg"),
     "vehicle.cg_height_above_roll_centre": Key(
-        "m", "sprung CG above roll axis", "cg_height_above_roll_centre = 0.058  # m", sign=0
+        "m", "sprung CG over roll axis", "cg_height_above_roll_centre = 0.058  # m", sign=0
     ),
     "vehicle.roll_inertia": Key("kg m^2", "sprung mass about own CG", "roll_inertia = 0.0125  # kg m^2"),
     "vehicle.yaw_inertia": Key("kg m^2", "whole vehicle about CG", "yaw_inertia = 0.069  # kg m^2"),
