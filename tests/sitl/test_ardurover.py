@@ -1,4 +1,4 @@
-"""The real firmware on the JSON physics: aligns, arms, drives and turns; its estimator agrees with the truth."""
+"""The real firmware on the JSON physics: aligns, arms, drives, turns; its estimator agrees with the truth."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ STRAIGHT, RIGHT, END = 8.0, 12.0, 14.0  # s of the drive at which each part is o
 
 @dataclass(frozen=True)
 class Drive:
-    """rows (n, 6): time [s], roll, yaw [rad], yaw rate [rad/s] (FRD), ground speed [m/s], worst EKF variance."""
+    """rows (n, 6): t [s], roll, yaw [rad], yaw rate [rad/s] (FRD), ground speed [m/s], worst EKF variance."""
 
     rows: np.ndarray
     truth: np.ndarray

@@ -90,6 +90,27 @@ def test_paper_variant_has_the_poles_of_table_3() -> None:
     assert poles[2] == pytest.approx(-9.60 - 2.98j, abs=0.02)
 
 
+@pytest.mark.parametrize("w", [2.0, 8.0, 20.0])
+def test_small_sine_gets_the_response_of_equation_18_and_the_servo(w: float) -> None:
+    """r, p and phi to the PWM of a 15 us sine, gain and phase: the whole chain in time against frequency."""
+    q = smooth(NOMINAL, rolling_resistance=0.0)
+    plant = Plant(q)
+    throttle = 1500 + 2.4 / q.speed_per_us
+    drive(plant, 8.0, 1500, throttle)
+    t, rows = [], []
+    for k in range(round(20 / DT)):
+        plant.step(1500 - 15 * sin(w * k * DT), throttle, DT)
+        t.append((k + 1) * DT)
+        rows.append([plant.state.r, plant.state.p, plant.state.phi])
+    settled = np.array(t) > 4.0
+    basis = np.array([np.ones(settled.sum()), *(f(w * np.array(t)[settled]) for f in (np.sin, np.cos))]).T
+    _, sine, cosine = np.linalg.lstsq(basis, np.array(rows)[settled], rcond=None)[0]
+    a, b = equation_18(q, plant.state.vx)
+    servo = np.exp(-1j * w * (q.servo_delay + DT / 2)) / (1 + 1j * w * q.servo_lag)  # DT / 2: the held PWM
+    wanted = 15 * q.rad_per_us * servo * np.linalg.solve(1j * w * np.eye(4) - a, b)[1:]
+    assert sine + 1j * cosine == pytest.approx(wanted, rel=0.01)
+
+
 def test_understeer_gradient_and_roll_angle_in_a_steady_turn() -> None:
     q = smooth(NOMINAL, friction=50.0, rolling_resistance=0.0, servo_rate_limit=50.0)
     plant = Plant(q)
