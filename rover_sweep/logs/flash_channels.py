@@ -51,7 +51,7 @@ def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> Lo
     marks = _marks(flash)
     firmware = next((text for _, text in marks if is_banner(text)), "")
     gyro, raw_gyro = _gyro(flash, parameters)
-    accel, raw_accel = _accel(flash)
+    accel, raw_accel = _accel(flash, parameters)
     raw = frozenset(("r", "p") if raw_gyro else ()) | frozenset(("ay",) if raw_accel else ())
     known, notes = sensor_filters(parameters, filters, raw)
     signals = gyro | accel | _attitude(flash) | _velocity(flash)
@@ -150,21 +150,30 @@ def _signals(
 def _gyro(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, Signal], bool]:
     """r and p [rad/s], and whether they are unfiltered (raw samples were logged)."""
     channels = {"r": ("GyrZ", -1.0, "rad/s"), "p": ("GyrX", 1.0, "rad/s")}
-    options = int(parameters.get("INS_RAW_LOG_OPT", 0))
-    filtered = bool(options & RAW_POST_FILTER) and not options & RAW_PRE_AND_POST
-    for name, raw in (("GYR", not filtered), ("IMU", False)):
+    for name in _imu_messages(parameters, "GYR"):
         if flash.has(name, "GyrX", "GyrZ"):
-            return _signals(flash, name, _first_instance(flash, name, "I"), channels), raw
+            return _signals(flash, name, _first_instance(flash, name, "I"), channels), name == "GYR"
     return {}, False
 
 
-def _accel(flash: DataFlash) -> tuple[dict[str, Signal], bool]:
+def _accel(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, Signal], bool]:
     """ay [m/s^2], and whether it is unfiltered."""
-    for name, raw in (("ACC", True), ("IMU", False)):
+    for name in _imu_messages(parameters, "ACC"):
         if flash.has(name, "AccY"):
             rows = _first_instance(flash, name, "I")
-            return _signals(flash, name, rows, {"ay": ("AccY", -1.0, "m/s^2")}), raw
+            return _signals(flash, name, rows, {"ay": ("AccY", -1.0, "m/s^2")}), name == "ACC"
     return {}, False
+
+
+def _imu_messages(parameters: Mapping[str, float], raw: str) -> tuple[str, ...]:
+    """Raw samples first, unless INS_RAW_LOG_OPT made them filtered ones.
+
+    With both kinds logged the filtered ones have higher instance numbers (source:
+    AP_InertialSensor_Backend::log_gyro_raw), so that instance 0 is always raw.
+    """
+    options = int(parameters.get("INS_RAW_LOG_OPT", 0))
+    filtered = bool(options & RAW_POST_FILTER) and not options & RAW_PRE_AND_POST
+    return ("IMU",) if filtered else (raw, "IMU")
 
 
 def _attitude(flash: DataFlash) -> dict[str, Signal]:

@@ -8,18 +8,15 @@ ArduPilot counts both since boot, and time_usec of SERVO_OUTPUT_RAW in 32 bit, w
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import Note, Signal
 from rover_sweep.logs.log import (
     STEERING,
     THROTTLE,
-    Array,
     Log,
     body_velocity,
     clock_notes,
@@ -32,6 +29,7 @@ from rover_sweep.logs.log import (
     vehicle_of,
 )
 from rover_sweep.logs.tlog import Frames, Tlog, open_tlog
+from rover_sweep.logs.vehicle_clock import CLOCKS, Session, sessions
 
 WANTED = frozenset(
     ("HEARTBEAT", "AUTOPILOT_VERSION", "ATTITUDE", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "HIGHRES_IMU")
@@ -44,46 +42,13 @@ WANTED = frozenset(
         "STATUSTEXT",
     )
 )
-CLOCKS = (
-    "ATTITUDE",
-    "RAW_IMU",
-    "SCALED_IMU",
-    "SCALED_IMU2",
-    "HIGHRES_IMU",
-    "LOCAL_POSITION_NED",
-    "GLOBAL_POSITION_INT",
-)
 ARDUPILOT = 3  # MAV_AUTOPILOT; below, the vehicles of MAV_TYPE
 KINDS = {10: "rover", 11: "boat", 12: "submarine", 5: "antenna tracker", 1: "plane", 7: "blimp",
          2: "copter", 3: "copter", 4: "helicopter", 13: "copter", 14: "copter", 15: "copter"}  # fmt: skip
-WRAP = 2.0**32 * 1e-6  # s after which SERVO_OUTPUT_RAW.time_usec starts again
-REBOOT = 1.0  # s: a clock that falls by more has started again
 EVERY_STEP_SEEN = 100.0  # Hz: a faster stream catches each step of the staircase (Lua runs at 84 Hz)
 MILLI_G = 9.80665e-3
 DAMAGE_LIMIT = 0.01
 STEERING_FIRST = 1
-
-
-@dataclass(frozen=True, eq=False)
-class Session:
-    """The vehicle's messages between two restarts, with a clock for those that carry no time."""
-
-    messages: Mapping[str, Frames]
-    clock_order: NDArray[np.int64]
-    clock: Array
-
-    def seconds(self, name: str) -> Array:
-        """Vehicle time (n,) s of each message of a name; that of the message before, where it has none."""
-        frames = self.messages[name]
-        fields = frames.rows.dtype.names or ()
-        if "time_boot_ms" in fields:
-            return frames.rows["time_boot_ms"].astype(float) * 1e-3
-        k = np.clip(np.searchsorted(self.clock_order, frames.order, "right") - 1, 0, None)
-        before = self.clock[k]
-        if "time_usec" not in fields:
-            return before
-        t = frames.rows["time_usec"].astype(float) * 1e-6
-        return t + WRAP * np.round((before - t) / WRAP) if frames.rows["time_usec"].itemsize == 4 else t
 
 
 def read_telemetry(path: Path, filters: Mapping[str, float] | None = None) -> tuple[Log, ...]:
@@ -91,14 +56,14 @@ def read_telemetry(path: Path, filters: Mapping[str, float] | None = None) -> tu
     tlog = open_tlog(path, WANTED)
     _refuse_damage(path, tlog)
     kind, own = _of_vehicle(path, tlog)
-    sessions = list(_sessions(own))
-    if not sessions:
+    starts = list(sessions(own))
+    if not starts:
         raise DataRefused(
             f"{path.name} holds no ATTITUDE or IMU messages: ask the vehicle for them while recording"
         )
-    source, damage = source_of(path), tuple(_reading_notes(tlog, len(sessions)))
-    names = [path.stem if len(sessions) == 1 else f"{path.stem} start {i + 1}" for i in range(len(sessions))]
-    return tuple(_log(n, s, kind, filters, source, damage) for n, s in zip(names, sessions, strict=True))
+    source, damage = source_of(path), tuple(_reading_notes(tlog, len(starts)))
+    names = [path.stem if len(starts) == 1 else f"{path.stem} start {i + 1}" for i in range(len(starts))]
+    return tuple(_log(n, s, kind, filters, source, damage) for n, s in zip(names, starts, strict=True))
 
 
 def _refuse_damage(path: Path, tlog: Tlog) -> None:
@@ -114,7 +79,7 @@ def _refuse_damage(path: Path, tlog: Tlog) -> None:
         )
 
 
-def _reading_notes(tlog: Tlog, sessions: int) -> Iterator[Note]:
+def _reading_notes(tlog: Tlog, starts: int) -> Iterator[Note]:
     if tlog.bad_bytes:
         yield Note(
             "warning",
@@ -122,8 +87,8 @@ def _reading_notes(tlog: Tlog, sessions: int) -> Iterator[Note]:
         )
     if tlog.bad_checksums:
         yield Note("warning", f"{tlog.bad_checksums} messages were dropped for a wrong checksum")
-    if sessions > 1:
-        yield Note("info", f"The vehicle restarted {sessions - 1} times while this was recorded")
+    if starts > 1:
+        yield Note("info", f"The vehicle restarted {starts - 1} times while this was recorded")
 
 
 def _of_vehicle(path: Path, tlog: Tlog) -> tuple[str, dict[str, Frames]]:
@@ -140,29 +105,6 @@ def _of_vehicle(path: Path, tlog: Tlog) -> tuple[str, dict[str, Frames]]:
     kind = int(hearts.rows["type"][-1])
     own = {n: f.where((f.system == system) & (f.component == component)) for n, f in tlog.messages.items()}
     return KINDS.get(kind, f"vehicle of MAV_TYPE {kind}"), {n: f for n, f in own.items() if len(f)}
-
-
-def _sessions(messages: dict[str, Frames]) -> Iterator[Session]:
-    """Cut where the vehicle's clock jumps back."""
-    clocks = [messages[n] for n in CLOCKS if n in messages]
-    if not clocks:
-        return
-    order = np.concatenate([f.order for f in clocks])
-    times = np.concatenate([_own_time(f) for f in clocks])
-    sorting = np.argsort(order)
-    order, times = order[sorting], times[sorting]
-    cuts = np.flatnonzero(np.diff(times) < -REBOOT) + 1
-    edges = [-1, *order[cuts].tolist(), int(np.iinfo(np.int64).max)]
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
-        inside = (order >= start) & (order < end)
-        parts = {n: f.where((f.order >= start) & (f.order < end)) for n, f in messages.items()}
-        yield Session({n: f for n, f in parts.items() if len(f)}, order[inside], times[inside])
-
-
-def _own_time(frames: Frames) -> Array:
-    if "time_boot_ms" in (frames.rows.dtype.names or ()):
-        return frames.rows["time_boot_ms"].astype(float) * 1e-3
-    return frames.rows["time_usec"].astype(float) * 1e-6
 
 
 def _log(
