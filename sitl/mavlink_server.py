@@ -14,7 +14,7 @@ import time
 from collections import deque
 from typing import Protocol
 
-from sitl.unread import unread_by_peer
+from sitl.unread import PeerQueue
 
 SEND_BUFFER = 4096
 CHUNK = 65536
@@ -69,7 +69,7 @@ class TcpPeer:
         connection.setblocking(False)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._own = connection.getsockname()
+        self._queue = PeerQueue(socket.IPPROTO_TCP, connection.getsockname(), address)
         self._pending = bytearray()
         self._backlog = _Backlog()
 
@@ -100,10 +100,10 @@ class TcpPeer:
             del self._pending[:sent]
 
     def behind_us(self, now_us: int) -> int:
-        unread = unread_by_peer(socket.SOCK_STREAM, self._own, self.address)
-        return self._backlog.behind_us(len(self._pending) + (unread or 0), now_us)
+        return self._backlog.behind_us(len(self._pending) + (self._queue.unread() or 0), now_us)
 
     def close(self) -> None:
+        self._queue.close()
         self.connection.close()
 
 
@@ -116,7 +116,7 @@ class UdpPeer:
         host = "127.0.0.1" if self.address[0].startswith("127.") else ""
         self.connection.bind((host, 0))
         self.connection.setblocking(False)
-        self._own = self.connection.getsockname()
+        self._queue = PeerQueue(socket.IPPROTO_UDP, self.connection.getsockname(), self.address)
         self._pending: list[bytes] = []
         self._size = 0
         self._backlog = _Backlog()
@@ -146,15 +146,15 @@ class UdpPeer:
         self._pending, self._size = [], 0
 
     def behind_us(self, now_us: int) -> int:
-        unread = unread_by_peer(socket.SOCK_DGRAM, self._own, self.address)
-        if not unread:  # the kernel counts buffers, not bytes: only "all read" is exact
+        if not self._queue.unread():  # the kernel counts buffers, not bytes: only "all read" is exact
             self._read_at = time.monotonic()
             return self._backlog.behind_us(0, now_us)
         if time.monotonic() - self._read_at > MAY_HOLD_S:
             return 0
-        return self._backlog.behind_us(1, now_us) if unread else 0
+        return self._backlog.behind_us(1, now_us)
 
     def close(self) -> None:
+        self._queue.close()
         self.connection.close()
 
 

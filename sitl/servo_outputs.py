@@ -8,7 +8,7 @@ SERVOn_MIN..MAX (SRV_Channels::set_output_pwm_chan_timeout), so the applet has t
 
 from __future__ import annotations
 
-from sitl.vehicle_parameters import ParameterStore
+from sitl.vehicle_parameters import Parameter, ParameterStore
 
 CHANNELS = 16
 STEERING, THROTTLE = 26, 70  # SERVOn_FUNCTION
@@ -25,6 +25,9 @@ class ServoOutputs:
         self.steering = self.throttle = 0.0
         self._loops_left = [0] * CHANNELS
         self._override = [0] * CHANNELS
+        self._functions: list[int] = []
+        self._assign()
+        parameters.on_change.append(self._parameter_changed)
 
     def override(self, channel: int, pwm: int, timeout_ms: int) -> None:
         """Puts `pwm` on output 0..15 for ceil(timeout / loop period) main loops, readable at once."""
@@ -46,7 +49,7 @@ class ServoOutputs:
                 self._loops_left[n] -= 1
                 self.pwm[n] = self._override[n]
                 continue
-            function = self.parameters[f"SERVO{n + 1}_FUNCTION"]
+            function = self._functions[n]
             if function == STEERING:
                 self.pwm[n] = self.scaled(n + 1, steering / STEERING_FULL)
             elif function == THROTTLE:
@@ -65,7 +68,11 @@ class ServoOutputs:
 
     def channel_of(self, function: int) -> int | None:
         """First output (0-based) with that SERVOn_FUNCTION, None where there is none."""
-        for n in range(CHANNELS):
-            if self.parameters[f"SERVO{n + 1}_FUNCTION"] == function:
-                return n
-        return None
+        return self._functions.index(function) if function in self._functions else None
+
+    def _assign(self) -> None:
+        self._functions = [int(self.parameters[f"SERVO{n + 1}_FUNCTION"]) for n in range(CHANNELS)]
+
+    def _parameter_changed(self, parameter: Parameter) -> None:
+        if parameter.name.endswith("_FUNCTION"):
+            self._assign()

@@ -128,7 +128,7 @@ class VehicleLog:
         """DSF, once a second: nothing is ever dropped here."""
         if self._writer is not None and self.active:
             written, self._reported = self._writer.bytes_written - self._reported, self._writer.bytes_written
-            self.write("DSF", 0, self._writer.records_written, written, BUFFER, BUFFER, BUFFER)
+            self.write("DSF", 0, self._writer.records_written & 0xFFFF, written, BUFFER, BUFFER, BUFFER)
 
     def _parameter(self, parameter: Parameter) -> None:
         self.write("PARM", parameter.name, parameter.value, parameter.default)
