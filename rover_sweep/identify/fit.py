@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from rover_sweep.identify.recording import Array, LowPass
 from rover_sweep.identify.response import Band, FrequencyResponse
 from rover_sweep.identify.spectra import Complex
-from rover_sweep.identify.structure import ModelStructure
+from rover_sweep.identify.structure import ModelStructure, Parameter
 
 PHASE_WEIGHT = 0.01745  # W_p: 7.57 deg weigh as much as 1 dB (W_g = 1)
 POINTS = 20  # log-spaced points a response
@@ -83,7 +83,7 @@ class FitResult:
 
 
 def residuals(structure: ModelStructure, condition: Condition) -> dict[str, Array]:
-    """Weighted residuals (2n,) per output, [dB errors, deg errors], whose squares sum to J of that response."""
+    """Weighted residuals (2n,) per output, [dB errors, deg errors], whose squares sum to its J."""
     out = {}
     for data in condition.data:
         model = structure.response(data.w, condition.speed, data.output, condition.filters)
@@ -136,7 +136,7 @@ def _vector(structure: ModelStructure) -> tuple[Array, Array, Array, np.ndarray]
     """Start, bounds and a mask of the parameters that are fitted as logarithms (positive ones)."""
     free = structure.free
     log = np.array([p.lower > 0 for p in free])
-    start, low, high = (np.array([getattr(p, n) for p in free], dtype=float) for n in ("value", "lower", "upper"))
+    start, low, high = np.array([(p.value, p.lower, p.upper) for p in free], dtype=float).T.copy()
     for a in (start, low, high):
         a[log] = np.log(a[log])
     return start, low, high, log
@@ -186,9 +186,8 @@ def silent(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
     )
 
 
-def _at_bound(p: object) -> bool:
-    value, low, high = (float(getattr(p, n)) for n in ("value", "lower", "upper"))
-    return bool(getattr(p, "free", False) and (value <= low * (1 + 1e-3) + 1e-9 or value >= high * (1 - 1e-3)))
+def _at_bound(p: Parameter) -> bool:
+    return p.free and (p.value <= p.lower * (1 + 1e-3) + 1e-9 or p.value >= p.upper * (1 - 1e-3))
 
 
 def _restricted(condition: Condition, outputs: Sequence[str]) -> Condition:
@@ -205,7 +204,8 @@ def _descend(
     names = [p.name for p in structure.free]
 
     def at(x: Array) -> ModelStructure:
-        return structure.with_values(dict(zip(names, np.where(log, np.exp(np.minimum(x, 700)), x), strict=True)))
+        theta = np.where(log, np.exp(np.minimum(x, 700)), x)
+        return structure.with_values(dict(zip(names, theta, strict=True)))
 
     def error(x: Array) -> Array:
         s = at(x)
@@ -218,6 +218,13 @@ def _descend(
 
     inside = np.clip(start, low + 1e-9, high - 1e-9)
     done = least_squares(
-        error, inside, jac=slope, bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance, max_nfev=300
+        error,
+        inside,
+        jac=slope,
+        bounds=(low, high),
+        x_scale="jac",
+        xtol=tolerance,
+        ftol=tolerance,
+        max_nfev=300,
     )
     return at(done.x), float(2 * done.cost)

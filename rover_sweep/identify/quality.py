@@ -52,7 +52,7 @@ class CoherenceVerdict:
 
 
 def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | None = None) -> Band:
-    """Frequencies [rad/s] that the steering excites: power within 20 dB of its median.
+    """Frequencies [rad/s] around its strongest that the steering excites: power within 20 dB of the median.
 
     From 2 pi/(half the longest run) to `top` or to .8 of the slowest Nyquist frequency, at most 60 rad/s.
     """
@@ -60,8 +60,12 @@ def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | 
     nyquist = np.pi * min(run[c].rate for run in runs for c in (input, "r") if c in run)
     w = np.geomspace(2 * np.pi / (longest / 2), min(top or 60.0, 0.8 * nyquist), 150)
     power = np.sum([_power(run, input, w, longest / 4) for run in runs], axis=0)
-    strong = w[power > 1e-2 * np.median(power[power > 1e-3 * power.max()])]
-    return float(strong[0]), float(strong[-1])
+    strong = power > 1e-2 * np.median(power[power > 1e-3 * power.max()])
+    peak = int(np.argmax(power))
+    below, above = np.flatnonzero(~strong[:peak]), np.flatnonzero(~strong[peak:])
+    low = int(below[-1]) + 1 if below.size else 0
+    high = peak + int(above[0]) - 1 if above.size else w.size - 1
+    return float(w[low]), float(w[high])
 
 
 def _power(run: Recording, input: str, w: Array, length: float) -> Array:

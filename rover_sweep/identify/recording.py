@@ -34,7 +34,9 @@ class Signal:
 
     def __post_init__(self) -> None:
         if self.t.shape != self.x.shape or self.t.ndim != 1:
-            raise ValueError(f"Signal {self.source}: t {self.t.shape} and x {self.x.shape} must be equal 1-d shapes")
+            raise ValueError(
+                f"Signal {self.source}: t {self.t.shape} and x {self.x.shape} must be equal, 1-d"
+            )
         if self.t.size > 1 and not np.all(np.diff(self.t) > 0):
             raise ValueError(f"Signal {self.source}: time stamps must increase strictly")
 

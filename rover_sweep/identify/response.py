@@ -68,7 +68,7 @@ def default_windows(w_min: float, w_max: float, total: float, longest_run: float
     return tuple(float(t) for t in np.geomspace(t_min, t_max, 5))
 
 
-LOWEST_BIN = 1.4  # of 2 pi/T_win: below it a Hann window takes in the mean, the drift and negative frequencies
+LOWEST_BIN = 1.4  # of 2 pi/T_win: below it a Hann window takes in the mean and the drift
 
 
 def frequency_grid(w_min: float, w_max: float, windows: Sequence[float], points: int = 120) -> Array:
@@ -95,7 +95,8 @@ def frequency_responses(
     channels = [{input: run.manoeuvre(input)} | {o: _transformed(run, o) for o in outputs} for run in runs]
     spectra = window_spectra(channels, [run.span for run in runs], outputs, windows, w, input)
     per = runs[0][input].unit
-    return {o: _response(input, o, per, channels[0][o].unit, spectra[o], (bands or {}).get(o)) for o in outputs}
+    chosen = bands or {}
+    return {o: _response(input, o, per, channels[0][o].unit, spectra[o], chosen.get(o)) for o in outputs}
 
 
 RISING = {"vydot": "m/s^2", "p": "rad/s"}  # outputs got as jw times their integral, and their units
@@ -183,9 +184,7 @@ def _objective(z: Array, data: Array, g2: Array, weight: Array, g20: Array) -> A
     return np.sum(weight * (spectral + coherence), axis=0)
 
 
-def _normal_equations(
-    z: Array, data: Array, g2: Array, weight: Array, g20: Array
-) -> tuple[Array, Array]:
+def _normal_equations(z: Array, data: Array, g2: Array, weight: Array, g20: Array) -> tuple[Array, Array]:
     """Gauss-Newton gradient (n_w, 4) and Hessian (n_w, 4, 4) of half the objective."""
     c = _coherence_of(z, g20) / g20
     power = z[:, 2] ** 2 + z[:, 3] ** 2
@@ -223,7 +222,10 @@ def _stretches(ok: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _bridgeable(x: Array, coherence: Array, left: tuple[int, int], right: tuple[int, int], good: float) -> bool:
+def _bridgeable(
+    x: Array, coherence: Array, left: tuple[int, int], right: tuple[int, int], good: float
+) -> bool:
+    """True for a narrow, shallow gap between two stretches (first, last) that are not mere points."""
     gap = slice(left[1], right[0] + 1)
     wide_sides = min(x[left[1]] - x[left[0]], x[right[1]] - x[right[0]]) > 0.05
     return bool(wide_sides and x[right[0]] - x[left[1]] <= 0.2 and np.min(coherence[gap]) >= good / 2)

@@ -171,6 +171,5 @@ class _Sums:
 
     def averaged(self, length: float, total: float) -> WindowSpectra:
         scale = 2.0 / length / self.count * np.where(self.w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
-        return WindowSpectra(
-            length, self.w, scale * self.xx, scale * self.yy, scale * self.xy, averages=total / length
-        )
+        xy = (scale * self.xy).astype(complex)
+        return WindowSpectra(length, self.w, scale * self.xx, scale * self.yy, xy, averages=total / length)

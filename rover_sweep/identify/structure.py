@@ -103,8 +103,10 @@ class ModelStructure:
         """Frequency response (n_w,) steering [rad] -> output at w [rad/s], sensor filters included."""
         row = self.outputs.index(output)
         mat = self.matrices(speed)
-        y = _Solved(mat, w).outputs[:, row]
-        return y * np.exp(-1j * w * self.values["tau"]) * _filter(filters, output, w)
+        y: Complex = _Solved(mat, w).outputs[:, row]
+        known = (filters or {}).get(output)
+        delay = np.exp(-1j * w * self.values["tau"])
+        return y * delay * known.response(w) if known else y * delay
 
     def log_sensitivity(self, w: Array, speed: float, output: str) -> Complex:
         """d ln H / d theta (n_w, n_free): real part in nepers, imaginary part in rad, per parameter unit."""
@@ -120,11 +122,6 @@ class ModelStructure:
             d = self.build({**values, "V": speed, p.name: values[p.name] + 1j * step})
             columns.append(solved.derivative(_imaginary(d, step))[:, row] / y)
         return np.column_stack(columns) if columns else np.empty((w.size, 0), dtype=complex)
-
-
-def _filter(filters: Mapping[str, LowPass] | None, output: str, w: Array) -> Complex | float:
-    known = (filters or {}).get(output)
-    return known.response(w) if known else 1.0
 
 
 def _imaginary(mat: Matrices, step: float) -> Matrices:

@@ -41,7 +41,9 @@ class Sweep:
         if self.t_rec <= 0 or self.amplitude <= 0:
             raise ValueError(f"need t_rec > 0 and amplitude > 0, got {self.t_rec} s and {self.amplitude} us")
         if min(self.fade, self.dwell, self.straight) < 0:
-            raise ValueError(f"fade {self.fade}, dwell {self.dwell}, straight {self.straight} s must not be negative")
+            raise ValueError(
+                f"fade {self.fade}, dwell {self.dwell}, straight {self.straight} s must not be negative"
+            )
 
     @property
     def duration(self) -> float:
@@ -112,7 +114,8 @@ class Doublet:
         period = 2 * self.pulse + self.pause
         into = np.mod(since, period)
         active = (since >= 0) & (since < self.count * period)
-        return self.amplitude * active * (1.0 * (into < self.pulse) - (into >= self.pulse) * (into < 2 * self.pulse))
+        first, second = into < self.pulse, (into >= self.pulse) & (into < 2 * self.pulse)
+        return np.asarray(self.amplitude * active * (1.0 * first - 1.0 * second), dtype=np.float64)
 
 
 Manoeuvre = Sweep | Doublet

@@ -1,4 +1,4 @@
-"""What a fit is worth, in words: guidelines of Tischler & Remple 2012 on J, Cramer-Rao bounds and insensitivity."""
+"""What a fit is worth, in words: the guidelines of Tischler & Remple 2012 on J, CR and insensitivity."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from rover_sweep.identify.fit import Estimate, FitResult
 
 if TYPE_CHECKING:
-    from rover_sweep.identify.identification import ModelResult
+    from rover_sweep.identify.model_results import ModelResult
 
 Level = Literal["good", "acceptable", "poor", "not identifiable"]
 J_GOOD, J_ACCEPTABLE = 50.0, 100.0
@@ -37,9 +37,11 @@ def judge_model(result: FitResult, physical: bool = True) -> ModelVerdict:
     if weak:
         words.append("uncertain beyond the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, weak)))
     if result.spread > 0.02:
-        words.append(f"other starts reach the same cost with parameters up to {100 * result.spread:.0f} % away")
+        far = f"{100 * result.spread:.0f} %"
+        words.append(f"other starts reach the same cost with parameters up to {far} away")
     if lost and physical:
-        return ModelVerdict("not identifiable", ("cannot be identified: " + ", ".join(map(_numbers, lost)), *words))
+        first = "cannot be identified: " + ", ".join(map(_numbers, lost))
+        return ModelVerdict("not identifiable", (first, *words))
     return ModelVerdict(_level(result.average), tuple(words))
 
 
@@ -70,9 +72,10 @@ def _cost_words(average: float) -> str:
 
 
 def kinematic_suffices(models: Mapping[str, ModelResult]) -> str | None:
-    """Why tyre parameters mean nothing here, or None: the kinematic model fits r and a_y as well as the bicycle.
+    """Why tyre parameters mean nothing here, or None.
 
-    A stiffness beyond what the data can tell from infinity is soaked-up noise and delay.
+    Where the kinematic model fits r and a_y as well as the bicycle, a stiffness is one that the data
+    cannot tell from infinity: soaked-up noise and delay.
     """
     plain, tyres = models.get("kinematic"), models.get("bicycle") or models.get("roll-yaw")
     if plain is None or tyres is None:
@@ -83,5 +86,6 @@ def kinematic_suffices(models: Mapping[str, ModelResult]) -> str | None:
         return None
     return (
         f"the kinematic model fits as well (J of {' and '.join(shared)} {without:.1f}, "
-        f"{with_tyres:.1f} with tyres), so tyre stiffness and yaw inertia cannot be identified from these runs"
+        f"{with_tyres:.1f} with tyres), so tyre stiffness and yaw inertia cannot be identified "
+        "from these runs"
     )

@@ -1,4 +1,4 @@
-"""The corrected equations and the accuracy formulas against the paper's own tables (see the paper's Tables 2-3).
+"""The corrected equations and the accuracy formulas against the paper's Tables 2 and 3.
 
 The expected numbers are an independent recomputation at the published parameters with coherence 1,
 20 log-spaced points a response, V = 2.4 m/s and the plain output a_y = V_y' + V r.
@@ -74,7 +74,9 @@ def test_sensitivities_are_the_slopes_of_the_response(structure: ModelStructure,
     slopes = structure.log_sensitivity(w, 2.4, output)
     for k, p in enumerate(structure.free):
         step = 1e-5 * p.value
-        up, down = (structure.with_values({p.name: p.value + s}).response(w, 2.4, output) for s in (step, -step))
+        up, down = (
+            structure.with_values({p.name: p.value + s}).response(w, 2.4, output) for s in (step, -step)
+        )
         assert slopes[:, k] == pytest.approx(np.log(up / down) / (2 * step), rel=1e-5, abs=1e-7)
 
 

@@ -23,7 +23,12 @@ def lumped(geometry: Geometry, start: ModelStructure, speed: float) -> ModelStru
     first = _derivatives(start, speed)
     parameters = tuple(
         Parameter(
-            f"{row}_{column}", f"{row_unit} per {unit}", first[f"{row}_{column}"], True, meaning=f"{kind} by {what}"
+            f"{row}_{column}",
+            f"{row_unit} per {unit}",
+            first[f"{row}_{column}"],
+            True,
+            *_bounds(first, row, column),
+            meaning=f"{kind} by {what}",
         )
         for row, (row_unit, kind) in ROWS.items()
         for column, (unit, what) in COLUMNS.items()
@@ -34,7 +39,7 @@ def lumped(geometry: Geometry, start: ModelStructure, speed: float) -> ModelStru
         outputs=("r", "ay", "vydot", "p"),
         parameters=(
             *parameters,
-            Parameter("tau", "s", start.values["tau"], True, 0.0, 0.5, "equivalent time delay of the steering"),
+            Parameter("tau", "s", start.values["tau"], True, 0.0, 0.5, "equivalent time delay"),
             Parameter("imu_x", "m", geometry.imu_x, meaning="IMU ahead of the CG"),
             Parameter("imu_z", "m", geometry.imu_z, meaning="IMU above the point of V_y"),
             Parameter("g", "m/s^2", GRAVITY, meaning="gravity"),
@@ -42,6 +47,13 @@ def lumped(geometry: Geometry, start: ModelStructure, speed: float) -> ModelStru
         build=matrices,
         reference="equation (19), Nelson 1989",
     )
+
+
+def _bounds(first: Mapping[str, float], row: str, column: str) -> tuple[float, float]:
+    """Ten times the first value, or a tenth of the row's middle one: an over-full structure runs away."""
+    middle = float(np.median([abs(first[f"{row}_{c}"]) for c in COLUMNS]))
+    reach = 10 * max(abs(first[f"{row}_{column}"]), 0.1 * middle)
+    return -reach, reach
 
 
 def _derivatives(start: ModelStructure, speed: float) -> dict[str, float]:

@@ -1,0 +1,60 @@
+"""`rover-sweep coherence`: the quick verdict on runs, before the rover leaves the car park."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from rover_sweep.cli.options import filter_overrides, reading_options
+
+if TYPE_CHECKING:
+    from rover_sweep.identify.quality import CoherenceVerdict
+
+
+@click.command()
+@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
+@reading_options
+@click.option("--json", "as_json", is_flag=True, help="The verdicts as JSON on stdout.")
+def coherence(
+    runs: tuple[str, ...],
+    columns: str | None,
+    gyro_filter: float | None,
+    accel_filter: float | None,
+    as_json: bool,
+) -> None:
+    """Say of each run whether its coherence is good enough, and what to change if it is not.
+
+    RUN is a .BIN, a .tlog, a .csv, or log.BIN+log.tlog. No vehicle file is needed. A poor run is an
+    answer, not an error: the exit code is 0.
+    """
+    from rover_sweep.identify.quality import assess
+    from rover_sweep.logs import read_runs
+
+    filters = filter_overrides(gyro_filter, accel_filter)
+    found = [r for source in runs for r in read_runs(source, column_map=columns, filters=filters)]
+    verdicts = [assess(run) for run in found]
+    if as_json:
+        click.echo(json.dumps([asdict(v) for v in verdicts], indent=2))
+        return
+    for verdict in verdicts:
+        show(verdict)
+
+
+def show(verdict: CoherenceVerdict) -> None:
+    """One run's verdict: the sentence first, then a line per response."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    colour = "green" if verdict.keep else "yellow"
+    console.print(f"[bold]{verdict.run}[/]: [{colour}]{verdict.sentence}[/]", highlight=False, soft_wrap=True)
+    table = Table(box=None, padding=(0, 2))
+    for heading in ("response", "usable band, rad/s", "range at >= 0.6", "lowest coherence"):
+        table.add_column(heading, justify="left" if heading == "response" else "right")
+    for o in verdict.outputs:
+        band = f"{o.band[0]:.2g} - {o.band[1]:.3g}" if o.band else "none"
+        table.add_row(o.output, band, f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}")
+    console.print(table)

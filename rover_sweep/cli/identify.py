@@ -1,0 +1,123 @@
+"""`rover-sweep identify`: recorded runs in, identified models and a report out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rover_sweep.cli.options import (
+    OUTPUTS,
+    BandType,
+    ChoicesType,
+    NumbersType,
+    filter_overrides,
+    reading_options,
+    vehicle_path,
+)
+from rover_sweep.errors import UsageError
+
+if TYPE_CHECKING:
+    from rover_sweep.identify.grouping import Settings
+    from rover_sweep.identify.recording import Recording
+
+MODELS = ("bicycle", "roll-yaw", "lumped")
+
+
+@click.command()
+@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
+@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Vehicle file (default: rover.toml here).")  # fmt: skip
+@click.option("--verify", "verify_runs", multiple=True, metavar="RUN",
+              help="A run that the fit must not see, such as a doublet; may be given several times.")  # fmt: skip
+@click.option("--models", type=ChoicesType(MODELS), default=",".join(MODELS), show_default=True)
+@click.option("--fit", "fitted", type=ChoicesType(OUTPUTS), default="r,ay,p", show_default=True,
+              help="Responses that the fit uses; all four are reported.")  # fmt: skip
+@click.option("--untied", is_flag=True, help="Free Cf and Cr each, in place of one C for both axles.")
+@click.option("--band", "bands", type=BandType(), multiple=True,
+              help="Usable band of a response in place of the one found from its coherence.")  # fmt: skip
+@click.option(
+    "--wmin", type=click.FloatRange(0, min_open=True), metavar="RAD/S", help="Lowest swept frequency."
+)
+@click.option(
+    "--wmax", type=click.FloatRange(0, min_open=True), metavar="RAD/S", help="Highest swept frequency."
+)
+@click.option("--windows", type=NumbersType(), metavar="S,S,...", help="Window lengths, s.")
+@reading_options
+@click.option("--out", required=True, type=click.Path(file_okay=False), metavar="DIR",
+              help="Folder of the report; made if it is not there.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="identification.json on stdout as well.")
+def identify(
+    runs: tuple[str, ...], vehicle_file: str | None, verify_runs: tuple[str, ...], models: tuple[str, ...],
+    fitted: tuple[str, ...], untied: bool, bands: tuple[Any, ...], wmin: float | None, wmax: float | None,
+    windows: tuple[float, ...] | None, columns: str | None, gyro_filter: float | None,
+    accel_filter: float | None, out: str, as_json: bool,
+) -> None:  # fmt: skip
+    """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
+
+    RUN is a .BIN, a .tlog, a .csv (with --columns), or a pair of both logs of one drive as
+    log.BIN+log.tlog. Several runs are used together. Doublets among them verify the models unless
+    --verify names runs for that.
+    """
+    from rover_sweep.identify.grouping import Settings
+    from rover_sweep.preparation import Reading, load
+    from rover_sweep.vehicle_file import load as load_vehicle
+
+    vehicle = load_vehicle(vehicle_path(vehicle_file))
+    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
+    sweeps, doublets = divided(load(runs, vehicle, reading))
+    checks = load(verify_runs, vehicle, reading) if verify_runs else doublets
+    _refuse_overlap(sweeps, checks)
+    settings = Settings(models, fitted, not untied, _swept(wmin, wmax), dict(bands), windows)
+    document = identified(sweeps, checks, vehicle, settings, Path(out))
+    if as_json:
+        click.echo(json.dumps(document, indent=2))
+
+
+def divided(runs: tuple[Recording, ...]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """(runs to identify from, doublets to verify on); doublets alone are identified from."""
+    doublets = tuple(r for r in runs if r.kind == "doublet")
+    others = tuple(r for r in runs if r.kind != "doublet")
+    return (others, doublets) if others else (doublets, ())
+
+
+def _refuse_overlap(sweeps: tuple[Recording, ...], checks: tuple[Recording, ...]) -> None:
+    """A run may not be its own judge."""
+    same = [c.name for c in checks for s in sweeps if c.sources == s.sources and c.span == s.span]
+    if same:
+        raise UsageError(f"{same[0]} is both identified from and verified on; verify on another run")
+
+
+def _swept(wmin: float | None, wmax: float | None) -> tuple[float, float] | None:
+    if wmin is None and wmax is None:
+        return None
+    if wmin is None or wmax is None or not wmin < wmax:
+        raise UsageError(f"give both --wmin and --wmax with wmin < wmax, got {wmin} and {wmax} rad/s")
+    return wmin, wmax
+
+
+def identified(
+    sweeps: tuple[Recording, ...], checks: tuple[Recording, ...], vehicle: Any, settings: Settings, out: Path
+) -> dict[str, Any]:
+    """Identifies, writes the report into `out`, prints the comparison; returns the document."""
+    from rich.console import Console
+
+    from rover_sweep.identify.identification import identify as run_identification
+    from rover_sweep.preparation import geometry_of
+    from rover_sweep.report.tables import print_comparison
+    from rover_sweep.report.write import write_report
+
+    console = Console(stderr=True)
+    for run in (*sweeps, *checks):
+        for note in run.notes:
+            if note.level == "warning":
+                console.print(f"[yellow]warning[/] {run.name}: {note.text}", highlight=False)
+    with console.status("identifying"):
+        result = run_identification(sweeps, geometry_of(vehicle), checks, settings)
+    with console.status("writing the report"):
+        files = write_report(result, out, vehicle)
+    print_comparison(result, console)
+    console.print(f"report: {files.page}", highlight=False, soft_wrap=True)
+    return files.document

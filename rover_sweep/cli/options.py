@@ -1,0 +1,102 @@
+"""Command-line values that several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rover_sweep.errors import UsageError
+
+OUTPUTS = ("r", "ay", "vydot", "p")
+
+
+class BandType(click.ParamType):
+    """A usable band of one response, e.g. p=0.6:20 (rad/s)."""
+
+    name = "RESPONSE=LOW:HIGH"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, tuple[float, float]]:
+        """(response, (low, high))."""
+        name, _, limits = str(value).partition("=")
+        low, _, high = limits.partition(":")
+        try:
+            band = float(low), float(high)
+        except ValueError:
+            self.fail(f"{value!r} is not a band such as p=0.6:20 (rad/s)", param, ctx)
+        if name not in OUTPUTS or not 0 < band[0] < band[1]:
+            self.fail(f"{value!r}: give one of {', '.join(OUTPUTS)} and 0 < low < high in rad/s", param, ctx)
+        return name, band
+
+
+class NumbersType(click.ParamType):
+    """Positive numbers joined by commas, e.g. 5,8,12,18,27."""
+
+    name = "N,N,..."
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """The numbers."""
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers such as 5,8,12", param, ctx)
+        if not all(n > 0 for n in numbers):
+            self.fail(f"{value!r}: every number must be positive", param, ctx)
+        return numbers
+
+
+class ChoicesType(click.ParamType):
+    """Names joined by commas out of a fixed set."""
+
+    name = "NAME,NAME,..."
+
+    def __init__(self, allowed: tuple[str, ...]) -> None:
+        self.allowed = allowed
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        """The names, in the order given, each once."""
+        names = tuple(dict.fromkeys(part.strip() for part in str(value).split(",")))
+        wrong = [n for n in names if n not in self.allowed]
+        if wrong:
+            self.fail(f"there is no {wrong[0]!r}; choose from {', '.join(self.allowed)}", param, ctx)
+        return names
+
+
+def vehicle_path(given: str | None) -> str:
+    """The vehicle file: as given, else rover.toml here."""
+    if given:
+        return given
+    if Path("rover.toml").is_file():
+        return "rover.toml"
+    raise UsageError(
+        "no vehicle file: give --vehicle rover.toml; begin one with "
+        "`rover-sweep vehicle --example > rover.toml`"
+    )
+
+
+def filter_overrides(gyro: float | None, accel: float | None) -> dict[str, float] | None:
+    """{"gyro_hz", "accel_hz"} of the options that were given, None without any."""
+    given = {"gyro_hz": gyro, "accel_hz": accel}
+    return {k: v for k, v in given.items() if v is not None} or None
+
+
+def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """--columns, --gyro-filter and --accel-filter."""
+    for decorate in (
+        click.option("--accel-filter", type=click.FloatRange(0), metavar="HZ",
+                     help="INS_ACCEL_FILTER of the drive, where the log does not hold it (0: off)."),
+        click.option("--gyro-filter", type=click.FloatRange(0), metavar="HZ",
+                     help="INS_GYRO_FILTER of the drive, where the log does not hold it (0: off)."),
+        click.option("--columns", type=click.Path(dir_okay=False), metavar="FILE",
+                     help="Column map of .csv recordings (TOML)."),
+    ):  # fmt: skip
+        command = decorate(command)
+    return command

@@ -1,0 +1,94 @@
+"""Runs of one speed share their frequency responses; a fit may take several speeds at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rover_sweep.identify.fit import Condition, sampled
+from rover_sweep.identify.quality import responses, sign_is_wrong
+from rover_sweep.identify.recording import Recording
+from rover_sweep.identify.response import Band, FrequencyResponse
+
+MODELS = ("bicycle", "roll-yaw", "lumped")
+FITTED = ("r", "ay", "p")
+VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction (paper: 3-25 rad/s)
+SAME_SPEED = 0.10  # runs within 10 % share their responses
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to identify. models of MODELS; fitted responses; tied: one C for both axles.
+
+    band [rad/s]: swept range; bands: usable band per response; windows [s]: all found from the data
+    when None.
+    """
+
+    models: tuple[str, ...] = MODELS
+    fitted: tuple[str, ...] = FITTED
+    tied: bool = True
+    band: Band | None = None
+    bands: Mapping[str, Band] = field(default_factory=dict)
+    windows: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Runs at one speed [m/s] and their composite responses."""
+
+    speed: float
+    runs: tuple[Recording, ...]
+    responses: Mapping[str, FrequencyResponse]
+
+    def condition(self, outputs: Sequence[str], filtered: bool = True) -> Condition:
+        """What the cost sees of these responses (those with a usable band)."""
+        found = [self.responses[o] for o in outputs if o in self.responses]
+        data = tuple(sampled(f, f.band) for f in found if f.band)
+        return Condition(self.speed, data, self.runs[0].filters if filtered else {})
+
+    def usable(self, output: str) -> bool:
+        """True when the output was recorded and has a usable band."""
+        return output in self.responses and self.responses[output].band is not None
+
+    def why_not(self) -> str | None:
+        """The reason why nothing can be identified from these runs, or None."""
+        r = self.responses.get("r")
+        if r is None or r.band is None:
+            best = "no yaw rate was recorded" if r is None else f"highest coherence {np.max(r.coherence):.2f}"
+            return f"nothing can be identified: no band where the yaw rate follows the steering ({best})"
+        if sign_is_wrong(r):
+            return (
+                "the rover turns against the recorded steering angle: the sign of rad_per_us in the vehicle "
+                "file is wrong for this linkage, so give it the other sign"
+            )
+        return None
+
+
+def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
+    """Runs in groups whose mean speeds lie within 10 % of the first of the group."""
+    groups: list[list[Recording]] = []
+    for run in runs:
+        near = [g for g in groups if abs(run.mean_speed / g[0].mean_speed - 1) <= SAME_SPEED]
+        if near:
+            near[0].append(run)
+        else:
+            groups.append([run])
+    return tuple(_group(g, settings) for g in groups)
+
+
+def _group(runs: Sequence[Recording], settings: Settings) -> Group:
+    found = responses(runs, band=settings.band, windows=settings.windows, bands=settings.bands)
+    if "vydot" in found and "vydot" not in settings.bands:
+        found["vydot"] = _above(found["vydot"], VYDOT_FROM)
+    lengths = [run.span[1] - run.span[0] for run in runs]
+    speed = float(np.average([run.mean_speed for run in runs], weights=lengths))
+    return Group(speed, tuple(runs), found)
+
+
+def _above(f: FrequencyResponse, low: float) -> FrequencyResponse:
+    """The response with its band cut off below `low` rad/s."""
+    if f.band is None or f.band[1] < 2 * low:
+        return replace(f, band=None)
+    return replace(f, band=(max(f.band[0], low), f.band[1]))

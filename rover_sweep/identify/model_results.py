@@ -1,0 +1,144 @@
+"""Each model on the runs: its fit, variants of it that tell something, verification, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_sweep.identify.fit import Condition, FitResult, costs, fit
+from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.grouping import MODELS, Group, Settings
+from rover_sweep.identify.models.bicycle import bicycle
+from rover_sweep.identify.models.lumped import lumped
+from rover_sweep.identify.models.roll_yaw import roll_yaw
+from rover_sweep.identify.recording import Recording
+from rover_sweep.identify.reduction import ReductionStep, reduce
+from rover_sweep.identify.structure import ModelStructure
+from rover_sweep.identify.verdicts import ModelVerdict, judge_model
+from rover_sweep.identify.verify import Verification, verify
+
+
+@dataclass(frozen=True, eq=False)
+class ModelResult:
+    """One model: its fit, costs of all four responses at it, variants of the fit, verification, verdict.
+
+    variants: "filters ignored", "four responses", "Cf and Cr free", as far as they say something.
+    """
+
+    fit: FitResult
+    costs: Mapping[str, float]
+    variants: Mapping[str, FitResult]
+    verification: tuple[Verification, ...]
+    verdict: ModelVerdict
+    reduction: tuple[ReductionStep, ...] = ()
+
+    @property
+    def average_all(self) -> float:
+        """J_ave over all responses of the model, fitted or not."""
+        return float(np.mean(list(self.costs.values())))
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What every model is fitted to and verified on."""
+
+    groups: tuple[Group, ...]
+    geometry: Geometry
+    verify_on: tuple[Recording, ...]
+    settings: Settings
+
+    def conditions(self, outputs: Sequence[str] | None = None, filtered: bool = True) -> list[Condition]:
+        """The responses of every group, the fitted ones unless said otherwise."""
+        return [g.condition(outputs or self.settings.fitted, filtered) for g in self.groups]
+
+    @property
+    def has_vydot(self) -> bool:
+        """True when V_y'/delta is usable at every speed but not fitted anyway."""
+        return "vydot" not in self.settings.fitted and all(g.usable("vydot") for g in self.groups)
+
+
+class NotPossible(Exception):
+    """A model that these runs or this vehicle file cannot carry; the text says why."""
+
+
+def model_result(name: str, work: Work) -> ModelResult:
+    """One of MODELS on the runs; raises NotPossible with the reason."""
+    if name == "bicycle":
+        return physical_result(bicycle(work.geometry, work.settings.tied), work)
+    if name not in MODELS:
+        raise ValueError(f"no model {name!r}; there are {', '.join(MODELS)}")
+    _need_roll(name, work)
+    structure = roll_yaw(work.geometry, work.settings.tied)
+    structure = structure.with_free([*(p.name for p in structure.free), *work.geometry.free])
+    return physical_result(structure, work) if name == "roll-yaw" else lumped_result(structure, work)
+
+
+def _need_roll(name: str, work: Work) -> None:
+    geometry, p = work.geometry, work.groups[0].responses.get("p")
+    if None in (geometry.sprung_mass, geometry.h, geometry.roll_inertia):
+        raise NotPossible(
+            f"the {name} model needs sprung_mass, cg_height_above_roll_centre and roll_inertia "
+            "in the vehicle file"
+        )
+    if p is None or p.band is None:
+        best = "it was not recorded" if p is None else f"its highest coherence is {np.max(p.coherence):.2f}"
+        raise NotPossible(
+            f"the {name} model cannot be identified: the roll rate does not follow the steering ({best})"
+        )
+
+
+def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
+    """A structure of physical parameters, fitted over all speeds, with its variants."""
+    starts = _starts(structure)
+    best = fit(structure, work.conditions(), starts)
+    variants = {}
+    if any(g.runs[0].filters for g in work.groups):
+        variants["filters ignored"] = fit(best.structure, work.conditions(filtered=False), starts)
+    if "vydot" in structure.outputs and work.has_vydot:
+        variants["four responses"] = fit(best.structure, work.conditions(structure.outputs))
+    if "C" in structure.values:
+        variants["Cf and Cr free"] = fit(_untied(best.structure, work.geometry), work.conditions())
+    return _result(best, variants, work)
+
+
+def _starts(structure: ModelStructure) -> list[dict[str, float]]:
+    """Further starting points: stiffness and inertia several times lower and higher."""
+    values = structure.values
+    stiffness = [n for n in ("C", "Cf", "Cr") if n in values]
+    if not stiffness:
+        return []
+    return [
+        {n: values[n] * soft for n in stiffness} | {"Izz": values["Izz"] * light}
+        for soft, light in ((0.4, 0.6), (4.0, 1.5), (12.0, 1.0))
+    ]
+
+
+def _untied(tied: ModelStructure, geometry: Geometry) -> ModelStructure:
+    make = bicycle if tied.name == "bicycle" else roll_yaw
+    c = tied.values["C"]
+    return make(geometry, tied=False).with_values({**tied.values, "Cf": c, "Cr": c})
+
+
+def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
+    """The lumped model from the roll-yaw fit's derivatives, reduced; at the first speed only."""
+    here = Work(work.groups[:1], work.geometry, work.verify_on, work.settings)
+    conditions = here.conditions()
+    first = fit(start, conditions, _starts(start)).structure
+    full = fit(lumped(work.geometry, first, here.groups[0].speed), conditions)
+    best, steps = reduce(full, conditions)
+    variants = {"before reduction": full}
+    if here.has_vydot:
+        variants["four responses"] = fit(best.structure, here.conditions(best.structure.outputs))
+    return _result(best, variants, here, steps)
+
+
+def _result(
+    best: FitResult, variants: Mapping[str, FitResult], work: Work, steps: tuple[ReductionStep, ...] = ()
+) -> ModelResult:
+    structure = best.structure
+    all_costs = costs(structure, work.conditions(structure.outputs))
+    verification = tuple(verify(structure, run) for run in work.verify_on)
+    verdict = judge_model(best, physical=structure.name != "lumped")
+    return ModelResult(best, all_costs, variants, verification, verdict, steps)

@@ -1,0 +1,65 @@
+"""From what a user names - recordings and a vehicle file - to what the identification takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rover_sweep.errors import DataRefused
+from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.recording import Recording, steered
+from rover_sweep.logs import read_runs
+from rover_sweep.vehicle_file import Vehicle
+
+MODEL_NAMES = {
+    "roll_inertia": "Ixx", "cg_height_above_roll_centre": "h", "sprung_mass": "ms", "mass": "m",
+    "cg_to_front_axle": "a", "cg_to_rear_axle": "b", "yaw_inertia": "Izz",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How to read the recordings. columns: the map of a .csv (dict or path of a TOML file).
+
+    filters: {"gyro_hz", "accel_hz"} [Hz] in place of the recorded sensor low-passes.
+    """
+
+    columns: Mapping[str, Any] | str | None = None
+    filters: Mapping[str, float] | None = None
+
+
+def geometry_of(vehicle: Vehicle) -> Geometry:
+    """The numbers of a vehicle file as the models take them."""
+
+    def value(number: Any) -> float | None:
+        return None if number is None else float(number.value)
+
+    forward, _, up = vehicle.imu_iso
+    h = value(vehicle.cg_height_above_roll_centre)
+    return Geometry(
+        mass=vehicle.mass.value,
+        a=vehicle.cg_to_front_axle.value,
+        b=vehicle.cg_to_rear_axle.value,
+        sprung_mass=value(vehicle.sprung_mass),
+        h=h,
+        roll_inertia=value(vehicle.roll_inertia),
+        yaw_inertia=value(vehicle.yaw_inertia),
+        imu_x=forward,
+        imu_z=(h or 0.0) + up,
+        free=tuple(MODEL_NAMES[name] for name in vehicle.free),
+    )
+
+
+def load(sources: Sequence[str], vehicle: Vehicle, reading: Reading) -> tuple[Recording, ...]:
+    """All runs of the sources with the steering angle in radians."""
+    runs = [r for s in sources for r in read_runs(s, column_map=reading.columns, filters=reading.filters)]
+    return tuple(_with_delta(run, vehicle) for run in runs)
+
+
+def _with_delta(run: Recording, vehicle: Vehicle) -> Recording:
+    if "delta" in run:
+        return run
+    if "pwm" not in run:
+        raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
+    return steered(run, *vehicle.steering())
