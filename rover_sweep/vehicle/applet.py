@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import ftp_put
-from rover_sweep.vehicle.parameters import ParameterMissing, read
+from rover_sweep.vehicle.parameters import read_present
 
 HARDWARE, SITL = "/APM/scripts", "scripts"  # folder of scripts on a flight controller, in SITL
 _RESTART = 3.0  # SCRIPTING_CMD_STOP_AND_RESTART
@@ -47,13 +46,12 @@ def reboot(link: Link) -> None:
     link.reconnect()
 
 
-def await_applet(link: Link, seconds: float = 20.0) -> bool:
-    """Whether the applet's parameters appear within `seconds`: scripts start some time after boot."""
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        try:
-            read(link, "SWP_ENABLE")
-            return True
-        except ParameterMissing:
-            continue
-    return False
+def await_applet(link: Link, seconds: float = 15.0) -> bool:
+    """Whether the applet's parameters appear within `seconds` of the vehicle's clock: scripts start
+    some time after boot."""
+    start = link.clock.now
+    while "SWP_ENABLE" not in read_present(link, ["SWP_ENABLE"]):
+        link.request_message("SYSTEM_TIME")  # its clock, while no streams are on
+        if link.clock.now - start > seconds:
+            return False
+    return True

@@ -300,11 +300,12 @@ class Link:
             )
 
     def reconnect(self, timeout: float = 60.0) -> None:
-        """After a reboot was asked for: wait until the vehicle's clock has started anew.
+        """After a reboot was asked for: wait until the vehicle is back and sends heartbeats.
 
-        The connection is opened again where the vehicle closed it or falls silent.
+        It has rebooted when its clock has started anew, or when it answers on a connection that had
+        to be opened again because the vehicle closed it or fell silent.
         """
-        boots, deadline, quiet = self.clock.boots, time.monotonic() + timeout, 0.0
+        boots, deadline, quiet, rebooted = self.clock.boots, time.monotonic() + timeout, 0.0, False
         while time.monotonic() < deadline:
             try:
                 self._request("SYSTEM_TIME")  # so that the clock shows
@@ -312,11 +313,12 @@ class Link:
                 self._watch.forgive()
             except LinkError:
                 quiet = SILENCE
-            if self.clock.boots > boots:
-                self._resume(deadline)
+            if not rebooted and self.clock.boots > boots:
+                rebooted, self.heartbeat = True, None
+            if rebooted and self.heartbeat is not None:
                 return
             if quiet >= SILENCE and self._reopen():
-                quiet = 0.0
+                quiet, rebooted, self.heartbeat = 0.0, True, None
         raise LinkError(
             f"the vehicle did not come back within {timeout:.0f} s of its reboot; "
             "switch it off and on, and connect again"
@@ -324,7 +326,7 @@ class Link:
 
     def _reopen(self) -> bool:
         self._transport.close()
-        time.sleep(0.3)
+        time.sleep(0.2)  # for as long the port may still refuse
         try:
             self._transport = open_transport(self.url, timeout=2.0)
         except LinkError:
@@ -332,13 +334,6 @@ class Link:
         self._framer = Framer()
         self._queue.clear()
         return True
-
-    def _resume(self, deadline: float) -> None:
-        """Wait for a heartbeat of the new boot."""
-        self.heartbeat = None
-        while self.heartbeat is None and time.monotonic() < deadline:
-            self._watch.forgive()
-            self.receive(0.5)
 
 
 def _is_autopilot(message: Message) -> bool:

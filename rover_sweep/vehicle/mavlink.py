@@ -18,7 +18,7 @@ Message = Any  # a pymavlink message: attributes are the MAVLink fields
 GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
 GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
 V1, V2 = 0xFE, 0xFD
-_SIGNED = 0x01
+_SIGNED, _SIGNATURE = 0x01, 13  # incompatibility flag, bytes of the signature
 _CRC_EXTRA = {number: cls.crc_extra for number, cls in dialect.mavlink_map.items()}
 
 
@@ -77,15 +77,15 @@ class Codec:
             message = self._mav.decode(bytearray(frame))
         except (dialect.MAVError, UnicodeDecodeError, ValueError):
             return None
-        return None if message.msgname.startswith("UNKNOWN") else message
+        return None if message.get_type().startswith("UNKNOWN") else message
 
 
 class Framer:
     """Cuts a stream of bytes into MAVLink frames and noise, without reading their content.
 
-    A frame whose checksum fails is still a frame when the next byte starts another one (damaged on
-    the way); else its first byte is noise and the search goes on one byte later, so that a false
-    start swallows nothing.
+    A frame whose checksum is wrong or cannot be known is still a frame when the next byte starts
+    another one (damaged on the way, or a message we do not know); else its first byte is noise and
+    the search goes on one byte later, so that a false start swallows nothing.
     """
 
     def __init__(self) -> None:
@@ -97,51 +97,51 @@ class Framer:
         buffer += data
         at = 0
         while at < len(buffer):
-            length = _length(buffer, at)
-            if length == 0:
-                break
-            is_frame = length > 0 and _is_frame(buffer, at, length)
-            end = at + (length if is_frame else _noise(buffer, at))
-            yield bytes(buffer[at:end]), is_frame
-            at = end
+            length = _noise(buffer, at)
+            is_frame = length == 0
+            if is_frame:
+                length = _length(buffer, at)
+                end = at + length
+                if length == 0 or end > len(buffer):
+                    break
+                if not _checksum_right(buffer, at, end):
+                    if end == len(buffer):
+                        break
+                    if buffer[end] not in (V1, V2):
+                        length, is_frame = 1, False
+            yield bytes(buffer[at : at + length]), is_frame
+            at += length
         del buffer[:at]
 
 
-def _length(buffer: bytearray, at: int) -> int:
-    """Length of the frame at `at`; 0 where it is not complete yet, -1 where none starts."""
-    have = len(buffer) - at
-    if buffer[at] == V2:
-        if have < 3:
-            return 0
-        length = buffer[at + 1] + 12 + (13 if buffer[at + 2] & _SIGNED else 0)
-    elif buffer[at] == V1:
-        if have < 2:
-            return 0
-        length = buffer[at + 1] + 8
-    else:
-        return -1
-    return length if have >= length else 0
-
-
-def _is_frame(buffer: bytearray, at: int, length: int) -> bool:
-    end = at + length
-    signature = 13 if buffer[at] == V2 and buffer[at + 2] & _SIGNED else 0
-    number = int.from_bytes(buffer[at + 7 : at + 10], "little") if buffer[at] == V2 else buffer[at + 5]
-    crc_at = end - signature - 2
-    extra = _CRC_EXTRA.get(number)
-    if extra is not None:
-        wanted = crc16.mcrf4xx(bytes(buffer[at + 1 : crc_at]) + bytes([extra]))
-        if wanted == int.from_bytes(buffer[crc_at : crc_at + 2], "little"):
-            return True
-    return end == len(buffer) or buffer[end] in (V1, V2)
-
-
 def _noise(buffer: bytearray, at: int) -> int:
-    """How many bytes from `at` on start no frame (at least one)."""
-    end = at + 1
+    """How many bytes from `at` on cannot start a frame."""
+    end = at
     while end < len(buffer) and buffer[end] not in (V1, V2):
         end += 1
     return end - at
+
+
+def _length(buffer: bytearray, at: int) -> int:
+    """Length of the frame that starts at `at`; 0 while its header is not here."""
+    have = len(buffer) - at
+    if buffer[at] == V1:
+        return buffer[at + 1] + 8 if have >= 2 else 0
+    if have < 3:
+        return 0
+    return buffer[at + 1] + 12 + (_SIGNATURE if buffer[at + 2] & _SIGNED else 0)
+
+
+def _checksum_right(buffer: bytearray, at: int, end: int) -> bool:
+    """Whether the checksum of the frame [at, end) is right; False for messages we do not know."""
+    v2 = buffer[at] == V2
+    number = int.from_bytes(buffer[at + 7 : at + 10], "little") if v2 else buffer[at + 5]
+    crc_at = end - 2 - (_SIGNATURE if v2 and buffer[at + 2] & _SIGNED else 0)
+    extra = _CRC_EXTRA.get(number)
+    if extra is None:
+        return False
+    right = crc16.mcrf4xx(bytes(buffer[at + 1 : crc_at]) + bytes([extra]))
+    return bool(right == int.from_bytes(buffer[crc_at : crc_at + 2], "little"))
 
 
 class FtpLink(Protocol):

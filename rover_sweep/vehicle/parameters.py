@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
@@ -55,20 +54,16 @@ def _read(link: Link, name: str) -> Message:
 
 
 def read_present(link: Link, names: Iterable[str]) -> dict[str, float]:
-    """Those of `names` that the vehicle has, asked for all at once and again where no answer came."""
+    """Those of `names` that the vehicle has, asked for all at once, and twice again where no answer came."""
     wanted, found = set(names), dict[str, float]()
-    for _ in range(_TRIES):
-        missing = wanted - found.keys()
-        if not missing:
-            break
-        for name in sorted(missing):
+    for patience in (_TIMEOUT, _TIMEOUT / 2, _TIMEOUT / 2):
+        for name in sorted(wanted - found.keys()):
             link.to_vehicle("PARAM_REQUEST_READ", param_id=_encoded(name), param_index=-1)
-        deadline = time.monotonic() + _TIMEOUT
-        while wanted - found.keys() and (left := deadline - time.monotonic()) > 0:
-            message = link.wait_for("PARAM_VALUE", left)
-            if message is not None and message.param_id in wanted:
-                found[message.param_id] = float(message.param_value)
-                deadline = time.monotonic() + _TIMEOUT / 2
+        while wanted - found.keys():
+            message = link.wait_for("PARAM_VALUE", patience, lambda m: m.param_id in wanted)
+            if message is None:
+                break
+            found[message.param_id] = float(message.param_value)
     return found
 
 

@@ -1,7 +1,8 @@
 """A session: connect, prepare the vehicle, drive the planned runs, fetch the logs. Yields events.
 
 What lies in the folder afterwards: connect.tlog (until the first run), NAME.tlog of each run, the
-vehicle's .BIN logs as logNUMBER.BIN, and session.json, which says what is what.
+vehicle's .BIN logs as logNUMBER.BIN (fetch.tlog is the traffic of fetching them), and session.json,
+which says what is what.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from rover_sweep.vehicle.parameters import read, read_present, write
 from rover_sweep.vehicle.recorder import Session
 from rover_sweep.vehicle.run import RunSettings, run
 from rover_sweep.vehicle.streams import IDENTIFICATION_RATES, request_all, stop
+
+_SCRIPTS_START = 20.0  # s after boot within which scripts begin to run
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,7 @@ def drive(url: str, folder: Path, plan: Plan) -> Iterator[Event]:
         stop(link, IDENTIFICATION_RATES)
         saved: list[Path] = []
         if plan.logs:
+            link.record_to(session.tlog("fetch"))
             yield from _fetch(logs, before, folder, saved)
     _describe(session, vehicle, plan, finished, saved)
     yield SessionFinished(folder, tuple(finished), tuple(saved))
@@ -101,7 +105,8 @@ def _prepare(link: Link, plan: Plan) -> Iterator[Event]:
     if because:
         yield Rebooting(tuple(because))
         reboot(link)
-    if plan.applet is not None and not await_applet(link):
+    patience = _SCRIPTS_START if link.clock.now < _SCRIPTS_START else 0.0
+    if plan.applet is not None and not await_applet(link, patience):
         yield from _bring_applet(link, plan.applet)
 
 

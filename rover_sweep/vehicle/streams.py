@@ -12,11 +12,12 @@ from rover_sweep.vehicle.mavlink import Message, kind, message_id
 
 _ACCEPTED, _DENIED, _UNSUPPORTED = 0, 2, 3
 
-# Rates in Hz. LOCAL_POSITION_NED only comes when the EKF has an origin.
+# Rates in Hz: ten times the top of a 25 rad/s sweep and more, and granted from a loop rate of 100 on.
+# LOCAL_POSITION_NED only comes when the EKF has an origin.
 IDENTIFICATION_RATES: Mapping[str, float] = {
-    "SERVO_OUTPUT_RAW": 100.0,
-    "RAW_IMU": 100.0,
-    "ATTITUDE": 100.0,
+    "SERVO_OUTPUT_RAW": 50.0,
+    "RAW_IMU": 50.0,
+    "ATTITUDE": 50.0,
     "LOCAL_POSITION_NED": 50.0,
     "RC_CHANNELS": 10.0,
     "SYSTEM_TIME": 1.0,

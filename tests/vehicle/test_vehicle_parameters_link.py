@@ -1,0 +1,70 @@
+"""Parameters over the link: read back, compared as float32, lost echoes, wrong ones."""
+
+from __future__ import annotations
+
+import pytest
+from fake_vehicle import FakeVehicle
+from pymavlink.dialects.v20 import ardupilotmega as m
+
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.identify.sweep import Doublet, Sweep
+from rover_sweep.vehicle import parameters
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.manoeuvre import parameters_of
+from rover_sweep.vehicle.parameters import float32, read, read_all, read_present, write
+
+
+@pytest.fixture(autouse=True)
+def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parameters, "_TIMEOUT", 0.15)
+
+
+def _lose(count: int) -> object:
+    """Loses every parameter's first `count` answers."""
+    seen: dict[str, int] = {}
+
+    def drop(message: m.MAVLink_message) -> bool:
+        if message.get_type() != "PARAM_VALUE":
+            return False
+        seen[message.param_id] = seen.get(message.param_id, 0) + 1
+        return seen[message.param_id] <= count
+
+    return drop
+
+
+def test_a_number_that_float32_cannot_hold_is_written_and_found_right(
+    link: Link, vehicle: FakeVehicle
+) -> None:
+    written = write(link, "SWP_WMIN", 0.1)
+    assert (written.old, written.value) == (pytest.approx(0.3), float32(0.1))
+    assert written.value != 0.1
+    assert vehicle.parameters["SWP_WMIN"] == float32(0.1)
+    assert not write(link, "SWP_WMIN", 0.1).changed
+
+
+def test_lost_answers_are_asked_for_again(link: Link, vehicle: FakeVehicle) -> None:
+    vehicle.drop = _lose(2)  # type: ignore[assignment]
+    assert write(link, "SWP_AMP", 200).value == 200
+    vehicle.drop = _lose(1)  # type: ignore[assignment]
+    everything = read_all(link)
+    assert everything.keys() == vehicle.parameters.keys()
+    assert read_present(link, ["SWP_AMP", "NOT_THERE"]) == {"SWP_AMP": 200}
+
+
+def test_what_is_not_there_and_what_stays_other_are_told(link: Link, vehicle: FakeVehicle) -> None:
+    with pytest.raises(UsageError, match="no parameter SWP_NONE"):
+        read(link, "SWP_NONE")
+    with pytest.raises(UsageError, match="at most 16 characters"):
+        read(link, "A_NAME_THAT_IS_TOO_LONG")
+    vehicle.fixed = frozenset({"SWP_AMP"})
+    with pytest.raises(LinkError, match="SWP_AMP was set to 99 but the vehicle has 150"):
+        write(link, "SWP_AMP", 99)
+
+
+def test_a_manoeuvre_as_the_applets_parameters() -> None:
+    sweep = parameters_of(Sweep(amplitude=120, w_max=20), v_max=3.0)
+    assert (sweep["SWP_TYPE"], sweep["SWP_AMP"], sweep["SWP_WMAX"], sweep["SWP_V_MAX"]) == (0, 120, 20, 3)
+    doublet = parameters_of(Doublet(pulse=0.5))
+    assert (doublet["SWP_TYPE"], doublet["SWP_PULSE"], doublet["SWP_COUNT"]) == (1, 0.5, 2)
+    with pytest.raises(UsageError, match="SWP_AMP 900 us is outside"):
+        parameters_of(Sweep(amplitude=900))

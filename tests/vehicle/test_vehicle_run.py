@@ -1,0 +1,173 @@
+"""A run: what it may move, and that everything is let go however it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fake_vehicle import STEERING, SWITCH, THROTTLE, FakeVehicle, wait_until
+
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.identify.sweep import Doublet
+from rover_sweep.vehicle import run as run_module
+from rover_sweep.vehicle import watch
+from rover_sweep.vehicle.dry_run import DryRun, dry_run
+from rover_sweep.vehicle.events import Armed, Event, RunFinished, Said, Sample, StateChanged, SwitchWanted
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.run import RunSettings, run
+
+DRIVE = RunSettings(arm=True, throttle_us=1710, trigger="override", patience=20)
+
+
+@pytest.fixture(autouse=True)
+def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.2)
+
+
+def _run(link: Link, tmp_path: Path, settings: RunSettings = DRIVE) -> Iterator[Event]:
+    return run(link, Doublet(), "doublet", tmp_path / "doublet.tlog", settings)
+
+
+def _until_state(events: Iterator[Event], state: int) -> None:
+    for event in events:
+        if isinstance(event, StateChanged) and event.state == state:
+            return
+    pytest.fail(f"state {state} never came")
+
+
+def _is_let_go(vehicle: FakeVehicle) -> bool:
+    return not vehicle.armed and vehicle.rc(SWITCH) < 1200 and vehicle.rc(THROTTLE) == 1500
+
+
+def test_a_whole_run(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
+    events = list(_run(link, tmp_path))
+    states = [event.state for event in events if isinstance(event, StateChanged)]
+    assert states == [1, 2, 3, 4, 5, 6, 7, 8, 9, 0]
+    finished = events[-1]
+    assert isinstance(finished, RunFinished)
+    assert (finished.completed, finished.number) == (True, 1)
+    assert finished.reason == "the manoeuvre ran to its end"
+    assert finished.span[1] - finished.span[0] == pytest.approx(9, abs=2)
+    assert all(not quality.verdict for quality in finished.quality)
+    assert any(isinstance(event, Armed) for event in events)
+    sample = [event for event in events if isinstance(event, Sample)][-1]
+    assert sample.r == pytest.approx(-0.25)  # ISO: FRD's right turn is negative
+    assert finished.tlog.stat().st_size > 10_000
+    assert _is_let_go(vehicle)
+    assert wait_until(lambda: vehicle.of_kind("RC_CHANNELS_OVERRIDE")[-1].chan6_raw == 0)
+    last = vehicle.of_kind("RC_CHANNELS_OVERRIDE")[-1]
+    assert (last.chan1_raw, last.chan3_raw, last.chan6_raw) == (0, 0, 0)
+    assert last.chan2_raw == 0xFFFF  # a channel that is not ours is never touched
+
+
+def test_throttle_only_while_the_applet_wants_speed(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
+    seen: dict[int, set[int]] = {}
+    for event in _run(link, tmp_path):
+        if isinstance(event, Sample):
+            seen.setdefault(event.state, set()).add(vehicle.rc(THROTTLE))
+    assert seen[6] == {1710}
+    assert seen[1] == {1500}
+    assert 1500 in seen[9]
+
+
+def test_without_consent_nothing_is_armed_or_moved(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
+    with pytest.raises(LinkError, match="not armed within 3 s"):
+        list(_run(link, tmp_path, RunSettings(patience=3)))
+    assert not vehicle.armed_ever
+    assert not vehicle.of_kind("RC_CHANNELS_OVERRIDE")
+    with pytest.raises(UsageError, match="allow arming too"):
+        RunSettings(throttle_us=1700)
+    with pytest.raises(UsageError, match="out of range"):
+        RunSettings(arm=True, throttle_us=2500)
+
+
+def test_the_pilot_arms_and_throws_the_switch(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
+    vehicle.armed = True
+    wanted = []
+    for event in _run(link, tmp_path, RunSettings(patience=30)):
+        if isinstance(event, SwitchWanted):
+            wanted.append(event.position)
+            vehicle._rc[SWITCH] = (1900 if event.position == "high" else 1000, 1e9)
+    assert wanted == ["high", "low"]
+    assert isinstance(event, RunFinished)
+    assert event.completed
+    assert vehicle.armed  # who armed disarms
+    assert not vehicle.of_kind("RC_CHANNELS_OVERRIDE")
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
+def test_an_exception_lets_go(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, error: type[BaseException]
+) -> None:
+    events = _run(link, tmp_path)
+    _until_state(events, 6)
+    assert vehicle.rc(THROTTLE) == 1710
+    with pytest.raises(error):
+        events.throw(error())  # type: ignore[attr-defined]
+    assert wait_until(lambda: _is_let_go(vehicle), 2)
+
+
+def test_closing_the_generator_lets_go(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
+    events = _run(link, tmp_path)
+    _until_state(events, 2)
+    events.close()  # type: ignore[attr-defined]
+    assert wait_until(lambda: _is_let_go(vehicle), 2)
+
+
+def test_a_second_interrupt_still_lets_go(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    events = _run(link, tmp_path)
+    _until_state(events, 6)
+    monkeypatch.setattr("rover_sweep.vehicle.controls.pump", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        events.throw(KeyboardInterrupt())  # type: ignore[attr-defined]
+    assert wait_until(lambda: _is_let_go(vehicle), 2)
+
+
+def test_link_loss_ends_the_run_and_the_override_lapses(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watch, "SILENCE", 0.3)
+    events = _run(link, tmp_path)
+    _until_state(events, 6)
+    vehicle.silent = True
+    with pytest.raises(LinkError, match="silent"):
+        list(events)
+    assert wait_until(lambda: vehicle.rc(SWITCH) < 1200 and vehicle.rc(STEERING) == 1500, 10)
+
+
+def test_the_applet_stops(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
+    vehicle.stop_text = "roll 31.0 > 30 deg and this text is long enough for a second chunk"
+    events = list(_run(link, tmp_path))
+    finished = events[-1]
+    assert isinstance(finished, RunFinished)
+    assert (finished.completed, finished.reason) == (False, vehicle.stop_text)
+    assert any(isinstance(event, Said) and vehicle.stop_text in event.text for event in events)
+    assert _is_let_go(vehicle)
+
+
+def test_refused_arming_names_the_vehicles_reason(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
+    vehicle.refuse_arming = "PreArm: GPS 1: Bad fix"
+    with pytest.raises(LinkError, match="not armed within 5 s.*PreArm: GPS 1: Bad fix"):
+        list(_run(link, tmp_path, RunSettings(arm=True, trigger="override", patience=5)))
+
+
+def test_an_applet_that_does_not_start(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_module, "_START_LIMIT", 2.0)
+    vehicle._applet = lambda: None  # type: ignore[method-assign]
+    with pytest.raises(LinkError, match="did not start within 2 s of switch 6 and says nothing"):
+        list(_run(link, tmp_path))
+    assert wait_until(lambda: _is_let_go(vehicle), 2)
+
+
+def test_a_dry_run_on_a_foreign_vehicle_needs_consent(vehicle: FakeVehicle, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="arms and drives the vehicle on tcp"):
+        list(dry_run(DryRun(url=vehicle.url), tmp_path))
+    assert not vehicle.received

@@ -1,0 +1,46 @@
+"""Message rates: what is denied, what is had instead, how well it came."""
+
+from __future__ import annotations
+
+import pytest
+from fake_vehicle import FakeVehicle
+
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.streams import StreamMonitor, fastest_interval_ms, judge, request
+
+
+@pytest.mark.parametrize(("loop", "interval"), [(50, 25), (100, 12), (200, 6), (400, 3)])
+def test_the_cap_by_the_loop_rate(loop: float, interval: int) -> None:
+    assert fastest_interval_ms(loop) == interval
+
+
+def test_a_denied_rate_names_its_remedy_and_the_fastest_is_taken(link: Link, vehicle: FakeVehicle) -> None:
+    vehicle.parameters["SCHED_LOOP_RATE"] = 50
+    stream = request(link, "ATTITUDE", 100, loop_rate=50)
+    assert stream.hz == 40
+    assert "SCHED_LOOP_RATE 50 allows 40 Hz at most; set SCHED_LOOP_RATE to 200" in stream.advice
+    assert request(link, "ATTITUDE", 40, loop_rate=50).advice == ""
+    asked = [c.param2 for c in vehicle.of_kind("COMMAND_LONG") if c.command == 511]
+    assert asked == [10_000, 25_000, 25_000]
+
+
+def test_quality_of_a_stream() -> None:
+    steady = [n * 0.02 for n in range(200)]
+    good = judge("ATTITUDE", steady)
+    assert (good.hz, good.lost, good.verdict) == (pytest.approx(50), 0, "")
+    gap = judge("ATTITUDE", steady[:100] + steady[120:])
+    assert gap.gap_ms == pytest.approx(420)
+    assert gap.lost == pytest.approx(0.1)
+    assert "10% did not arrive, longest gap 420 ms" in gap.verdict
+    assert "hardly came" in judge("ATTITUDE", [1.0]).verdict
+
+
+def test_the_monitor_keeps_the_vehicles_stamps(link: Link) -> None:
+    monitor = StreamMonitor(frozenset({"ATTITUDE", "SERVO_OUTPUT_RAW"}))
+    with link.listening(monitor):
+        for _ in range(300):
+            link.receive(1.0)
+    attitude, servo = monitor.quality()
+    assert (attitude.message, servo.message) == ("ATTITUDE", "SERVO_OUTPUT_RAW")
+    assert attitude.hz == pytest.approx(50, rel=0.01)
+    assert servo.hz == pytest.approx(50, rel=0.01)
