@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from rover_sweep.errors import RoverSweepError, UsageError
+from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.vehicle.clock import Periodic
 from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.parameters import read_present
@@ -157,6 +157,11 @@ class Controls:
         if self._link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0) != 0:
             self._link.require("disarm", "MAV_CMD_COMPONENT_ARM_DISARM", 0.0, _FORCE)
         self._armed_by_us = False
+        self._link.wait_for("HEARTBEAT", 3.0, lambda _: not self._link.armed)
+        if self._link.armed:
+            raise LinkError(
+                "the rover took the order to disarm but still says that it is armed; disarm it by hand"
+            )
 
     def _disarm_blind(self) -> None:
         if self._armed_by_us:
