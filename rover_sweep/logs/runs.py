@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 
 from rover_sweep.identify.recording import Note, Recording, Signal
 from rover_sweep.logs.log import AppletRows, Array, Log
-from rover_sweep.logs.wave import active_intervals, active_threshold, kind_of
+from rover_sweep.logs.wave import CONSTANT, active_intervals, active_threshold, excitation, kind_of
 
 Bool = NDArray[np.bool_]
 Interval = tuple[float, float]
 
 LEAD = 3.0  # s of straight driving kept before and after the excitation, as far as there is any
-TOUCHING = 0.5  # s between straight driving and the excitation
+SETTLING = 1.0  # s after the excitation in which the rover still answers it
+TOUCHING = SETTLING + 0.5  # s between the excitation and the straight driving that belongs to it
 CELL = 0.05  # s: grid on which intervals are looked for
 STILL_SPEED = 0.1  # m/s
 STILL_GYRO = 0.03  # rad/s rms about the mean within a second: above every gyro's noise, below any motion
 SHORTEST = 1.0  # s: a shorter interval is no use for a bias
 SAME_SPEED = 0.15  # of the run's speed
-CONSTANT = 0.2  # of the steering that counts as activity: the flicker of a receiver
 
 WAVE_STATES = {4, 5, 6, 7}  # fade-in, dwell, law or doublet, fade-out
 OVERRIDE_STATES = {3, 8} | WAVE_STATES
@@ -111,12 +111,15 @@ def _states_window(log: Log, rows: AppletRows, waving: Bool) -> Window:
 
 def _by_marks(log: Log) -> Iterator[Window]:
     """From "start" to "done" or "stop", the steering activity in between."""
+    steering = log.steering[0]
     starts = [t for t, text in log.marks if START.match(text)]
     ends = [t for t, text in log.marks if END.match(text)]
     for i, start in enumerate(starts):
         later = [t for t in ends if t > start]
         if later and (i + 1 == len(starts) or later[0] <= starts[i + 1]):
-            yield Window(start, later[0], label=f"run {i + 1}")
+            rest = steering.x[max(int(np.searchsorted(steering.t, start, "right")) - 1, 0)]
+            first, last = excitation(steering, start, later[0], float(rest))
+            yield Window(first, last, label=f"run {i + 1}")
 
 
 def _by_activity(log: Log) -> Iterator[Window]:
@@ -172,7 +175,8 @@ def straight_intervals(log: Log, window: Window) -> tuple[Interval, ...]:
     grid, speed = _grid(log.signals["speed"])
     steering = log.steering[0]
     run_speed = float(np.median(log.signals["speed"].between(window.start, window.end).x))
-    beside = ((grid < window.start) | (grid > window.end)) & (grid > window.earliest) & (grid < window.latest)
+    beside = (grid < window.start) | (grid > window.end + SETTLING)
+    beside &= (grid > window.earliest) & (grid < window.latest)
     beside &= np.abs(speed - run_speed) < SAME_SPEED * abs(run_speed)
     if not np.any(beside):
         return ()

@@ -9,6 +9,8 @@ from rover_sweep.identify.recording import Kind, Signal
 from rover_sweep.logs.log import Array
 
 ACTIVE_US, ACTIVE_RAD = 10.0, 0.01  # departure from straight that counts as steering
+CONSTANT = 0.2  # of that: the flicker of a receiver
+FADE = 3.0  # s that a wave may take to grow
 MOVING_SPEED = 0.3  # m/s
 PAUSE = 5.0  # s: longer without steering ends a run
 SHORTEST_RUN = 4.0  # s
@@ -31,7 +33,24 @@ def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float
     cuts = np.union1d(np.flatnonzero(np.diff(times) > PAUSE) + 1, halts)
     spans = [(float(part[0]), float(part[-1])) for part in np.split(times, cuts) if part.size]
     long = [(start, end) for start, end in spans if end - start >= SHORTEST_RUN]
-    return [s for s in long if _crossings(steering.between(*s), straight).size >= REVERSALS]
+    runs = [s for s in long if _crossings(steering.between(*s), straight).size >= REVERSALS]
+    return [excitation(steering, start, end, straight) for start, end in runs]
+
+
+def excitation(steering: Signal, start: float, end: float, rest: float) -> tuple[float, float]:
+    """From the last time at `rest` before the steering departs from it to the first after it has returned.
+
+    Looked for around start..end [s], and not further away than `FADE`.
+    """
+    away = np.abs(steering.x - rest)
+    far = np.flatnonzero((away > active_threshold(steering)) & (steering.t >= start) & (steering.t <= end))
+    if far.size == 0:
+        return start, end
+    at_rest = steering.t[away <= CONSTANT * active_threshold(steering)]
+    first, last = float(steering.t[far[0]]), float(steering.t[far[-1]])
+    before = at_rest[(at_rest < first) & (at_rest > first - FADE)]
+    after = at_rest[(at_rest > last) & (at_rest < last + FADE)]
+    return (float(before[-1]) if before.size else first), (float(after[0]) if after.size else last)
 
 
 def _halts(t: Array, moving: NDArray[np.bool_]) -> Array:

@@ -1,0 +1,128 @@
+"""CSV files with a column map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recordings import NOMINAL, foreign
+
+from rover_sweep.errors import UsageError
+from rover_sweep.logs import read_logs, read_runs
+
+TRUTH = {
+    "time": "t",
+    "pwm": "pwm",
+    "r": "r",
+    "vy": "Vy",
+    "speed": "Vx",
+    "phi": "phi",
+    "p": "p",
+    "sampling": "step",
+}
+
+
+def test_a_csv_gives_the_runs_of_the_log_it_belongs_to() -> None:
+    runs = read_runs(str(NOMINAL / "truth.csv"), column_map=TRUTH)
+    assert [r.kind for r in runs] == ["sweep", "sweep", "sweep", "doublet"]
+    for n, run in enumerate(runs, 1):
+        (logged,) = read_runs(str(NOMINAL / f"run{n}.BIN"))
+        assert run.span == pytest.approx(logged.span, abs=4)
+        assert run.mean_speed == pytest.approx(logged.mean_speed, abs=0.1)
+        assert run["pwm"].hold
+
+
+def table(tmp_path: Path, text: str) -> str:
+    path = tmp_path / "drive.csv"
+    path.write_text(text)
+    return str(path)
+
+
+def rows(**columns: object) -> str:
+    """A CSV of 40 s at 50 Hz: t, steer (sine), rate (deg/s), v, and further columns."""
+    t = np.arange(0, 40, 0.02)
+    cells = {"t": t, "steer": np.sin(2 * t), "rate": 10 * np.sin(2 * t), "v": np.full(t.size, 2.0), **columns}
+    lines = [",".join(str(c[k]) for c in cells.values()) for k in range(t.size)]  # type: ignore[index]
+    return "\n".join([",".join(cells), *lines])
+
+
+BASIC: dict[str, Any] = {"time": "t", "delta": {"column": "steer", "scale": 0.3}, "r": {"column": "rate", "unit": "deg/s"}, "speed": "v"}  # fmt: skip  # noqa: E501
+
+
+def test_units_scales_and_axes(tmp_path: Path) -> None:
+    source = table(tmp_path, rows())
+    (iso,) = read_runs(source, column_map=BASIC)
+    (frd,) = read_runs(source, column_map={**BASIC, "axes": "frd", "filters": {"gyro_hz": 20}})
+    assert np.max(iso["r"].x) == pytest.approx(np.radians(10), rel=1e-3)
+    assert np.max(iso["delta"].x) == pytest.approx(0.3, rel=1e-3)
+    np.testing.assert_allclose(frd["r"].x, -iso["r"].x)
+    np.testing.assert_allclose(frd["delta"].x, -iso["delta"].x)
+    np.testing.assert_allclose(frd["speed"].x, iso["speed"].x)
+    assert frd.filters["r"].cutoff_hz == 20 and not iso.filters
+
+
+def test_the_map_may_be_a_file_and_speed_a_number(tmp_path: Path) -> None:
+    path = tmp_path / "map.toml"
+    path.write_text(
+        'time = "t"\nspeed = 2.4\nr = {column = "rate", unit = "deg/s"}\n'
+        'delta = {column = "steer", scale = 0.3}\n'
+    )
+    (run,) = read_runs(table(tmp_path, rows()), column_map=str(path))
+    assert run.mean_speed == pytest.approx(2.4)
+
+
+def test_columns_with_the_channels_own_names_need_no_map(tmp_path: Path) -> None:
+    text = rows().replace("t,steer,rate,v", "t,delta,r,speed")
+    (run,) = read_runs(table(tmp_path, text))
+    assert run["r"].unit == "rad/s"
+    with pytest.raises(UsageError, match="needs a column map.*its columns are t, steer, rate, v"):
+        read_runs(table(tmp_path, rows()))
+
+
+def test_nan_is_left_out_and_told(tmp_path: Path) -> None:
+    holes = np.full(2000, 0.25)
+    holes[500:520] = np.nan
+    (run,) = read_runs(table(tmp_path, rows(side=holes)), column_map={**BASIC, "ay": "side"})
+    assert np.all(np.isfinite(run["ay"].x)) and run["ay"].x.size == 1980
+    assert any("ay (column side): 20 of 2000 rows are NaN" in n.text for n in run.notes)
+    assert any("gap" in n.text for n in run.notes)
+
+
+def test_trials_are_recordings_of_their_own(tmp_path: Path) -> None:
+    trial = np.where(np.arange(2000) < 1000, "first", "second")
+    logs = read_logs(table(tmp_path, rows(trial=trial)), column_map={**BASIC, "trial": "trial"})
+    assert [log.name for log in logs] == ["drive first", "drive second"]
+    assert logs[0].signals["r"].t[-1] < logs[1].signals["r"].t[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"yaw": "rate"}, "yaw is no channel; known are"),
+        ({"r": "gyro"}, "r = 'gyro', but the columns are t, steer, rate, v"),
+        ({"r": {"column": "rate", "unit": "rpm"}}, "r in 'rpm' is not known"),
+        ({"r": {"col": "rate"}}, "it must be"),
+        ({"axes": "ned"}, 'it must be "iso" or "frd"'),
+        ({"trial": "lap"}, "trial = 'lap'"),
+        ({"filters": {"gyro": 4}}, "filters = "),
+    ],
+)
+def test_wrong_maps_say_what_is_wrong(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        read_runs(table(tmp_path, rows()), column_map={**BASIC, **change})
+
+
+def test_missing_entries_are_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="speed, pwm or delta is missing"):
+        read_runs(table(tmp_path, rows()), column_map={"time": "t", "r": "rate"})
+
+
+def test_a_real_small_car_driven_by_hand() -> None:
+    columns = {"time": "t", "delta": {"column": "steer", "scale": 0.35}, "r": "yaw_rate", "ay": "ay", "vy": "vy", "speed": "vx", "trial": "trial"}  # fmt: skip  # noqa: E501
+    runs = read_runs(foreign("cars/dart_free_driving_2024.csv"), column_map=columns)
+    assert len(runs) == 4
+    for run in runs:
+        turning = np.corrcoef(run.manoeuvre("delta").x, run.manoeuvre("r").x)[0, 1]
+        assert abs(turning) > 0.6 and run.mean_speed > 1.0

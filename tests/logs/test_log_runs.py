@@ -1,0 +1,164 @@
+"""Finding the runs in a log: by the applet's states, by its messages, by the steering alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import applet_rows, drive, log_of, signal
+from recordings import DEFAULTS, NOMINAL
+
+from rover_sweep.identify.sweep import Doublet, Sweep
+from rover_sweep.logs import read_logs
+from rover_sweep.logs.judge import judged
+from rover_sweep.logs.log import AppletRows
+from rover_sweep.logs.runs import find_runs
+from rover_sweep.logs.wave import kind_of
+
+SWEEP = Sweep(amplitude=100, t_rec=30, w_min=0.8)
+DOUBLET = Doublet(amplitude=120)
+
+
+def test_runs_by_hand_are_found_from_the_steering_alone() -> None:
+    log, starts = drive([SWEEP, DOUBLET, SWEEP])
+    runs = find_runs(log)
+    assert [r.kind for r in runs] == ["sweep", "doublet", "sweep"]
+    for found, start, manoeuvre in zip(runs, starts, [SWEEP, DOUBLET, SWEEP], strict=True):
+        assert found.span[0] == pytest.approx(start, abs=1.0)
+        last = start + manoeuvre.duration - manoeuvre.straight
+        assert last - 2.5 < found.span[1] < last + 3.5
+        assert found.mean_speed == pytest.approx(2.0)
+        assert len(found.standstill) == 2
+        assert found.bias("r") == 0.0
+    assert [r.name for r in runs] == ["made run 1", "made run 2", "made run 3"]
+
+
+@pytest.mark.parametrize("source", [NOMINAL / "run1.BIN", NOMINAL / "run4.BIN", DEFAULTS / "run1.BIN"])
+def test_recordings_need_neither_applet_nor_messages(source: object) -> None:
+    (log,) = read_logs(str(source))
+    (told,) = find_runs(log)
+    (by_messages,) = find_runs(replace(log, applet=None))
+    (alone,) = find_runs(replace(log, applet=None, marks=()))
+    assert told.kind == by_messages.kind == alone.kind != "other"
+    for other in (by_messages, alone):  # the old applet's rows hold some straight driving too
+        assert told.span[0] - 0.1 <= other.span[0] <= told.span[0] + 1.2
+        assert told.span[1] - 4.0 <= other.span[1] <= told.span[1] + 0.1
+
+
+STATES = [
+    (0.0, 1),
+    (4.0, 2),
+    (6.0, 3),
+    (9.0, 4),
+    (11.0, 5),
+    (13.0, 6),
+    (43.0, 7),
+    (45.0, 8),
+    (48.0, 9),
+    (52.0, 0),
+]
+
+
+def test_states_of_the_applet_bound_the_run() -> None:
+    log, (start,) = drive([SWEEP])
+    shifted = [(start - 6.0 + at, number) for at, number in STATES]
+    rows = applet_rows(log.steering[0].t, 7, shifted)
+    (run,) = find_runs(replace(log, applet=rows))
+    wave_start, wave_end = start + 3.0, start + 39.0
+    assert run.kind == "sweep"
+    assert wave_start - 3.05 < run.span[0] < wave_start and wave_end < run.span[1] < wave_end + 3.05
+    assert len(run.straight) == 2
+    for a, b in run.straight:
+        assert b <= wave_start + 0.1 or a >= wave_end - 0.1
+
+
+def test_two_runs_in_one_log_keep_apart() -> None:
+    log, (one, two) = drive([SWEEP, DOUBLET], pause=4.0)
+    first = applet_rows(log.steering[0].t, 1, [(one, 3), (one + 3, 4), (one + 7, 6), (one + 37, 7), (one + 39, 8), (one + 42, 0)])  # fmt: skip  # noqa: E501
+    second = applet_rows(log.steering[0].t, 2, [(two, 3), (two + 3, 6), (two + 11, 8), (two + 14, 0)])
+    rows = AppletRows(*(np.concatenate(c) for c in zip(*((a.t, a.run, a.state, a.clock) for a in (first, second)), strict=True)))  # fmt: skip  # noqa: E501
+    runs = find_runs(replace(log, applet=rows))
+    assert [(r.name, r.kind) for r in runs] == [("made run 1", "sweep"), ("made run 2", "doublet")]
+    assert runs[0].span[1] <= runs[1].span[0]
+
+
+def test_the_old_applets_clock_restarts_with_each_run() -> None:
+    log, (one, two) = drive([SWEEP, SWEEP])
+    t = log.steering[0].t
+    inside = [(s + 3, s + 39) for s in (one, two)]
+    part = [t[(t >= a) & (t < b)] for a, b in inside]
+    clock = np.concatenate([p - p[0] for p in part])
+    both = np.concatenate(part)
+    rows = AppletRows(both, np.ones(both.size), np.full(both.size, 2.0), clock)
+    assert [r.kind for r in find_runs(replace(log, applet=rows))] == ["sweep", "sweep"]
+
+
+def test_a_stopped_run_ends_where_the_pilot_took_over_and_says_why() -> None:
+    log, (start,) = drive([SWEEP])
+    rows = applet_rows(
+        log.steering[0].t, 3, [(start, 3), (start + 3, 4), (start + 7, 6), (start + 25, 10), (start + 26, 0)]
+    )
+    marks = ((start, "SWP: run 3 start sweep"), (start + 25.1, "SWP: run 3 stopped: roll 31 > 30 deg"))
+    (run,) = find_runs(replace(log, applet=rows, marks=marks))
+    assert run.span[1] == pytest.approx(start + 25, abs=0.05)
+    assert any("roll 31 > 30 deg" in n.text and n.level == "warning" for n in run.notes)
+
+
+def test_halts_separate_runs_and_short_dips_do_not() -> None:
+    t = np.arange(0, 60, 0.02)
+    pwm = 1500 + 100 * np.sin(2 * t) * ((t > 3) & (t < 57))
+    dip = np.where((t > 20) & (t < 20.5), 0.1, 2.0)
+    assert len(find_runs(log_of(t, pwm, dip))) == 1
+    halt = np.where((t > 20) & (t < 24), 0.0, 2.0)
+    assert len(find_runs(log_of(t, pwm, halt))) == 2
+
+
+def test_moving_by_hand_is_no_standstill() -> None:
+    t = np.arange(0, 60, 0.02)
+    log = log_of(t, np.full(t.size, 1500.0), np.where(t > 30, 2.0, 0.0))
+    carried = replace(log, signals={**log.signals, "r": signal(t, 0.5 * np.sin(3 * t) * (t < 20), "rad/s")})
+    (run,) = find_runs(replace(carried, steering=(signal(t, 1500 + 50 * np.sin(t) * (t > 35), "us"),)))
+    assert all(a >= 19.9 for a, _ in run.standstill) and run.standstill
+
+
+def test_kinds_of_waves() -> None:
+    t = np.arange(0, 60, 0.02)
+    sweep = Sweep(amplitude=150, t_rec=40).wave(t) + 1500
+    steady = 1500 + 100 * np.sin(3 * t)
+    pulses = Doublet(amplitude=80, count=4).wave(t) + 1510
+    turn = 1500 + 100.0 * (t > 20)
+    noise = 1500 + np.random.default_rng(1).normal(0, 60, t.size)
+    kinds = [kind_of(signal(t, x, "us", hold=True), 0.5, 59) for x in (sweep, steady, pulses, turn, noise)]
+    assert kinds == ["sweep", "other", "doublet", "other", "other"]
+
+
+def test_notes_on_gaps_uneven_sampling_and_end_stops() -> None:
+    log, _ = drive([SWEEP])
+    t, r = log.signals["r"].t, log.signals["r"].x
+    keep = (t < 40) | (t > 40.4)
+    jitter = np.sort(t + np.random.default_rng(2).uniform(-0.0045, 0.0045, t.size))
+    poor = replace(
+        log,
+        signals={
+            **log.signals,
+            "r": replace(signal(t[keep], r[keep], "rad/s"), source="IMU.GyrZ"),
+            "ay": replace(signal(jitter, r, "m/s^2"), source="ACC.AccY"),
+            "p": replace(signal(t, np.where((t > 40) & (t < 41), 34.9, 0.0), "rad/s"), source="GYR.GyrX"),
+        },
+        limits=(1400.0, 1600.0),
+    )
+    (run,) = (judged(r, poor) for r in find_runs(poor))
+    text = " | ".join(n.text for n in run.notes)
+    assert "IMU has 1 gaps (more than 30 ms), the longest 0.42 s at 40.0 s" in text
+    assert "ACC is sampled unevenly" in text
+    assert "end stop (1400 or 1600 us)" in text
+    assert "p reaches 34.9 rad/s" in text
+    (clean,) = (judged(r, log) for r in find_runs(log))
+    assert clean.notes == ()
+
+
+def test_steering_at_ten_hertz_is_told() -> None:
+    (log,) = read_logs(str(DEFAULTS / "run1.BIN"))
+    (run,) = (judged(r, log) for r in find_runs(log))
+    assert any("10 Hz" in n.text and "25 rad/s" in n.text for n in run.notes)
