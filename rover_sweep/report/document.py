@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.identify.identification import Group, Identification
+from rover_sweep.identify.grouping import Group
+from rover_sweep.identify.identification import Identification
 from rover_sweep.identify.quality import CoherenceVerdict
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import FrequencyResponse

@@ -32,7 +32,7 @@ LABELS = {"r": "yaw rate r", "ay": "lateral acceleration $a_y$", "p": "roll rate
           "vydot": r"lateral velocity rate $\dot V_y$"}  # fmt: skip
 SYMBOLS = {"r": "r", "ay": "$a_y$", "p": "p", "vydot": r"$\dot V_y$"}
 
-RC = {
+RC: dict[Any, Any] = {
     "font.size": 10,
     "axes.titlesize": 10.5,
     "axes.titlelocation": "left",

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_sweep.identify.identification import Group, ModelResult
+from rover_sweep.identify.grouping import Group
+from rover_sweep.identify.identification import ModelResult
 from rover_sweep.identify.recording import Array
 from rover_sweep.identify.response import COHERENCE_GOOD, FrequencyResponse
 from rover_sweep.identify.spectra import Complex

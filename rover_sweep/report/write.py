@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,25 +31,35 @@ class ReportFiles:
 def write_report(
     result: Identification, directory: Path, provenance: Provenance, progress: Progress | None = None
 ) -> ReportFiles:
-    """Writes the whole report; each file is replaced at once.
+    """Writes the whole report; each file is replaced at once, and what an older report left is removed.
 
     progress is called with the share done, 0..1, and what is being written. Models whose numbers were
     rejected are not exported. UsageError where the directory cannot be written.
     """
-    told = progress or (lambda share, what: None)
+    from rover_sweep.report.page import page
+    from rover_sweep.report.pictures import planned
+
+    told = progress or _silent
     told(0.0, "identification.json")
     document = write_file(
         directory / "identification.json", dumps(identification_document(result, provenance))
     )
-    models = _models(result, directory, provenance)
-    pictures = _pictures(result, directory, provenance, told)
+    models = _models(result, directory / "models", provenance)
+    plan = planned(result, provenance)
+    drawn = []
+    for k, picture in enumerate(plan):
+        told(0.05 + 0.85 * k / len(plan), f"pictures/{picture.name}.png")
+        drawn.append((picture, picture.png()))
+    pictures = tuple(write_file(directory / "pictures" / f"{p.name}.png", data) for p, data in drawn)
+    _remove_others(directory / "pictures", "*.png", pictures)
     told(0.95, "report.html")
-    from rover_sweep.report.page import page
-
-    html = write_file(directory / "report.html", page(result, provenance, pictures))
+    html = write_file(directory / "report.html", page(result, provenance, drawn))
     told(1.0, "done")
-    paths = tuple(directory / "pictures" / f"{name}.png" for name in pictures)
-    return ReportFiles(directory, document, html, paths, models)
+    return ReportFiles(directory, document, html, pictures, models)
+
+
+def _silent(share: float, what: str) -> None:
+    """No progress wanted."""
 
 
 def _models(result: Identification, directory: Path, provenance: Provenance) -> tuple[Path, ...]:
@@ -57,24 +67,15 @@ def _models(result: Identification, directory: Path, provenance: Provenance) -> 
     steering = None
     if vehicle and vehicle.trim_us and vehicle.rad_per_us:
         steering = vehicle.trim_us.value, vehicle.rad_per_us.value
-    for stale in (directory / "models").glob("*.json"):
-        stale.unlink()
-    return tuple(
-        write_file(directory / "models" / f"{name}.json", dumps(exported_model(result, name, steering)))
+    written = tuple(
+        write_file(directory / f"{name}.json", dumps(exported_model(result, name, steering)))
         for name in usable(result)
     )
+    _remove_others(directory, "*.json", written)
+    return written
 
 
-def _pictures(
-    result: Identification, directory: Path, provenance: Provenance, told: Progress
-) -> dict[str, bytes]:
-    """Every picture by name, written to pictures/ as soon as it is drawn."""
-    from rover_sweep.report.pictures import planned
-
-    plan = planned(result, provenance)
-    done: dict[str, bytes] = {}
-    for k, (name, draw) in enumerate(plan.items()):
-        told(0.05 + 0.9 * k / len(plan), f"pictures/{name}.png")
-        done[name] = draw()
-        write_file(directory / "pictures" / f"{name}.png", done[name])
-    return done
+def _remove_others(directory: Path, pattern: str, keep: Sequence[Path]) -> None:
+    """A report that is written again must not keep a model that it rejects now."""
+    for path in set(directory.glob(pattern)) - set(keep):
+        path.unlink()

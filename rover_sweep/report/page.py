@@ -1,0 +1,120 @@
+"""The report as one HTML page that needs nothing else: no network, no other file."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, StrictUndefined, Template
+
+from rover_sweep.identify.identification import Identification
+from rover_sweep.identify.recording import Recording
+from rover_sweep.report.comparison import (
+    Table,
+    coherence_table,
+    cost_table,
+    filters_table,
+    inertia_table,
+    parameter_table,
+    poles_table,
+    reduction_table,
+    variants_table,
+    verification_tables,
+)
+from rover_sweep.report.document import AXES
+from rover_sweep.report.provenance import Provenance
+from rover_sweep.report.remarks import filters_known, filters_remark, to_do
+from rover_sweep.report.standing import TITLES, identified_runs, ordered, rejection
+from rover_sweep.report.wording import SHORT_NAMES, number
+
+if TYPE_CHECKING:
+    from rover_sweep.report.pictures import Picture
+
+Drawn = Sequence[tuple["Picture", bytes]]
+
+
+def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str:
+    """The whole page. pictures: each with its PNG, embedded in the order given."""
+    return _template().render(
+        name=provenance.vehicle.name if provenance.vehicle else "",
+        result=result,
+        provenance=provenance,
+        axes=AXES,
+        to_do=to_do(result, provenance),
+        models=[_model(result, name) for name in ordered(result)],
+        titles=TITLES,
+        runs_table=coherence_table(result),
+        cost=cost_table(result) if result.models else None,
+        verification=verification_tables(result),
+        inertia=inertia_table(result, provenance),
+        filters=filters_table(result),
+        filters_known=filters_known(result),
+        filters_remark=filters_remark(result),
+        recordings=_recordings(result, provenance),
+        pictures=_by_section(pictures),
+    )
+
+
+@cache
+def _template() -> Template:
+    text = resources.files("rover_sweep.report").joinpath("page.html.j2").read_text(encoding="utf-8")
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["number"] = number
+    return environment.from_string(text)
+
+
+def _model(result: Identification, name: str) -> dict[str, Any]:
+    model, rejected = result.models[name], rejection(result, name)
+    tables: list[Table | None] = [
+        parameter_table(result, name), reduction_table(model), variants_table(result, name),
+        None if rejected else poles_table(model),
+    ]  # fmt: skip
+    return {
+        "name": name,
+        "title": TITLES.get(name, name),
+        "reference": model.fit.structure.reference,
+        "verdict": model.verdict,
+        "recommended": name == result.recommended,
+        "tables": [table for table in tables if table],
+    }
+
+
+def _by_section(pictures: Drawn) -> dict[str, list[dict[str, str]]]:
+    sections: dict[str, list[dict[str, str]]] = {}
+    for picture, data in pictures:
+        source = "data:image/png;base64," + base64.b64encode(data).decode("ascii")
+        sections.setdefault(picture.section, []).append({"source": source, "caption": picture.caption})
+    return sections
+
+
+def _recordings(result: Identification, provenance: Provenance) -> list[dict[str, Any]]:
+    verdicts = {v.run: v.sentence for v in result.coherence}
+    fits = [_recording(run, "identification", verdicts.get(run.name, "")) for run in identified_runs(result)]
+    return fits + [_recording(run, "verification", "") for run in provenance.verify_runs]
+
+
+def _recording(run: Recording, role: str, sentence: str) -> dict[str, Any]:
+    start, end = run.span
+    return {
+        "run": run,
+        "role": role,
+        "sentence": sentence,
+        "duration": end - start,
+        "channels": [_channel(run, name) for name in run.channels],
+    }
+
+
+def _channel(run: Recording, name: str) -> tuple[str, ...]:
+    signal = run.channels[name]
+    rate = number(run.manoeuvre(name).rate, 3)
+    return SHORT_NAMES.get(name, name), signal.source or "–", signal.unit, rate, _filter(run, name)
+
+
+def _filter(run: Recording, channel: str) -> str:
+    known = run.filters.get(channel)
+    return f"{number(known.cutoff_hz, 3)} Hz ({known.source})" if known else "–"

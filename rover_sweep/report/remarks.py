@@ -1,0 +1,76 @@
+"""Sentences of the report that compare numbers of a result."""
+
+from __future__ import annotations
+
+from rover_sweep.identify.fit import FitResult
+from rover_sweep.identify.identification import Identification
+from rover_sweep.identify.verdicts import J_GOOD
+from rover_sweep.report.comparison import IGNORED
+from rover_sweep.report.provenance import Provenance
+from rover_sweep.report.standing import identified_runs, known_filters, usable
+from rover_sweep.report.wording import SHORT_NAMES, number, symbol
+
+SMALL_CHANGE = 3.0  # percent
+
+
+def filters_remark(result: Identification) -> str | None:
+    """What ignoring the known filters would have done to the model in use; None without filters or fit."""
+    models = usable(result)
+    order = (result.recommended, "roll-yaw", "bicycle", "kinematic")
+    name = next((n for n in order if n in models and IGNORED in models[n].variants), None)
+    if name is None:
+        return None
+    with_filters, without = models[name].fit, models[name].variants[IGNORED]
+    costs = f"J_ave {without.average:.1f} without them, {with_filters.average:.1f} with them"
+    changes = _changes(with_filters, without)
+    if max(map(abs, changes.values()), default=0.0) < SMALL_CHANGE:
+        return (
+            f"A {name} fit that ignores the sensors' low-passes costs the same ({costs}): their lag goes into "
+            f"the delay{_delays(with_filters, without)}, and no other parameter moves by {SMALL_CHANGE:g} %."
+        )
+    if without.average > max(J_GOOD, 2 * with_filters.average):
+        return (
+            f"A {name} fit that ignores the sensors' low-passes is visibly worse ({costs})"
+            f"{_delays(with_filters, without)}; it moves {_moved(changes)}."
+        )
+    return (
+        f"A {name} fit that ignores the sensors' low-passes looks fine by its cost ({costs}; guideline "
+        f"<= {J_GOOD:g}) and is wrong: the delay{_delays(with_filters, without)} and the inertia absorb the "
+        f"filters' lag, which moves {_moved(changes)}."
+    )
+
+
+def _changes(fit: FitResult, other: FitResult) -> dict[str, float]:
+    """Percent by which each free parameter but the delay differs."""
+    free = [e for e in fit.estimates if e.free and e.value and e.name != "tau"]
+    return {e.name: 100 * (other[e.name].value / e.value - 1) for e in free}
+
+
+def _delays(fit: FitResult, other: FitResult) -> str:
+    return f" (τ from {1000 * fit['tau'].value:.0f} to {1000 * other['tau'].value:.0f} ms)"
+
+
+def _moved(changes: dict[str, float]) -> str:
+    order = sorted(changes, key=lambda n: -abs(changes[n]))[:3]
+    words = [f"{symbol(n)} by {changes[n]:+.0f} %" for n in order]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def filters_known(result: Identification) -> str:
+    """Which low-passes the sensors have."""
+    known = known_filters(result)
+    if not known:
+        return "The recorded signals are unfiltered, as far as the recordings tell."
+    words = [f"{SHORT_NAMES.get(c, c)} {number(f.cutoff_hz, 3)} Hz ({f.source})" for c, f in known.items()]
+    return "Second-order low-passes that the fits put into the models' outputs: " + ", ".join(words) + "."
+
+
+def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
+    """What to do before the numbers are used: runs to repeat, models that could not be had, warnings."""
+    repeat = [f"{v.run}: {v.sentence}" for v in result.coherence if not v.keep]
+    refused = [text if name in text else f"{name}: {text}" for name, text in result.refused.items()]
+    runs = (*identified_runs(result), *provenance.verify_runs)
+    warnings = [f"{run.name}: {n.text}" for run in runs for n in run.notes if n.level == "warning"]
+    missing = () if provenance.verify_runs else (
+        "no run was given for the verification: drive a doublet and give it with --verify",)  # fmt: skip
+    return tuple(dict.fromkeys([*repeat, *refused, *warnings, *missing]))
