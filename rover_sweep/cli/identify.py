@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +20,11 @@ from rover_sweep.cli.options import (
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from rover_sweep.identify.grouping import Settings
     from rover_sweep.identify.recording import Recording
+    from rover_sweep.vehicle_file import Vehicle
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
 
@@ -31,7 +34,7 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
 @click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
               help="Vehicle file (default: rover.toml here).")  # fmt: skip
 @click.option("--verify", "verify_runs", multiple=True, metavar="RUN",
-              help="A run that the fit must not see, such as a doublet; may be given several times.")  # fmt: skip
+              help="A run that the fit must not see, such as a doublet; may be repeated.")  # fmt: skip
 @click.option("--models", type=ChoicesType(MODELS), default=",".join(MODELS), show_default=True)
 @click.option("--fit", "fitted", type=ChoicesType(OUTPUTS), default="r,ay,p", show_default=True,
               help="Responses that the fit uses; all four are reported.")  # fmt: skip
@@ -65,15 +68,14 @@ def identify(
     from rover_sweep.preparation import Reading, load
     from rover_sweep.vehicle_file import load as load_vehicle
 
-    vehicle = load_vehicle(vehicle_path(vehicle_file))
+    path = Path(vehicle_path(vehicle_file))
+    vehicle = load_vehicle(path)
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
     sweeps, doublets = divided(load(runs, vehicle, reading))
     checks = load(verify_runs, vehicle, reading) if verify_runs else doublets
     _refuse_overlap(sweeps, checks)
     settings = Settings(models, fitted, not untied, _swept(wmin, wmax), dict(bands), windows)
-    document = identified(sweeps, checks, vehicle, settings, Path(out))
-    if as_json:
-        click.echo(json.dumps(document, indent=2))
+    identified(sweeps, checks, (vehicle, path), settings, Path(out), as_json)
 
 
 def divided(runs: tuple[Recording, ...]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
@@ -99,25 +101,43 @@ def _swept(wmin: float | None, wmax: float | None) -> tuple[float, float] | None
 
 
 def identified(
-    sweeps: tuple[Recording, ...], checks: tuple[Recording, ...], vehicle: Any, settings: Settings, out: Path
-) -> dict[str, Any]:
-    """Identifies, writes the report into `out`, prints the comparison; returns the document."""
+    sweeps: tuple[Recording, ...],
+    checks: tuple[Recording, ...],
+    rover: tuple[Vehicle, Path],
+    settings: Settings,
+    out: Path,
+    as_json: bool,
+) -> None:
+    """Identifies, writes the report into `out`, prints the comparison; as_json: the document on stdout."""
+    from datetime import datetime
+
     from rich.console import Console
 
     from rover_sweep.identify.identification import identify as run_identification
     from rover_sweep.preparation import geometry_of
-    from rover_sweep.report.tables import print_comparison
+    from rover_sweep.report.provenance import provenance
+    from rover_sweep.report.tables import comparison, conclusion
     from rover_sweep.report.write import write_report
 
     console = Console(stderr=True)
-    for run in (*sweeps, *checks):
-        for note in run.notes:
-            if note.level == "warning":
-                console.print(f"[yellow]warning[/] {run.name}: {note.text}", highlight=False)
+    _warn(console, (*sweeps, *checks))
+    vehicle, vehicle_file = rover
+    command = " ".join(["rover-sweep", *sys.argv[1:]])
+    origin = provenance(vehicle, vehicle_file, checks, command, datetime.now().astimezone())
     with console.status("identifying"):
         result = run_identification(sweeps, geometry_of(vehicle), checks, settings)
-    with console.status("writing the report"):
-        files = write_report(result, out, vehicle)
-    print_comparison(result, console)
-    console.print(f"report: {files.page}", highlight=False, soft_wrap=True)
-    return files.document
+    with console.status("writing the report") as status:
+        files = write_report(result, out, origin, lambda share, what: status.update(f"writing {what}"))
+    console.print(comparison(result, origin))
+    console.print()
+    console.print(conclusion(result, origin))
+    console.print(f"report: {files.page}", highlight=False, soft_wrap=True, markup=False)
+    if as_json:
+        click.echo(files.document.read_text(), nl=False)
+
+
+def _warn(console: Console, runs: tuple[Recording, ...]) -> None:
+    """What spoils a recording, once for all runs of the same file."""
+    texts = dict.fromkeys(f"{r.name}: {n.text}" for r in runs for n in r.notes if n.level == "warning")
+    for text in texts:
+        console.print(f"warning: {text}", style="yellow", highlight=False, markup=False)
