@@ -1,0 +1,24 @@
+"""What many tests share: the recordings, the vehicle that made them."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+DATA = Path(__file__).parent / "data"
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """Recordings of the real firmware that are part of the project."""
+    return DATA
+
+
+@pytest.fixture(scope="session")
+def foreign_recordings() -> Path:
+    """Recordings of real hardware, which are not part of the project; skips where they are absent."""
+    default = Path(__file__).parents[2] / "shared" / "recordings"
+    path = Path(os.environ.get("ROVER_SWEEP_RECORDINGS", default))
+    if not path.is_dir():
+        pytest.skip(f"no recordings at {path}; set ROVER_SWEEP_RECORDINGS")
+    return path
