@@ -197,7 +197,7 @@ def test_vehicle_time_waits_for_a_client_that_does_not_read(client: Client) -> N
     time.sleep(0.5)  # some ten seconds of vehicle time at full speed
     client.send(mavlink.MAVLink_timesync_message(0, 77))
     answered_ms = client.wait("TIMESYNC", lambda m: m.ts1 == 77).tc1 / 1e6
-    assert answered_ms - before_ms < 500
+    assert answered_ms - before_ms < 800  # 0.3 s, and what the client had fetched already
 
 
 def test_failsafe_without_a_ground_station(client: Client) -> None:
