@@ -57,6 +57,8 @@ class LogFormat:
         unknown = set(self.codes) - set(CODES)
         if unknown or len(self.codes) != len(self.columns.split(",")):
             raise ValueError(f"{self.name}: format '{self.codes}' does not fit columns '{self.columns}'")
+        if len(self.name) > 4 or len(self.codes) > 16 or len(self.columns) > 64:
+            raise ValueError(f"{self.name}: more than 4 letters, 16 fields or 64 characters of columns")
         object.__setattr__(self, "packer", struct.Struct("<" + "".join(CODES[c][0] for c in self.codes)))
 
     @property

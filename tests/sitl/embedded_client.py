@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class Client:
-    """Sends as one system id (255 is the pilot's); every message read is also kept in `texts` or handed on."""
+    """Sends as one system id (255 is the pilot's); status texts are kept in `texts`."""
 
     def __init__(self, port: int, system: int = 255) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port), timeout=5.0)
@@ -60,7 +60,9 @@ class Client:
                 self.texts.append(self._partial)
                 self._partial = ""
 
-    def wait(self, kind: str, where: Callable[[Any], bool] = lambda message: True, timeout: float = 5.0) -> Any:
+    def wait(
+        self, kind: str, where: Callable[[Any], bool] = lambda message: True, timeout: float = 5.0
+    ) -> Any:
         """The next message of a kind; fails the test after `timeout` s."""
         for message in self.messages(timeout):
             if message.get_type() == kind and where(message):

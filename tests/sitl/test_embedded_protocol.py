@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from embedded_client import Client, embedded
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 SERVO, RAW_IMU, ATTITUDE, ODOMETRY = 36, 27, 30, 331
@@ -115,7 +114,9 @@ def test_override_moves_servos_only_from_the_pilots_system(port: int, client: Cl
     stranger.close()
     client.override(c1=1700)
     # dead zone 30 of 400 us, then 1500..1900
-    assert client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo1_raw != 1500).servo1_raw == 1500 + int(400 * 170 / 370)
+    assert client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo1_raw != 1500).servo1_raw == 1500 + int(
+        400 * 170 / 370
+    )
     client.override(c1=0)
     client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo1_raw == 1500)
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from embedded_client import Client, embedded
 from pymavlink import DFReader
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from embedded_client import Client, embedded
 from rover_sweep.identify.sweep import Sweep
 from sitl.embedded import APPLET
 
@@ -51,7 +51,12 @@ def drive(client: Client) -> None:
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
     directory = tmp_path_factory.mktemp("sweep")
-    settings = {"SCR_ENABLE": 1, "RC6_OPTION": 300, "SCHED_LOOP_RATE": LOOP_RATE, "LOG_BITMASK": 65535 + (1 << 19)}
+    settings = {
+        "SCR_ENABLE": 1,
+        "RC6_OPTION": 300,
+        "SCHED_LOOP_RATE": LOOP_RATE,
+        "LOG_BITMASK": 65535 + (1 << 19),
+    }
     options = [word for name, value in settings.items() for word in ("--parameter", f"{name}={value}")]
     with embedded(directory, "--applet", *options) as port:
         client = Client(port)
@@ -91,7 +96,7 @@ def test_the_run_was_done(flight: SimpleNamespace) -> None:
 def test_the_applets_sweep_is_the_closed_form(log: dict[str, list[Any]]) -> None:
     steered = [m for m in log["SWEP"] if 3 <= m.St <= 8]
     t, wanted = np.array([m.T for m in steered]), np.array([m.Cmd for m in steered])
-    assert set(m.St for m in steered) == {3, 4, 5, 6, 7, 8}
+    assert {m.St for m in steered} == {3, 4, 5, 6, 7, 8}
     assert np.abs(wanted - 1500 - SWEEP.wave(t)).max() < 1.0
     assert np.median(np.diff(t)) == pytest.approx(0.01, abs=0.004)
 
@@ -188,7 +193,8 @@ class FtpConnection(SimpleNamespace):
 
     def recv_match(self, blocking: bool = False, timeout: float | None = None, **_: Any) -> Any:
         return next(
-            (m for m in self.client.messages(timeout or 0.02) if m.get_type() == "FILE_TRANSFER_PROTOCOL"), None
+            (m for m in self.client.messages(timeout or 0.02) if m.get_type() == "FILE_TRANSFER_PROTOCOL"),
+            None,
         )
 
 
