@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from rover_sweep.errors import DataRefused
@@ -9,6 +11,7 @@ from rover_sweep.identify.recording import Note, Signal
 from rover_sweep.logs.log import Log, sensor_filters
 
 UNLIKE = 0.7  # rms difference over standard deviation; two drives of one wave give about 1.4
+UNCOVERED = 30.0  # s of the log without telemetry that are worth a warning
 LEAST_US = 10.0  # rms: less tells nothing
 
 
@@ -43,9 +46,26 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
         limits=flash.limits or match.limits,
         vehicle=flash.vehicle or match.vehicle,
         firmware=flash.firmware or match.firmware,
-        notes=(*flash.notes, *(Note("info", f"{c} comes from the telemetry log") for c in borrowed)),
+        notes=(
+            *flash.notes,
+            *(Note("info", f"{c} comes from the telemetry log") for c in borrowed),
+            *_coverage(flash, match),
+        ),
         sources=flash.sources + match.sources,
     )
+
+
+def _coverage(flash: Log, telemetry: Log) -> Iterator[Note]:
+    """Said where runs may be missed because the steering is known for a part of the log only."""
+    if flash.applet is not None or not telemetry.steering:
+        return
+    (a, b), (c, d) = extent(flash), extent(telemetry)
+    if c > a + UNCOVERED or d < b - UNCOVERED:
+        yield Note(
+            "warning",
+            f"The telemetry log covers {c:.0f} to {d:.0f} s of the log's {a:.0f} to {b:.0f} s: "
+            "runs outside are left out",
+        )
 
 
 def ranked_steering(flash: Log, telemetry: Log) -> tuple[Signal, ...]:

@@ -12,6 +12,7 @@ import pytest
 from flash_writer import FlashWriter
 from recordings import NOMINAL, REPOSITORY, foreign
 
+from rover_sweep.logs import read_runs
 from rover_sweep.logs.dataflash import DataFlash, index, open_dataflash
 
 RUN = NOMINAL / "run4.BIN"
@@ -126,6 +127,13 @@ def test_reading_is_fast_enough_for_a_gigabyte() -> None:
     flash.column("IMU", "GyrZ")
     assert data.size / (time.process_time() - start) > 40e6  # bytes/s; 140e6 on an idle core, pymavlink 7.6e6
     assert flash.count("IMU") == 40 * body.count("IMU")
+
+
+def test_a_run_is_there_in_well_under_a_second() -> None:
+    read_runs(str(RUN))  # imports
+    start = time.process_time()
+    read_runs(str(NOMINAL / "run2.BIN"))
+    assert time.process_time() - start < 0.3
 
 
 def test_the_package_loads_nothing_slow() -> None:

@@ -44,7 +44,7 @@ def rows(**columns: object) -> str:
     """A CSV of 40 s at 50 Hz: t, steer (sine), rate (deg/s), v, and further columns."""
     t = np.arange(0, 40, 0.02)
     cells = {"t": t, "steer": np.sin(2 * t), "rate": 10 * np.sin(2 * t), "v": np.full(t.size, 2.0), **columns}
-    lines = [",".join(str(c[k]) for c in cells.values()) for k in range(t.size)]  # type: ignore[index]
+    lines = [",".join(str(c[k]) for c in cells.values()) for k in range(t.size)]
     return "\n".join([",".join(cells), *lines])
 
 

@@ -45,7 +45,7 @@ def vehicle_log(
     banner: str = "ArduRover V4.6.3 (abc)",
     speed: float = 2.0,
     steer: float = 0.0,
-    **parameters: float,
+    parameters: dict[str, float] | None = None,
 ) -> str:
     """A .BIN of 30 s at a speed [m/s], steered by a sine of `steer` us."""
     writer = FlashWriter()
@@ -97,13 +97,13 @@ def test_other_vehicles(tmp_path: Path, banner: str, kind: str) -> None:
     ],
 )
 def test_no_steered_wheels(tmp_path: Path, parameters: dict[str, float], seen: str) -> None:
-    text = refusal(vehicle_log(tmp_path, steer=80, **parameters))
+    text = refusal(vehicle_log(tmp_path, steer=80, parameters=parameters))
     assert "without steered wheels" in text and seen in text
 
 
 def test_steered_wheels_beside_left_and_right_thrust_are_taken(tmp_path: Path) -> None:
-    parameters = {"SERVO1_FUNCTION": 26, "SERVO2_FUNCTION": 73, "SERVO3_FUNCTION": 74}
-    assert len(read_runs(vehicle_log(tmp_path, steer=80, **parameters))) == 1
+    parameters = {"SERVO1_FUNCTION": 26.0, "SERVO2_FUNCTION": 73, "SERVO3_FUNCTION": 74}
+    assert len(read_runs(vehicle_log(tmp_path, steer=80, parameters=parameters))) == 1
 
 
 @pytest.mark.parametrize(

@@ -9,22 +9,24 @@ import pytest
 from drives import applet_rows, drive, log_of, signal
 from recordings import DEFAULTS, NOMINAL
 
-from rover_sweep.identify.sweep import Doublet, Sweep
+from rover_sweep.identify.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.logs import read_logs
 from rover_sweep.logs.judge import judged
 from rover_sweep.logs.log import AppletRows
+from rover_sweep.logs.pair import paired
 from rover_sweep.logs.runs import find_runs
 from rover_sweep.logs.wave import kind_of
 
-SWEEP = Sweep(amplitude=100, t_rec=30, w_min=0.8)
-DOUBLET = Doublet(amplitude=120)
+SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)
+DOUBLET: Manoeuvre = Doublet(amplitude=120)
 
 
 def test_runs_by_hand_are_found_from_the_steering_alone() -> None:
-    log, starts = drive([SWEEP, DOUBLET, SWEEP])
+    driven = [SWEEP, DOUBLET, SWEEP]
+    log, starts = drive(driven)
     runs = find_runs(log)
     assert [r.kind for r in runs] == ["sweep", "doublet", "sweep"]
-    for found, start, manoeuvre in zip(runs, starts, [SWEEP, DOUBLET, SWEEP], strict=True):
+    for found, start, manoeuvre in zip(runs, starts, driven, strict=True):
         assert found.span[0] == pytest.approx(start, abs=1.0)
         last = start + manoeuvre.duration - manoeuvre.straight
         assert last - 2.5 < found.span[1] < last + 3.5
@@ -118,7 +120,12 @@ def test_moving_by_hand_is_no_standstill() -> None:
     t = np.arange(0, 60, 0.02)
     log = log_of(t, np.full(t.size, 1500.0), np.where(t > 30, 2.0, 0.0))
     carried = replace(log, signals={**log.signals, "r": signal(t, 0.5 * np.sin(3 * t) * (t < 20), "rad/s")})
-    (run,) = find_runs(replace(carried, steering=(signal(t, 1500 + 50 * np.sin(t) * (t > 35), "us"),)))
+    (run,) = find_runs(
+        replace(
+            carried,
+            steering=(signal(t, np.where(t > 35, 1500 + 50 * np.sin(t), 1500.0).astype(float), "us"),),
+        )
+    )
     assert all(a >= 19.9 for a, _ in run.standstill) and run.standstill
 
 
@@ -162,3 +169,14 @@ def test_steering_at_ten_hertz_is_told() -> None:
     (log,) = read_logs(str(DEFAULTS / "run1.BIN"))
     (run,) = (judged(r, log) for r in find_runs(log))
     assert any("10 Hz" in n.text and "25 rad/s" in n.text for n in run.notes)
+
+
+def test_a_pair_that_covers_a_part_of_the_log_says_so() -> None:
+    flash, _ = drive([SWEEP, SWEEP])
+    half = flash.steering[0].between(0.0, 70.0)
+    telemetry = replace(flash, name="part", signals={}, steering=(replace(half, hold=False),))
+    coarse = replace(flash, steering=(replace(flash.steering[0].between(0, 1e9), hold=False),))
+    log = paired(replace(coarse, signals={**coarse.signals}), (telemetry,))
+    assert any("covers 0 to 70 s of the log's" in n.text for n in log.notes)
+    whole = paired(coarse, (replace(telemetry, steering=coarse.steering),))
+    assert not whole.notes

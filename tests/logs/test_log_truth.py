@@ -11,7 +11,7 @@ from recordings import DEFAULTS, NOMINAL, OLDER, STOCK
 from scipy import signal
 
 from rover_sweep.identify.recording import Array, Recording, Signal
-from rover_sweep.logs import read_runs
+from rover_sweep.logs import read_logs, read_runs
 
 
 @cache
@@ -163,3 +163,31 @@ def test_unknown_filters_are_assumed_in_words_and_can_be_given() -> None:
     (given,) = read_runs(str(NOMINAL / "run1.tlog"), filters={"gyro_hz": 20, "accel_hz": 0})
     assert {c: f.cutoff_hz for c, f in given.filters.items()} == {"r": 20.0, "p": 20.0}
     assert not any("INS_" in n.text for n in given.notes)
+
+
+def transform(steering: Signal, w: Array, hold: bool) -> np.ndarray:
+    """Fourier integral at w [rad/s] of a staircase, or of the samples as those of a smooth wave."""
+    s = steering.between(49.2, 104.2)
+    x, k = s.x - 1500, -1j * w[:, None]
+    if hold:
+        edges = np.append(s.t, 104.2)
+        return ((np.exp(k * edges[1:]) - np.exp(k * edges[:-1])) / k) @ x
+    return np.exp(k * s.t) @ (x * np.gradient(s.t))
+
+
+@pytest.mark.parametrize(("source", "held_delay"), [("RCOU", 0.050), ("SERVO_OUTPUT_RAW", 0.010)])
+def test_sampled_outputs_are_samples_of_a_smooth_wave(source: str, held_delay: float) -> None:
+    """Both streams sample the applet's staircase: taken as samples they agree with it up to 23 rad/s;
+    held until the next sample they lag by half an interval."""
+    (flash,), (telemetry,) = (read_logs(str(NOMINAL / f"run1.{kind}")) for kind in ("BIN", "tlog"))
+    staircase, coarse = flash.steering
+    sampled = coarse if source == "RCOU" else telemetry.steering[0]
+    assert sampled.source.startswith(source) and not sampled.hold and staircase.hold
+    for centre in (5.0, 12.0, 23.0):
+        w = np.linspace(centre - 0.4, centre + 0.4, 41)
+        true = transform(staircase, w, hold=True)
+        for hold, delay in ((False, 0.0), (True, held_delay)):
+            ratio = np.vdot(true, transform(sampled, w, hold)) / np.vdot(true, true)
+            assert -np.angle(ratio) / centre == pytest.approx(delay, abs=0.003)
+            if not hold:
+                assert abs(20 * np.log10(abs(ratio))) < 0.3
