@@ -35,6 +35,7 @@ PARAMETER_FILE = "parameters.txt"
 REBOOT_AFTER_US = 200_000  # the acknowledgement still gets out
 ACCEPT_EVERY_US = 20_000
 IDLE_S = 0.05
+LOOPBACK = "127.0.0.1"
 
 
 class EmbeddedRover:
@@ -247,6 +248,13 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
+def listening_address(options: argparse.Namespace) -> tuple[str, int] | None:
+    """Where TCP clients are waited for: nothing beyond loopback unless it was asked for."""
+    if options.tcp is not None:
+        return (str(options.tcp[0]), int(options.tcp[1]))
+    return None if options.udp else (LOOPBACK, 0)
+
+
 def prepare(directory: Path, applet: bool, settings: Sequence[tuple[str, float]]) -> None:
     """Fills the vehicle's directory. Raises ValueError for a parameter that it does not have."""
     (directory / "scripts").mkdir(parents=True, exist_ok=True)
@@ -263,11 +271,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The program; 0 done, 2 usage."""
     options = parser().parse_args(arguments)
     directory = options.directory or Path(tempfile.mkdtemp(prefix="embedded-rover-"))
-    tcp = options.tcp or (None if options.udp else ("127.0.0.1", 0))
     try:
         plant = load_variant(options.variant)
         prepare(directory, options.applet, options.parameter)
-        server = MavlinkServer(tcp, options.udp)
+        server = MavlinkServer(listening_address(options), options.udp)
         vehicle = EmbeddedRover(directory, plant, server, options.speedup, options.seed)
     except (ValueError, OSError) as error:
         print(f"embedded rover: {error}", file=sys.stderr)
