@@ -95,7 +95,7 @@ def cost_table(result: Identification) -> Table:
     everything = [Cell(f"{m.average_all:.1f}", _cost_tone(m.average_all)) for m in models.values()]
     rows += [(Cell("J_ave, fitted", "strong"), *fitted), (Cell("J_ave, all responses"), *everything)]
     note = (
-        "J of equation (11); <= 50 is hardly distinguishable from the data, <= 100 acceptable. "
+        "J of equation (11); ≤ 50 is hardly distinguishable from the data, ≤ 100 acceptable. "
         "(In brackets: not in the fit.)"
     )
     headings = ("response", *(TITLES.get(n, n) for n in models))
@@ -135,7 +135,7 @@ def _verification_table(models: Mapping[str, ModelResult], k: int) -> Table:
             rows.append((Cell(label), *(_channel(o) for o in found)))
     note = (
         "Equations (15) and (16) over r, a_y and p as far as the model has them, in deg/s, ft/s² and deg/s. "
-        "Guidelines: J_rms <= 1 to 2, TIC <= 0.25 to 0.35."
+        "Guidelines: J_rms ≤ 1 to 2, TIC ≤ 0.25 to 0.35."
     )
     headings = ("", *(TITLES.get(n, n) for n in verdicts))
     return Table(f"Verification on {first.run} at {first.speed:.2f} m/s", headings, tuple(rows), note)
@@ -159,7 +159,7 @@ def inertia_table(result: Identification, provenance: Provenance) -> Table | Non
     if value is None or not found:
         return None
     sd = f"± {number(stated.sd, 2)}" if stated and stated.sd is not None else "no uncertainty stated"
-    rows = [(Cell("vehicle file"), Cell(number(value)), Cell(sd), Cell("–"))]
+    rows: list[tuple[Cell, ...]] = [(Cell("vehicle file"), Cell(number(value)), Cell(sd), Cell("–"))]
     for name, e in found.items():
         bound = f"± {number(e.value * (e.cr_percent or 0) / 100, 2)}"
         difference = Cell(change(100 * (e.value / value - 1)), "strong")
@@ -167,7 +167,7 @@ def inertia_table(result: Identification, provenance: Provenance) -> Table | Non
         rows.append((title, Cell(number(e.value)), Cell(bound), difference))
     note = (
         "Vehicle file: standard deviation, from the swing test where `rover-sweep inertia` wrote it; models: "
-        "Cramer-Rao bound. The paper's models lay within 25 % (bicycle) and 12 % (roll-yaw) of its swing test."
+        "Cramer-Rao bound. The paper's lay within 25 % (bicycle) and 12 % (roll-yaw) of its swing test."
     )
     return Table("Yaw inertia I_zz, kg m²", ("", "I_zz", "±", "difference %"), tuple(rows), note)
 
@@ -185,7 +185,7 @@ def filters_table(result: Identification) -> Table | None:
 
 
 def _side_by_side(title: str, fit: FitResult, other: FitResult) -> list[tuple[Cell, ...]]:
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for e in (e for e in fit.estimates if e.free):
         moved = 100 * (other[e.name].value / e.value - 1) if e.value else None
         tone: Tone = "warn" if moved is not None and abs(moved) > 10 else ""
@@ -199,12 +199,11 @@ def _side_by_side(title: str, fit: FitResult, other: FitResult) -> list[tuple[Ce
 def variants_table(result: Identification, name: str) -> Table | None:
     """The parameters and costs of a model under every other way of fitting it, None where there is none."""
     model = result.models[name]
-    fits = {"as recommended": model.fit, **model.variants}
+    fits = {"the fit": model.fit, **model.variants}
     if len(fits) < 2 or rejection(result, name):
         return None
     names = list(dict.fromkeys(e.name for f in fits.values() for e in f.estimates if e.free))
     units = {e.name: e.unit for f in fits.values() for e in f.estimates}
-    rows: list[tuple[Cell, ...]]
     rows = [(Cell(f"{symbol(n)}, {unit(units[n])}"), *(_value(f, n) for f in fits.values())) for n in names]
     outputs = [o for o in OUTPUTS if any(o in f.costs for f in fits.values())]
     rows += [(Cell(f"J of {SHORT_NAMES[o]}"), *(_j(f, o) for f in fits.values())) for o in outputs]

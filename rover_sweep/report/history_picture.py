@@ -21,7 +21,7 @@ ROWS = (
 
 def history(run: Recording) -> Figure:
     """Steering, yaw rate, lateral acceleration, roll rate and speed over time since the manoeuvre began."""
-    rows = [("pwm", "steering\nPWM, us", 1.0)] if "pwm" in run else [("delta", "road-wheel\nangle, deg", DEG)]
+    rows = [("pwm", "steering\nPWM, µs", 1.0)] if "pwm" in run else [("delta", "road-wheel\nangle, deg", DEG)]
     rows += [row for row in ROWS if row[0] in run]
     figure = Figure(figsize=(WIDTH, 1.0 + 1.35 * len(rows)))
     grid = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]

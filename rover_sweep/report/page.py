@@ -26,7 +26,7 @@ from rover_sweep.report.comparison import (
 )
 from rover_sweep.report.document import AXES
 from rover_sweep.report.provenance import Provenance
-from rover_sweep.report.remarks import filters_known, filters_remark, to_do
+from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
 from rover_sweep.report.standing import TITLES, identified_runs, ordered, rejection
 from rover_sweep.report.wording import SHORT_NAMES, number
 
@@ -43,6 +43,7 @@ def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str
         result=result,
         provenance=provenance,
         axes=AXES,
+        finding=finding(result),
         to_do=to_do(result, provenance),
         models=[_model(result, name) for name in ordered(result)],
         titles=TITLES,
@@ -72,7 +73,7 @@ def _model(result: Identification, name: str) -> dict[str, Any]:
     model, rejected = result.models[name], rejection(result, name)
     tables: list[Table | None] = [
         parameter_table(result, name), reduction_table(model), variants_table(result, name),
-        None if rejected else poles_table(model),
+        None if rejected or name == "kinematic" else poles_table(model),
     ]  # fmt: skip
     return {
         "name": name,

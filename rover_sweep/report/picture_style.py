@@ -10,11 +10,11 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from rover_sweep.identify.recording import Array
 
-DPI = 120
+DPI = 115
 WIDTH = 10.5  # in
 DATA = "#222222"
 # Okabe and Ito's palette; the line styles tell the models apart without any colour.
@@ -30,7 +30,6 @@ QUIET = "#56B4E9"
 
 LABELS = {"r": "yaw rate r", "ay": "lateral acceleration $a_y$", "p": "roll rate p",
           "vydot": r"lateral velocity rate $\dot V_y$"}  # fmt: skip
-SYMBOLS = {"r": "r", "ay": "$a_y$", "p": "p", "vydot": r"$\dot V_y$"}
 
 RC: dict[Any, Any] = {
     "font.size": 10,
@@ -69,18 +68,17 @@ def log_frequency(axes: Axes, low: float, high: float, labelled: bool) -> None:
     axes.set_xlim(low, high)
     ticks = [m * 10.0**e for e in range(-3, 4) for m in (1, 2, 5)]
     axes.set_xticks([t for t in ticks if low <= t <= high])
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
     if labelled:
         axes.set_xlabel("frequency, rad/s")
     else:
         axes.tick_params(labelbottom=False)
 
 
-def limits(values: Sequence[Array], least: float, step: float) -> tuple[float, float]:
-    """Axis limits around finite values, at least `least` apart, on multiples of `step`."""
-    parts = [v[np.isfinite(v)] for v in values]
-    x = np.concatenate(parts) if parts else np.empty(0)
+def limits(values: Sequence[Array], least: float) -> tuple[float, float]:
+    """Axis limits around all finite values, with a margin, at least `least` apart."""
+    x = np.concatenate([v[np.isfinite(v)] for v in values])
     low, high = (float(x.min()), float(x.max())) if x.size else (0.0, 0.0)
-    spare = max(0.06 * (high - low), (least - (high - low)) / 2)
-    return float(np.floor((low - spare) / step) * step), float(np.ceil((high + spare) / step) * step)
+    spare = max(0.08 * (high - low), (least - (high - low)) / 2)
+    return low - spare, high + spare

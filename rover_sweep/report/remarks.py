@@ -8,7 +8,7 @@ from rover_sweep.identify.verdicts import J_GOOD
 from rover_sweep.report.comparison import IGNORED
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.standing import identified_runs, known_filters, usable
-from rover_sweep.report.wording import SHORT_NAMES, number, symbol
+from rover_sweep.report.wording import SHORT_NAMES, number, percent, symbol, unit
 
 SMALL_CHANGE = 3.0  # percent
 
@@ -25,8 +25,9 @@ def filters_remark(result: Identification) -> str | None:
     changes = _changes(with_filters, without)
     if max(map(abs, changes.values()), default=0.0) < SMALL_CHANGE:
         return (
-            f"A {name} fit that ignores the sensors' low-passes costs the same ({costs}): their lag goes into "
-            f"the delay{_delays(with_filters, without)}, and no other parameter moves by {SMALL_CHANGE:g} %."
+            f"A {name} fit that ignores the sensors' low-passes costs the same ({costs}): their lag goes "
+            f"into the delay{_delays(with_filters, without)}, and no other parameter moves by even "
+            f"{SMALL_CHANGE:g} %."
         )
     if without.average > max(J_GOOD, 2 * with_filters.average):
         return (
@@ -35,7 +36,7 @@ def filters_remark(result: Identification) -> str | None:
         )
     return (
         f"A {name} fit that ignores the sensors' low-passes looks fine by its cost ({costs}; guideline "
-        f"<= {J_GOOD:g}) and is wrong: the delay{_delays(with_filters, without)} and the inertia absorb the "
+        f"≤ {J_GOOD:g}) and is wrong: the delay{_delays(with_filters, without)} and the inertia absorb the "
         f"filters' lag, which moves {_moved(changes)}."
     )
 
@@ -54,6 +55,22 @@ def _moved(changes: dict[str, float]) -> str:
     order = sorted(changes, key=lambda n: -abs(changes[n]))[:3]
     words = [f"{symbol(n)} by {changes[n]:+.0f} %" for n in order]
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def finding(result: Identification) -> str | None:
+    """The recommended model in one line: its parameters with their bounds, and how it verified."""
+    model = result.models.get(result.recommended or "")
+    if model is None:
+        return None
+    free = [e for e in model.fit.estimates if e.free]
+    words = [
+        f"{symbol(e.name)} {number(e.value, 3)} {unit(e.unit)} (CR {percent(e.cr_percent)} %)" for e in free
+    ]
+    text = f"At {model.fit.speed:.2f} m/s: " + ", ".join(words)
+    if model.verification:
+        v = model.verification[0]
+        text += f"; on {v.run}, which it had not seen, J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}"
+    return text + "."
 
 
 def filters_known(result: Identification) -> str:

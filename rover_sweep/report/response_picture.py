@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 
 from rover_sweep.identify.grouping import Group
 from rover_sweep.identify.identification import ModelResult
@@ -19,11 +20,11 @@ from rover_sweep.report.picture_style import (
     LABELS,
     MODEL_LINES,
     OUTSIDE,
-    SYMBOLS,
     WIDTH,
     limits,
     log_frequency,
 )
+from rover_sweep.report.wording import band
 
 Models = Mapping[str, ModelResult]
 BLOCK = 4.9  # in, height of magnitude, phase and coherence of one response
@@ -45,11 +46,11 @@ def _figure(group: Group, models: Models) -> Figure:
     height = BLOCK * rows + 0.5
     figure = Figure(figsize=(WIDTH, height))
     outer = figure.add_gridspec(
-        rows, 2, left=0.075, right=0.985, top=1 - 0.72 / height, bottom=0.5 / height, wspace=0.2, hspace=0.2
+        rows, 2, left=0.075, right=0.985, top=1 - 0.85 / height, bottom=0.5 / height, wspace=0.2, hspace=0.24
     )
-    span = min(f.w[0] for f in found), max(f.w[-1] for f in found)
+    span = 0.93 * min(f.w[0] for f in found), 1.07 * max(f.w[-1] for f in found)
     for k, f in enumerate(found):
-        inner = outer[k // 2, k % 2].subgridspec(3, 1, height_ratios=(3, 2.4, 1.3), hspace=0.07)
+        inner = outer[k // 2, k % 2].subgridspec(3, 1, height_ratios=(3, 2.4, 1.3), hspace=0.09)
         first = figure.add_subplot(inner[0])
         rest = [figure.add_subplot(inner[i]) for i in (1, 2)]
         _block([first, *rest], f, group, models, span)
@@ -72,12 +73,10 @@ def _block(
         phase.plot(f.w, _beside(_phase(h, f), deg, f), zorder=3, **MODEL_LINES[name])
     inside = _inside(f)
     models_db = [20 * np.log10(np.abs(h[inside])) for h in lines.values()]
-    magnitude.set_ylim(*limits([f.magnitude_db[inside], *models_db], 20, 5))
+    magnitude.set_ylim(*limits([f.magnitude_db[inside], *models_db], 20))
     magnitude.set_ylabel("magnitude, dB")
-    phase.set_ylim(*limits([deg[inside]], 120, 45))
-    phase.set_yticks(
-        np.arange(phase.get_ylim()[0], phase.get_ylim()[1] + 1, 45 if np.ptp(phase.get_ylim()) < 360 else 90)
-    )
+    phase.set_ylim(*limits([deg[inside]], 100))
+    phase.yaxis.set_major_locator(MultipleLocator(45 if np.ptp(phase.get_ylim()) < 330 else 90))
     phase.set_ylabel("phase, deg")
     _coherence(coherence, f)
     magnitude.set_title(_title(f, models))
@@ -93,9 +92,13 @@ def _measured(magnitude: Axes, phase: Axes, f: FrequencyResponse, deg: Array) ->
     db, spread = f.magnitude_db, np.degrees(np.arcsin(error))
     low, high = db + 20 * np.log10(1 - error), db + 20 * np.log10(1 + error)
     magnitude.fill_between(f.w, low, high, color="#BBBBBB", linewidth=0, label="random error, 2 sd")
-    phase.fill_between(f.w, deg - spread, deg + spread, color="#BBBBBB", linewidth=0)
+    if f.band:
+        phase.fill_between(f.w, deg - spread, deg + spread, color="#BBBBBB", linewidth=0)
     magnitude.plot(f.w, db, color=DATA, linewidth=1.8, label="measured")
-    phase.plot(f.w, deg, color=DATA, linewidth=1.8)
+    if f.band:
+        phase.plot(f.w, deg, color=DATA, linewidth=1.8)
+    else:
+        phase.plot(f.w, deg, ".", color=DATA, markersize=3)
 
 
 def _coherence(axes: Axes, f: FrequencyResponse) -> None:
@@ -117,12 +120,15 @@ def _outside(axes: Axes, f: FrequencyResponse) -> None:
 
 
 def _title(f: FrequencyResponse, models: Models) -> str:
-    costs = [f"{name} {m.costs[f.output]:.1f}" for name, m in models.items() if f.output in m.costs]
-    unit = f"{f.unit.split(' per ')[0]} per {f.unit.split(' per ')[-1]}".replace("^2", "²")
-    if not costs:
-        band = f"used {f.band[0]:.2g}-{f.band[1]:.3g} rad/s" if f.band else "not usable"
-        return f"{LABELS[f.output]} / steering, {unit}: {band}"
-    return f"{SYMBOLS[f.output]} / steering, {unit}   J: {', '.join(costs)}"
+    what = f"{LABELS[f.output]} / steering, {f.unit.replace('^2', '²')}"
+    costs = {name: m for name, m in models.items() if f.output in m.costs}
+    if not models:
+        return f"{what}\n{'usable ' + band(f.band) + ' rad/s' if f.band else 'no usable band'}"
+    told = ", ".join(f"{name} {m.costs[f.output]:.1f}" for name, m in costs.items())
+    fitted = any(f.output in m.fit.costs for m in costs.values())
+    return (
+        f"{what}\n" + (f"J: {told}" if told else "no model has it") + ("" if fitted else " (not in the fit)")
+    )
 
 
 def _model_line(model: ModelResult, f: FrequencyResponse, group: Group) -> Complex:
@@ -135,7 +141,12 @@ def _inside(f: FrequencyResponse) -> np.ndarray:
 
 
 def _phase(h: Complex, f: FrequencyResponse) -> Array:
-    """Phase [deg] unwrapped outwards from the middle of the band, so that noise beside it turns nothing."""
+    """Phase [deg] unwrapped outwards from the middle of the band, so that noise beside it turns nothing.
+
+    Without a band there is no phase to follow: it stays within +-180.
+    """
+    if f.band is None:
+        return np.degrees(np.angle(h))
     inside = np.flatnonzero(_inside(f))
     middle = int(inside[inside.size // 2])
     angle = np.angle(h)

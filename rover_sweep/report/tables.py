@@ -20,7 +20,7 @@ from rover_sweep.report.comparison import (
     verification_tables,
 )
 from rover_sweep.report.provenance import Provenance
-from rover_sweep.report.remarks import filters_known, filters_remark, to_do
+from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
 from rover_sweep.report.standing import TITLES, ordered
 
 STYLES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "muted": "dim", "strong": "bold"}
@@ -34,6 +34,8 @@ def comparison(result: Identification, provenance: Provenance) -> Group:
 def conclusion(result: Identification, provenance: Provenance) -> Group:
     """What to do: the summary's sentences, then what is to be mended first."""
     lines = [Text(sentence, "bold") for sentence in result.summary]
+    if words := finding(result):
+        lines.append(Text(words))
     lines += [Text(f"- {sentence}") for sentence in to_do(result, provenance)]
     return Group(*lines)
 

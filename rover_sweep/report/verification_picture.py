@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.verify import Verification
+from rover_sweep.identify.verify import Overlay, Verification
 from rover_sweep.report.picture_style import DATA, LABELS, MODEL_LINES, WIDTH
 
 
@@ -41,7 +42,7 @@ def verification(run: Recording | None, verdicts: Mapping[str, Verification]) ->
     return figure
 
 
-def _channel(axes, channel: str, verdicts: Mapping[str, Verification], start: float) -> None:  # type: ignore[no-untyped-def]
+def _channel(axes: Axes, channel: str, verdicts: Mapping[str, Verification], start: float) -> None:
     drawn = False
     for name, verdict in verdicts.items():
         overlay = _overlay(verdict, channel)
@@ -54,14 +55,10 @@ def _channel(axes, channel: str, verdicts: Mapping[str, Verification], start: fl
             axes.set_ylabel(f"{LABELS[channel]}\n{overlay.unit.replace('^2', '²')}")
             drawn = True
         words = f"{name}: $J_{{rms}}$ {verdict.j_rms:.2f}, TIC {verdict.tic:.3f}"
-        axes.plot(overlay.t - start, overlay.model, label=words, linewidth=1.6, **_line(name))
+        axes.plot(overlay.t - start, overlay.model, label=words, linewidth=1.4, **MODEL_LINES[name])
 
 
-def _line(name: str) -> Mapping[str, object]:
-    return MODEL_LINES.get(name, {})
-
-
-def _overlay(v: Verification, channel: str):  # type: ignore[no-untyped-def]
+def _overlay(v: Verification, channel: str) -> Overlay | None:
     return next((o for o in v.overlays if o.channel == channel), None)
 
 

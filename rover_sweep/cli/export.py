@@ -1,0 +1,114 @@
+"""`rover-sweep export`: an identified model for python-control, MATLAB or anything that reads JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rover_sweep.errors import DataRefused, UsageError
+
+FORMATS = {".json": "json", ".m": "matlab", ".py": "python", ".mat": "mat"}
+
+
+@click.command(short_help="An identified model for MATLAB, python-control, or as JSON.")
+@click.argument("directory", metavar="DIR", type=click.Path(file_okay=False))
+@click.option("--model", "name", metavar="NAME",
+              help="bicycle, roll-yaw, lumped or kinematic; the recommended one if not said.")  # fmt: skip
+@click.option("--format", "form", type=click.Choice(["json", "matlab", "python", "mat"]),
+              help="By the suffix of FILE if not said; json without a FILE.")  # fmt: skip
+@click.option("--speed", type=click.FloatRange(0.1, 50), metavar="M/S",
+              help="Another speed than that of the runs (not for the lumped model).")  # fmt: skip
+@click.option("-o", "--output", metavar="FILE", default="-", help="Where to write; stdout if not said.")
+def export(directory: str, name: str | None, form: str | None, speed: float | None, output: str) -> None:
+    """Export a model out of DIR, the report folder that `identify` wrote.
+
+    Continuous-time A, B, C, D (and M, F, G, H0, H1), names and units of states, input and outputs, the
+    input's delay tau, and the sensors' low-passes apart: they belong to the instruments, not to the rover.
+    """
+    model = _load(Path(directory), name)
+    if speed is not None:
+        model = _moved(model, speed)
+    chosen = form or _by_suffix(output)
+    content = _content(model, chosen)
+    if output == "-":
+        if isinstance(content, bytes):
+            raise UsageError("a .mat file does not go to the terminal; give a file with -o FILE.mat")
+        click.echo(content, nl=False)
+        return
+    from rover_sweep.report.files import write_file
+
+    write_file(Path(output), content)
+    click.echo(f"{model['model']} model at {model['speed_m_s']:.3g} m/s written to {output}", err=True)
+    if model["verdict"] not in ("good", "acceptable"):
+        click.echo(f"warning: the verdict of this fit is: {model['verdict']}", err=True)
+
+
+def _by_suffix(output: str) -> str:
+    suffix = Path(output).suffix.lower()
+    if output != "-" and suffix not in FORMATS:
+        said = suffix or "no suffix"
+        raise UsageError(
+            f"{output}: no format goes with {said}; say --format, or end it in .json, .m, .mat, .py"
+        )
+    return FORMATS.get(suffix, "json")
+
+
+def _content(model: dict[str, Any], form: str) -> str | bytes:
+    from rover_sweep.report import export_text
+
+    match form:
+        case "matlab":
+            return export_text.matlab_text(model)
+        case "python":
+            return export_text.python_text(model)
+        case "mat":
+            return export_text.mat_file(model)
+    return export_text.json_text(model)
+
+
+def _load(directory: Path, name: str | None) -> dict[str, Any]:
+    missing = f"{directory} holds no report; give the --out folder of `rover-sweep identify`"
+    document = _read(directory / "identification.json", missing)
+    wanted = name or document.get("recommended")
+    there = sorted(p.stem for p in (directory / "models").glob("*.json"))
+    if wanted is None:
+        raise DataRefused(f"{directory}: no model was recommended; say which with --model {'|'.join(there)}")
+    if wanted not in there:
+        raise _absent(directory, wanted, there, document)
+    return _read(directory / "models" / f"{wanted}.json", f"{wanted}.json cannot be read; run identify again")
+
+
+def _absent(directory: Path, wanted: str, there: list[str], document: dict[str, Any]) -> Exception:
+    """Why a model is not there: refused, rejected, or never asked for."""
+    reasons = dict(document.get("refused", {}))
+    for model, entry in document.get("models", {}).items():
+        reasons.setdefault(model, "; ".join(entry.get("verdict", {}).get("sentences", [])[:1]))
+    if reasons.get(wanted):
+        return DataRefused(f"there is no {wanted} model to export: {reasons[wanted]}")
+    return UsageError(f"{directory} holds no model {wanted!r}; there are {', '.join(there) or 'none'}")
+
+
+def _read(path: Path, missing: str) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(missing) from error
+    except ValueError as error:
+        raise DataRefused(f"{path} is damaged ({error}); run identify again") from error
+    if not isinstance(content, dict):
+        raise DataRefused(f"{path} is not a file of rover-sweep; run identify again")
+    return content
+
+
+def _moved(model: dict[str, Any], speed: float) -> dict[str, Any]:
+    from rover_sweep.report.export import at_speed
+
+    if model["model"] == "lumped":
+        there = f"{model['speed_m_s']:.3g} m/s"
+        raise UsageError(
+            f"the lumped model holds at {there} alone; take the roll-yaw or bicycle model for --speed"
+        )
+    return at_speed(model, speed)
