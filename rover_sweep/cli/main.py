@@ -26,7 +26,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Recorded runs in, identified models and a report out.",
     ),
     "coherence": ("rover_sweep.cli.coherence:coherence", "Is this run good enough? The verdict alone."),
-    "export": ("rover_sweep.cli.export:export", "An identified model for MATLAB, python-control, or as JSON."),
+    "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),
     "inertia": ("rover_sweep.cli.inertia:inertia", "Moment of inertia from a swing test."),
     "vehicle": ("rover_sweep.cli.vehicle:vehicle", "Print an example vehicle file, or check yours."),
 }

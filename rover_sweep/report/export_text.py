@@ -144,5 +144,6 @@ def system(pade_order=3):
     rational = control.ss(A, B, C, D, inputs=inputs, outputs=outputs, states=states)
     if tau == 0:
         return rational
-    return rational * control.tf2ss(*control.pade(tau, pade_order))
+    delayed = rational * control.tf2ss(*control.pade(tau, pade_order))
+    return control.ss(delayed, inputs=inputs, outputs=outputs)
 '''

@@ -29,7 +29,7 @@ def plain(value: Any) -> Any:
 
 
 def dumps(value: Any) -> str:
-    """Indented strict JSON, lists of numbers on one line each, with a newline at the end."""
+    """Indented strict JSON, lists of numbers and of short words on one line, with a newline at the end."""
     return _text(plain(value), 0) + "\n"
 
 
@@ -38,6 +38,8 @@ def _text(value: Any, depth: int) -> str:
     if isinstance(value, dict) and value:
         items = (f"{inner}{json.dumps(key)}: {_text(item, depth + 1)}" for key, item in value.items())
         return "{\n" + ",\n".join(items) + f"\n{outer}}}"
-    if isinstance(value, list) and any(isinstance(item, dict | list | str) for item in value):
+    if isinstance(value, list) and any(
+        isinstance(item, dict | list) or len(str(item)) > 30 for item in value
+    ):
         return "[\n" + ",\n".join(inner + _text(item, depth + 1) for item in value) + f"\n{outer}]"
     return json.dumps(value, allow_nan=False, ensure_ascii=False)
