@@ -22,10 +22,10 @@ from pathlib import Path
 from types import FrameType
 
 from sitl.file_transfer import FileTransfer
-from sitl.flight_records import FlightRecords
 from sitl.ground_link import GroundLink
+from sitl.log_records import LogRecords
 from sitl.log_transfer import LogTransfer
-from sitl.mavlink_server import NAP_S, MavlinkServer
+from sitl.mavlink_server import MavlinkServer, Peer
 from sitl.parameters import PlantParameters, load_variant, variant_names
 from sitl.rover import Rover
 from sitl.vehicle_parameters import Parameter, ParameterStore
@@ -35,6 +35,7 @@ PARAMETER_FILE = "parameters.txt"
 REBOOT_AFTER_US = 200_000  # the acknowledgement still gets out
 ACCEPT_EVERY_US = 20_000
 IDLE_S = 0.05
+SHORTEST_NAP_S, LONGEST_NAP_S = 0.0005, 0.005  # while a ground station is waited for
 LOOPBACK = "127.0.0.1"
 
 
@@ -80,7 +81,7 @@ class EmbeddedRover:
         parameters = ParameterStore(self.directory / PARAMETER_FILE)
         parameters.set("STAT_BOOTCNT", parameters["STAT_BOOTCNT"] + 1)
         self.rover = rover = Rover(self.directory, self.plant, self.seed, parameters)
-        self.records = FlightRecords(rover)
+        self.records = LogRecords(rover)
         self.logs, self.files = LogTransfer(rover), FileTransfer(self.directory)
         self.links = [self._link(peer) for peer in self.server.peers]
         rover.on_text, rover.on_named_float, rover.on_parameter = (
@@ -92,7 +93,7 @@ class EmbeddedRover:
         self._accepted_us = 0
         self._pace_from()
 
-    def _link(self, peer) -> GroundLink:  # type: ignore[no-untyped-def]
+    def _link(self, peer: Peer) -> GroundLink:
         return GroundLink(self.rover, peer, self.logs, self.files, self._reboot_soon)
 
     def _reboot_soon(self) -> None:
@@ -125,8 +126,10 @@ class EmbeddedRover:
         if self._reboot_at_us is not None and rover.now_us >= self._reboot_at_us:
             self._reboot()
             return
+        nap = SHORTEST_NAP_S
         while self.server.flush(rover.now_us) and not self._stopping:
-            self.server.wait(NAP_S)
+            self.server.wait(nap)
+            nap = min(2 * nap, LONGEST_NAP_S)
             self._receive()
         self._pace()
 

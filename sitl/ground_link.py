@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.commands import Commands
 from sitl.file_transfer import FileTransfer
 from sitl.log_transfer import LogTransfer
-from sitl.mavlink_server import TcpPeer, UdpPeer
+from sitl.mavlink_server import Peer
 from sitl.rover import GCS_COMMAND, INFO, Rover
 from sitl.streams import StreamSchedule
 from sitl.telemetry import BUILDERS, STREAM_GROUPS, default_interval_ms
@@ -34,7 +34,7 @@ class GroundLink:
     def __init__(
         self,
         rover: Rover,
-        peer: TcpPeer | UdpPeer,
+        peer: Peer,
         logs: LogTransfer,
         files: FileTransfer,
         reboot: Callable[[], None],
@@ -58,7 +58,7 @@ class GroundLink:
         self.heartbeats.set(HEARTBEAT, 1000)
         self.commands = Commands(rover, self, reboot)
         self._parameters: deque[tuple[int, int, Parameter]] = deque()
-        self._timesync_ms = 0
+        self._timesync_ms = self._text_number = 0
         self._ftp_ms = -FTP_BUSY_MS
 
     # ---- out
@@ -90,7 +90,8 @@ class GroundLink:
         """STATUSTEXT, in chunks of 50 where it is longer."""
         data = text.encode("ascii", "replace")[:254]
         chunks = [data[k : k + 50] for k in range(0, len(data), 50)] or [b""]
-        number = self.rover.ticks % 65535 + 1 if len(chunks) > 1 else 0
+        self._text_number = self._text_number % 65535 + 1
+        number = self._text_number if len(chunks) > 1 else 0
         for k, chunk in enumerate(chunks):
             self.send_message(mavlink.MAVLink_statustext_message(severity, chunk, number, k))
 

@@ -12,7 +12,6 @@ import select
 import socket
 import time
 from collections import deque
-from typing import Protocol
 
 from sitl.unread import PeerQueue
 
@@ -21,25 +20,7 @@ CHUNK = 65536
 DATAGRAM = 1200
 LEAD_US = 300_000
 CHECK_US = 20_000
-NAP_S = 0.0005
 MAY_HOLD_S = 20.0  # a UDP peer that reads nothing for so long is taken as gone
-
-
-class Peer(Protocol):
-    """One ground station's connection."""
-
-    def receive(self) -> bytes | None:
-        """What has come in, b'' for nothing, None when the peer has closed."""
-
-    def queue(self, data: bytes, now_us: int) -> None:
-        """Sends `data` with the next `flush`."""
-
-    def flush(self, now_us: int) -> None: ...
-
-    def behind_us(self, now_us: int) -> int:
-        """Vehicle time that the peer has not read yet, us."""
-
-    def close(self) -> None: ...
 
 
 class _Backlog:
@@ -77,6 +58,7 @@ class TcpPeer:
         return self.connection.fileno()
 
     def receive(self) -> bytes | None:
+        """What has come in, b'' for nothing, None when the client has closed."""
         try:
             return self.connection.recv(CHUNK) or None
         except BlockingIOError:
@@ -85,6 +67,7 @@ class TcpPeer:
             return None
 
     def queue(self, data: bytes, now_us: int) -> None:
+        """Sends `data` with the next `flush`."""
         self._pending += data
         self._backlog.sent(len(data), now_us)
 
@@ -100,6 +83,7 @@ class TcpPeer:
             del self._pending[:sent]
 
     def behind_us(self, now_us: int) -> int:
+        """Vehicle time that the client has not read yet, us."""
         return self._backlog.behind_us(len(self._pending) + (self._queue.unread() or 0), now_us)
 
     def close(self) -> None:
@@ -158,11 +142,14 @@ class UdpPeer:
         self.connection.close()
 
 
+Peer = TcpPeer | UdpPeer
+
+
 class MavlinkServer:
     """The peers of one vehicle. `listen` is (host, port) for TCP, port 0 for a free one; None for no TCP."""
 
     def __init__(self, listen: tuple[str, int] | None, udp: tuple[str, int] | None) -> None:
-        self.peers: list[TcpPeer | UdpPeer] = []
+        self.peers: list[Peer] = []
         self._listener: socket.socket | None = None
         if listen is not None:
             self._listener = socket.create_server(listen, backlog=4)
@@ -188,7 +175,7 @@ class MavlinkServer:
         self.peers.append(peer)
         return peer
 
-    def remove(self, peer: TcpPeer | UdpPeer) -> None:
+    def remove(self, peer: Peer) -> None:
         peer.close()
         self.peers.remove(peer)
 
@@ -199,7 +186,7 @@ class MavlinkServer:
 
     def wait(self, seconds: float) -> None:
         """Sleeps until something comes in, at most so long."""
-        sources: list[socket.socket | TcpPeer | UdpPeer] = [*self.peers]
+        sources: list[socket.socket | Peer] = [*self.peers]
         if self._listener is not None:
             sources.append(self._listener)
         select.select(sources, [], [], seconds)

@@ -12,8 +12,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.flight_records import FIX_3D, GPS_WEEK, HDOP, IMU_TEMPERATURE, SATELLITES, WEEK_MS, heading
 from sitl.geodesy import ORIGIN, latitude_longitude
+from sitl.log_records import FIX_3D, GPS_WEEK, HDOP, IMU_TEMPERATURE, SATELLITES, WEEK_MS, heading
 from sitl.radio import CHANNEL_COUNT
 from sitl.rover import GPS_MS, HOLD, MANUAL, Rover
 from sitl.version import OFFICIAL_RELEASE, VERSION

@@ -211,6 +211,27 @@ def test_failsafe_without_a_ground_station(client: Client) -> None:
     client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 0)
 
 
+def test_a_lost_ground_station_is_gone_for_real_time(port: int, client: Client) -> None:
+    client.interval(RAW_IMU, 25_000)
+    left_us = client.wait("RAW_IMU").time_usec
+    client.close()
+    time.sleep(0.6)
+    back = Client(port)
+    back.interval(RAW_IMU, 25_000)
+    assert 0.5e6 < back.wait("RAW_IMU").time_usec - left_us < 2.0e6
+    back.close()
+
+
+def test_speedup(tmp_path: Path) -> None:
+    with embedded(tmp_path, "--speedup", "5") as number:
+        client = Client(number)
+        client.interval(RAW_IMU, 100_000)
+        first, began = client.wait("RAW_IMU").time_usec, time.monotonic()
+        last = client.wait("RAW_IMU", lambda m: m.time_usec > first + 3_000_000).time_usec
+        assert (last - first) * 1e-6 / (time.monotonic() - began) == pytest.approx(5.0, rel=0.15)
+        client.close()
+
+
 def test_reboot_drops_the_connection_and_changes_the_loop_rate(tmp_path: Path) -> None:
     with embedded(tmp_path) as port:
         client = Client(port)

@@ -5,12 +5,16 @@ from __future__ import annotations
 import io
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from pymavlink import DFReader
 
 from sitl.dataflash import DataFlashWriter, LogFormat
+from sitl.log_records import LogRecords
 from sitl.log_formats import FORMATS
+from sitl.log_transfer import LogTransfer
 from sitl.parameters import load_variant
 from sitl.radio import TRANSMITTER, Radio
 from sitl.rover import HOLD, MANUAL, Rover
@@ -387,3 +391,38 @@ def test_what_a_log_cannot_hold_is_refused(sizes: tuple[str, str, str]) -> None:
 def test_a_format_that_does_not_fit_its_columns_is_refused() -> None:
     with pytest.raises(ValueError, match="does not fit columns"):
         LogFormat(200, "BAD", "Qf", "TimeUS")
+
+
+def test_a_log_can_be_fetched_while_it_is_still_being_written(rover: Rover, store: ParameterStore) -> None:
+    """Within the 15 s after disarming: what is sent is everything so far, and nothing is logged meanwhile."""
+    records, transfer = LogRecords(rover), LogTransfer(rover)
+    sent: list[Any] = []
+    run(rover, 4)
+    rover.arm()
+    for _ in range(100):
+        rover.step()
+        records.loop()
+    rover.disarm()
+    request = SimpleNamespace(id=1, ofs=0, count=0xFFFFFFFF)
+    transfer.handle("LOG_REQUEST_DATA", request, sent.append)
+    assert not rover.log.active
+    while transfer.busy:
+        rover.step()
+        records.loop()
+        transfer.pump(rover.loop_period_us)
+    content = b"".join(bytes(m.data[: m.count]) for m in sent)
+    assert content == rover.log.files()[0].read_bytes()
+    assert content.count(b"\xa3\x95\xa3") == 100  # IMU is type 163
+    assert rover.log.active
+
+
+def test_failsafe_takes_the_overrides_away(rover: Rover, store: ParameterStore) -> None:
+    store.set("RC_OVERRIDE_TIME", -1)  # would hold for ever
+    store.set("FS_GCS_ENABLE", 1)
+    run(rover, 4)
+    rover.gcs_seen_ms = rover.now_ms
+    rover.radio.override([1700], rover.now_ms)
+    run(rover, 4.5)
+    assert rover.radio.pwm[0] == 1700
+    run(rover, 3)
+    assert rover.radio.pwm[0] == TRANSMITTER[0]

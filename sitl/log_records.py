@@ -31,7 +31,7 @@ def heading(yaw: float) -> float:
     return degrees(yaw) % 360.0
 
 
-class FlightRecords:
+class LogRecords:
     """Writes one rover's records; `loop` after every main loop."""
 
     def __init__(self, rover: Rover) -> None:
