@@ -140,9 +140,12 @@ def window_spectra(
     """Averaged spectra input -> each output for each window length [s] at w [rad/s], over all runs.
 
     runs: channels within the spans. No window crosses from one run into another. Lengths that fit
-    in no run are left out.
+    in no run are left out. ValueError where the longest does not resolve the lowest w.
     """
     total = sum(end - start for start, end in spans)
+    longest = max((n for n in lengths if any(e - s >= n for s, e in spans)), default=0.0)
+    if not longest or w[0] < 2 * np.pi / longest * (1 - 1e-9):
+        raise ValueError(f"the longest usable window, {longest:g} s, resolves nothing at {w[0]:g} rad/s")
     sums = {output: [_Sums(w) for _ in lengths] for output in outputs}
     for channels, span in zip(runs, spans, strict=True):
         transform = Transformer(*span, lengths, w)
