@@ -12,8 +12,8 @@ import pytest
 from pymavlink import DFReader
 
 from sitl.dataflash import DataFlashWriter, LogFormat
-from sitl.log_records import LogRecords
 from sitl.log_formats import FORMATS
+from sitl.log_records import LogRecords
 from sitl.log_transfer import LogTransfer
 from sitl.parameters import load_variant
 from sitl.radio import TRANSMITTER, Radio
