@@ -169,7 +169,7 @@ class Link:
                 return False
             self.target = sender(message)
         self.clock.update(message)
-        self._watch.heard(self.clock.now, kind(message) == "HEARTBEAT")
+        self._watch.heard(self.clock.now if self.clock.known else None, kind(message) == "HEARTBEAT")
         if kind(message) == "HEARTBEAT":
             self.heartbeat = message
         elif kind(message) == "STATUSTEXT":

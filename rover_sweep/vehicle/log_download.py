@@ -16,7 +16,7 @@ from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link import Link
 
 _BLOCK = 90  # bytes in a LOG_DATA
-_WINDOW = 512 * _BLOCK  # asked for at a time
+_WINDOW = 2048 * _BLOCK  # asked for at a time
 _QUIET, _TRIES = 0.5, 12  # s without data until the gaps are asked for again; how often without any progress
 
 

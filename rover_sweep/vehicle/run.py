@@ -126,7 +126,7 @@ def _start(
 ) -> Generator[Event, None, float]:
     """Arm, throw the switch and wait for the applet; returns the vehicle's time of the switch [s]."""
     controls.take()
-    yield from _arm(link, controls, settings)
+    yield from _arm(link, controls, follower, settings)
     yield Armed(link.clock.now)
     if link.mode != MANUAL:
         yield Notice("warning", f"the rover is not in MANUAL (mode {link.mode}); the applet will not start")
@@ -149,7 +149,7 @@ def _start(
     return start
 
 
-def _arm(link: Link, controls: Controls, settings: RunSettings) -> Iterator[Event]:
+def _arm(link: Link, controls: Controls, follower: Follower, settings: RunSettings) -> Iterator[Event]:
     """Arm, again and again while the vehicle is not ready; or wait until the pilot did."""
     started, told = link.clock.now, ""
     if not settings.arm and not link.armed:
@@ -158,6 +158,7 @@ def _arm(link: Link, controls: Controls, settings: RunSettings) -> Iterator[Even
         if link.clock.now - started > settings.patience:
             waited = f"the rover was not armed within {settings.patience:.0f} s"
             raise LinkError(f"{waited}: {told}" if told else waited)
+        yield from follower.take()
         if not settings.arm:
             link.receive(0.5)
             continue

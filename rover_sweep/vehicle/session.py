@@ -17,6 +17,7 @@ from rover_sweep import __version__
 from rover_sweep.errors import LinkError
 from rover_sweep.identify.sweep import Manoeuvre
 from rover_sweep.vehicle.applet import await_applet, reboot, restart_scripts, upload
+from rover_sweep.vehicle.controls import pump
 from rover_sweep.vehicle.events import (
     Connected,
     Event,
@@ -30,6 +31,7 @@ from rover_sweep.vehicle.events import (
 from rover_sweep.vehicle.identity import Vehicle, check_applet, identify_vehicle, untried
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.log_download import LogEntry, LogSaved, MavlinkLogs
+from rover_sweep.vehicle.mavlink import constant
 from rover_sweep.vehicle.parameters import read, read_present, write
 from rover_sweep.vehicle.recorder import Session
 from rover_sweep.vehicle.run import RunSettings, run
@@ -71,6 +73,7 @@ def drive(url: str, folder: Path, plan: Plan) -> Iterator[Event]:
         logs = MavlinkLogs(link)
         before = logs.logs() if plan.logs else ()
         yield from _start_streams(link)
+        yield from _await_estimator(link)
         finished: list[RunFinished] = []
         for planned in plan.runs:
             for event in run(
@@ -126,6 +129,32 @@ def _start_streams(link: Link) -> Iterator[Event]:
     for stream in streams:
         if stream.advice:
             yield Notice("warning", stream.advice)
+
+
+def _await_estimator(link: Link, patience: float = 90.0) -> Iterator[Event]:
+    """Wait until the EKF uses GPS. The real firmware arms before that, some 20 s early in SITL, and
+    speed and heading change their source in the middle of a run that began then."""
+    start, told = link.clock.now, False
+    while not _estimator_ready(link):
+        if link.clock.now - start > patience:
+            yield Notice(
+                "warning", f"the EKF has no position after {patience:.0f} s; speeds are not to be trusted"
+            )
+            return
+        if not told:
+            yield Notice("info", "waiting for the EKF to use GPS")
+            told = True
+        pump(link, 1.0)
+
+
+def _estimator_ready(link: Link) -> bool:
+    """Whether velocity and absolute position are estimated (EKF_STATUS_REPORT)."""
+    report = link.request_message("EKF_STATUS_REPORT")
+    if report is None:
+        return False
+    flags = int(report.flags)
+    wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
+    return flags & wanted == wanted and not flags & constant("EKF_CONST_POS_MODE")
 
 
 def _fetch(

@@ -8,6 +8,7 @@ from rover_sweep.errors import LinkError
 
 SILENCE = 5.0  # s without any message from the vehicle
 HEARTBEAT_LOSS = 10.0  # s of the vehicle's clock without a heartbeat while other messages come
+_JUMP = 3.0  # s
 
 
 @dataclass
@@ -16,7 +17,8 @@ class Watch:
 
     url: str
     silent: float = 0.0  # s
-    _heartbeat: float | None = None  # vehicle's clock at the last one [s]
+    _heartbeat: float = 0.0  # vehicle's clock at the last one [s]
+    _last: float | None = None  # and at the last message
 
     def waited(self, seconds: float, found: bool) -> None:
         """Nothing came for `seconds`. LinkError in words when that adds up to SILENCE."""
@@ -33,10 +35,15 @@ class Watch:
             "range and the cable. Its own failsafes stop a running sweep"
         )
 
-    def heard(self, now: float, heartbeat: bool) -> None:
-        """A message came when the vehicle's clock was `now`. LinkError where heartbeats stay away."""
+    def heard(self, now: float | None, heartbeat: bool) -> None:
+        """A message came when the vehicle's clock was `now` (None: not known yet). LinkError where
+        heartbeats stay away. A jump of the clock is a time in which nobody listened, or a reboot."""
         self.silent = 0.0
-        if heartbeat or self._heartbeat is None or now < self._heartbeat:  # the clock restarts on a reboot
+        if now is None:
+            return
+        jumped = self._last is None or not 0 <= now - self._last <= _JUMP
+        self._last = now
+        if heartbeat or jumped:
             self._heartbeat = now
         elif now - self._heartbeat > HEARTBEAT_LOSS:
             raise LinkError(
@@ -46,4 +53,4 @@ class Watch:
 
     def forgive(self) -> None:
         """Start anew: the vehicle was told to reboot, or is booting."""
-        self.silent, self._heartbeat = 0.0, None
+        self.silent, self._last = 0.0, None

@@ -1,0 +1,95 @@
+"""The dry run on the embedded rover, over a real socket, with the real applet."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from pymavlink import mavutil
+
+from rover_sweep.identify.sweep import Doublet, Sweep
+from rover_sweep.logs.read import read_runs
+from rover_sweep.vehicle.controls import pump
+from rover_sweep.vehicle.dry_run import DryRun, dry_run
+from rover_sweep.vehicle.events import LogSaved, Notice, RunFinished, SessionFinished
+from rover_sweep.vehicle.link import Link
+from sitl import launcher
+
+SHORT = DryRun(
+    sweeps=(
+        Sweep(amplitude=120, w_min=2, w_max=20, t_rec=10),
+        Sweep(amplitude=240, w_min=2, w_max=20, t_rec=10),
+    ),
+    doublet=Doublet(count=1),
+)
+
+
+def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
+    began = time.monotonic()
+    events = list(dry_run(SHORT, tmp_path))
+    assert time.monotonic() - began < 40
+    assert not [event for event in events if isinstance(event, Notice) and event.level == "warning"]
+    finished = [event for event in events if isinstance(event, RunFinished)]
+    assert [(run.name, run.completed, run.number) for run in finished] == [
+        ("sweep1", True, 1),
+        ("sweep2", True, 2),
+        ("doublet", True, 3),
+    ]
+    for run in finished:
+        assert all(quality.hz == pytest.approx(50) and not quality.verdict for quality in run.quality)
+        (recording,) = read_runs(str(run.tlog))
+        assert recording.kind == ("doublet" if run.name == "doublet" else "sweep")
+        assert run.span[0] < recording.span[0] < recording.span[1] < run.span[1]
+        assert recording.standstill
+        assert recording.filters["r"].cutoff_hz == 20
+    (saved,) = [event for event in events if isinstance(event, LogSaved)]
+    assert [run.kind for run in read_runs(str(saved.path))] == ["sweep", "sweep", "doublet"]
+    amplitudes = [abs(run.manoeuvre("pwm").x - 1500).max() for run in read_runs(str(saved.path))]
+    assert amplitudes == pytest.approx([120, 240, 150], abs=2)
+    assert isinstance(events[-1], SessionFinished)
+    told = json.loads((tmp_path / "session.json").read_text())
+    assert [run["tlog"] for run in told["runs"]] == ["sweep1.tlog", "sweep2.tlog", "doublet.tlog"]
+    assert told["logs"] == [saved.path.name]
+
+
+def test_kill_9_leaves_a_readable_tlog_and_a_rover_that_stops_by_itself(tmp_path: Path) -> None:
+    program = (
+        "import sys, pathlib\n"
+        "from rover_sweep.vehicle.controls import pump
+from rover_sweep.vehicle.dry_run import DryRun, dry_run\n"
+        "from rover_sweep.vehicle.events import StateChanged\n"
+        "for event in dry_run(DryRun(url=sys.argv[1], consent=True), pathlib.Path(sys.argv[2])):\n"
+        "    if isinstance(event, StateChanged): print(event.state, flush=True)\n"
+    )
+    options = ("--applet", "--parameter", "SCR_ENABLE=1")
+    with launcher.start_embedded(tmp_path / "vehicle", options=options, speedup=8) as rover:
+        command = [sys.executable, "-c", program, rover.connection, str(tmp_path / "station")]
+        station = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert station.stdout is not None
+        for line in station.stdout:
+            if line.strip() == "6":
+                break
+        station.send_signal(signal.SIGKILL)
+        station.wait()
+        with Link.open(rover.connection, tmp_path / "after.tlog") as link:
+            said: list[str] = []
+            end = time.monotonic() + 15
+            with link.listening(lambda m: None, lambda text: said.append(text.text)):
+                while not any("stopped" in text for text in said) and time.monotonic() < end:
+                    link.receive(0.2)
+            assert any("stopped: " in text for text in said), said
+            pump(link, 3.0)  # the throttle's slew rate
+            outputs = link.request_message("SERVO_OUTPUT_RAW")
+            assert outputs is not None
+            assert (outputs.servo1_raw, outputs.servo3_raw) == (1500, 1500)
+    log = mavutil.mavlink_connection(str(tmp_path / "station" / "sweep1.tlog"))
+    kinds = set()
+    while (message := log.recv_msg()) is not None:
+        kinds.add(message.get_type())
+    assert {"SERVO_OUTPUT_RAW", "ATTITUDE", "NAMED_VALUE_FLOAT"} <= kinds
+    assert "BAD_DATA" not in kinds
