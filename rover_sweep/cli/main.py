@@ -17,6 +17,9 @@ import click
 from rover_sweep import __version__
 from rover_sweep.errors import RoverSweepError
 
+# The matrices here are small: threads of the linear algebra library cost more than they bring.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # name -> ("module:click command", one line of help). The help stands here so that `--help` imports nothing.
 COMMANDS: dict[str, tuple[str, str]] = {
     "dry-run": ("rover_sweep.cli.dry_run:dry_run", "The whole job on a simulated rover, no hardware needed."),
