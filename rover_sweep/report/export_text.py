@@ -48,7 +48,7 @@ def matlab_text(model: Model) -> str:
 
 
 def python_text(model: Model) -> str:
-    """A module with the matrices and `frequency_response(w)`; numpy alone, python-control where it is there."""
+    """A module with the matrices, `frequency_response(w)` by numpy, and `system()` by python-control."""
     return "\n".join(
         [
             f'"""{model["model"]} model of a rover, exported by rover-sweep.\n',
@@ -61,7 +61,8 @@ def python_text(model: Model) -> str:
             f"states = {list(model['states'])!r}  # {', '.join(model['state_units'])}",
             f"inputs = {list(model['inputs'])!r}  # {', '.join(model['input_units'])}",
             f"outputs = {list(model['outputs'])!r}  # {', '.join(model['output_units'])}",
-            f"sensor_filters = {_filters(model)!r}  # output: (numerator, denominator) in falling powers of s",
+            "# output: (numerator, denominator) in falling powers of s",
+            f"sensor_filters = {_filters(model)!r}",
             _PYTHON_FUNCTIONS,
         ]
     )

@@ -34,17 +34,22 @@ RESPONSES = "Orange lines: the usable band (coherence at least 0.6, brief drops 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture of the report. name: of its file, without .png; draw: makes the figure."""
+    """A picture of the report. name: of its file, without .png; make: builds the figure."""
 
     name: str
     section: Section
     caption: str
-    draw: Callable[[], Figure]
+    make: Callable[[], Figure]
+
+    def figure(self) -> Figure:
+        """The figure in the report's style."""
+        with styled():
+            return self.make()
 
     def png(self) -> bytes:
         """The picture drawn."""
         with styled():
-            return png(self.draw())
+            return png(self.make())
 
 
 def planned(result: Identification, provenance: Provenance) -> tuple[Picture, ...]:

@@ -1,0 +1,173 @@
+"""Tables and sentences of the report."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from rover_sweep.report.comparison import (
+    Table,
+    cost_table,
+    filters_table,
+    inertia_table,
+    parameter_table,
+    reduction_table,
+    variants_table,
+    verification_tables,
+)
+from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
+from rover_sweep.report.tables import comparison, conclusion
+from rover_sweep.report.wording import band, change, number, percent, symbol
+
+
+def rows(table: Table | None) -> dict[str, list[str]]:
+    """Texts of each row by its first cell."""
+    assert table is not None
+    return {row[0].text: [cell.text for cell in row[1:]] for row in table.rows}
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0711937, "0.07119"), (31.0, "31.00"), (0, "0"), (126.41, "126.4"), (-748.077, "-748.1"),
+     (1e-7, "1.000e-07"), (2.5e6, "2.500e+06"), (None, "–"), (float("inf"), "–")],
+)  # fmt: skip
+def test_numbers_have_four_significant_digits(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_percentages_changes_bands_and_symbols() -> None:
+    assert (percent(8.234), percent(2390.0), percent(None)) == ("8.23", "> 1000", "–")
+    assert (change(-7.84), change(0.004), change(None)) == ("-7.8", "+0.0", "–")
+    assert (band((0.294, 23.19)), band(None)) == ("0.29–23.2", "–")
+    assert (symbol("C"), symbol("L_phi"), symbol("Y_delta"), symbol("h")) == ("Cf = Cr", "L_φ", "Y_δ", "h")
+
+
+def test_parameter_table_is_the_paper_s_table_3(nominal: Any) -> None:
+    table = rows(parameter_table(nominal.result, "roll-yaw"))
+    e = nominal.result.models["roll-yaw"].fit["C"]
+    assert table["Cf = Cr"] == [
+        "cornering stiffness, each axle", number(e.value), "N/rad", "free",
+        percent(e.cr_percent), percent(e.insensitivity_percent),
+    ]  # fmt: skip
+    assert table["m_s"] == ["sprung mass", "2.400", "kg", "fixed", "–", "–"]
+    assert table["V_x"][1] == number(nominal.result.speed)
+
+
+def test_bounds_beyond_the_guidelines_are_marked(nominal: Any) -> None:
+    free = {e.name: e for e in nominal.result.models["lumped"].fit.estimates if e.free}
+    weak = {symbol(n) for n, e in free.items() if (e.cr_percent or 0) > 20}
+    marked = {r[0].text for r in parameter_table(nominal.result, "lumped").rows if r[5].tone == "warn"}
+    assert marked == weak and weak
+
+
+def test_cost_table_puts_what_was_not_fitted_in_brackets(nominal: Any) -> None:
+    models = nominal.result.models
+    table = cost_table(nominal.result)
+    assert table.headings == ("response", "Kinematic", "Bicycle", "Roll-yaw", "Lumped")
+    vydot = rows(table)["lateral velocity rate V̇_y / δ"]
+    assert vydot[0] == "n/a" and vydot[2] == f"({models['roll-yaw'].costs['vydot']:.1f})"
+    assert rows(table)["J_ave, fitted"][2] == f"{models['roll-yaw'].fit.average:.1f}"
+    assert rows(table)["J_ave, all responses"][2] == f"{models['roll-yaw'].average_all:.1f}"
+
+
+def test_verification_table_has_a_column_for_each_model(nominal: Any) -> None:
+    (table,) = verification_tables(nominal.result)
+    assert "run4" in table.title
+    verdict = nominal.result.models["lumped"].verification[0]
+    assert rows(table)["J_rms"][3] == number(verdict.j_rms, 3)
+    assert rows(table)["TIC"][3] == number(verdict.tic, 3)
+    assert rows(table)["p, deg/s  (TIC)"][1] == "n/a"
+
+
+def test_inertia_is_compared_with_the_vehicle_file_in_percent(nominal: Any) -> None:
+    table = rows(inertia_table(nominal.result, nominal.provenance))
+    found = nominal.result.models["roll-yaw"].fit["Izz"].value
+    assert table["vehicle file"][:2] == ["0.06900", "± 0.0030"]
+    assert table["Roll-yaw model"][2] == change(100 * (found / 0.069 - 1))
+    assert inertia_table(nominal.result, replace(nominal.provenance, vehicle=None)) is None
+
+
+def test_reduction_names_every_step(nominal: Any) -> None:
+    model = nominal.result.models["lumped"]
+    table = reduction_table(model)
+    assert table is not None and len(table.rows) == len(model.reduction)
+    assert reduction_table(nominal.result.models["bicycle"]) is None
+
+
+def test_other_fits_stand_side_by_side(nominal: Any) -> None:
+    table = variants_table(nominal.result, "roll-yaw")
+    assert table is not None and table.headings[1] == "the fit"
+    assert {"filters ignored", "four responses", "Cf and Cr free"} <= set(table.headings)
+    loose = nominal.result.models["roll-yaw"].variants["Cf and Cr free"]
+    column = table.headings.index("Cf and Cr free") - 1
+    assert rows(table)["Cf, N/rad"][column] == number(loose["Cf"].value)
+    assert rows(table)["Cf = Cr, N/rad"][column] == "–"
+
+
+def test_ignored_4_hz_filters_are_shown_to_look_fine_and_to_be_wrong(defaults: Any) -> None:
+    model = defaults.result.models["roll-yaw"]
+    other = model.variants["filters ignored"]
+    remark = filters_remark(defaults.result)
+    assert remark is not None
+    assert "looks fine by its cost" in remark and "is wrong" in remark
+    assert f"J_ave {other.average:.1f} without them, {model.fit.average:.1f} with them" in remark
+    moved = 100 * (other["Izz"].value / model.fit["Izz"].value - 1)
+    assert moved > 30 and f"I_zz by {moved:+.0f} %" in remark
+    assert "4.00 Hz (INS_GYRO_FILTER)" in filters_known(defaults.result)
+    table = filters_table(defaults.result)
+    assert table is not None
+    izz = next(r for r in table.rows[3:] if r[1].text == "I_zz, kg m²")
+    assert [izz[2].text, izz[3].text] == [number(model.fit["Izz"].value), number(other["Izz"].value)]
+    assert izz[4].tone == "warn"
+
+
+def test_ignored_20_hz_filters_only_move_the_delay(nominal: Any) -> None:
+    remark = filters_remark(nominal.result)
+    assert remark is not None and "costs the same" in remark and "is wrong" not in remark
+
+
+def test_a_kinematic_rover_shows_no_tyre_number_anywhere(stock: Any) -> None:
+    table = parameter_table(stock.result, "bicycle")
+    assert rows(table)["Cf = Cr"][1] == "not identifiable"
+    assert "kinematic model fits as well" in table.note
+    assert variants_table(stock.result, "bicycle") is None
+    assert {r[0].text for r in filters_table(stock.result).rows} <= {"Kinematic", ""}  # type: ignore[union-attr]
+    told = finding(stock.result)
+    assert told is not None and "L_eff" in told and "Cf" not in told
+
+
+def test_finding_names_parameters_bounds_and_verification(nominal: Any) -> None:
+    told = finding(nominal.result)
+    verdict = nominal.result.models["roll-yaw"].verification[0]
+    assert told is not None
+    assert f"J_rms {number(verdict.j_rms, 3)} and TIC {number(verdict.tic, 2)}" in told
+    assert "Cf = Cr" in told and "CR" in told
+
+
+def test_what_to_do_first_names_runs_to_repeat_refusals_and_missing_verification(
+    nominal: Any, stock: Any, defaults: Any
+) -> None:
+    assert to_do(nominal.result, replace(nominal.provenance, verify_runs=())) == to_do(*nominal) + (
+        "no run was given for the verification: drive a doublet and give it with --verify",
+    )
+    poor = replace(nominal.result.coherence[0], keep=False, sentence="repeat with 4.0 times the amplitude")
+    told = to_do(replace(nominal.result, coherence=(poor,)), nominal.provenance)
+    assert told[0] == "run1: repeat with 4.0 times the amplitude"
+    assert any("roll rate does not follow" in text for text in to_do(*stock))
+
+
+def test_the_terminal_shows_all_tables_within_its_width(nominal: Any) -> None:
+    out = io.StringIO()
+    console = Console(file=out, width=100, force_terminal=False)
+    console.print(comparison(*nominal))
+    console.print(conclusion(*nominal))
+    text = out.getvalue()
+    for words in ("Runs", "Bicycle model", "Roll-yaw model", "Lumped model", "Model structure reduction",
+                  "Cost J", "Verification on run4", "Yaw inertia", "If the sensors' filters"):  # fmt: skip
+        assert words in text
+    assert max(len(row) for row in text.splitlines()) <= 100
+    assert "use the roll-yaw model" in text

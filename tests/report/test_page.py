@@ -1,0 +1,101 @@
+"""report.html: one page, nothing fetched, all pictures in it."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rover_sweep.report.page import page
+from rover_sweep.report.wording import number
+
+
+class Elements(HTMLParser):
+    """Tags with attributes, visible text, and whether every tag was closed."""
+
+    VOID = ("meta", "img", "br", "link", "input", "hr")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text += data
+
+
+@pytest.fixture(scope="module")
+def html(reports: dict[str, Path]) -> str:
+    return (reports["nominal"] / "report.html").read_text(encoding="utf-8")
+
+
+def test_page_is_well_formed_and_fetches_nothing(html: str) -> None:
+    elements = Elements(html)
+    assert elements.open == []
+    assert not [tag for tag, _ in elements.tags if tag in ("script", "link", "iframe")]
+    links = [v for _, a in elements.tags for k, v in a.items() if k in ("src", "href") and v]
+    assert all(v.startswith(("data:image/png;base64,", "#")) for v in links)
+    assert "url(" not in html and "@import" not in html
+
+
+def test_links_within_the_page_lead_somewhere(html: str) -> None:
+    tags = Elements(html).tags
+    places = {a.get("id") for _, a in tags}
+    assert {(a["href"] or "")[1:] for tag, a in tags if tag == "a"} <= places
+
+
+def test_pictures_are_those_of_the_folder_and_have_a_text(html: str, reports: dict[str, Path]) -> None:
+    images = [a for tag, a in Elements(html).tags if tag == "img"]
+    embedded = {base64.b64decode((a["src"] or "").partition(",")[2]) for a in images}
+    assert embedded == {p.read_bytes() for p in (reports["nominal"] / "pictures").glob("*.png")}
+    assert all(a["alt"] for a in images)
+
+
+def test_the_answer_comes_first_and_the_numbers_follow(html: str, nominal: Any) -> None:
+    text = Elements(html).text
+    fit = nominal.result.models["roll-yaw"].fit
+    assert text.index("Use the roll-yaw model") < text.index("Comparison of the models")
+    assert number(fit["C"].value) in text and number(fit["k_phi"].value) in text
+    digest = nominal.result.groups[0].runs[0].sources[0][1]
+    for words in (
+        "0.06900",
+        "structure reduction",
+        "INS_GYRO_FILTER",
+        "ignores the sensors'",
+        "numpy",
+        digest,
+    ):
+        assert words in text
+
+
+def test_light_dark_and_print_are_provided_for(html: str) -> None:
+    assert "prefers-color-scheme: dark" in html and "@media print" in html
+
+
+def test_rejected_numbers_are_nowhere_on_the_page(reports: dict[str, Path], stock: Any) -> None:
+    text = Elements((reports["stock"] / "report.html").read_text(encoding="utf-8")).text
+    rejected = stock.result.models["bicycle"].fit
+    assert "not identifiable" in text and "Use the kinematic model" in text
+    assert number(rejected["C"].value) not in text
+    assert number(stock.result.models["kinematic"].fit["L_eff"].value) in text
+
+
+def test_names_from_files_cannot_become_markup(nominal: Any) -> None:
+    vehicle = replace(nominal.provenance.vehicle, name="<script>alert(1)</script>")
+    text = page(nominal.result, replace(nominal.provenance, vehicle=vehicle), ())
+    assert "<script>" not in text and "&lt;script&gt;" in text

@@ -1,0 +1,75 @@
+"""The report folder."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rover_sweep.errors import UsageError
+from rover_sweep.report.document import identification_document
+from rover_sweep.report.files import write_file
+from rover_sweep.report.write import write_report
+
+
+def names(folder: Path) -> set[str]:
+    return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+
+
+def test_folder_holds_document_page_pictures_and_models(reports: dict[str, Path], nominal: Any) -> None:
+    assert names(reports["nominal"]) == {
+        "identification.json", "report.html", "pictures/verification-run4.png", "pictures/models.png",
+        "pictures/responses.png", "pictures/history-run1.png", "pictures/history-run2.png",
+        "pictures/history-run4.png", "models/kinematic.json", "models/bicycle.json", "models/roll-yaw.json",
+        "models/lumped.json",
+    }  # fmt: skip
+    told = json.loads((reports["nominal"] / "identification.json").read_text(encoding="utf-8"))
+    assert told == json.loads(json.dumps(identification_document(*nominal)))
+
+
+def test_a_rejected_model_is_not_exported(reports: dict[str, Path]) -> None:
+    assert [p.name for p in (reports["stock"] / "models").iterdir()] == ["kinematic.json"]
+
+
+def test_writing_again_removes_what_is_no_longer_true_tells_its_progress_and_keeps_other_files(
+    stock: Any, tmp_path: Path
+) -> None:
+    for stale in ("models/bicycle.json", "pictures/old.png"):
+        (tmp_path / stale).parent.mkdir()
+        (tmp_path / stale).write_text("old")
+    (tmp_path / "notes.txt").write_text("mine")
+    told: list[tuple[float, str]] = []
+    files = write_report(
+        stock.result, tmp_path, stock.provenance, lambda share, what: told.append((share, what))
+    )
+    found = names(tmp_path)
+    assert "models/bicycle.json" not in found and "pictures/old.png" not in found and "notes.txt" in found
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares) and shares[0] == 0 and shares[-1] == 1
+    assert {
+        str(p.relative_to(tmp_path)) for p in (files.document, files.page, *files.pictures, *files.models)
+    } == (found - {"notes.txt"})
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "identification.json"
+    write_file(path, "old")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(UsageError, match="No space left on device"):
+        write_file(path, "new")
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_place_that_is_no_folder_is_a_usage_error(stock: Any, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="cannot be written"):
+        write_report(stock.result, tmp_path / "file", stock.provenance)
