@@ -60,8 +60,7 @@ def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
 def test_kill_9_leaves_a_readable_tlog_and_a_rover_that_stops_by_itself(tmp_path: Path) -> None:
     program = (
         "import sys, pathlib\n"
-        "from rover_sweep.vehicle.controls import pump
-from rover_sweep.vehicle.dry_run import DryRun, dry_run\n"
+        "from rover_sweep.vehicle.dry_run import DryRun, dry_run\n"
         "from rover_sweep.vehicle.events import StateChanged\n"
         "for event in dry_run(DryRun(url=sys.argv[1], consent=True), pathlib.Path(sys.argv[2])):\n"
         "    if isinstance(event, StateChanged): print(event.state, flush=True)\n"
