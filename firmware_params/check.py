@@ -8,18 +8,27 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-REBOOT = "[reboot]"  # ends the reason of a parameter that only counts after a restart
+REBOOT = "[reboot]"  # in a reason: the value only counts after a restart
+AT_LEAST = "[at least]"  # in a reason: a larger value will do as well
 _SEPARATORS = re.compile(r"[,=\s]+")  # those of ArduPilot's AP_Param::parse_param_line
 
 
 @dataclass(frozen=True)
 class WantedParameter:
-    """One line of a parameter file."""
+    """One line of a parameter file; at_least: a larger value on the vehicle is as good."""
 
     name: str
     value: float
     reason: str = ""
     needs_reboot: bool = False
+    at_least: bool = False
+
+    def met_by(self, found: float | None) -> bool:
+        """Whether the vehicle's value will do, both as float32 (what MAVLink carries)."""
+        if found is None:
+            return False
+        wanted, has = _single(self.value), _single(found)
+        return has == wanted or (self.at_least and has > wanted)
 
 
 @dataclass(frozen=True)
@@ -69,8 +78,8 @@ def _parse_entry(entry: str, comment: str, where: str) -> WantedParameter:
         number = float(int(value, 16)) if value.lower().startswith("0x") else float(value)
     except ValueError:
         raise ValueError(f"{where}: {entry.strip()!r} is not NAME value") from None
-    needs_reboot = comment.endswith(REBOOT)
-    return WantedParameter(name.upper(), number, comment.removesuffix(REBOOT).strip(), needs_reboot)
+    reason = " ".join(comment.replace(REBOOT, "").replace(AT_LEAST, "").split())
+    return WantedParameter(name.upper(), number, reason, REBOOT in comment, AT_LEAST in comment)
 
 
 def read(path: Path) -> tuple[WantedParameter, ...]:
@@ -79,25 +88,22 @@ def read(path: Path) -> tuple[WantedParameter, ...]:
 
 
 def compare(vehicle: Mapping[str, float], wanted: Iterable[WantedParameter]) -> tuple[Difference, ...]:
-    """Those parameters that differ on the vehicle, as float32 (what MAVLink carries)."""
+    """Those parameters whose value on the vehicle (name -> value) will not do."""
     return tuple(
         _difference(parameter, vehicle.get(parameter.name))
         for parameter in wanted
-        if not _equal(parameter.value, vehicle.get(parameter.name))
+        if not parameter.met_by(vehicle.get(parameter.name))
     )
 
 
-def _equal(wanted: float, found: float | None) -> bool:
-    return found is not None and _single(wanted) == _single(found)
-
-
-def _single(value: float) -> bytes:
-    return struct.pack("<f", value + 0.0)  # -0.0 and 0.0 are one value
+def _single(value: float) -> float:
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 def _difference(parameter: WantedParameter, found: float | None) -> Difference:
     state = "does not exist on this vehicle" if found is None else f"is {found:.7g}"
-    sentence = f"{parameter.name} {state}, wanted {parameter.value:.7g}"
+    bound = "at least " if parameter.at_least else ""
+    sentence = f"{parameter.name} {state}, wanted {bound}{parameter.value:.7g}"
     if parameter.reason:
         sentence += f": {parameter.reason}"
     if parameter.needs_reboot:

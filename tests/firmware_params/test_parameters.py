@@ -100,6 +100,14 @@ def test_differences_are_those_of_float32() -> None:
     assert check.compare(vehicle | {"FS_TIMEOUT": 1.1000003}, wanted[:1])
 
 
+def test_larger_value_will_do_where_the_line_says_so() -> None:
+    (heap,) = check.parse("SCR_HEAP_SIZE 102400 # room [at least] [reboot]")
+    assert heap == check.WantedParameter("SCR_HEAP_SIZE", 102400, "room", True, True)
+    assert check.compare({"SCR_HEAP_SIZE": 204800}, [heap]) == ()
+    (small,) = check.compare({"SCR_HEAP_SIZE": 43008}, [heap])
+    assert small.sentence == "SCR_HEAP_SIZE is 43008, wanted at least 102400: room (counts after a reboot)"
+
+
 def test_imports_nothing_of_the_other_parts() -> None:
     for module in Path(parameters.__file__).parent.glob("*.py"):
         assert not re.search(
