@@ -15,7 +15,7 @@ from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import FrequencyResponse
 from rover_sweep.report.model_document import model_document
 from rover_sweep.report.provenance import Provenance
-from rover_sweep.report.standing import identified_runs, inertia_of, ordered, rejection
+from rover_sweep.report.standing import inertia_of, judged_runs, ordered, rejection
 from rover_sweep.report.strict_json import plain
 
 FORMAT_VERSION = 1
@@ -87,14 +87,7 @@ def _vehicle(result: Identification, provenance: Provenance) -> dict[str, Any]:
 
 
 def _runs(result: Identification) -> list[dict[str, Any]]:
-    left = list(result.coherence)
-    out = []
-    for run in identified_runs(result):
-        verdict = next((v for v in left if v.run == run.name), None)
-        if verdict:
-            left.remove(verdict)
-        out.append(recording_document(run) | (_verdict(verdict) if verdict else {}))
-    return out
+    return [recording_document(run) | (_verdict(v) if v else {}) for run, v in judged_runs(result)]
 
 
 def _verdict(verdict: CoherenceVerdict) -> dict[str, Any]:

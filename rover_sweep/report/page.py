@@ -27,7 +27,7 @@ from rover_sweep.report.comparison import (
 from rover_sweep.report.document import AXES
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
-from rover_sweep.report.standing import TITLES, identified_runs, ordered, rejection
+from rover_sweep.report.standing import TITLES, judged_runs, ordered, rejection
 from rover_sweep.report.wording import SHORT_NAMES, number
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str
         finding=finding(result),
         to_do=to_do(result, provenance),
         models=[_model(result, name) for name in ordered(result)],
-        titles=TITLES,
+        speeds=" and ".join(f"{group.speed:.2f}" for group in result.groups),
         runs_table=coherence_table(result),
         cost=cost_table(result) if result.models else None,
         verification=verification_tables(result),
@@ -94,8 +94,7 @@ def _by_section(pictures: Drawn) -> dict[str, list[dict[str, str]]]:
 
 
 def _recordings(result: Identification, provenance: Provenance) -> list[dict[str, Any]]:
-    verdicts = {v.run: v.sentence for v in result.coherence}
-    fits = [_recording(run, "identification", verdicts.get(run.name, "")) for run in identified_runs(result)]
+    fits = [_recording(run, "identification", v.sentence if v else "") for run, v in judged_runs(result)]
     return fits + [_recording(run, "verification", "") for run in provenance.verify_runs]
 
 

@@ -19,7 +19,7 @@ WIDTH = 10.5  # in
 DATA = "#222222"
 # Okabe and Ito's palette; the line styles tell the models apart without any colour.
 MODEL_LINES: Mapping[str, Mapping[str, Any]] = {
-    "kinematic": {"color": "#CC79A7", "linestyle": (0, (1, 1.2))},
+    "kinematic": {"color": "#CC79A7", "linestyle": (0, (1, 1.2)), "linewidth": 2.2},
     "bicycle": {"color": "#0072B2", "linestyle": (0, (6, 2))},
     "roll-yaw": {"color": "#D55E00", "linestyle": "-"},
     "lumped": {"color": "#009E73", "linestyle": (0, (5, 1.5, 1.2, 1.5))},

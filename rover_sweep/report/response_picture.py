@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
+from rover_sweep.identify.fit import costs
 from rover_sweep.identify.grouping import Group
 from rover_sweep.identify.identification import ModelResult
 from rover_sweep.identify.recording import Array
@@ -79,7 +80,7 @@ def _block(
     phase.yaxis.set_major_locator(MultipleLocator(45 if np.ptp(phase.get_ylim()) < 330 else 90))
     phase.set_ylabel("phase, deg")
     _coherence(coherence, f)
-    magnitude.set_title(_title(f, models))
+    magnitude.set_title(_title(f, group, models))
     for axes in panels:
         _outside(axes, f)
         log_frequency(axes, *span, labelled=axes is coherence)
@@ -119,16 +120,18 @@ def _outside(axes: Axes, f: FrequencyResponse) -> None:
             axes.axvline(edge, color=BAND, linewidth=1.2)
 
 
-def _title(f: FrequencyResponse, models: Models) -> str:
+def _title(f: FrequencyResponse, group: Group, models: Models) -> str:
+    """The response and its unit, below it J of each model at this speed."""
     what = f"{LABELS[f.output]} / steering, {f.unit.replace('^2', '²')}"
-    costs = {name: m for name, m in models.items() if f.output in m.costs}
     if not models:
         return f"{what}\n{'usable ' + band(f.band) + ' rad/s' if f.band else 'no usable band'}"
-    told = ", ".join(f"{name} {m.costs[f.output]:.1f}" for name, m in costs.items())
-    fitted = any(f.output in m.fit.costs for m in costs.values())
-    return (
-        f"{what}\n" + (f"J: {told}" if told else "no model has it") + ("" if fitted else " (not in the fit)")
-    )
+    having = {name: m for name, m in models.items() if f.band and f.output in m.fit.structure.outputs}
+    if not having:
+        return f"{what}\nno model has it" if f.band else f"{what}\nno usable band"
+    seen = [group.condition((f.output,))]
+    told = ", ".join(f"{name} {costs(m.fit.structure, seen)[f.output]:.1f}" for name, m in having.items())
+    fitted = any(f.output in m.fit.costs for m in having.values())
+    return f"{what}\nJ: {told}" + ("" if fitted else " (not in the fit)")
 
 
 def _model_line(model: ModelResult, f: FrequencyResponse, group: Group) -> Complex:

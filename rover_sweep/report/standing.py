@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from rover_sweep.identify.fit import Estimate
 from rover_sweep.identify.identification import Identification, ModelResult
+from rover_sweep.identify.quality import CoherenceVerdict
 from rover_sweep.identify.recording import LowPass, Recording
 from rover_sweep.identify.verdicts import kinematic_suffices
 
@@ -38,6 +39,18 @@ def usable(result: Identification) -> dict[str, ModelResult]:
 def identified_runs(result: Identification) -> tuple[Recording, ...]:
     """The runs of all groups."""
     return tuple(run for group in result.groups for run in group.runs)
+
+
+def judged_runs(result: Identification) -> tuple[tuple[Recording, CoherenceVerdict | None], ...]:
+    """Each run of the groups with its verdict; runs of the same name get theirs in turn."""
+    left = list(result.coherence)
+    out = []
+    for run in identified_runs(result):
+        verdict = next((v for v in left if v.run == run.name), None)
+        if verdict:
+            left.remove(verdict)
+        out.append((run, verdict))
+    return tuple(out)
 
 
 def known_filters(result: Identification) -> Mapping[str, LowPass]:

@@ -55,7 +55,7 @@ def _channel(axes: Axes, channel: str, verdicts: Mapping[str, Verification], sta
             axes.set_ylabel(f"{LABELS[channel]}\n{overlay.unit.replace('^2', '²')}")
             drawn = True
         words = f"{name}: $J_{{rms}}$ {verdict.j_rms:.2f}, TIC {verdict.tic:.3f}"
-        axes.plot(overlay.t - start, overlay.model, label=words, linewidth=1.4, **MODEL_LINES[name])
+        axes.plot(overlay.t - start, overlay.model, label=words, **MODEL_LINES[name])
 
 
 def _overlay(v: Verification, channel: str) -> Overlay | None:

@@ -40,7 +40,7 @@ def change(value: float | None) -> str:
     """A change in percent with its sign, to a tenth."""
     if value is None or not math.isfinite(value):
         return "–"
-    return "> +1000" if value >= 1000 else f"{value:+.1f}"
+    return "> +1000" if value >= 1000 else f"{round(value, 1) + 0.0:+.1f}"  # + 0.0: no -0.0
 
 
 def band(limits: tuple[float, float] | None) -> str:

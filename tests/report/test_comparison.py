@@ -41,7 +41,7 @@ def test_numbers_have_four_significant_digits(value: float | None, text: str) ->
 
 def test_percentages_changes_bands_and_symbols() -> None:
     assert (percent(8.234), percent(2390.0), percent(None)) == ("8.23", "> 1000", "–")
-    assert (change(-7.84), change(0.004), change(None)) == ("-7.8", "+0.0", "–")
+    assert (change(-7.84), change(-0.004), change(None)) == ("-7.8", "+0.0", "–")
     assert (band((0.294, 23.19)), band(None)) == ("0.29–23.2", "–")
     assert (symbol("C"), symbol("L_phi"), symbol("Y_delta"), symbol("h")) == ("Cf = Cr", "L_φ", "Y_δ", "h")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -144,3 +145,15 @@ def test_json_text_reads_back_whatever_its_layout() -> None:
         "deep": {"k": [{"a": 1}]},
     }
     assert json.loads(dumps(value)) == value
+
+
+def test_runs_of_the_same_name_keep_their_own_verdicts(nominal: Any) -> None:
+    group, (first, second) = nominal.result.groups[0], nominal.result.coherence
+    runs = tuple(replace(run, name="log") for run in group.runs)
+    verdicts = (
+        replace(first, run="log", sentence="of the first"),
+        replace(second, run="log", sentence="of the second"),
+    )
+    result = replace(nominal.result, groups=(replace(group, runs=runs),), coherence=verdicts)
+    document = identification_document(result, nominal.provenance)
+    assert [run["sentence"] for run in document["runs"]] == ["of the first", "of the second"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,3 +74,13 @@ def test_a_place_that_is_no_folder_is_a_usage_error(stock: Any, tmp_path: Path) 
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="cannot be written"):
         write_report(stock.result, tmp_path / "file", stock.provenance)
+
+
+def test_runs_that_carry_no_model_still_make_a_report_that_says_so(nominal: Any, tmp_path: Path) -> None:
+    why = "nothing can be identified: no band where the yaw rate follows the steering"
+    nothing = replace(nominal.result, models={}, refused={"bicycle": why}, recommended=None, summary=(why,))
+    files = write_report(nothing, tmp_path, nominal.provenance)
+    told = json.loads(files.document.read_text(encoding="utf-8"))
+    assert (told["models"], told["recommended"], files.models) == ({}, None, ())
+    assert why[1:] in files.page.read_text(encoding="utf-8")
+    assert "pictures/responses.png" in names(tmp_path) and "pictures/models.png" not in names(tmp_path)
