@@ -96,13 +96,16 @@ def responses(
 
 
 def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None) -> CoherenceVerdict:
-    """The verdict on one run from the coherence of r and a_y over the excited range."""
+    """The verdict on one run from the coherence of r and a_y over the excited range.
+
+    The roll rate is judged too where it answers at all; a rover that does not roll is none the worse.
+    """
     input = "delta" if "delta" in run else "pwm"
     measured = found or responses([run], input=input)
     outputs = tuple(_output(f) for f in measured.values())
-    judged = [f for name, f in measured.items() if name in ("r", "ay")] or list(measured.values())
+    judged = [f for name, f in measured.items() if name in ("r", "ay") or (name == "p" and f.band)]
     worst = min(judged, key=lambda f: _output(f).covered)
-    signal = run.manoeuvre(input)
+    signal = run.manoeuvre("pwm" if "pwm" in run else input)
     amplitude = float(np.ptp(signal.x)) / 2
     unit = "us" if signal.unit == "us" else signal.unit
     swept = (float(worst.w[0]), float(worst.w[-1]))
