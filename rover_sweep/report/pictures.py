@@ -82,6 +82,8 @@ def _responses(result: Identification) -> Iterator[Picture]:
         suffix = f"-{group.speed:.2f}mps".replace(".", "p") if len(result.groups) > 1 else ""
         if models:
             caption = f"Measured responses{at} and the models' {MODELS}"
+            if "lumped" in models and group is not result.groups[0]:
+                caption += f" The lumped model is that of {result.speed:.2f} m/s: it has no other."
             yield Picture(f"models{suffix}", "models", caption, partial(modelled_responses, group, models))
         caption = f"Measured frequency responses{at}, composite of windows of {_windows(group)}. {RESPONSES}"
         yield Picture(f"responses{suffix}", "responses", caption, partial(measured_responses, group))
