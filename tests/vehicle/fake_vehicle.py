@@ -23,6 +23,11 @@ _COURSE = (1, 2, 3, 4, 5, 6, 7, 8, 9, 0)  # states that a run goes through, 1 s 
 def default_parameters() -> dict[str, float]:
     values = {p.name: float(p.default) for p in PARAMETERS}
     values |= {"SCR_ENABLE": 1.0, "SCHED_LOOP_RATE": 100.0, "RC6_OPTION": 300.0, "RC_OVERRIDE_TIME": 3.0}
+    values |= {f"RC{n}_OPTION": 0.0 for n in range(1, 17) if n != SWITCH}
+    for n in range(1, 5):
+        values |= {f"SERVO{n}_FUNCTION": 0.0, f"SERVO{n}_TRIM": 1500.0, f"SERVO{n}_REVERSED": 0.0}
+        values |= {f"SERVO{n}_MIN": 1100.0, f"SERVO{n}_MAX": 1900.0}
+    values |= {"INS_ACCEL_FILTER": 10.0, "LOG_BITMASK": 65535.0}
     values |= {"SERVO1_FUNCTION": 26.0, "RC1_TRIM": 1500.0, "RC3_TRIM": 1500.0, "INS_GYRO_FILTER": 4.0}
     return values | {"RCMAP_ROLL": 1.0, "RCMAP_THROTTLE": 3.0}
 
@@ -83,7 +88,7 @@ class FakeVehicle:
     # ---- its thread
 
     def _serve(self) -> None:
-        self._listener.settimeout(0.1)
+        self._listener.settimeout(0.01)
         while not self._end.is_set():
             try:
                 self._socket, _ = self._listener.accept()

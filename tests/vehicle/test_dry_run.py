@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink import mavutil
@@ -57,31 +58,48 @@ def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
     assert told["logs"] == [saved.path.name]
 
 
-def test_kill_9_leaves_a_readable_tlog_and_a_rover_that_stops_by_itself(tmp_path: Path) -> None:
-    program = (
-        "import sys, pathlib\n"
-        "from rover_sweep.vehicle.dry_run import DryRun, dry_run\n"
-        "from rover_sweep.vehicle.events import StateChanged\n"
-        "for event in dry_run(DryRun(url=sys.argv[1], consent=True), pathlib.Path(sys.argv[2])):\n"
-        "    if isinstance(event, StateChanged): print(event.state, flush=True)\n"
-    )
-    options = ("--applet", "--parameter", "SCR_ENABLE=1")
-    with launcher.start_embedded(tmp_path / "vehicle", options=options, speedup=8) as rover:
-        command = [sys.executable, "-c", program, rover.connection, str(tmp_path / "station")]
-        station = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        assert station.stdout is not None
+_STATION = """
+import sys, pathlib
+from rover_sweep.vehicle.dry_run import DryRun, dry_run
+from rover_sweep.vehicle.events import StateChanged
+for event in dry_run(DryRun(url=sys.argv[1], consent=True), pathlib.Path(sys.argv[2])):
+    if isinstance(event, StateChanged): print(event.state, flush=True)
+"""
+
+
+def _end_station_in_mid_sweep(connection: str, folder: Path, how: signal.Signals) -> None:
+    """Drive a dry run in another process and send it a signal while the sweep is on."""
+    command = [sys.executable, "-c", _STATION, connection, str(folder)]
+    station = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert station.stdout is not None
+    with station.stdout:
         for line in station.stdout:
             if line.strip() == "6":
                 break
-        station.send_signal(signal.SIGKILL)
-        station.wait()
+        station.send_signal(how)
+        station.wait(20)
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_station_that_ends_leaves_a_readable_tlog_and_a_rover_that_stops(
+    tmp_path: Path, how: signal.Signals
+) -> None:
+    options = ("--applet", "--parameter", "SCR_ENABLE=1")
+    with launcher.start_embedded(tmp_path / "vehicle", options=options, speedup=10) as rover:
+        _end_station_in_mid_sweep(rover.connection, tmp_path / "station", how)
         with Link.open(rover.connection, tmp_path / "after.tlog") as link:
-            said: list[str] = []
-            end = time.monotonic() + 15
-            with link.listening(lambda m: None, lambda text: said.append(text.text)):
-                while not any("stopped" in text for text in said) and time.monotonic() < end:
+            states: list[float] = []
+
+            def look(message: Any) -> None:
+                if message.get_type() == "NAMED_VALUE_FLOAT" and message.name == "SWP_ST":
+                    states.append(message.value)
+
+            with link.listening(look):
+                end = time.monotonic() + 15
+                while (not states or states[-1] not in (0, 10)) and time.monotonic() < end:
                     link.receive(0.2)
-            assert any("stopped: " in text for text in said), said
+            assert states[-1] in (0, 10)  # idle or stopped, steering is the pilot's
+            assert how == signal.SIGKILL or not link.armed  # who armed disarms, when it still can
             pump(link, 3.0)  # the throttle's slew rate
             outputs = link.request_message("SERVO_OUTPUT_RAW")
             assert outputs is not None

@@ -1,0 +1,65 @@
+"""Bytes over UDP and a serial line; and who may know pymavlink."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+from pathlib import Path
+
+import pytest
+
+import rover_sweep.vehicle
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.transport import open_transport
+
+
+def test_a_serial_line_carries_every_byte_unchanged() -> None:
+    vehicle, station = os.openpty()
+    port = open_transport(f"{os.ttyname(station)},57600")
+    everything = bytes(range(256))
+    try:
+        assert port.receive(0.01) == b""
+        os.write(vehicle, everything)
+        got = b""
+        while len(got) < 256 and (data := port.receive(1.0)):
+            got += data
+        assert got == everything
+        port.send(everything)
+        assert os.read(vehicle, 512) == everything
+    finally:
+        port.close()
+        os.close(station)
+        os.close(vehicle)
+
+
+def test_wrong_serial_devices(tmp_path: Path) -> None:
+    with pytest.raises(LinkError, match="cannot open /dev/no_such_tty: .*plugged in"):
+        open_transport("/dev/no_such_tty")
+    with pytest.raises(LinkError, match="is no serial port"):
+        open_transport("/dev/null")
+    with pytest.raises(UsageError, match="baud rate 12345"):
+        open_transport("/dev/null,12345")
+
+
+def test_udp_answers_whoever_spoke() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        number = free.getsockname()[1]
+    station = open_transport(f"udp:127.0.0.1:{number}")
+    vehicle = open_transport(f"udpout:127.0.0.1:{number}")
+    station.send(b"to nobody")
+    vehicle.send(b"hello")
+    assert station.receive(1.0) == b"hello"
+    station.send(b"yes")
+    assert vehicle.receive(1.0) == b"yes"
+    with pytest.raises(LinkError, match="another ground station"):
+        open_transport(f"udp:127.0.0.1:{number}")
+    station.close()
+    vehicle.close()
+
+
+def test_pymavlink_is_known_to_one_module() -> None:
+    folder = Path(rover_sweep.vehicle.__file__ or "").parent
+    importing = re.compile(r"^\s*(from|import) pymavlink", re.MULTILINE)
+    assert [p.name for p in folder.glob("*.py") if importing.search(p.read_text())] == ["mavlink.py"]
