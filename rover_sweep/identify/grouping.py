@@ -67,15 +67,21 @@ class Group:
 
 
 def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
-    """Runs in groups whose mean speeds lie within 10 % of the first of the group."""
+    """Runs in groups of equal sensor filters and mean speeds within 10 % of the first of the group."""
     groups: list[list[Recording]] = []
     for run in runs:
-        near = [g for g in groups if abs(run.mean_speed / g[0].mean_speed - 1) <= SAME_SPEED]
+        near = [g for g in groups if _alike(run, g[0])]
         if near:
             near[0].append(run)
         else:
             groups.append([run])
     return tuple(_group(g, settings) for g in groups)
+
+
+def _alike(a: Recording, b: Recording) -> bool:
+    """True for runs at one speed behind the same sensor low-passes."""
+    cutoffs = [{c: f.cutoff_hz for c, f in run.filters.items()} for run in (a, b)]
+    return abs(a.mean_speed / b.mean_speed - 1) <= SAME_SPEED and cutoffs[0] == cutoffs[1]
 
 
 def _group(runs: Sequence[Recording], settings: Settings) -> Group:

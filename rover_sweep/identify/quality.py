@@ -10,6 +10,7 @@ import numpy as np
 from rover_sweep.identify.recording import Array, Recording
 from rover_sweep.identify.response import (
     COHERENCE_GOOD,
+    RISING,
     Band,
     FrequencyResponse,
     default_windows,
@@ -20,6 +21,9 @@ from rover_sweep.identify.spectra import Transformer
 
 WANTED_COHERENCE = 0.8  # what a repeated run is asked to reach: a margin above the .6 that is usable
 COVERED = 0.8  # of the swept range, in log w
+RISING_FROM = (
+    4.0  # of the lowest frequency: where p and V_y' are judged from (the paper used p from twice w_min)
+)
 LATERAL_LIMIT = 6.0  # m/s^2, above which a rover on asphalt slides or rolls over
 
 
@@ -111,26 +115,36 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     swept = (float(worst.w[0]), float(worst.w[-1]))
     keep = _output(worst).covered >= COVERED
     factor = None if keep else _factor(worst)
-    words = _keep_words(outputs, swept) if keep else _repeat_words(run, worst, amplitude, unit, factor or 1.0)
+    peak = _peak(measured, float(np.ptp(run.manoeuvre(input).x)) / 2) * (factor or 1.0)
+    words = (
+        _keep_words(outputs, swept) if keep else _repeat_words(worst, amplitude, unit, factor or 1.0, peak)
+    )
     return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, words)
 
 
 def _output(f: FrequencyResponse) -> OutputCoherence:
-    lowest = int(np.argmin(f.coherence))
+    w, g2 = _judged(f)
+    lowest = int(np.argmin(g2))
     return OutputCoherence(
-        f.output, f.band, float(np.mean(f.coherence >= COHERENCE_GOOD)),
-        float(f.coherence[lowest]), float(f.w[lowest]),
-    )  # fmt: skip
+        f.output, f.band, float(np.mean(g2 >= COHERENCE_GOOD)), float(g2[lowest]), float(w[lowest])
+    )
+
+
+def _judged(f: FrequencyResponse) -> tuple[Array, Array]:
+    """(w, coherence) where an answer may be asked for: rising responses vanish at the low end in any noise."""
+    asked = f.w >= RISING_FROM * f.w[0] if f.output in RISING else np.ones(f.w.size, dtype=bool)
+    return f.w[asked], f.coherence[asked]
 
 
 def _factor(f: FrequencyResponse) -> float:
-    """Amplitude ratio that lifts the lower three quarters of the poor points to the wanted coherence.
+    """Amplitude ratio that lifts all but the worst tenth of the poor points to the wanted coherence.
 
     The signal-to-noise power ratio is g2/(1 - g2) and grows with the square of the amplitude.
     """
-    g2 = np.clip(f.coherence[f.coherence < COHERENCE_GOOD], 0.02, None)
+    g2 = _judged(f)[1]
+    g2 = np.clip(g2[g2 < COHERENCE_GOOD], 0.02, None)
     wanted = WANTED_COHERENCE / (1 - WANTED_COHERENCE)
-    return float(np.clip(np.sqrt(wanted * (1 - np.percentile(g2, 25)) / np.percentile(g2, 25)), 1.2, 12.0))
+    return float(np.clip(np.sqrt(wanted * (1 - np.percentile(g2, 10)) / np.percentile(g2, 10)), 1.2, 12.0))
 
 
 def _keep_words(outputs: Sequence[OutputCoherence], swept: Band) -> str:
@@ -140,17 +154,23 @@ def _keep_words(outputs: Sequence[OutputCoherence], swept: Band) -> str:
     return f"keep: coherence >= 0.6 over {swept[0]:.2g}-{swept[1]:.3g} rad/s ({bands} rad/s{rest})"
 
 
-def _repeat_words(run: Recording, f: FrequencyResponse, amplitude: float, unit: str, factor: float) -> str:
-    low = f.w[f.coherence < COHERENCE_GOOD]
+def _peak(found: Mapping[str, FrequencyResponse], amplitude: float) -> float:
+    """Largest a_y [m/s^2] that follows a steering amplitude in the input's unit; noise is not counted."""
+    ay = found.get("ay")
+    return amplitude * float(np.max(np.abs(ay.h) * np.sqrt(ay.coherence))) if ay else 0.0
+
+
+def _repeat_words(f: FrequencyResponse, amplitude: float, unit: str, factor: float, peak: float) -> str:
+    w, g2 = _judged(f)
+    low = w[g2 < COHERENCE_GOOD]
     where = f"{low[0]:.2g}-{low[-1]:.3g} rad/s"
     wanted = amplitude * factor
     value = f"{wanted:.0f} us" if unit == "us" else f"{wanted:.2g} {unit}"
     said = (
         f"repeat with {factor:.1f} times the amplitude ({value} in place of {amplitude:.3g}): "
-        f"coherence of {f.output} is below 0.6 over {100 * np.mean(f.coherence < COHERENCE_GOOD):.0f} % "
-        f"of the range ({where}, median {np.median(f.coherence):.2f})"
+        f"coherence of {f.output} is below 0.6 over {100 * np.mean(g2 < COHERENCE_GOOD):.0f} % "
+        f"of the range ({where}, median {np.median(g2):.2f})"
     )
-    peak = float(np.percentile(np.abs(run.manoeuvre("ay").x), 99)) * factor if "ay" in run else 0.0
     if peak > LATERAL_LIMIT:
         said += (
             f"; that much would take a_y to about {peak:.0f} m/s^2, so lengthen T_rec or lower w_max instead"

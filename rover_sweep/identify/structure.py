@@ -95,7 +95,7 @@ class ModelStructure:
     def poles(self, speed: float) -> NDArray[np.complex128]:
         """Eigenvalues [rad/s] at a speed [m/s]."""
         mat = self.matrices(speed)
-        return np.linalg.eigvals(np.linalg.solve(mat.m, mat.f))
+        return np.asarray(np.linalg.eigvals(np.linalg.solve(mat.m, mat.f)), dtype=np.complex128)
 
     def response(
         self, w: Array, speed: float, output: str, filters: Mapping[str, LowPass] | None = None

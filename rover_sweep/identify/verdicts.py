@@ -36,6 +36,10 @@ def judge_model(result: FitResult, physical: bool = True) -> ModelVerdict:
     words = [_cost_words(result.average)]
     if weak:
         words.append("uncertain beyond the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, weak)))
+    if lost and not physical:
+        words.append(
+            "good for predicting this speed; single derivatives mean little, they trade against each other"
+        )
     if result.spread > 0.02:
         far = f"{100 * result.spread:.0f} %"
         words.append(f"other starts reach the same cost with parameters up to {far} away")
