@@ -131,7 +131,7 @@ def _output(f: FrequencyResponse) -> OutputCoherence:
 
 
 def _judged(f: FrequencyResponse) -> tuple[Array, Array]:
-    """(w, coherence) where an answer may be asked for: rising responses vanish at the low end in any noise."""
+    """(w, coherence) where an answer may be asked for: rising responses drown at the low end."""
     asked = f.w >= RISING_FROM * f.w[0] if f.output in RISING else np.ones(f.w.size, dtype=bool)
     return f.w[asked], f.coherence[asked]
 
