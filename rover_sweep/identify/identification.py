@@ -7,11 +7,18 @@ from dataclasses import dataclass, replace
 
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import Group, Settings, grouped
-from rover_sweep.identify.model_results import ModelResult, NotPossible, Work, model_result, physical_result
+from rover_sweep.identify.model_results import (
+    ModelResult,
+    NotPossible,
+    Work,
+    model_result,
+    physical_result,
+    tyres_unseen,
+)
 from rover_sweep.identify.models.kinematic import kinematic
 from rover_sweep.identify.quality import CoherenceVerdict, assess
 from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.verdicts import ModelVerdict, kinematic_suffices
+from rover_sweep.identify.verdicts import ModelVerdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +62,7 @@ def identify(
         refused = dict.fromkeys(wanted.models, stop)
         return Identification(geometry, wanted, groups, quality, {}, refused, None, (stop,))
     models, refused = _fitted(Work(groups, geometry, tuple(verify_on), wanted))
-    too_much = kinematic_suffices(models)
+    too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
     best, words = _recommendation(models, too_much)

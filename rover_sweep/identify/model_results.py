@@ -16,7 +16,7 @@ from rover_sweep.identify.models.roll_yaw import roll_yaw
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.reduction import ReductionStep, reduce
 from rover_sweep.identify.structure import ModelStructure
-from rover_sweep.identify.verdicts import ModelVerdict, judge_model
+from rover_sweep.identify.verdicts import ModelVerdict, judge_model, kinematic_suffices
 from rover_sweep.identify.verify import Verification, verify
 
 
@@ -57,6 +57,11 @@ class Work:
     def has_vydot(self) -> bool:
         """True when V_y'/delta is usable at every speed but not fitted anyway."""
         return "vydot" not in self.settings.fitted and all(g.usable("vydot") for g in self.groups)
+
+
+def tyres_unseen(models: Mapping[str, ModelResult]) -> str | None:
+    """Why the tyres' parameters mean nothing in these results, None where they do; see `kinematic_suffices`."""
+    return kinematic_suffices({name: model.costs for name, model in models.items()})
 
 
 class NotPossible(Exception):

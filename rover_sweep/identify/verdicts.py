@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from rover_sweep.identify.fit import Estimate, FitResult
-
-if TYPE_CHECKING:
-    from rover_sweep.identify.model_results import ModelResult
 
 Level = Literal["good", "acceptable", "poor", "not identifiable"]
 J_GOOD, J_ACCEPTABLE = 50.0, 100.0
@@ -75,17 +72,17 @@ def _cost_words(average: float) -> str:
     return f"J_ave {average:.1f}: {level}"
 
 
-def kinematic_suffices(models: Mapping[str, ModelResult]) -> str | None:
-    """Why tyre parameters mean nothing here, or None.
+def kinematic_suffices(costs: Mapping[str, Mapping[str, float]]) -> str | None:
+    """Why tyre parameters mean nothing here, or None; costs: J of each response by model name.
 
     Where the kinematic model fits r and a_y as well as the bicycle, a stiffness is one that the data
     cannot tell from infinity: soaked-up noise and delay.
     """
-    plain, tyres = models.get("kinematic"), models.get("bicycle") or models.get("roll-yaw")
+    plain, tyres = costs.get("kinematic"), costs.get("bicycle") or costs.get("roll-yaw")
     if plain is None or tyres is None:
         return None
-    shared = [o for o in ("r", "ay") if o in plain.costs and o in tyres.costs]
-    without, with_tyres = (sum(m.costs[o] for o in shared) / len(shared) for m in (plain, tyres))
+    shared = [o for o in ("r", "ay") if o in plain and o in tyres]
+    without, with_tyres = (sum(c[o] for o in shared) / len(shared) for c in (plain, tyres))
     if without > with_tyres * 1.1 + 2.0:
         return None
     return (

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from rover_sweep.identify.fit import Estimate
 from rover_sweep.identify.identification import Identification, ModelResult
+from rover_sweep.identify.model_results import tyres_unseen
 from rover_sweep.identify.quality import CoherenceVerdict
 from rover_sweep.identify.recording import LowPass, Recording
-from rover_sweep.identify.verdicts import kinematic_suffices
 
 ORDER = ("kinematic", "bicycle", "roll-yaw", "lumped")
 TITLES = {"kinematic": "Kinematic", "bicycle": "Bicycle", "roll-yaw": "Roll-yaw", "lumped": "Lumped"}
@@ -28,7 +28,7 @@ def rejection(result: Identification, name: str) -> str | None:
     """
     if name == "kinematic" or result.models[name].verdict.level != "not identifiable":
         return None
-    return kinematic_suffices(result.models)
+    return tyres_unseen(result.models)
 
 
 def usable(result: Identification) -> dict[str, ModelResult]:
