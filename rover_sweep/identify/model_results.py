@@ -60,7 +60,7 @@ class Work:
 
 
 def tyres_unseen(models: Mapping[str, ModelResult]) -> str | None:
-    """Why the tyres' parameters mean nothing in these results, None where they do; see `kinematic_suffices`."""
+    """Why the tyres' parameters mean nothing in these results, or None."""
     return kinematic_suffices({name: model.costs for name, model in models.items()})
 
 
