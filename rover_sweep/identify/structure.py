@@ -144,26 +144,24 @@ class ModelStructure:
         input: the first one, the steering angle [rad], unless named.
         """
         source = input or self.inputs[0]
-        path = (slice(None), self.outputs.index(output), self.inputs.index(source))
-        y: Complex = _Solved(self.matrices(speed), w).outputs[path]
+        y = self._path(w, speed, output, source).response
         known = (filters or {}).get(output)
         late = np.exp(-1j * w * self.delay(source, output))
         return y * late * known.response(w) if known else y * late
 
     def log_sensitivity(self, w: Array, speed: float, output: str, input: str | None = None) -> Complex:
         """d ln H / d theta (n_w, n_free): real part in nepers, imaginary part in rad, per parameter unit."""
-        source = input or self.inputs[0]
-        path = (slice(None), self.outputs.index(output), self.inputs.index(source))
-        solved = _Solved(self.matrices(speed), w)
-        y, step = solved.outputs[path], 1e-20
-        columns = np.empty((w.size, len(self.free)), dtype=complex)
-        for k, p in enumerate(self.free):
-            moved = self._moved(p.name, 1j * step)
-            columns[:, k] = -1j * w * (np.imag(_delay(self, moved, source, output)) / step)
-            d = _imaginary(self.build({**moved, "V": speed}), step)
-            if any(np.any(a) for a in (d.m, d.f, d.g, d.h0, d.h1)):
-                columns[:, k] += solved.derivative(d)[path] / y
-        return columns
+        source, step = input or self.inputs[0], 1e-20
+        if not self.free:
+            return np.empty((w.size, 0), dtype=complex)
+        path = self._path(w, speed, output, source)
+        moved = [self._moved(p.name, 1j * step) for p in self.free]
+        late = np.array([np.imag(_delay(self, values, source, output)) / step for values in moved])
+        change = path.derivatives([_imaginary(self.build({**v, "V": speed}), step) for v in moved])
+        return change / path.response[:, None] - 1j * w[:, None] * late
+
+    def _path(self, w: Array, speed: float, output: str, input: str) -> _Path:
+        return _Path(self.matrices(speed), w, self.outputs.index(output), self.inputs.index(input))
 
     def _moved(self, name: str, step: complex) -> dict[str, Any]:
         """All values with one parameter moved, and those tied to it with it."""
@@ -190,18 +188,23 @@ def _imaginary(mat: Matrices, step: float) -> Matrices:
     return Matrices(*(np.imag(a) / step for a in (mat.m, mat.f, mat.g, mat.h0, mat.h1)))
 
 
-class _Solved:
-    """(jw M - F)^-1 at all frequencies, its outputs (n_w, ny, nu), and derivatives of them."""
+class _Path:
+    """The response (n_w,) of one output to one input, without delay, and derivatives of it."""
 
-    def __init__(self, mat: Matrices, w: Array) -> None:
-        self.s = 1j * w[:, None, None]
-        self.inverse = np.linalg.inv(self.s * mat.m - mat.f)
-        self.x = self.inverse @ mat.input_matrix.astype(complex)
-        self.observe = mat.h0 + self.s * mat.h1
-        self.outputs: Complex = self.observe @ self.x
+    def __init__(self, mat: Matrices, w: Array, row: int, column: int) -> None:
+        self.s, self.row, self.column = 1j * w[:, None], row, column
+        inverse = np.linalg.inv(self.s[:, :, None] * mat.m - mat.f)
+        observe = mat.h0[row] + self.s * mat.h1[row]
+        self.x = inverse @ mat.input_matrix[:, column].astype(complex)
+        self.adjoint = np.einsum("wi,wij->wj", observe, inverse)
+        self.response: Complex = np.einsum("wi,wi->w", observe, self.x)
 
-    def derivative(self, d: Matrices) -> Complex:
-        """d outputs (n_w, ny, nu) for a change d of the matrices."""
-        dx = self.inverse @ (d.input_matrix - (self.s * d.m - d.f) @ self.x)
-        change: Complex = (d.h0 + self.s * d.h1) @ self.x + self.observe @ dx
-        return change
+    def derivatives(self, changes: Sequence[Matrices]) -> Complex:
+        """d response (n_w, n) for each of n changes of the matrices."""
+        m, f = (np.array([getattr(d, name) for d in changes]) for name in ("m", "f"))
+        g = np.array([d.input_matrix[:, self.column] for d in changes])
+        h0, h1 = (np.array([getattr(d, name)[self.row] for d in changes]) for name in ("h0", "h1"))
+        force = (
+            g + np.einsum("pij,wj->wpi", f, self.x) - self.s[:, :, None] * np.einsum("pij,wj->wpi", m, self.x)
+        )
+        return np.einsum("wi,wpi->wp", self.adjoint, force) + self.x @ h0.T + self.s * (self.x @ h1.T)
