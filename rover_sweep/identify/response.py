@@ -25,6 +25,9 @@ class FrequencyResponse:
 
     coherence (n_w,), random_error (n_w,) normalised sd of |h|; windows: lengths used [s].
     gxx, gyy: composite autospectra. band: usable band (lo, hi) rad/s, None where there is none.
+    conditioned_on: the inputs taken out of both, in which case coherence is the partial one;
+    multiple_coherence: share of the output that follows all inputs; input_coherence: share of this input
+    that follows the others; each (n_w,).
     """
 
     input: str
@@ -38,6 +41,9 @@ class FrequencyResponse:
     gyy: Array
     windows: tuple[float, ...]
     band: Band | None
+    conditioned_on: tuple[str, ...] = ()
+    multiple_coherence: Array | None = None
+    input_coherence: Array | None = None
 
     @property
     def magnitude_db(self) -> Array:
@@ -92,17 +98,19 @@ def frequency_responses(
     (measured on the recordings' truth: 3 dB and 34 deg of p at .3-.5 rad/s became .5 dB and 12 deg).
     bands: overrides the automatic choice from the coherence.
     """
-    channels = [{input: run.manoeuvre(input)} | {o: _transformed(run, o) for o in outputs} for run in runs]
+    channels = [{input: run.manoeuvre(input)} | {o: transformed(run, o) for o in outputs} for run in runs]
     spectra = window_spectra(channels, [run.span for run in runs], outputs, windows, w, input)
     per = runs[0][input].unit
     chosen = bands or {}
-    return {o: _response(input, o, per, channels[0][o].unit, spectra[o], chosen.get(o)) for o in outputs}
+    return {
+        o: composite_response(input, o, per, channels[0][o].unit, spectra[o], chosen.get(o)) for o in outputs
+    }
 
 
 RISING = {"vydot": "m/s^2", "p": "rad/s"}  # outputs got as jw times their integral, and their units
 
 
-def _transformed(run: Recording, output: str) -> Signal:
+def transformed(run: Recording, output: str) -> Signal:
     """The signal whose transform is taken for an output."""
     if output == "p":
         return _integrated(run.manoeuvre("p"))
@@ -116,9 +124,10 @@ def _integrated(p: Signal) -> Signal:
     return Signal(p.t, angle, "rad", f"integral of {p.source}")
 
 
-def _response(
+def composite_response(
     input: str, output: str, per: str, unit: str, spectra: Sequence[WindowSpectra], band: Band | None
 ) -> FrequencyResponse:
+    """The composite of several windows; per, unit: of the input and of the signal that was transformed."""
     w = spectra[0].w
     gxx, gyy, gxy = composite(spectra)
     coherence = np.abs(gxy) ** 2 / (gxx * gyy)
