@@ -12,6 +12,7 @@ from rover_sweep.identify.recording import Array, LowPass
 from rover_sweep.identify.response import Band, FrequencyResponse
 from rover_sweep.identify.spectra import Complex
 from rover_sweep.identify.structure import ModelStructure, Parameter
+from rover_sweep.identify.table import ShortTable, Shown, number
 
 PHASE_WEIGHT = 0.01745  # W_p: 7.57 deg weigh as much as 1 dB (W_g = 1)
 POINTS = 20  # log-spaced points a response
@@ -62,8 +63,8 @@ class Estimate:
     meaning: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class FitResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class FitResult(Shown):
     """A fitted structure. costs: J of each response; average: J_ave; poles at the first condition's speed."""
 
     structure: ModelStructure
@@ -80,6 +81,22 @@ class FitResult:
 
     def __getitem__(self, name: str) -> Estimate:
         return next(e for e in self.estimates if e.name == name)
+
+    def table(self) -> ShortTable:
+        """The free parameters with their accuracies, the fixed ones, the costs."""
+        free = [e for e in self.estimates if e.free]
+        rows = tuple(
+            (e.name, number(e.value), e.unit, number(e.cr_percent, 3), number(e.insensitivity_percent, 3))
+            for e in free
+        )
+        fixed = ", ".join(f"{e.name} {number(e.value)} {e.unit}" for e in self.estimates if not e.free)
+        costs = ", ".join(f"{output} {j:.1f}" for output, j in self.costs.items())
+        return ShortTable(
+            f"{self.structure.name} model at {self.speed:.2f} m/s",
+            ("parameter", "value", "unit", "CR %", "I %"),
+            rows,
+            (f"fixed: {fixed or 'none'}", f"J: {costs}; average {self.average:.1f}"),
+        )
 
 
 def residuals(structure: ModelStructure, condition: Condition) -> dict[str, Array]:

@@ -18,11 +18,12 @@ from rover_sweep.identify.model_results import (
 from rover_sweep.identify.models.kinematic import kinematic
 from rover_sweep.identify.quality import CoherenceVerdict, assess
 from rover_sweep.identify.recording import Recording
+from rover_sweep.identify.table import ShortTable, Shown, band_words
 from rover_sweep.identify.verdicts import ModelVerdict
 
 
-@dataclass(frozen=True, eq=False)
-class Identification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(Shown):
     """Everything that was found. recommended: the model to use, with `summary` saying why.
 
     refused: models that these runs or this vehicle cannot carry, with the reason. The kinematic
@@ -42,6 +43,30 @@ class Identification:
     def speed(self) -> float:
         """Speed of the first group, m/s."""
         return self.groups[0].speed
+
+    def table(self) -> ShortTable:
+        """A row for each model; the usable bands, what was refused, which model to use."""
+        rows = tuple(
+            (name, m.verdict.level, f"{m.fit.average:.1f}", *_checked(m)) for name, m in self.models.items()
+        )
+        bands = (
+            f"at {g.speed:.2f} m/s, usable bands in rad/s: "
+            + ", ".join(f"{o} {band_words(f.band)}" for o, f in g.responses.items())
+            for g in self.groups
+        )
+        refused = (f"{name} refused: {why}" for name, why in self.refused.items())
+        return ShortTable(
+            f"identification from {sum(len(g.runs) for g in self.groups)} run(s)",
+            ("model", "verdict", "J_ave", "J_rms", "TIC"),
+            rows,
+            (*bands, *refused, *self.summary),
+        )
+
+
+def _checked(model: ModelResult) -> tuple[str, str]:
+    """J_rms and TIC on the first run of the verification."""
+    first = model.verification[:1]
+    return (f"{first[0].j_rms:.2f}", f"{first[0].tic:.3f}") if first else ("-", "-")
 
 
 def identify(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from rover_sweep.identify.models.roll_yaw import roll_yaw
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.reduction import ReductionStep, reduce
 from rover_sweep.identify.structure import ModelStructure
+from rover_sweep.identify.table import ShortTable, Shown
 from rover_sweep.identify.verdicts import ModelVerdict, judge_model, kinematic_suffices
 from rover_sweep.identify.verify import Verification, verify
 
 
-@dataclass(frozen=True, eq=False)
-class ModelResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelResult(Shown):
     """One model: its fit, costs of all four responses at it, variants of the fit, verification, verdict.
 
     variants: "filters ignored", "four responses", "Cf and Cr free", as far as they say something.
@@ -38,6 +39,13 @@ class ModelResult:
     def average_all(self) -> float:
         """J_ave over all responses of the model, fitted or not."""
         return float(np.mean(list(self.costs.values())))
+
+    def table(self) -> ShortTable:
+        """The fit's table with the verdict and the verification."""
+        fit = self.fit.table()
+        words = f"{self.verdict.level}: {'; '.join(self.verdict.sentences)}"
+        checks = tuple(f"on {v.run}: J_rms {v.j_rms:.2f}, TIC {v.tic:.3f}" for v in self.verification)
+        return replace(fit, notes=(*fit.notes, *checks, words))
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from rover_sweep.identify.response import (
     frequency_responses,
 )
 from rover_sweep.identify.spectra import Transformer
+from rover_sweep.identify.table import ShortTable, Shown, band_words
 
 WANTED_COHERENCE = 0.8  # what a repeated run is asked to reach: a margin above the .6 that is usable
 COVERED = 0.8  # of the swept range, in log w
@@ -38,8 +39,8 @@ class OutputCoherence:
     lowest_at: float
 
 
-@dataclass(frozen=True)
-class CoherenceVerdict:
+@dataclass(frozen=True, repr=False)
+class CoherenceVerdict(Shown):
     """keep, or repeat with what. range: the excited range [rad/s]; amplitude [us] or [rad] as recorded.
 
     amplitude_factor: by how much more amplitude the coherence would reach .8, None when kept.
@@ -53,6 +54,15 @@ class CoherenceVerdict:
     amplitude_factor: float | None
     outputs: tuple[OutputCoherence, ...]
     sentence: str
+
+    def table(self) -> ShortTable:
+        """The usable band of each output, and the sentence."""
+        rows = tuple(
+            (o.output, band_words(o.band), f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}")
+            for o in self.outputs
+        )
+        headings = ("output", "usable band, rad/s", "range at >= 0.6", "lowest coherence")
+        return ShortTable(f"coherence of {self.run}", headings, rows, (self.sentence,))
 
 
 def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | None = None) -> Band:

@@ -14,13 +14,14 @@ import numpy as np
 
 from rover_sweep.identify.recording import Array, Recording, Signal
 from rover_sweep.identify.spectra import Complex, WindowSpectra, window_spectra
+from rover_sweep.identify.table import ShortTable, Shown, band_words
 
 COHERENCE_GOOD = 0.6
 Band = tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyResponse(Shown):
     """Output over steering: h (n_w,) complex at w [rad/s] in output unit per input unit.
 
     coherence (n_w,), random_error (n_w,) normalised sd of |h|; windows: lengths used [s].
@@ -60,6 +61,23 @@ class FrequencyResponse:
         x, grid = np.log(w), np.log(self.w)
         db, phase = np.interp(x, grid, self.magnitude_db), np.interp(x, grid, np.unwrap(np.angle(self.h)))
         return 10 ** (db / 20) * np.exp(1j * phase), np.interp(x, grid, self.coherence)
+
+    def table(self) -> ShortTable:
+        """Every so many frequencies, the usable band, the windows."""
+        step = max(self.w.size // 8, 1)
+        columns = (self.w, self.magnitude_db, self.phase_deg, self.coherence, self.random_error)
+        formats = ("{:.3g}", "{:.1f}", "{:.0f}", "{:.2f}", "{:.3f}")
+        rows = tuple(
+            tuple(form.format(column[k]) for form, column in zip(formats, columns, strict=True))
+            for k in range(0, self.w.size, step)
+        )
+        windows = ", ".join(f"{length:.3g}" for length in self.windows)
+        return ShortTable(
+            f"response of {self.output} to {self.input}, {self.unit}",
+            ("w, rad/s", "dB", "deg", "coherence", "random error"),
+            rows,
+            (f"usable band {band_words(self.band)} rad/s; {self.w.size} frequencies; windows {windows} s",),
+        )
 
 
 def default_windows(w_min: float, w_max: float, total: float, longest_run: float) -> tuple[float, ...]:

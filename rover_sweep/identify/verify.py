@@ -11,6 +11,7 @@ from scipy.signal import bilinear, lfilter
 
 from rover_sweep.identify.recording import Array, LowPass, Recording
 from rover_sweep.identify.structure import ModelStructure
+from rover_sweep.identify.table import ShortTable, Shown, number
 
 UNITS = {"r": ("deg/s", 180 / np.pi), "ay": ("ft/s^2", 1 / 0.3048), "p": ("deg/s", 180 / np.pi)}
 RATE = 400.0  # Hz, of the simulation
@@ -37,8 +38,8 @@ class Overlay:
         return theil([self])
 
 
-@dataclass(frozen=True, eq=False)
-class Verification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Verification(Shown):
     """How a model does on one run. j_rms in deg/s and ft/s^2 together; tic 0 (perfect) .. 1.
 
     state_biases (in state unit per s) and output_biases (SI) were solved by least squares first.
@@ -59,6 +60,13 @@ class Verification:
     def tic(self) -> float:
         """Equation (16) over the channels."""
         return theil(self.overlays)
+
+    def table(self) -> ShortTable:
+        """J_rms and TIC of each channel and over all of them."""
+        rows = [(o.channel, o.unit, number(o.j_rms, 3), number(o.tic, 2)) for o in self.overlays]
+        rows.append(("all", "", number(self.j_rms, 3), number(self.tic, 2)))
+        title = f"verification on {self.run} at {self.speed:.2f} m/s"
+        return ShortTable(title, ("channel", "unit", "J_rms", "TIC"), tuple(rows))
 
 
 def theil(overlays: Sequence[Overlay]) -> float:
