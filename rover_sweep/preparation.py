@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rover_sweep.errors import DataRefused
+from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.recording import Recording, steered
 from rover_sweep.logs import read_runs
@@ -63,3 +63,17 @@ def _with_delta(run: Recording, vehicle: Vehicle) -> Recording:
     if "pwm" not in run:
         raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
     return steered(run, *vehicle.steering())
+
+
+def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """(runs to identify from, doublets to verify on); doublets alone are identified from."""
+    doublets = tuple(r for r in runs if r.kind == "doublet")
+    others = tuple(r for r in runs if r.kind != "doublet")
+    return (others, doublets) if others else (doublets, ())
+
+
+def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> None:
+    """UsageError where a run would be its own judge."""
+    same = [c.name for c in checks for s in sweeps if c.sources == s.sources and c.span == s.span]
+    if same:
+        raise UsageError(f"{same[0]} is both identified from and verified on; verify on another run")

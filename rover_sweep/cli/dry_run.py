@@ -191,9 +191,9 @@ def _coherence(event: RunFinished) -> str | None:
 def _identified(
     logs: tuple[Path, ...], vehicle: Vehicle, vehicle_file: Path, folder: Path, as_json: bool
 ) -> None:
-    from rover_sweep.cli.identify import divided, identified
+    from rover_sweep.cli.identify import identified
     from rover_sweep.identify.grouping import Settings
-    from rover_sweep.preparation import Reading, load
+    from rover_sweep.preparation import Reading, divided, load
 
     runs: tuple[Recording, ...] = load([str(path) for path in logs], vehicle, Reading())
     sweeps, doublets = divided(runs)

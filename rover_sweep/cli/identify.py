@@ -65,7 +65,7 @@ def identify(
     --verify names runs for that.
     """
     from rover_sweep.identify.grouping import Settings
-    from rover_sweep.preparation import Reading, load
+    from rover_sweep.preparation import Reading, divided, load, refuse_overlap
     from rover_sweep.vehicle_file import load as load_vehicle
 
     path = Path(vehicle_path(vehicle_file))
@@ -73,23 +73,9 @@ def identify(
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
     sweeps, doublets = divided(load(runs, vehicle, reading))
     checks = load(verify_runs, vehicle, reading) if verify_runs else doublets
-    _refuse_overlap(sweeps, checks)
+    refuse_overlap(sweeps, checks)
     settings = Settings(models, fitted, not untied, _swept(wmin, wmax), dict(bands), windows)
     identified(sweeps, checks, (vehicle, path), settings, Path(out), as_json)
-
-
-def divided(runs: tuple[Recording, ...]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """(runs to identify from, doublets to verify on); doublets alone are identified from."""
-    doublets = tuple(r for r in runs if r.kind == "doublet")
-    others = tuple(r for r in runs if r.kind != "doublet")
-    return (others, doublets) if others else (doublets, ())
-
-
-def _refuse_overlap(sweeps: tuple[Recording, ...], checks: tuple[Recording, ...]) -> None:
-    """A run may not be its own judge."""
-    same = [c.name for c in checks for s in sweeps if c.sources == s.sources and c.span == s.span]
-    if same:
-        raise UsageError(f"{same[0]} is both identified from and verified on; verify on another run")
 
 
 def _swept(wmin: float | None, wmax: float | None) -> tuple[float, float] | None:
