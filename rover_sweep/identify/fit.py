@@ -20,12 +20,18 @@ POINTS = 20  # log-spaced points a response
 
 @dataclass(frozen=True, eq=False)
 class ResponseData:
-    """What the cost sees of one response: h (n,) complex per rad of steering at w (n,), coherence (n,)."""
+    """What the cost sees of one response: h (n,) complex per unit of input at w (n,), coherence (n,)."""
 
     output: str
     w: Array
     h: Complex
     coherence: Array
+    input: str = "delta"
+
+    @property
+    def label(self) -> str:
+        """The output, for the steering; "output/input" for another input."""
+        return self.output if self.input == "delta" else f"{self.output}/{self.input}"
 
     @property
     def weight(self) -> Array:
@@ -46,7 +52,7 @@ def sampled(response: FrequencyResponse, band: Band, points: int = POINTS) -> Re
     """`points` log-spaced points of a measured response within a band [rad/s]."""
     w = np.geomspace(*band, points)
     h, coherence = response.at(w)
-    return ResponseData(response.output, w, h, np.clip(coherence, 0.0, 1.0))
+    return ResponseData(response.output, w, h, np.clip(coherence, 0.0, 1.0), response.input)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +106,15 @@ class FitResult(Shown):
 
 
 def residuals(structure: ModelStructure, condition: Condition) -> dict[str, Array]:
-    """Weighted residuals (2n,) per output, [dB errors, deg errors], whose squares sum to its J."""
+    """Weighted residuals (2n,) per response, [dB errors, deg errors], whose squares sum to its J."""
     out = {}
     for data in condition.data:
-        model = structure.response(data.w, condition.speed, data.output, condition.filters)
+        model = structure.response(data.w, condition.speed, data.output, condition.filters, data.input)
         ratio = data.h / model
         scale = np.sqrt(20.0 / data.w.size * data.weight)
         db = 20 * np.log10(np.abs(ratio))
         deg = np.degrees(np.angle(ratio)) * np.sqrt(PHASE_WEIGHT)
-        out[data.output] = np.concatenate((scale * db, scale * deg))
+        out[data.label] = np.concatenate((scale * db, scale * deg))
     return out
 
 
@@ -116,7 +122,7 @@ def jacobian(structure: ModelStructure, condition: Condition) -> Array:
     """d residuals / d theta (n_residuals, n_free), residuals in the order of `condition.data`."""
     blocks = []
     for data in condition.data:
-        s = structure.log_sensitivity(data.w, condition.speed, data.output)
+        s = structure.log_sensitivity(data.w, condition.speed, data.output, data.input)
         scale = np.sqrt(20.0 / data.w.size * data.weight)[:, None]
         deg = np.degrees(s.imag) * np.sqrt(PHASE_WEIGHT)
         blocks += [-scale * s.real * 20 / np.log(10), -scale * deg]
@@ -124,12 +130,12 @@ def jacobian(structure: ModelStructure, condition: Condition) -> Array:
 
 
 def costs(structure: ModelStructure, conditions: Sequence[Condition]) -> dict[str, float]:
-    """J of each response, equation (11): the mean over conditions where there are several."""
+    """J of each response of the structure, equation (11): the mean over several conditions."""
     values: dict[str, list[float]] = {}
     for condition in conditions:
-        for output, r in residuals(structure, condition).items():
-            values.setdefault(output, []).append(float(r @ r))
-    return {output: float(np.mean(j)) for output, j in values.items()}
+        for label, r in residuals(structure, _restricted(condition, structure)).items():
+            values.setdefault(label, []).append(float(r @ r))
+    return {label: float(np.mean(j)) for label, j in values.items()}
 
 
 def accuracy(structure: ModelStructure, conditions: Sequence[Condition]) -> tuple[Array, Array]:
@@ -170,7 +176,7 @@ def fit(
     starts: further starting values by name; the best end is kept, and `spread` says how far the
     others that reached the same cost lie from it.
     """
-    usable = tuple(_restricted(c, structure.outputs) for c in conditions)
+    usable = tuple(_restricted(c, structure) for c in conditions)
     ends = [_descend(structure.with_values(s), usable, tolerance) for s in ({}, *starts)]
     best = min(ends, key=lambda e: e[1])
     same = [e[0] for e in ends if e[1] <= best[1] * 1.001 + 1e-6]
@@ -183,7 +189,7 @@ def fit(
 
 def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread: float = 0.0) -> FitResult:
     """Costs and accuracies of a structure at its present values."""
-    usable = tuple(_restricted(c, structure.outputs) for c in conditions)
+    usable = tuple(_restricted(c, structure) for c in conditions)
     cr, insensitivity = accuracy(structure, usable)
     by_name = {p.name: (cr[i], insensitivity[i]) for i, p in enumerate(structure.free)}
     estimates = tuple(
@@ -196,10 +202,9 @@ def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread
 def silent(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
     """True when the structure at its present values gives no answer at all in one of the responses."""
     return any(
-        not np.all(np.abs(structure.response(d.w, c.speed, d.output)) > 0)
+        not np.all(np.abs(structure.response(d.w, c.speed, d.output, input=d.input)) > 0)
         for c in conditions
-        for d in c.data
-        if d.output in structure.outputs
+        for d in _restricted(c, structure).data
     )
 
 
@@ -207,10 +212,14 @@ def _at_bound(p: Parameter) -> bool:
     return p.free and (p.value <= p.lower * (1 + 1e-3) + 1e-9 or p.value >= p.upper * (1 - 1e-3))
 
 
-def _restricted(condition: Condition, outputs: Sequence[str]) -> Condition:
-    kept = tuple(d for d in condition.data if d.output in outputs)
+def _restricted(condition: Condition, structure: ModelStructure) -> Condition:
+    """The responses that the structure has."""
+    kept = tuple(d for d in condition.data if d.output in structure.outputs and d.input in structure.inputs)
     if not kept:
-        raise ValueError(f"no response among {[d.output for d in condition.data]} is an output of {outputs}")
+        raise ValueError(
+            f"no response among {[d.label for d in condition.data]} is one of {structure.name}: "
+            f"{structure.outputs} to {structure.inputs}"
+        )
     return Condition(condition.speed, kept, condition.filters)
 
 
