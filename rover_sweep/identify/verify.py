@@ -15,6 +15,7 @@ from rover_sweep.identify.table import ShortTable, Shown, number
 
 UNITS = {"r": ("deg/s", 180 / np.pi), "ay": ("ft/s^2", 1 / 0.3048), "p": ("deg/s", 180 / np.pi)}
 RATE = 400.0  # Hz, of the simulation
+DIVERGED = 1e9  # SI units: what a model that runs away is held at, so that its J_rms is a number
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,39 +81,49 @@ def theil(overlays: Sequence[Overlay]) -> float:
 
 
 def simulate(
-    structure: ModelStructure, speed: float, delta: Array, rate: float, filters: Mapping[str, LowPass]
+    structure: ModelStructure, speed: float, u: Array, rate: float, filters: Mapping[str, LowPass]
 ) -> dict[str, Array]:
-    """Outputs (n,) of the model at rest driven by delta (n,) rad at `rate` Hz, held between samples.
+    """Outputs (n,) of the model at rest driven by u at `rate` Hz, held between samples.
 
-    The delay moves the input by tau; known sensor low-passes act on the outputs.
+    u: the steering angle (n,) rad, or all inputs (n, nu). Delays move inputs and outputs; known sensor
+    low-passes act on the outputs.
     """
     mat = structure.matrices(speed)
-    lag = structure.values["tau"] * rate
-    shifted = np.interp(np.arange(delta.size) - lag, np.arange(delta.size), delta)
+    columns = dict(zip(structure.inputs, u.reshape(len(u), -1).T, strict=True))
+    late = [_late(x, structure, structure.input_delays.get(i), rate) for i, x in columns.items()]
     a = np.linalg.solve(mat.m, mat.f)
-    b = np.linalg.solve(mat.m, mat.g.astype(float))
-    return _outputs(structure, mat.h0, mat.h1, a, b, shifted, rate, filters)
+    b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
+    found = _outputs(structure, mat.h0, mat.h1, a, b, np.column_stack(late), rate, filters)
+    return {o: _late(y, structure, structure.output_delays.get(o), rate) for o, y in found.items()}
+
+
+def _late(x: Array, structure: ModelStructure, delay: str | None, rate: float) -> Array:
+    """The signal (n,) moved by the value of a delay parameter."""
+    k = np.arange(x.size)
+    return np.interp(k - structure.values[delay] * rate, k, x) if delay else x
 
 
 def _outputs(
     structure: ModelStructure, h0: Array, h1: Array, a: Array, b: Array, u: Array, rate: float,
     filters: Mapping[str, LowPass],
 ) -> dict[str, Array]:  # fmt: skip
-    x = _states(a, b, u, rate)
-    y = x @ (h0 + h1 @ a).T + np.outer(u, h1 @ b)
+    with np.errstate(over="ignore", invalid="ignore"):
+        x = _states(a, b, u, rate)
+        y = x @ (h0 + h1 @ a).T + u @ (h1 @ b).T
+    y = np.clip(np.nan_to_num(y, nan=DIVERGED), -DIVERGED, DIVERGED)
     return {name: _filtered(y[:, i], rate, filters.get(name)) for i, name in enumerate(structure.outputs)}
 
 
 def _states(a: Array, b: Array, u: Array, rate: float) -> Array:
-    """x (n, nx) of x' = a x + b u from x = 0, u held between samples (exact discretisation)."""
-    n = len(b)
-    block = np.zeros((n + 1, n + 1))
-    block[:n, :n], block[:n, n] = a, b
+    """x (n, nx) of x' = a x + b u from x = 0, u (n, nu) held between samples (exact discretisation)."""
+    n, inputs = b.shape
+    block = np.zeros((n + inputs, n + inputs))
+    block[:n, :n], block[:n, n:] = a, b
     step = expm(block / rate)
-    ad, bd = step[:n, :n], step[:n, n]
-    out = np.zeros((u.size, n))
-    for k in range(1, u.size):
-        out[k] = ad @ out[k - 1] + bd * u[k - 1]
+    ad, driven = step[:n, :n], u @ step[:n, n:].T
+    out = np.zeros((len(u), n))
+    for k in range(1, len(u)):
+        out[k] = ad @ out[k - 1] + driven[k - 1]
     return out
 
 
@@ -129,9 +140,10 @@ def verify(
     channels: Sequence[str] = ("r", "ay", "p"),
     filters: Mapping[str, LowPass] | None = None,
 ) -> Verification:
-    """The model driven by the run's own steering, against its measurements, at the run's mean speed.
+    """The model driven by the run's own inputs, against its measurements, at the run's mean speed.
 
-    Biases of the state derivatives and of the outputs are solved by least squares first.
+    Biases of the state derivatives and of the outputs are solved by least squares first. An input beside
+    the steering that was not recorded is taken as still.
     filters: overrides the run's own known filters.
     """
     low_passes = run.filters if filters is None else filters
@@ -141,11 +153,18 @@ def verify(
     start, end = run.span
     grid = start + np.arange(int((end - start) * RATE) + 1) / RATE
     speed = run.mean_speed
-    delta = run["delta"].on(grid)
-    at_rest = delta - np.median(delta[: max(int(0.2 * RATE), 1)])
-    model = simulate(structure, speed, at_rest, RATE, low_passes)
+    driven = np.column_stack([_from_rest(run, i, grid) for i in structure.inputs])
+    model = simulate(structure, speed, driven, RATE, low_passes)
     unit = _bias_responses(structure, speed, grid.size, low_passes)
     return _solved(structure, run, used, grid, model, unit, speed)
+
+
+def _from_rest(run: Recording, input: str, grid: Array) -> Array:
+    """An input (n,) less its value at the start."""
+    if input not in run and input != "delta":
+        return np.zeros(grid.size)
+    x = run[input].on(grid)
+    return x - np.median(x[: max(int(0.2 * RATE), 1)])
 
 
 def _bias_responses(
@@ -154,10 +173,8 @@ def _bias_responses(
     """Outputs for a constant unit disturbance of each state derivative."""
     mat = structure.matrices(speed)
     a = np.linalg.solve(mat.m, mat.f)
-    ones = np.ones(n)
-    return [
-        _outputs(structure, mat.h0, mat.h1, a, np.eye(len(a))[i], ones, RATE, filters) for i in range(len(a))
-    ]
+    ones, pushes = np.ones((n, 1)), np.eye(len(a))
+    return [_outputs(structure, mat.h0, mat.h1, a, b[:, None], ones, RATE, filters) for b in pushes]
 
 
 def _solved(
