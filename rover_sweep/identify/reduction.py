@@ -5,22 +5,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from rover_sweep.identify.fit import Condition, Estimate, FitResult, fit, silent
 
 INSENSITIVITY_LIMIT = 10.0  # percent
 CRAMER_RAO_LIMIT = 20.0  # percent
 COST_RISE = 0.05  # of J_ave, plus one unit of J: what a dropped parameter may cost
+MARGIN = 1e-3  # rad/s, by which an integrator's computed pole may miss 0
 
 
 @dataclass(frozen=True)
 class ReductionStep:
-    """One attempt: the parameter, why it was tried, J_ave before and after, whether the drop was kept."""
+    """One attempt: the parameter, why it was tried, J_ave before and after, whether the drop was kept.
+
+    unstable: kept because the model, stable before, was unstable without it.
+    """
 
     parameter: str
     reason: str
     before: float
     after: float
     dropped: bool
+    unstable: bool = False
 
 
 def reduce(start: FitResult, conditions: Sequence[Condition]) -> tuple[FitResult, tuple[ReductionStep, ...]]:
@@ -28,6 +35,8 @@ def reduce(start: FitResult, conditions: Sequence[Condition]) -> tuple[FitResult
 
     First the worst insensitivity above 10 %, then the worst Cramer-Rao bound above 20 %. A parameter
     whose loss costs too much stays, and so does the only path to an output. tau is never dropped.
+    Neither is one without which a stable model turns unstable: responses alone cannot tell a lag from an
+    unstable pole with less delay, but the rover that gave them was stable.
     """
     best, steps, kept = start, [], {"tau"}
     while (worst := _worst(best, kept)) is not None:
@@ -37,13 +46,20 @@ def reduce(start: FitResult, conditions: Sequence[Condition]) -> tuple[FitResult
             kept.add(estimate.name)
             continue
         trial = fit(without, conditions)
-        dropped = trial.average <= best.average * (1 + COST_RISE) + 1.0
-        steps.append(ReductionStep(estimate.name, reason, best.average, trial.average, dropped))
+        unstable = _stable(best, conditions) and not _stable(trial, conditions)
+        dropped = trial.average <= best.average * (1 + COST_RISE) + 1.0 and not unstable
+        steps.append(ReductionStep(estimate.name, reason, best.average, trial.average, dropped, unstable))
         if dropped:
             best = trial
         else:
             kept.add(estimate.name)
     return best, tuple(steps)
+
+
+def _stable(result: FitResult, conditions: Sequence[Condition]) -> bool:
+    """No pole right of the axis at any speed; one at 0, as in the printed Table 4, is none."""
+    poles = np.concatenate([result.structure.poles(c.speed) for c in conditions])
+    return bool(np.max(poles.real) < MARGIN)
 
 
 def _worst(result: FitResult, kept: set[str]) -> tuple[Estimate, str] | None:

@@ -8,6 +8,7 @@ from typing import Literal
 
 from rover_sweep.identify.fit import Estimate, FitResult
 from rover_sweep.identify.identification import Identification, ModelResult
+from rover_sweep.identify.reduction import ReductionStep
 from rover_sweep.identify.structure import OUTPUTS
 from rover_sweep.identify.verdicts import CR_GUIDE, I_GUIDE, J_ACCEPTABLE, J_GOOD
 from rover_sweep.identify.verify import Overlay
@@ -228,7 +229,7 @@ def reduction_table(model: ModelResult) -> Table | None:
         return None
     rows = tuple(
         (
-            Cell(symbol(s.parameter)), Cell(s.reason), Cell("dropped" if s.dropped else "kept"),
+            Cell(symbol(s.parameter)), Cell(s.reason), Cell(_outcome(s)),
             Cell(f"{s.before:.2f}"), Cell(f"{s.after:.2f}"),
         )
         for s in model.reduction
@@ -236,6 +237,10 @@ def reduction_table(model: ModelResult) -> Table | None:
     headings = ("parameter", "tried because of", "", "J_ave before", "J_ave without")
     note = "A parameter is dropped when J_ave without it hardly rises (5 % and 1)."
     return Table("Model structure reduction", headings, rows, note, 3)
+
+
+def _outcome(step: ReductionStep) -> str:
+    return "dropped" if step.dropped else "kept: unstable without" if step.unstable else "kept"
 
 
 def poles_table(model: ModelResult) -> Table:
