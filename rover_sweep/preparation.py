@@ -53,11 +53,18 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
 
 def load(sources: Sequence[str], vehicle: Vehicle, reading: Reading) -> tuple[Recording, ...]:
     """All runs of the sources with the steering angle in radians."""
-    runs = [r for s in sources for r in read_runs(s, column_map=reading.columns, filters=reading.filters)]
-    return tuple(_with_delta(run, vehicle) for run in runs)
+    return tuple(with_delta(run, vehicle) for run in load_runs(sources, reading.columns, reading.filters))
 
 
-def _with_delta(run: Recording, vehicle: Vehicle) -> Recording:
+def load_runs(
+    sources: Sequence[str], columns: Mapping[str, Any] | str | None, filters: Mapping[str, float] | None
+) -> tuple[Recording, ...]:
+    """All runs of the sources as recorded."""
+    return tuple(r for s in sources for r in read_runs(s, column_map=columns, filters=filters))
+
+
+def with_delta(run: Recording, vehicle: Vehicle) -> Recording:
+    """The run with its steering angle; DataRefused where no steering was recorded."""
     if "delta" in run:
         return run
     if "pwm" not in run:

@@ -1,0 +1,182 @@
+"""The Python API as a user meets it: README's lines, tables, bad input, saving and loading."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rover_sweep as rs
+
+ROOT = Path(__file__).parents[2]
+NOMINAL = ROOT / "tests/data/ardurover-4.6.3/nominal"
+ROVER = ROOT / "tests/data/rover.toml"
+
+
+@pytest.fixture(scope="module")
+def runs() -> Any:
+    return rs.read(NOMINAL / "run1.BIN", NOMINAL / "run4.BIN", vehicle=ROVER)
+
+
+@pytest.fixture(scope="module")
+def result(runs: Any) -> Any:
+    return rs.identify(runs)
+
+
+def test_the_lines_of_the_readme_run_as_they_stand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert len(block.strip().splitlines()) == 5
+    for name in re.findall(r'"(run\d\.BIN)"', block):
+        (tmp_path / name).symlink_to(NOMINAL / name)
+    (tmp_path / "rover.toml").symlink_to(ROVER)
+    monkeypatch.chdir(tmp_path)
+    exec(block, {})
+    shown = capsys.readouterr().out
+    assert "roll-yaw model at 2." in shown and "Izz" in shown and "on run4: J_rms" in shown
+    assert (tmp_path / "report" / "report.html").stat().st_size > 100_000
+    assert json.loads((tmp_path / "report" / "identification.json").read_text())["recommended"] == "roll-yaw"
+
+
+def test_importing_costs_nothing() -> None:
+    script = (
+        "import sys, time; t = time.perf_counter(); import rover_sweep; s = time.perf_counter() - t;"
+        "print(s, [m for m in ('numpy', 'scipy', 'matplotlib', 'pymavlink') if m in sys.modules])"
+    )
+    lines = [
+        subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+        for _ in range(3)
+    ]
+    seconds, loaded = min(line.stdout.split(maxsplit=1) for line in lines)
+    assert float(seconds) < 0.1
+    assert loaded.strip() == "[]"
+
+
+def test_every_public_name_is_there_and_described() -> None:
+    for name in rs.__all__:
+        if name != "__version__":
+            assert getattr(rs, name).__doc__, name
+        assert name in dir(rs)
+    with pytest.raises(AttributeError, match="no_such"):
+        rs.no_such  # noqa: B018
+
+
+def test_the_package_of_the_core_is_still_a_package() -> None:
+    import rover_sweep.identify.fit as fit
+
+    assert fit.POINTS == 20
+    assert callable(rs.identify)
+
+
+def test_runs_are_a_sequence_that_shows_itself(runs: Any) -> None:
+    assert [r.kind for r in runs] == ["sweep", "doublet"]
+    assert [r.name for r in runs[:1] + runs[1:]] == ["run1", "run4"]
+    assert "2 run(s) of example rover" in repr(runs)
+    assert runs.coherence()[0].keep
+    assert "keep: coherence" in repr(runs.coherence()[0])
+
+
+def test_results_show_their_own_numbers(result: Any) -> None:
+    model = result.models["roll-yaw"]
+    assert f"{model.fit['Izz'].value:.4g}" in str(model) and f"{model.fit['Izz'].value:.4g}" in str(model.fit)
+    assert "good" in str(model) and f"TIC {model.verification[0].tic:.3f}" in str(model)
+    assert f"{model.verification[0].j_rms:.3g}" in str(model.verification[0])
+    response = result.groups[0].responses["r"]
+    assert f"{response.band[1]:.3g} rad/s" in str(response)
+    assert result.summary[0] in str(result) and "bicycle" in str(result)
+    assert all(len(str(x).splitlines()) < 30 for x in (result, model, response, model.verification[0]))
+
+
+def test_a_notebook_gets_html_without_markup_of_the_data(result: Any, runs: Any) -> None:
+    from dataclasses import replace
+
+    html = result.models["roll-yaw"]._repr_html_()
+    assert "<td>Izz</td>" in html and "&lt;= 50" in html
+    evil = replace(runs[0], name="<script>")
+    assert "<script>" not in (runs[:0] + [evil])._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: rs.read(), "nothing to read"),
+        (lambda: rs.read("nowhere.BIN"), "there is no such file"),
+        (lambda: rs.identify(rs.read(NOMINAL / "run1.BIN")), "vehicle is not known"),
+        (lambda: rs.load_result("nowhere.json"), "cannot be read"),
+        (lambda: rs.load_result(ROVER), "is no JSON"),
+    ],
+)
+def test_bad_input_is_one_sentence(call: Any, words: str) -> None:
+    with pytest.raises(rs.UsageError, match=words) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_names_and_own_judges_are_refused(runs: Any) -> None:
+    with pytest.raises(rs.UsageError, match="no model 'tricycle'"):
+        rs.identify(runs, models=["tricycle"])
+    with pytest.raises(rs.UsageError, match="both identified from and verified on"):
+        rs.identify(runs, verify=runs[:1])
+
+
+def same(a: Any, b: Any, where: str = "result") -> None:
+    """Everything equal, arrays to the last bit."""
+    if is_dataclass(a):
+        assert type(a) is type(b), where
+        for f in fields(a):
+            same(getattr(a, f.name), getattr(b, f.name), f"{where}.{f.name}")
+    elif isinstance(a, np.ndarray):
+        assert a.dtype == b.dtype, where
+        np.testing.assert_array_equal(a, b, where)
+    elif isinstance(a, dict):
+        assert list(a) == list(b), where
+        for key in a:
+            same(a[key], b[key], f"{where}[{key!r}]")
+    elif isinstance(a, tuple | list):
+        assert len(a) == len(b), where
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            same(x, y, f"{where}[{k}]")
+    else:
+        assert a == b or (a != a and b != b), where
+
+
+def test_saving_and_loading_loses_nothing(result: Any, tmp_path: Path) -> None:
+    path = result.save(tmp_path / "result.json")
+    again = rs.load_result(path)
+    same(result, again)
+    assert path.stat().st_size < 5e6
+    assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
+    w = np.geomspace(0.3, 25, 5)
+    models = [r.models["roll-yaw"].fit.structure for r in (result, again)]
+    responses = [m.response(w, 2.0, "ay") for m in models]
+    np.testing.assert_array_equal(*responses)
+
+
+def test_another_version_of_the_file_is_told(result: Any, tmp_path: Path) -> None:
+    path = result.save(tmp_path / "result.json")
+    document = json.loads(path.read_text())
+    path.write_text(json.dumps(document | {"format_version": 99}))
+    with pytest.raises(rs.UsageError, match="has version 99"):
+        rs.load_result(path)
+    document["result"]["of"]["settings"]["of"]["later_option"] = True
+    path.write_text(json.dumps(document))
+    with pytest.raises(rs.UsageError, match="later_option"):
+        rs.load_result(path)
+
+
+def test_a_file_cannot_call_what_it_likes(tmp_path: Path) -> None:
+    path = tmp_path / "evil.json"
+    for evil in ("os:system", "rover_sweep.cli.main:main", "rover_sweep.saved:loads"):
+        for thing in ({"is": evil, "of": {}}, {"is": "function", "of": evil}):
+            content = {"format": "rover-sweep result", "format_version": 1, "result": thing, "arrays": {}}
+            path.write_text(json.dumps(content))
+            with pytest.raises(rs.UsageError, match="identify again"):
+                rs.load_result(path)
