@@ -5,10 +5,9 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from functools import cache
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, StrictUndefined, Template
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from rover_sweep.identify.identification import Identification
 from rover_sweep.identify.recording import Recording
@@ -38,7 +37,7 @@ Drawn = Sequence[tuple["Picture", bytes]]
 
 def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str:
     """The whole page. pictures: each with its PNG, embedded in the order given."""
-    return _template().render(
+    return environment().get_template("page.html.j2").render(
         name=provenance.vehicle.name if provenance.vehicle else "",
         result=result,
         provenance=provenance,
@@ -55,18 +54,19 @@ def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str
         filters_known=filters_known(result),
         filters_remark=filters_remark(result),
         recordings=_recordings(result, provenance),
-        pictures=_by_section(pictures),
+        pictures=by_section(pictures),
     )
 
 
 @cache
-def _template() -> Template:
-    text = resources.files("rover_sweep.report").joinpath("page.html.j2").read_text(encoding="utf-8")
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+def environment(*folders: str) -> Environment:
+    """Templates of these folders of the package, and the parts that all pages share (page_parts.html.j2)."""
+    loader = ChoiceLoader([PackageLoader("rover_sweep", folder) for folder in (*folders, "report")])
+    found = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["number"] = number
-    return environment.from_string(text)
+    found.filters["number"] = number
+    return found
 
 
 def _model(result: Identification, name: str) -> dict[str, Any]:
@@ -85,7 +85,8 @@ def _model(result: Identification, name: str) -> dict[str, Any]:
     }
 
 
-def _by_section(pictures: Drawn) -> dict[str, list[dict[str, str]]]:
+def by_section(pictures: Drawn) -> dict[str, list[dict[str, str]]]:
+    """{section: [{source, caption}]}, the pictures as data URLs, for `figures` of page_parts.html.j2."""
     sections: dict[str, list[dict[str, str]]] = {}
     for picture, data in pictures:
         source = "data:image/png;base64," + base64.b64encode(data).decode("ascii")
