@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rover_sweep.identify.conditioned import entanglement, moving
 from rover_sweep.identify.fit import Condition, sampled
-from rover_sweep.identify.quality import responses, sign_is_wrong
+from rover_sweep.identify.quality import input_responses, sign_is_wrong
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import Band, FrequencyResponse
 
@@ -22,8 +23,10 @@ SAME_SPEED = 0.10  # runs within 10 % share their responses
 class Settings:
     """How to identify. models of MODELS; fitted responses; tied: one C for both axles.
 
+    reduction: drop what the data cannot tell, but none of the parameters in keep.
     band [rad/s]: swept range; bands: usable band per response; windows [s]: all found from the data
-    when None.
+    when None. condition_on: channels that move the rover beside the steering, such as "throttle", which
+    are taken out of every response.
     """
 
     models: tuple[str, ...] = MODELS
@@ -32,19 +35,28 @@ class Settings:
     band: Band | None = None
     bands: Mapping[str, Band] = field(default_factory=dict)
     windows: tuple[float, ...] | None = None
+    reduction: bool = True
+    keep: tuple[str, ...] = ()
+    condition_on: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Runs at one speed [m/s] and their composite responses."""
+    """Runs at one speed [m/s] and their composite responses {output: response} to the steering.
+
+    others: {input: {output: response}} of the inputs that the responses are conditioned on; remarks:
+    what is to be said on these inputs.
+    """
 
     speed: float
     runs: tuple[Recording, ...]
     responses: Mapping[str, FrequencyResponse]
+    others: Mapping[str, Mapping[str, FrequencyResponse]] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     def condition(self, outputs: Sequence[str], filtered: bool = True) -> Condition:
         """What the cost sees of these responses (those with a usable band)."""
-        found = [self.responses[o] for o in outputs if o in self.responses]
+        found = [r[o] for r in (self.responses, *self.others.values()) for o in outputs if o in r]
         data = tuple(sampled(f, f.band) for f in found if f.band)
         return Condition(self.speed, data, self.runs[0].filters if filtered else {})
 
@@ -85,12 +97,33 @@ def _alike(a: Recording, b: Recording) -> bool:
 
 
 def _group(runs: Sequence[Recording], settings: Settings) -> Group:
-    found = responses(runs, band=settings.band, windows=settings.windows, bands=settings.bands)
+    inputs = ("delta", *(c for c in settings.condition_on if moving(runs, c)))
+    found, *others = input_responses(
+        runs, inputs, band=settings.band, windows=settings.windows, bands=settings.bands
+    ).values()
     if "vydot" in found and "vydot" not in settings.bands:
         found["vydot"] = _above(found["vydot"], VYDOT_FROM)
     lengths = [run.span[1] - run.span[0] for run in runs]
     speed = float(np.average([run.mean_speed for run in runs], weights=lengths))
-    return Group(speed, tuple(runs), found)
+    return Group(
+        speed,
+        tuple(runs),
+        found,
+        dict(zip(inputs[1:], others, strict=True)),
+        _remarks(found, settings.condition_on, inputs),
+    )
+
+
+def _remarks(
+    found: Mapping[str, FrequencyResponse], wanted: Sequence[str], inputs: Sequence[str]
+) -> tuple[str, ...]:
+    still = [
+        f"{c} stands still in these runs, so there is nothing to condition on"
+        for c in wanted
+        if c not in inputs
+    ]
+    entangled = [words for o in ("r", "ay") if o in found and (words := entanglement(found[o]))]
+    return (*still, *entangled[:1])
 
 
 def _above(f: FrequencyResponse, low: float) -> FrequencyResponse:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from rover_sweep.identify.conditioned import moving
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import Group, Settings, grouped
 from rover_sweep.identify.model_results import (
@@ -16,7 +17,7 @@ from rover_sweep.identify.model_results import (
     tyres_unseen,
 )
 from rover_sweep.identify.models.kinematic import kinematic
-from rover_sweep.identify.quality import CoherenceVerdict, assess
+from rover_sweep.identify.quality import CoherenceVerdict, assess, input_responses
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 from rover_sweep.identify.verdicts import ModelVerdict
@@ -81,17 +82,24 @@ def identify(
     """
     wanted = settings or Settings()
     groups = grouped(runs, wanted)
-    quality = tuple(assess(run) for run in runs)
+    quality = tuple(_assessed(run, wanted.condition_on) for run in runs)
+    said = tuple(dict.fromkeys(words for g in groups for words in g.remarks))
     stop = groups[0].why_not()
     if stop:
         refused = dict.fromkeys(wanted.models, stop)
-        return Identification(geometry, wanted, groups, quality, {}, refused, None, (stop,))
+        return Identification(geometry, wanted, groups, quality, {}, refused, None, (stop, *said))
     models, refused = _fitted(Work(groups, geometry, tuple(verify_on), wanted))
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
     best, words = _recommendation(models, too_much)
-    return Identification(geometry, wanted, groups, quality, models, refused, best, words)
+    return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *said))
+
+
+def _assessed(run: Recording, condition_on: Sequence[str]) -> CoherenceVerdict:
+    """The verdict on one run, by its partial coherences where another input moves."""
+    others = tuple(c for c in condition_on if moving([run], c))
+    return assess(run, input_responses([run], ("delta", *others))["delta"] if others else None)
 
 
 def _fitted(work: Work) -> tuple[dict[str, ModelResult], dict[str, str]]:

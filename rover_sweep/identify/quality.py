@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_sweep.identify.conditioned import conditioned_responses
 from rover_sweep.identify.recording import Array, Recording
 from rover_sweep.identify.response import (
     COHERENCE_GOOD,
@@ -100,18 +101,39 @@ def responses(
     band: swept range [rad/s] in place of the excited one; windows [s] in place of the default five;
     bands: usable band per output in place of the choice from the coherence.
     """
-    total = sum(run.span[1] - run.span[0] for run in runs)
-    longest = max(run.span[1] - run.span[0] for run in runs)
-    low, high = band or excited_range(runs, input)
-    lengths = tuple(windows or default_windows(low, high, total, longest))
+    return input_responses(runs, (input,), outputs, band, windows, bands)[input]
+
+
+def input_responses(
+    runs: Sequence[Recording],
+    inputs: Sequence[str],
+    outputs: Sequence[str] = ("r", "ay", "vydot", "p"),
+    band: Band | None = None,
+    windows: Sequence[float] | None = None,
+    bands: Mapping[str, Band] | None = None,
+) -> dict[str, dict[str, FrequencyResponse]]:
+    """{input: {output: response}}; of several inputs each is conditioned on the others.
+
+    The first input is the one that was swept; band and windows as in `responses`, bands for the first
+    input. Several inputs need windows that leave an average for each of them: longer ones are shortened.
+    """
+    spans = [run.span for run in runs]
+    total, longest = sum(e - s for s, e in spans), max(e - s for s, e in spans)
+    low, high = band or excited_range(runs, inputs[0])
+    lengths = windows or default_windows(low, high, total, longest)
+    if len(inputs) > 1:
+        lengths = tuple(sorted({min(n, total / len(inputs)) for n in lengths}))
     w = frequency_grid(low, high, lengths)
     recorded = [o for o in outputs if all({"vydot": "vy"}.get(o, o) in run for run in runs)]
-    return frequency_responses(runs, recorded, w, lengths, input, bands)
+    if len(inputs) > 1:
+        return conditioned_responses(runs, recorded, w, lengths, inputs, bands)
+    return {inputs[0]: frequency_responses(runs, recorded, w, tuple(lengths), inputs[0], bands)}
 
 
 def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None) -> CoherenceVerdict:
     """The verdict on one run from the coherence of r and a_y over the excited range.
 
+    found: the run's responses, if they are there; conditioned ones are judged by their partial coherence.
     The roll rate is judged too where it answers at all; a rover that does not roll is none the worse.
     """
     input = "delta" if "delta" in run else "pwm"
@@ -127,7 +149,9 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     factor = None if keep else _factor(worst)
     peak = _peak(measured, float(np.ptp(run.manoeuvre(input).x)) / 2) * (factor or 1.0)
     words = (
-        _keep_words(outputs, swept) if keep else _repeat_words(worst, amplitude, unit, factor or 1.0, peak)
+        _keep_words(outputs, swept, _kind(worst))
+        if keep
+        else _repeat_words(worst, amplitude, unit, factor or 1.0, peak)
     )
     return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, words)
 
@@ -157,11 +181,17 @@ def _factor(f: FrequencyResponse) -> float:
     return float(np.clip(np.sqrt(wanted * (1 - np.percentile(g2, 10)) / np.percentile(g2, 10)), 1.2, 12.0))
 
 
-def _keep_words(outputs: Sequence[OutputCoherence], swept: Band) -> str:
+def _kind(f: FrequencyResponse) -> str:
+    return (
+        f"partial coherence ({' and '.join(f.conditioned_on)} taken out)" if f.conditioned_on else "coherence"
+    )
+
+
+def _keep_words(outputs: Sequence[OutputCoherence], swept: Band, kind: str) -> str:
     bands = ", ".join(f"{o.output} {o.band[0]:.2g}-{o.band[1]:.3g}" for o in outputs if o.band)
     poor = [o.output for o in outputs if o.band is None]
     rest = f"; {', '.join(poor)} too weak to be used" if poor else ""
-    return f"keep: coherence >= 0.6 over {swept[0]:.2g}-{swept[1]:.3g} rad/s ({bands} rad/s{rest})"
+    return f"keep: {kind} >= 0.6 over {swept[0]:.2g}-{swept[1]:.3g} rad/s ({bands} rad/s{rest})"
 
 
 def _peak(found: Mapping[str, FrequencyResponse], amplitude: float) -> float:
@@ -178,7 +208,7 @@ def _repeat_words(f: FrequencyResponse, amplitude: float, unit: str, factor: flo
     value = f"{wanted:.0f} us" if unit == "us" else f"{wanted:.2g} {unit}"
     said = (
         f"repeat with {factor:.1f} times the amplitude ({value} in place of {amplitude:.3g}): "
-        f"coherence of {f.output} is below 0.6 over {100 * np.mean(g2 < COHERENCE_GOOD):.0f} % "
+        f"{_kind(f)} of {f.output} is below 0.6 over {100 * np.mean(g2 < COHERENCE_GOOD):.0f} % "
         f"of the range ({where}, median {np.median(g2):.2f})"
     )
     if peak > LATERAL_LIMIT:
