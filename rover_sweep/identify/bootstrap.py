@@ -20,10 +20,12 @@ from rover_sweep.identify.fit import PHASE_WEIGHT, Condition, FitResult
 from rover_sweep.identify.grouping import Group
 from rover_sweep.identify.recording import Array
 from rover_sweep.identify.replicates import GroupReplicator, Replicates
+from rover_sweep.identify.spectra import Complex
 from rover_sweep.identify.structure import ModelStructure, Parameter
 
 LEVEL = 0.90
-STEPS = 3  # Gauss-Newton steps a replicate, with the sensitivities of the optimum
+STEPS = 3  # Gauss-Newton steps a replicate
+SETTLED = 1e-3  # of the cost: what the last step may still have promised to gain
 
 
 @dataclass(frozen=True)
@@ -87,26 +89,67 @@ def _logarithmic(structure: ModelStructure) -> np.ndarray:
 def refitted(
     structure: ModelStructure, conditions: Sequence[Condition], made: Sequence[Sequence[Replicates]]
 ) -> Array:
-    """The fit to every replicate (count, n_free): Gauss-Newton from the optimum, its sensitivities kept.
+    """The fit to every replicate (count, n_free) by Gauss-Newton from the optimum, nan where it ran off.
 
-    The weights are each replicate's own.
+    Residuals are exact, sensitivities linear in the parameters; the weights are each replicate's own.
     """
-    free, log = structure.free, _logarithmic(structure)
-    names, start = [p.name for p in free], np.array([p.value for p in free])
-    slope = _sensitivities(structure, conditions) * np.where(log, start, 1.0)
+    path = _Path(structure, conditions)
     data = _stacked([r.log_ratio for parts in made for r in parts])
     weight = np.concatenate([np.tile(_scale(r) ** 2, 2) for parts in made for r in parts], axis=1)
-    normal = np.einsum("np,bn,nq->bpq", slope, weight, slope)
-    x = np.zeros((len(data), len(free)))
-    left = data
-    for k in range(STEPS):
-        x = x + np.linalg.solve(normal, ((weight * left) @ slope)[..., None])[..., 0]
-        theta = np.where(log, start * np.exp(np.clip(x, -50, 50)), start + x)
-        theta = np.clip(theta, [p.lower for p in free], [p.upper for p in free])
-        if k < STEPS - 1:
-            moved = [structure.with_values(dict(zip(names, row, strict=True))) for row in theta]
-            left = data - np.array([_moved(structure, m, conditions) for m in moved])
-    return theta
+    x, left = np.zeros((len(data), len(structure.free))), data
+    for _ in range(STEPS):
+        slope = path.sensitivities(x)
+        weighted = np.einsum("bnp,bn->bpn", slope, weight)
+        step = np.linalg.solve(weighted @ slope, weighted @ left[..., None])[..., 0]
+        x = path.inside(x + step)
+        left = data - path.moved(x)
+    missed = np.sum(weight * np.einsum("bnp,bp->bn", slope, step) ** 2, axis=1)
+    converged = missed <= SETTLED * (np.sum(weight * left**2, axis=1) + 1e-6)
+    return np.where(converged[:, None], path.theta(x), np.nan)
+
+
+class _Path:
+    """The model around the optimum, in x = ln(theta/theta^) of positive parameters, theta - theta^ else."""
+
+    def __init__(self, structure: ModelStructure, conditions: Sequence[Condition]) -> None:
+        self.structure, self.conditions = structure, conditions
+        self.start, self.lower, self.upper = np.array(
+            [(p.value, p.lower, p.upper) for p in structure.free], dtype=float
+        ).T
+        self.log = _logarithmic(structure)
+        self.answers = _answers(structure, conditions)
+        self.slope = self._slope(np.zeros(self.start.size))
+        self.bend = np.array([self._bend(e) for e in np.eye(self.start.size)])
+
+    def theta(self, x: Array) -> Array:
+        """Parameter values (..., n_free)."""
+        return np.where(self.log, self.start * np.exp(np.where(self.log, x, 0.0)), self.start + x)
+
+    def inside(self, x: Array) -> Array:
+        """x with every parameter within its bounds."""
+        theta = np.clip(self.theta(np.clip(x, -50, 50)), self.lower, self.upper)
+        return np.where(self.log, np.log(np.where(self.log, theta / self.start, 1.0)), theta - self.start)
+
+    def sensitivities(self, x: Array) -> Array:
+        """d [dB, weighted deg] / dx (count, n, n_free), to first order in x (count, n_free)."""
+        return self.slope + np.einsum("bq,qnp->bnp", x, self.bend)
+
+    def moved(self, x: Array) -> Array:
+        """[dB, weighted deg] (count, n) by which the model at x (count, n_free) differs from the optimum's."""
+        moved = [_answers(self._at(row), self.conditions) for row in x]
+        return _stacked([np.log(np.array(h) / h0) for *h, h0 in zip(*moved, self.answers, strict=True)])
+
+    def _at(self, x: Array) -> ModelStructure:
+        names = [p.name for p in self.structure.free]
+        return self.structure.with_values(dict(zip(names, self.theta(x), strict=True)))
+
+    def _slope(self, x: Array) -> Array:
+        sensitivities = _sensitivities(self._at(x), self.conditions)
+        return sensitivities * np.where(self.log, self.theta(x), 1.0)
+
+    def _bend(self, direction: Array) -> Array:
+        h = 1e-4 * direction * np.where(self.log, 1.0, np.abs(self.start) + 1e-3)
+        return (self._slope(h) - self._slope(-h)) / (2 * np.sum(h))
 
 
 def _scale(r: Replicates) -> Array:
@@ -127,10 +170,6 @@ def _sensitivities(structure: ModelStructure, conditions: Sequence[Condition]) -
     return _stacked(logs).T
 
 
-def _moved(base: ModelStructure, other: ModelStructure, conditions: Sequence[Condition]) -> Array:
-    ratios = [
-        np.log(other.response(d.w, c.speed, d.output) / base.response(d.w, c.speed, d.output))
-        for c in conditions
-        for d in c.data
-    ]
-    return _stacked(ratios)
+def _answers(structure: ModelStructure, conditions: Sequence[Condition]) -> list[Complex]:
+    """Responses without the sensors' low-passes, which cancel in every ratio."""
+    return [structure.response(d.w, c.speed, d.output) for c in conditions for d in c.data]
