@@ -27,7 +27,14 @@ from rover_sweep.identify.quality import CoherenceVerdict, assess
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import Band
 from rover_sweep.identify.table import ShortTable, Shown, number
-from rover_sweep.preparation import divided, geometry_of, load_runs, refuse_overlap, with_delta
+from rover_sweep.preparation import (
+    divided,
+    geometry_of,
+    load_runs,
+    parameter_names,
+    refuse_overlap,
+    with_delta,
+)
 from rover_sweep.report.provenance import Provenance, provenance
 from rover_sweep.vehicle_file import Vehicle
 from rover_sweep.vehicle_file import load as load_vehicle
@@ -138,6 +145,9 @@ def identify(
     band: Band | None = None,
     bands: Mapping[str, Band] | None = None,
     windows: Sequence[float] | None = None,
+    free: Sequence[str] = (),
+    reduction: bool = True,
+    keep: Sequence[str] = (),
 ) -> Result:
     """Identifies models from runs and verifies them on other runs.
 
@@ -145,6 +155,8 @@ def identify(
     "bicycle", "roll-yaw", "lumped" (the kinematic one is always there to compare). fit: the responses
     fitted, of "r", "ay", "vydot", "p". tied: one cornering stiffness for both axles. band: swept range
     [rad/s]; bands: usable band of a response [rad/s]; windows [s]: found from the data where not given.
+    free: parameters of the roll-yaw model that are fitted beyond the usual ones, such as "Ixx", "Ixz",
+    "h". reduction: fix again what the data cannot tell, but none of the parameters in keep.
     """
     if not isinstance(runs, Runs) or runs.vehicle is None:
         raise UsageError('the vehicle is not known: rs.read(..., vehicle="rover.toml")')
@@ -156,8 +168,11 @@ def identify(
     settings = Settings(
         _known(models, MODELS, "model"), _known(fit, ("r", "ay", "vydot", "p"), "response"), tied, band,
         dict(bands or {}), tuple(windows) if windows else None,
+        reduction=reduction, keep=parameter_names(keep),
     )  # fmt: skip
-    found = run_identification(sweeps, geometry_of(runs.vehicle), checks, settings)
+    geometry = geometry_of(runs.vehicle)
+    geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *parameter_names(free)))))
+    found = run_identification(sweeps, geometry, checks, settings)
     origin = provenance(runs.vehicle, runs.vehicle_file, checks, "", datetime.now().astimezone())
     return Result(**{f.name: getattr(found, f.name) for f in fields(found)}, origin=origin)
 

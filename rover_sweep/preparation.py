@@ -8,13 +8,14 @@ from typing import Any
 
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.models.lumped import COLUMNS, ROWS
 from rover_sweep.identify.recording import Recording, steered
 from rover_sweep.logs import read_runs
 from rover_sweep.vehicle_file import Vehicle
 
 MODEL_NAMES = {
-    "roll_inertia": "Ixx", "cg_height_above_roll_centre": "h", "sprung_mass": "ms", "mass": "m",
-    "cg_to_front_axle": "a", "cg_to_rear_axle": "b", "yaw_inertia": "Izz",
+    "roll_inertia": "Ixx", "roll_yaw_inertia": "Ixz", "cg_height_above_roll_centre": "h",
+    "sprung_mass": "ms", "mass": "m", "cg_to_front_axle": "a", "cg_to_rear_axle": "b", "yaw_inertia": "Izz",
 }  # fmt: skip
 
 
@@ -48,6 +49,8 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
         imu_x=forward,
         imu_z=(h or 0.0) + up,
         free=tuple(MODEL_NAMES[name] for name in vehicle.free),
+        roll_yaw_inertia=value(vehicle.roll_yaw_inertia) or 0.0,
+        friction=value(vehicle.friction),
     )
 
 
@@ -70,6 +73,17 @@ def with_delta(run: Recording, vehicle: Vehicle) -> Recording:
     if "pwm" not in run:
         raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
     return steered(run, *vehicle.steering())
+
+
+def parameter_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of model parameters, given as such or by the vehicle file's key; UsageError for others."""
+    derivatives = [f"{row}_{column}" for row in ROWS for column in COLUMNS]
+    known = [*MODEL_NAMES.values(), "C", "Cf", "Cr", "k_phi", "b_phi", "tau", *derivatives]
+    found = tuple(MODEL_NAMES.get(name, name) for name in names)
+    for name in found:
+        if name not in known:
+            raise UsageError(f"there is no parameter {name!r}; choose from {', '.join(known)}")
+    return found
 
 
 def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:

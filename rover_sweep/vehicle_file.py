@@ -46,7 +46,9 @@ class Vehicle:
     mass, sprung_mass [kg]; cg_to_front_axle (a), cg_to_rear_axle (b) [m];
     cg_height_above_roll_centre (h) [m]: CG of the sprung mass above the roll axis;
     roll_inertia [kg m^2] of the sprung mass about its own CG; yaw_inertia [kg m^2] of the whole vehicle
-    about its CG; trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right;
+    about its CG; roll_yaw_inertia [kg m^2], Ixz in the sign of equation (18), 0 if not stated; friction:
+    peak side force of the tyres over their load;
+    trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right;
     imu_position [m] (forward, right, down) from the CG of the sprung mass;
     free: the [vehicle] numbers that a fit may change. None: not in the file.
     """
@@ -59,6 +61,8 @@ class Vehicle:
     cg_height_above_roll_centre: Measured | None = None
     roll_inertia: Measured | None = None
     yaw_inertia: Measured | None = None
+    roll_yaw_inertia: Measured | None = None
+    friction: Measured | None = None
     trim_us: Measured | None = None
     rad_per_us: Measured | None = None
     imu_position: tuple[Measured, Measured, Measured] | None = None

@@ -35,6 +35,10 @@ KEYS: dict[str, Key] = {
     ),
     "vehicle.roll_inertia": Key("kg m^2", "sprung mass about own CG", "roll_inertia = 0.0125  # kg m^2"),
     "vehicle.yaw_inertia": Key("kg m^2", "whole vehicle about CG", "yaw_inertia = 0.069  # kg m^2"),
+    "vehicle.roll_yaw_inertia": Key(
+        "kg m^2", "product of inertia Ixz", "roll_yaw_inertia = 0.0  # kg m^2", sign=0
+    ),
+    "vehicle.friction": Key("-", "peak side force over load", "friction = 0.8"),
     "steering.trim_us": Key("us", "PWM that drives straight", "trim_us = 1500  # us", required=True),
     "steering.rad_per_us": Key(
         "rad/us", "road-wheel angle per us", "rad_per_us = 0.00095  # rad/us", sign=0, required=True
@@ -46,16 +50,18 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "imu": ("position",),
     "fit": ("free",),
 }
-FREE_KEYS = SECTIONS["vehicle"][1:]
+FREE_KEYS = tuple(key for key in SECTIONS["vehicle"] if key not in ("name", "friction"))
 SYMBOLS = {
     "a": "cg_to_front_axle", "b": "cg_to_rear_axle", "h": "cg_height_above_roll_centre", "m": "mass",
-    "ms": "sprung_mass", "ixx": "roll_inertia", "izz": "yaw_inertia", "trim": "trim_us",
+    "ms": "sprung_mass", "ixx": "roll_inertia", "ixz": "roll_yaw_inertia", "izz": "yaw_inertia",
+    "mu": "friction", "trim": "trim_us",
 }  # fmt: skip
 
 WHEELBASE = (0.05, 5.0)  # m
 TRIM = (800.0, 2200.0)  # us, what a servo output can be
 LARGEST_LOCK = 60.0  # deg of road-wheel angle at 500 us
 SMALLEST_LOCK = 1.0
+LARGEST_FRICTION = 2.0
 DENSEST = 5000.0  # kg per wheelbase cubed; rovers and cars have 20..200
 
 
@@ -135,7 +141,7 @@ def _is_number(entry: Any) -> bool:
 def inconsistencies(values: Mapping[str, float], imu: tuple[float, ...] | None) -> list[str]:
     """What the numbers that could be read say against one another; `values` by dotted key, `imu` in m."""
     v = {key.partition(".")[2]: value for key, value in values.items()}
-    return [*_masses(v), *_lengths(v, imu), *_inertias(v), *_steering(v)]
+    return [*_masses(v), *_lengths(v, imu), *_inertias(v), *_friction(v), *_steering(v)]
 
 
 def _wheelbase(v: Mapping[str, float]) -> float | None:
@@ -194,6 +200,13 @@ def _inertias(v: Mapping[str, float]) -> list[str]:
                 f"wheelbase of {wheelbase:.3g} m; kg cm^2 or g m^2? give kg m^2"
             )
     return problems
+
+
+def _friction(v: Mapping[str, float]) -> list[str]:
+    friction = v.get("friction")
+    if friction is None or friction <= LARGEST_FRICTION:
+        return []
+    return [f"[vehicle] friction {friction:g} is beyond any tyre; percent? it is a ratio of forces, 0.3..1.2"]
 
 
 def _steering(v: Mapping[str, float]) -> list[str]:

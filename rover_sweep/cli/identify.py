@@ -39,6 +39,9 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
 @click.option("--fit", "fitted", type=ChoicesType(OUTPUTS), default="r,ay,p", show_default=True,
               help="Responses that the fit uses; all four are reported.")  # fmt: skip
 @click.option("--untied", is_flag=True, help="Free Cf and Cr each, in place of one C for both axles.")
+@click.option("--no-reduction", is_flag=True, help="Keep every free parameter, told by the data or not.")
+@click.option("--keep", multiple=True, metavar="NAME",
+              help="A parameter that the structure reduction leaves free, e.g. Ixx or Y_phi.")  # fmt: skip
 @click.option("--band", "bands", type=BandType(), multiple=True,
               help="Usable band of a response in place of the one found from its coherence.")  # fmt: skip
 @click.option(
@@ -54,9 +57,9 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
 @click.option("--json", "as_json", is_flag=True, help="identification.json on stdout as well.")
 def identify(
     runs: tuple[str, ...], vehicle_file: str | None, verify_runs: tuple[str, ...], models: tuple[str, ...],
-    fitted: tuple[str, ...], untied: bool, bands: tuple[Any, ...], wmin: float | None, wmax: float | None,
-    windows: tuple[float, ...] | None, columns: str | None, gyro_filter: float | None,
-    accel_filter: float | None, out: str, as_json: bool,
+    fitted: tuple[str, ...], untied: bool, no_reduction: bool, keep: tuple[str, ...], bands: tuple[Any, ...],
+    wmin: float | None, wmax: float | None, windows: tuple[float, ...] | None, columns: str | None,
+    gyro_filter: float | None, accel_filter: float | None, out: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
 
@@ -65,7 +68,7 @@ def identify(
     --verify names runs for that.
     """
     from rover_sweep.identify.grouping import Settings
-    from rover_sweep.preparation import Reading, divided, load, refuse_overlap
+    from rover_sweep.preparation import Reading, divided, load, parameter_names, refuse_overlap
     from rover_sweep.vehicle_file import load as load_vehicle
 
     path = Path(vehicle_path(vehicle_file))
@@ -74,7 +77,10 @@ def identify(
     sweeps, doublets = divided(load(runs, vehicle, reading))
     checks = load(verify_runs, vehicle, reading) if verify_runs else doublets
     refuse_overlap(sweeps, checks)
-    settings = Settings(models, fitted, not untied, _swept(wmin, wmax), dict(bands), windows)
+    settings = Settings(
+        models, fitted, not untied, _swept(wmin, wmax), dict(bands), windows,
+        reduction=not no_reduction, keep=parameter_names(keep),
+    )  # fmt: skip
     identified(sweeps, checks, (vehicle, path), settings, Path(out), as_json)
 
 

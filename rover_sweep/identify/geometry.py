@@ -28,6 +28,10 @@ class Geometry:
     imu_z: float = 0.0
     free: tuple[str, ...] = ()
     """Names of model parameters to be freed beyond the usual ones, such as "h" or "Ixx"."""
+    roll_yaw_inertia: float = 0.0
+    """Ixz [kg m^2], the product of inertia in the sign of equation (18)."""
+    friction: float | None = None
+    """Peak side force of the tyres over their load, where it is known."""
 
     @property
     def wheelbase(self) -> float:

@@ -25,7 +25,8 @@ from rover_sweep.identify.verify import Verification, verify
 class ModelResult(Shown):
     """One model: its fit, costs of all four responses at it, variants of the fit, verification, verdict.
 
-    variants: "filters ignored", "four responses", "Cf and Cr free", as far as they say something.
+    variants: "filters ignored", "four responses", "Cf and Cr free", "before reduction", as far as they
+    say something.
     """
 
     fit: FitResult
@@ -84,8 +85,11 @@ def model_result(name: str, work: Work) -> ModelResult:
         raise ValueError(f"no model {name!r}; there are {', '.join(MODELS)}")
     _need_roll(name, work)
     structure = roll_yaw(work.geometry, work.settings.tied)
-    structure = structure.with_free([*(p.name for p in structure.free), *work.geometry.free])
-    return physical_result(structure, work) if name == "roll-yaw" else lumped_result(structure, work)
+    if name == "lumped":
+        return lumped_result(structure, work)
+    return physical_result(
+        structure.with_free([*(p.name for p in structure.free), *work.geometry.free]), work
+    )
 
 
 def _need_roll(name: str, work: Work) -> None:
@@ -105,15 +109,30 @@ def _need_roll(name: str, work: Work) -> None:
 def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
     """A structure of physical parameters, fitted over all speeds, with its variants."""
     starts = _starts(structure)
-    best = fit(structure, work.conditions(), starts)
-    variants = {}
+    full = fit(structure, work.conditions(), starts)
+    best, steps = _reduced(full, work, _known(structure, work.geometry))
+    variants = {"before reduction": full} if any(s.dropped for s in steps) else {}
     if any(g.runs[0].filters for g in work.groups):
         variants["filters ignored"] = fit(best.structure, work.conditions(filtered=False), starts)
     if "vydot" in structure.outputs and work.has_vydot:
         variants["four responses"] = fit(best.structure, work.conditions(structure.outputs))
     if "C" in structure.values:
         variants["Cf and Cr free"] = fit(_untied(best.structure, work.geometry), work.conditions())
-    return _result(best, variants, work)
+    return _result(best, variants, work, steps)
+
+
+def _known(structure: ModelStructure, geometry: Geometry) -> dict[str, float]:
+    """The parameters that were freed beyond the usual ones, at what the vehicle file says of them."""
+    usual = {"C", "Cf", "Cr", "Izz", "k_phi", "b_phi", "L_eff"}
+    return {p.name: p.value for p in structure.free if p.name in geometry.free and p.name not in usual}
+
+
+def _reduced(
+    full: FitResult, work: Work, known: Mapping[str, float] | None
+) -> tuple[FitResult, tuple[ReductionStep, ...]]:
+    if not work.settings.reduction or known == {}:
+        return full, ()
+    return reduce(full, work.conditions(), known, work.settings.keep)
 
 
 def _starts(structure: ModelStructure) -> list[dict[str, float]]:
@@ -140,8 +159,8 @@ def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
     conditions = here.conditions()
     first = fit(start, conditions, _starts(start)).structure
     full = fit(lumped(work.geometry, first, here.groups[0].speed), conditions)
-    best, steps = reduce(full, conditions)
-    variants = {"before reduction": full}
+    best, steps = _reduced(full, here, None)
+    variants = {"before reduction": full} if steps else {}
     if here.has_vydot:
         variants["four responses"] = fit(best.structure, here.conditions(best.structure.outputs))
     return _result(best, variants, here, steps)

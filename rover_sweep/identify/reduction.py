@@ -1,8 +1,12 @@
-"""Model structure reduction as Tischler & Remple 2012 do it: drop, re-converge, keep if J hardly rises."""
+"""Model structure reduction as Tischler & Remple 2012 do it: drop, re-converge, keep if J hardly rises.
+
+A derivative of a lumped model is dropped by setting it to zero. A physical parameter is not: it is fixed
+at what the vehicle file says of it, as the paper's authors fixed Ixx and h (section 6.2) and Ixz.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +23,8 @@ MARGIN = 1e-3  # rad/s, by which an integrator's computed pole may miss 0
 class ReductionStep:
     """One attempt: the parameter, why it was tried, J_ave before and after, whether the drop was kept.
 
-    unstable: kept because the model, stable before, was unstable without it.
+    unstable: kept because the model, stable before, was unstable without it. value: what the parameter
+    was fixed at, 0 or the vehicle file's value; found: what the fit had found.
     """
 
     parameter: str
@@ -28,27 +33,42 @@ class ReductionStep:
     after: float
     dropped: bool
     unstable: bool = False
+    value: float = 0.0
+    found: float = 0.0
 
 
-def reduce(start: FitResult, conditions: Sequence[Condition]) -> tuple[FitResult, tuple[ReductionStep, ...]]:
-    """Drops (sets to zero) the worst parameter, one at a time, while J_ave hardly rises.
+def reduce(
+    start: FitResult,
+    conditions: Sequence[Condition],
+    known: Mapping[str, float] | None = None,
+    keep: Collection[str] = (),
+) -> tuple[FitResult, tuple[ReductionStep, ...]]:
+    """Drops the worst parameter, one at a time, while J_ave hardly rises.
 
     First the worst insensitivity above 10 %, then the worst Cramer-Rao bound above 20 %. A parameter
-    whose loss costs too much stays, and so does the only path to an output. tau is never dropped.
+    whose loss costs too much stays, and so does the only path to an output. Delays are never dropped.
     Neither is one without which a stable model turns unstable: responses alone cannot tell a lag from an
     unstable pole with less delay, but the rover that gave them was stable.
+    known: the parameters that may be dropped, each fixed at its value; None: all, at zero. keep: never.
     """
-    best, steps, kept = start, [], {"tau"}
+    best, steps = start, []
+    names = [p.name for p in start.structure.free]
+    kept = {*start.structure.delays, *keep, *(n for n in names if known is not None and n not in known)}
     while (worst := _worst(best, kept)) is not None:
         estimate, reason = worst
-        without = best.structure.fixed(estimate.name, 0.0)
+        value = 0.0 if known is None else known[estimate.name]
+        without = best.structure.fixed(estimate.name, value)
         if silent(without, conditions):
             kept.add(estimate.name)
             continue
         trial = fit(without, conditions)
         unstable = _stable(best, conditions) and not _stable(trial, conditions)
         dropped = trial.average <= best.average * (1 + COST_RISE) + 1.0 and not unstable
-        steps.append(ReductionStep(estimate.name, reason, best.average, trial.average, dropped, unstable))
+        steps.append(
+            ReductionStep(
+                estimate.name, reason, best.average, trial.average, dropped, unstable, value, estimate.value
+            )
+        )
         if dropped:
             best = trial
         else:

@@ -229,18 +229,25 @@ def reduction_table(model: ModelResult) -> Table | None:
         return None
     rows = tuple(
         (
-            Cell(symbol(s.parameter)), Cell(s.reason), Cell(_outcome(s)),
+            Cell(symbol(s.parameter)), Cell(s.reason), Cell(_outcome(s, model)),
             Cell(f"{s.before:.2f}"), Cell(f"{s.after:.2f}"),
         )
         for s in model.reduction
     )  # fmt: skip
     headings = ("parameter", "tried because of", "", "J_ave before", "J_ave without")
-    note = "A parameter is dropped when J_ave without it hardly rises (5 % and 1)."
+    note = (
+        "A parameter is dropped, or fixed at what the vehicle file says, when J_ave without it hardly rises "
+        "(5 % and 1)."
+    )
     return Table("Model structure reduction", headings, rows, note, 3)
 
 
-def _outcome(step: ReductionStep) -> str:
-    return "dropped" if step.dropped else "kept: unstable without" if step.unstable else "kept"
+def _outcome(step: ReductionStep, model: ModelResult) -> str:
+    if not step.dropped:
+        return "kept: unstable without" if step.unstable else "kept"
+    if model.fit.structure.name == "lumped":
+        return "dropped"
+    return f"fixed at {number(step.value)}, found {number(step.found)}"
 
 
 def poles_table(model: ModelResult) -> Table:

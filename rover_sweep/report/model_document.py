@@ -39,7 +39,7 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
             {
                 "parameter": s.parameter, "reason": s.reason,
                 "average_before": s.before, "average_after": s.after, "dropped": s.dropped,
-                "unstable_without": s.unstable,
+                "unstable_without": s.unstable, "found": s.found, "fixed_at": s.value if s.dropped else None,
             }
             for s in model.reduction
         ],
