@@ -61,7 +61,8 @@ class ModelStructure:
     build maps {parameter: value, "V": m/s} to Matrices; it must be analytic in the values, because
     sensitivities are taken by complex step. The first input is the steering angle [rad]. vydot is the
     rate of the lateral velocity at the IMU [m/s^2]. input_delays, output_delays: the parameter [s] by
-    which an input or output comes late, by its name. source: the text it was read from, if any.
+    which an input or output comes late, by its name. units: of states, inputs and outputs that are not
+    SI units of the usual ones; source: the text it was read from, if any.
     """
 
     name: str
@@ -73,6 +74,7 @@ class ModelStructure:
     inputs: tuple[str, ...] = ("delta",)
     input_delays: Mapping[str, str] = field(default_factory=lambda: {"delta": "tau"})
     output_delays: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
     source: str = ""
 
     def __post_init__(self) -> None:
