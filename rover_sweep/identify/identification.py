@@ -22,6 +22,8 @@ from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 from rover_sweep.identify.verdicts import ModelVerdict
 
+WHEELBASE_RATIO = 2.0  # effective over measured wheelbase, either way: more is a mistake in units or scale
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(Shown):
@@ -81,19 +83,37 @@ def identify(
     Runs that cannot carry a model give a verdict with the reason, not an exception.
     """
     wanted = settings or Settings()
-    groups = grouped(runs, wanted)
-    quality = tuple(_assessed(run, wanted.condition_on) for run in runs)
+    groups, quality = grouped(runs, wanted), tuple(_assessed(run, wanted.condition_on) for run in runs)
+    reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
     said = tuple(dict.fromkeys(words for g in groups for words in g.remarks))
-    stop = groups[0].why_not()
-    if stop:
-        refused = dict.fromkeys(wanted.models, stop)
-        return Identification(geometry, wanted, groups, quality, {}, refused, None, (stop, *said))
+    if len(reasons) == len(groups):
+        stops = tuple(dict.fromkeys(reasons.values()))
+        refused = dict.fromkeys(wanted.models, stops[0])
+        return Identification(geometry, wanted, groups, quality, {}, refused, None, (*stops, *said))
+    said = (*(_left_out(groups[i], why) for i, why in reasons.items()), *said)
+    groups = tuple(g for i, g in enumerate(groups) if i not in reasons)
     models, refused = _fitted(Work(groups, geometry, tuple(verify_on), wanted))
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
     best, words = _recommendation(models, too_much)
+    said = (*_suspicious(models["kinematic"], geometry), *said)
     return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *said))
+
+
+def _left_out(group: Group, why: str) -> str:
+    return f"left out {', '.join(run.name for run in group.runs)} at {group.speed:.2f} m/s: {why}"
+
+
+def _suspicious(plain: ModelResult, geometry: Geometry) -> tuple[str, ...]:
+    """A sentence where the rover turns far less or more than its wheelbase allows."""
+    ratio = plain.fit["L_eff"].value / geometry.wheelbase
+    if 1 / WHEELBASE_RATIO < ratio < WHEELBASE_RATIO:
+        return ()
+    return (
+        f"the yaw rate is {1 / ratio:.2g} times what the wheelbase of {geometry.wheelbase:.3g} m gives: check "
+        "rad_per_us, the axle distances, and the units of the yaw rate and the speed",
+    )
 
 
 def _assessed(run: Recording, condition_on: Sequence[str]) -> CoherenceVerdict:
@@ -129,4 +149,5 @@ def _recommendation(
     ]
     if not usable:
         return None, ("no model fits these runs: see the verdict of each",)
-    return usable[0], (f"use the {usable[0]} model: {models[usable[0]].verdict.sentences[0]}",)
+    reasons = models[usable[0]].verdict.sentences[: 1 if usable[0] == "lumped" else 2]
+    return usable[0], (f"use the {usable[0]} model: {'; '.join(reasons)}",)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from rover_sweep.identify.fit import Estimate, FitResult
+from rover_sweep.identify.verify import Verification
 
 Level = Literal["good", "acceptable", "poor", "not identifiable"]
 J_GOOD, J_ACCEPTABLE = 50.0, 100.0
 CR_GUIDE, I_GUIDE = 20.0, 10.0  # percent
+TIC_GUIDE = 0.35  # the paper's: above it a model does not predict the run
 CR_LOST, I_LOST = 60.0, 25.0  # percent: beyond these the number says nothing about the rover
 
 
@@ -22,15 +24,18 @@ class ModelVerdict:
     sentences: tuple[str, ...]
 
 
-def judge_model(result: FitResult, physical: bool = True) -> ModelVerdict:
-    """The verdict on one fit by itself.
+def judge_model(
+    result: FitResult, physical: bool = True, verification: Sequence[Verification] = ()
+) -> ModelVerdict:
+    """The verdict on one fit and on how it predicts runs that it has not seen.
 
     physical: its parameters are properties of the rover, so that one that is lost spoils the model;
     the derivatives of a lumped model are correlated by nature and stand for one another.
     """
     lost = [e for e in result.estimates if e.free and e.name != "tau" and _is_lost(e)]
     weak = [e for e in result.estimates if e.free and _is_weak(e) and not (physical and e in lost)]
-    words = [_cost_words(result.average)]
+    failed = [v for v in verification if not v.tic <= TIC_GUIDE]
+    words = [_prediction_words(v) for v in failed] + [_cost_words(result.average)]
     if weak:
         words.append("uncertain beyond the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, weak)))
     if lost and not physical:
@@ -43,7 +48,11 @@ def judge_model(result: FitResult, physical: bool = True) -> ModelVerdict:
     if lost and physical:
         first = "cannot be identified: " + ", ".join(map(_numbers, lost))
         return ModelVerdict("not identifiable", (first, *words))
-    return ModelVerdict(_level(result.average), tuple(words))
+    return ModelVerdict("poor" if failed else _level(result.average), tuple(words))
+
+
+def _prediction_words(v: Verification) -> str:
+    return f"does not predict {v.run}: TIC {v.tic:.2f} (guideline <= {TIC_GUIDE:g}), J_rms {v.j_rms:.3g}"
 
 
 def _is_lost(e: Estimate) -> bool:
@@ -76,14 +85,14 @@ def kinematic_suffices(costs: Mapping[str, Mapping[str, float]]) -> str | None:
     """Why tyre parameters mean nothing here, or None; costs: J of each response by model name.
 
     Where the kinematic model fits r and a_y as well as the bicycle, a stiffness is one that the data
-    cannot tell from infinity: soaked-up noise and delay.
+    cannot tell from infinity: soaked-up noise and delay. Two models that both fit badly say nothing.
     """
     plain, tyres = costs.get("kinematic"), costs.get("bicycle") or costs.get("roll-yaw")
     if plain is None or tyres is None:
         return None
     shared = [o for o in ("r", "ay") if o in plain and o in tyres]
     without, with_tyres = (sum(c[o] for o in shared) / len(shared) for c in (plain, tyres))
-    if without > with_tyres * 1.1 + 2.0:
+    if without > with_tyres * 1.1 + 2.0 or without > J_ACCEPTABLE:
         return None
     return (
         f"the kinematic model fits as well (J of {' and '.join(shared)} {without:.1f}, "
