@@ -94,7 +94,11 @@ def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Rec
 
 
 def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> None:
-    """UsageError where a run would be its own judge."""
+    """UsageError where a run would be its own judge, or counted twice."""
+    seen = [(s.sources, s.span) for s in sweeps]
+    twice = [s.name for i, s in enumerate(sweeps) if s.sources and seen[i] in seen[:i]]
+    if twice:
+        raise UsageError(f"{twice[0]} is given twice, which would count its noise as known; give it once")
     same = [c.name for c in checks for s in sweeps if c.sources == s.sources and c.span == s.span]
     if same:
         raise UsageError(f"{same[0]} is both identified from and verified on; verify on another run")

@@ -172,5 +172,5 @@ def _result(
     structure = best.structure
     all_costs = costs(structure, work.conditions(structure.outputs))
     verification = tuple(verify(structure, run) for run in work.verify_on)
-    verdict = judge_model(best, physical=structure.name != "lumped")
+    verdict = judge_model(best, physical=structure.name != "lumped", verification=verification)
     return ModelResult(best, all_costs, variants, verification, verdict, steps)
