@@ -79,6 +79,8 @@ class FitResult(Shown):
     costs: Mapping[str, float]
     spread: float
     """Largest relative difference of a parameter among starts that reached the same cost."""
+    covariance: Array | None = None
+    """Of the free parameters (n_free, n_free), in their units: roots of the diagonal are the CR bounds."""
 
     @property
     def average(self) -> float:
@@ -133,7 +135,7 @@ def costs(structure: ModelStructure, conditions: Sequence[Condition]) -> dict[st
     """J of each response of the structure, equation (11): the mean over several conditions."""
     values: dict[str, list[float]] = {}
     for condition in conditions:
-        for label, r in residuals(structure, _restricted(condition, structure)).items():
+        for label, r in residuals(structure, restricted(condition, structure)).items():
             values.setdefault(label, []).append(float(r @ r))
     return {label: float(np.mean(j)) for label, j in values.items()}
 
@@ -153,6 +155,18 @@ def accuracy(structure: ModelStructure, conditions: Sequence[Condition]) -> tupl
         except np.linalg.LinAlgError:
             bound = np.full(theta.size, np.inf)
     return 100 * bound, 100 * insensitivity
+
+
+def covariance(structure: ModelStructure, conditions: Sequence[Condition]) -> Array:
+    """4 H^-1 (n_free, n_free) in parameter units; infinite where the data leave a parameter open."""
+    jac = np.concatenate([jacobian(structure, c) for c in conditions])
+    scale = np.linalg.norm(jac, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        try:
+            inverse = np.linalg.inv((jac / scale).T @ (jac / scale))
+        except np.linalg.LinAlgError:
+            return np.full((scale.size, scale.size), np.inf)
+        return np.asarray(2 * inverse / np.outer(scale, scale))
 
 
 def _vector(structure: ModelStructure) -> tuple[Array, Array, Array, np.ndarray]:
@@ -176,7 +190,7 @@ def fit(
     starts: further starting values by name; the best end is kept, and `spread` says how far the
     others that reached the same cost lie from it.
     """
-    usable = tuple(_restricted(c, structure) for c in conditions)
+    usable = tuple(restricted(c, structure) for c in conditions)
     ends = [_descend(structure.with_values(s), usable, tolerance) for s in ({}, *starts)]
     best = min(ends, key=lambda e: e[1])
     same = [e[0] for e in ends if e[1] <= best[1] * 1.001 + 1e-6]
@@ -189,14 +203,15 @@ def fit(
 
 def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread: float = 0.0) -> FitResult:
     """Costs and accuracies of a structure at its present values."""
-    usable = tuple(_restricted(c, structure) for c in conditions)
+    usable = tuple(restricted(c, structure) for c in conditions)
     cr, insensitivity = accuracy(structure, usable)
     by_name = {p.name: (cr[i], insensitivity[i]) for i, p in enumerate(structure.free)}
     estimates = tuple(
         Estimate(p.name, p.unit, p.value, p.free, *by_name.get(p.name, (None, None)), _at_bound(p), p.meaning)
         for p in structure.parameters
     )
-    return FitResult(structure, usable[0].speed, estimates, costs(structure, usable), spread)
+    spreads = covariance(structure, usable)
+    return FitResult(structure, usable[0].speed, estimates, costs(structure, usable), spread, spreads)
 
 
 def silent(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
@@ -204,7 +219,7 @@ def silent(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
     return any(
         not np.all(np.abs(structure.response(d.w, c.speed, d.output, input=d.input)) > 0)
         for c in conditions
-        for d in _restricted(c, structure).data
+        for d in restricted(c, structure).data
     )
 
 
@@ -212,7 +227,8 @@ def _at_bound(p: Parameter) -> bool:
     return p.free and (p.value <= p.lower * (1 + 1e-3) + 1e-9 or p.value >= p.upper * (1 - 1e-3))
 
 
-def _restricted(condition: Condition, structure: ModelStructure) -> Condition:
+def restricted(condition: Condition, structure: ModelStructure) -> Condition:
+    """The condition with only those responses that the structure has; ValueError where there is none."""
     """The responses that the structure has."""
     kept = tuple(d for d in condition.data if d.output in structure.outputs and d.input in structure.inputs)
     if not kept:
