@@ -15,7 +15,7 @@ import numpy as np
 
 from rover_sweep.identify.recording import Array, Recording, Signal
 from rover_sweep.identify.response import Band, FrequencyResponse, composite_response, transformed
-from rover_sweep.identify.spectra import Complex, Transformer, WindowSpectra
+from rover_sweep.identify.spectra import Complex, Transformer, WindowSpectra, effective_averages
 
 ENTANGLED = 0.5  # coherence between inputs above which Tischler and Remple advise to drive again
 
@@ -25,7 +25,7 @@ class InputSpectra:
     """Averaged spectra of one window length among several inputs and outputs, nan below 2 pi/length.
 
     gxx (n_w, nu, nu): conj(X_i) X_j; gxy {output: (n_w, nu)}: conj(X_i) Y; gyy {output: (n_w,)}; all
-    with 2/T_win. averages: n_d = T_F / T_win.
+    with 2/T_win. averages: n_d as `effective_averages` counts it.
     """
 
     length: float
@@ -121,7 +121,10 @@ def input_spectra(
             counts[k] += len(z)
             sums[k] += np.einsum("nwi,nwj->wij", z.conj(), z)
     found = zip(used, sums, counts, strict=True)
-    return tuple(_averaged(length, g, n, w, inputs, outputs, total) for length, g, n in found)
+    return tuple(
+        _averaged(length, g, n, w, inputs, outputs, effective_averages(spans, length))
+        for length, g, n in found
+    )
 
 
 def bearable_windows(
@@ -134,14 +137,14 @@ def bearable_windows(
 
 def _averaged(
     length: float, sums: Complex, count: int, w: Array, inputs: Sequence[str], outputs: Sequence[str],
-    total: float,
+    averages: float,
 ) -> InputSpectra:  # fmt: skip
     scale = 2.0 / length / count * np.where(w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
     g = (scale[:, None, None] * sums).astype(complex)
     n = len(inputs)
     gxy = {o: g[:, :n, n + k] for k, o in enumerate(outputs)}
     gyy = {o: g[:, n + k, n + k].real for k, o in enumerate(outputs)}
-    return InputSpectra(length, w, tuple(inputs), g[:, :n, :n], gxy, gyy, total / length)
+    return InputSpectra(length, w, tuple(inputs), g[:, :n, :n], gxy, gyy, averages)
 
 
 def conditioned_responses(

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from rover_sweep.identify.conditioned import conditioned_responses, entanglement, input_spectra, moving
 from rover_sweep.identify.recording import Recording, Signal
 from rover_sweep.identify.response import frequency_responses
+from rover_sweep.identify.spectra import effective_averages
 from rover_sweep.identify.sweep import Sweep
 
 STEP = 0.005
@@ -121,7 +122,7 @@ def test_conditioning_is_the_element_of_the_inverse():
         (rest,) = input_spectra([channels], [span], others, ("y",), [4.0], w)
         unexplained = (1 - rest.multiple_coherence("y")) * (1 - part.coherence)
         assert 1 - s.multiple_coherence("y") == pytest.approx(unexplained)
-        assert part.averages == pytest.approx(span[1] / 4.0 - 2)
+        assert part.averages == pytest.approx(effective_averages([span], 4.0) - 2)
 
 
 def test_the_random_error_is_the_scatter_of_the_estimates():
