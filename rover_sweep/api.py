@@ -28,6 +28,7 @@ from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import Band
 from rover_sweep.identify.table import ShortTable, Shown, number
 from rover_sweep.preparation import (
+    check_settings,
     divided,
     geometry_of,
     load_runs,
@@ -170,6 +171,7 @@ def identify(
         dict(bands or {}), tuple(windows) if windows else None,
         reduction=reduction, keep=parameter_names(keep),
     )  # fmt: skip
+    check_settings(settings, sweeps)
     geometry = geometry_of(runs.vehicle)
     geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *parameter_names(free)))))
     found = run_identification(sweeps, geometry, checks, settings)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.grouping import Settings
 from rover_sweep.identify.models.lumped import COLUMNS, ROWS
 from rover_sweep.identify.recording import Recording, steered
 from rover_sweep.logs import read_runs
@@ -91,6 +93,38 @@ def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Rec
     doublets = tuple(r for r in runs if r.kind == "doublet")
     others = tuple(r for r in runs if r.kind != "doublet")
     return (others, doublets) if others else (doublets, ())
+
+
+def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
+    """UsageError for settings that these runs cannot carry."""
+    longest = max(run.span[1] - run.span[0] for run in runs)
+    fastest = math.pi * min(run[c].rate for run in runs for c in ("delta", "r") if c in run)
+    numbers = [
+        *(settings.band or ()),
+        *(settings.windows or ()),
+        *(x for b in settings.bands.values() for x in b),
+    ]
+    if not all(math.isfinite(x) for x in numbers):
+        raise UsageError("frequencies and window lengths must be finite numbers")
+    if "r" not in settings.fitted:
+        raise UsageError("the fit needs the yaw rate: let --fit contain r")
+    if settings.windows and not 0.5 <= min(settings.windows) <= max(settings.windows) <= longest:
+        raise UsageError(f"window lengths must lie between 0.5 s and the longest run, {longest:.3g} s")
+    if settings.band and settings.band[1] > fastest:
+        raise UsageError(
+            f"--wmax {settings.band[1]:g} is beyond what these logs resolve, {fastest:.3g} rad/s "
+            "(half the sampling rate of steering or yaw rate)"
+        )
+    if settings.band and settings.band[0] < 2 * math.pi / longest:
+        raise UsageError(
+            f"--wmin {settings.band[0]:g} rad/s has a period longer than the longest run, {longest:.3g} s"
+        )
+    for name, (low, high) in settings.bands.items():
+        if high > fastest or low < 2 * math.pi / longest or high < 1.5 * low:
+            raise UsageError(
+                f"--band {name}={low:g}:{high:g} must lie within {2 * math.pi / longest:.2g} and {fastest:.3g} "
+                "rad/s and reach over a factor of 1.5 at least"
+            )
 
 
 def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> None:

@@ -68,7 +68,14 @@ def identify(
     --verify names runs for that.
     """
     from rover_sweep.identify.grouping import Settings
-    from rover_sweep.preparation import Reading, divided, load, parameter_names, refuse_overlap
+    from rover_sweep.preparation import (
+        Reading,
+        check_settings,
+        divided,
+        load,
+        parameter_names,
+        refuse_overlap,
+    )
     from rover_sweep.vehicle_file import load as load_vehicle
 
     path = Path(vehicle_path(vehicle_file))
@@ -81,6 +88,7 @@ def identify(
         models, fitted, not untied, _swept(wmin, wmax), dict(bands), windows,
         reduction=not no_reduction, keep=parameter_names(keep),
     )  # fmt: skip
+    check_settings(settings, sweeps)
     identified(sweeps, checks, (vehicle, path), settings, Path(out), as_json)
 
 

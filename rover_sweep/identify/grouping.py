@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from rover_sweep.identify.response import Band, FrequencyResponse
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
 FITTED = ("r", "ay", "p")
-VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction (paper: 3-25 rad/s)
 SAME_SPEED = 0.10  # runs within 10 % share their responses
 
 
@@ -101,8 +100,6 @@ def _group(runs: Sequence[Recording], settings: Settings) -> Group:
     found, *others = input_responses(
         runs, inputs, band=settings.band, windows=settings.windows, bands=settings.bands
     ).values()
-    if "vydot" in found and "vydot" not in settings.bands:
-        found["vydot"] = _above(found["vydot"], VYDOT_FROM)
     lengths = [run.span[1] - run.span[0] for run in runs]
     speed = float(np.average([run.mean_speed for run in runs], weights=lengths))
     return Group(
@@ -124,10 +121,3 @@ def _remarks(
     ]
     entangled = [words for o in ("r", "ay") if o in found and (words := entanglement(found[o]))]
     return (*still, *entangled[:1])
-
-
-def _above(f: FrequencyResponse, low: float) -> FrequencyResponse:
-    """The response with its band cut off below `low` rad/s."""
-    if f.band is None or f.band[1] < 2 * low:
-        return replace(f, band=None)
-    return replace(f, band=(max(f.band[0], low), f.band[1]))

@@ -99,6 +99,8 @@ def _need_roll(name: str, work: Work) -> None:
             f"the {name} model needs sprung_mass, cg_height_above_roll_centre and roll_inertia "
             "in the vehicle file"
         )
+    if geometry.h is not None and geometry.h <= 0:
+        raise NotPossible(f"the {name} model needs a CG above the roll axis, and the vehicle file has none")
     if p is None or p.band is None:
         best = "it was not recorded" if p is None else f"its highest coherence is {np.max(p.coherence):.2f}"
         raise NotPossible(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from rover_sweep.identify.table import ShortTable, Shown, band_words
 
 WANTED_COHERENCE = 0.8  # what a repeated run is asked to reach: a margin above the .6 that is usable
 COVERED = 0.8  # of the swept range, in log w
+VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction (the paper used 3-25 rad/s)
 RISING_FROM = (
     4.0  # of the lowest frequency: where p and V_y' are judged from (the paper used p from twice w_min)
 )
@@ -126,8 +127,19 @@ def input_responses(
     w = frequency_grid(low, high, lengths)
     recorded = [o for o in outputs if all({"vydot": "vy"}.get(o, o) in run for run in runs)]
     if len(inputs) > 1:
-        return conditioned_responses(runs, recorded, w, lengths, inputs, bands)
-    return {inputs[0]: frequency_responses(runs, recorded, w, tuple(lengths), inputs[0], bands)}
+        found = conditioned_responses(runs, recorded, w, lengths, inputs, bands)
+    else:
+        found = {inputs[0]: frequency_responses(runs, recorded, w, tuple(lengths), inputs[0], bands)}
+    if "vydot" in recorded and "vydot" not in (bands or {}):
+        found[inputs[0]]["vydot"] = _above(found[inputs[0]]["vydot"], VYDOT_FROM)
+    return found
+
+
+def _above(f: FrequencyResponse, low: float) -> FrequencyResponse:
+    """The response with its band cut off below `low` rad/s."""
+    if f.band is None or f.band[1] < 2 * low:
+        return replace(f, band=None)
+    return replace(f, band=(max(f.band[0], low), f.band[1]))
 
 
 def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None) -> CoherenceVerdict:
@@ -148,6 +160,9 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     keep = _output(worst).covered >= COVERED
     factor = None if keep else _factor(worst)
     peak = _peak(measured, float(np.ptp(run.manoeuvre(input).x)) / 2) * (factor or 1.0)
+    if run.kind == "doublet":
+        said = "doublet: for verification, so its coherence is not judged"
+        return CoherenceVerdict(run.name, True, swept, amplitude, unit, None, outputs, said)
     words = (
         _keep_words(outputs, swept, _kind(worst))
         if keep

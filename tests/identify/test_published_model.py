@@ -89,3 +89,18 @@ def test_the_cost_of_one_decibel_everywhere():
     turned = replace(condition.data[0], h=condition.data[0].h * np.exp(1j * np.radians(7.57)))
     assert costs(structure, [replace(condition, data=(louder,))])["r"] == pytest.approx(19.95, rel=1e-3)
     assert costs(structure, [replace(condition, data=(turned,))])["r"] == pytest.approx(19.95, rel=2e-3)
+
+
+def test_the_coherence_weight_is_that_of_the_paper():
+    """exp(-g2), not exp(-g2^2), which is a mistake found in public code."""
+    data = ResponseData("r", np.ones(3), np.ones(3, dtype=complex), np.array([0.0, 0.6, 1.0]))
+    assert data.weight == pytest.approx(
+        [0.0, (1.58 * (1 - np.exp(-0.6))) ** 2, (1.58 * (1 - np.exp(-1))) ** 2]
+    )
+
+
+def test_an_imu_ahead_of_the_cg_feels_the_yaw_acceleration():
+    w = np.array([15.0])
+    ahead, there = (bicycle(replace(PAPER, imu_x=x)).with_values(TABLE_2) for x in (0.1, 0.0))
+    difference = ahead.response(w, 2.4, "ay") - there.response(w, 2.4, "ay")
+    assert difference == pytest.approx(0.1 * 1j * w * there.response(w, 2.4, "r"), rel=1e-12)
