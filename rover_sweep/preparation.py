@@ -99,11 +99,8 @@ def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
     """UsageError for settings that these runs cannot carry."""
     longest = max(run.span[1] - run.span[0] for run in runs)
     fastest = math.pi * min(run[c].rate for run in runs for c in ("delta", "r") if c in run)
-    numbers = [
-        *(settings.band or ()),
-        *(settings.windows or ()),
-        *(x for b in settings.bands.values() for x in b),
-    ]
+    limits = (x for band in settings.bands.values() for x in band)
+    numbers = [*(settings.band or ()), *(settings.windows or ()), *limits]
     if not all(math.isfinite(x) for x in numbers):
         raise UsageError("frequencies and window lengths must be finite numbers")
     if "r" not in settings.fitted:
@@ -121,9 +118,9 @@ def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
         )
     for name, (low, high) in settings.bands.items():
         if high > fastest or low < 2 * math.pi / longest or high < 1.5 * low:
+            within = f"{2 * math.pi / longest:.2g} and {fastest:.3g} rad/s"
             raise UsageError(
-                f"--band {name}={low:g}:{high:g} must lie within {2 * math.pi / longest:.2g} and {fastest:.3g} "
-                "rad/s and reach over a factor of 1.5 at least"
+                f"--band {name}={low:g}:{high:g} must lie between {within} and span a factor of 1.5 or more"
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -85,6 +86,8 @@ def vehicle_path(given: str | None) -> str:
 def filter_overrides(gyro: float | None, accel: float | None) -> dict[str, float] | None:
     """{"gyro_hz", "accel_hz"} of the options that were given, None without any."""
     given = {"gyro_hz": gyro, "accel_hz": accel}
+    if not all(math.isfinite(v) for v in given.values() if v is not None):
+        raise UsageError("a filter's cut-off must be a finite number of Hz (0: off)")
     return {k: v for k, v in given.items() if v is not None} or None
 
 

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 from rover_sweep.identify.conditioned import moving
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import Group, Settings, grouped
+from rover_sweep.identify.handling import Handling, handling, has_handling
 from rover_sweep.identify.model_results import (
+    UNTIED,
     ModelResult,
     NotPossible,
     Work,
@@ -46,6 +48,21 @@ class Identification(Shown):
     def speed(self) -> float:
         """Speed of the first group, m/s."""
         return self.groups[0].speed
+
+    @property
+    def handling(self) -> dict[str, Handling]:
+        """Handling quantities of the models that have tyres and are identified, by name of the model.
+
+        Also of the fit with a stiffness for each axle, as "<model>, Cf and Cr free".
+        """
+        fits = {
+            f"{name}{label}": fit
+            for name, m in self.models.items()
+            if m.verdict.level != "not identifiable" and has_handling(m.fit.structure)
+            for label, fit in (("", m.fit), (f", {UNTIED}", m.variants.get(UNTIED)))
+            if fit is not None
+        }
+        return {name: handling(fit) for name, fit in fits.items()}
 
     def table(self) -> ShortTable:
         """A row for each model; the usable bands, what was refused, which model to use."""

@@ -21,6 +21,9 @@ from rover_sweep.identify.verdicts import ModelVerdict, judge_model, kinematic_s
 from rover_sweep.identify.verify import Verification, verify
 
 
+UNTIED = "Cf and Cr free"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelResult(Shown):
     """One model: its fit, costs of all four responses at it, variants of the fit, verification, verdict.
@@ -119,7 +122,7 @@ def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
     if "vydot" in structure.outputs and work.has_vydot:
         variants["four responses"] = fit(best.structure, work.conditions(structure.outputs))
     if "C" in structure.values:
-        variants["Cf and Cr free"] = fit(_untied(best.structure, work.geometry), work.conditions())
+        variants[UNTIED] = fit(_untied(best.structure, work.geometry), work.conditions())
     return _result(best, variants, work, steps)
 
 

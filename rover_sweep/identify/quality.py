@@ -120,7 +120,7 @@ def input_responses(
     """
     spans = [run.span for run in runs]
     total, longest = sum(e - s for s, e in spans), max(e - s for s, e in spans)
-    low, high = band or excited_range(runs, inputs[0])
+    low, high = _reaching(band or excited_range(runs, inputs[0]), bands)
     lengths = windows or default_windows(low, high, total, longest)
     if len(inputs) > 1:
         lengths = tuple(sorted({min(n, total / len(inputs)) for n in lengths}))
@@ -140,6 +140,12 @@ def _above(f: FrequencyResponse, low: float) -> FrequencyResponse:
     if f.band is None or f.band[1] < 2 * low:
         return replace(f, band=None)
     return replace(f, band=(max(f.band[0], low), f.band[1]))
+
+
+def _reaching(swept: Band, bands: Mapping[str, Band] | None) -> Band:
+    """The range, wide enough for the bands that were asked for."""
+    asked = [swept, *(bands or {}).values()]
+    return min(b[0] for b in asked), max(b[1] for b in asked)
 
 
 def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None) -> CoherenceVerdict:
