@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_sweep.identify.fit import PHASE_WEIGHT, Condition, FitResult
+from rover_sweep.identify.fit import PHASE_WEIGHT, Condition, FitResult, restricted
 from rover_sweep.identify.grouping import Group
 from rover_sweep.identify.recording import Array
 from rover_sweep.identify.replicates import GroupReplicator, Replicates
@@ -24,8 +24,8 @@ from rover_sweep.identify.spectra import Complex
 from rover_sweep.identify.structure import ModelStructure, Parameter
 
 LEVEL = 0.90
-STEPS = 3  # Gauss-Newton steps a replicate
-SETTLED = 1e-3  # of the cost: what the last step may still have promised to gain
+STEPS = 8  # Gauss-Newton steps a replicate at most
+SETTLED = 1e-6  # of the cost: a step that promises to gain less is the last
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ class Bootstrap:
         """Estimates (replicates, n_free) of the free parameters, nan where one ran off."""
         rng = np.random.default_rng(seed)
         made = [group(fit.structure, replicates, rng) for group in self.groups]
-        return refitted(fit.structure, [g.condition for g in self.groups], made)
+        conditions = [restricted(g.condition, fit.structure) for g in self.groups]
+        return refitted(fit.structure, conditions, made)
 
 
 def _interval(p: Parameter, log: bool, theta: Array, level: float, failed: int) -> Intervals:
@@ -96,16 +97,27 @@ def refitted(
     path = _Path(structure, conditions)
     data = _stacked([r.log_ratio for parts in made for r in parts])
     weight = np.concatenate([np.tile(_scale(r) ** 2, 2) for parts in made for r in parts], axis=1)
-    x, left = np.zeros((len(data), len(structure.free))), data
+    x, left = np.zeros((len(data), len(structure.free))), data.copy()
+    moving = np.arange(len(data))
     for _ in range(STEPS):
-        slope = path.sensitivities(x)
-        weighted = np.einsum("bnp,bn->bpn", slope, weight)
-        step = np.linalg.solve(weighted @ slope, weighted @ left[..., None])[..., 0]
-        x = path.inside(x + step)
-        left = data - path.moved(x)
-    missed = np.sum(weight * np.einsum("bnp,bp->bn", slope, step) ** 2, axis=1)
-    converged = missed <= SETTLED * (np.sum(weight * left**2, axis=1) + 1e-6)
-    return np.where(converged[:, None], path.theta(x), np.nan)
+        step, gain = _step(path.sensitivities(x[moving]), weight[moving], left[moving])
+        x[moving] = path.inside(x[moving] + step)
+        cost = np.sum(weight[moving] * left[moving] ** 2, axis=1)
+        moving = moving[~(gain <= SETTLED * cost)]
+        if not moving.size:
+            break
+        left[moving] = data[moving] - path.moved(x[moving])
+    theta = path.theta(x)
+    theta[moving] = np.nan
+    return theta
+
+
+def _step(slope: Array, weight: Array, left: Array) -> tuple[Array, Array]:
+    """The Gauss-Newton step (count, n_free) and the cost (count,) that it promises to gain."""
+    weighted = np.swapaxes(slope * weight[:, :, None], 1, 2)
+    gradient = (weighted @ left[..., None])[..., 0]
+    step = np.linalg.solve(weighted @ slope, gradient[..., None])[..., 0]
+    return step, np.asarray(np.sum(step * gradient, axis=1))
 
 
 class _Path:
@@ -127,7 +139,7 @@ class _Path:
 
     def inside(self, x: Array) -> Array:
         """x with every parameter within its bounds."""
-        theta = np.clip(self.theta(np.clip(x, -50, 50)), self.lower, self.upper)
+        theta = np.clip(self.theta(np.where(self.log, np.clip(x, -50, 50), x)), self.lower, self.upper)
         return np.where(self.log, np.log(np.where(self.log, theta / self.start, 1.0)), theta - self.start)
 
     def sensitivities(self, x: Array) -> Array:
@@ -135,7 +147,7 @@ class _Path:
         return self.slope + np.einsum("bq,qnp->bnp", x, self.bend)
 
     def moved(self, x: Array) -> Array:
-        """[dB, weighted deg] (count, n) by which the model at x (count, n_free) differs from the optimum's."""
+        """[dB, weighted deg] (count, n) by which the model at x (count, n_free) has moved."""
         moved = [_answers(self._at(row), self.conditions) for row in x]
         return _stacked([np.log(np.array(h) / h0) for *h, h0 in zip(*moved, self.answers, strict=True)])
 

@@ -33,7 +33,7 @@ def forced_response(
     start, end = span
     t = start + np.arange(int((end - start) * RATE) + 1) / RATE
     u = _returning(delta.on(t))
-    w = 2 * np.pi * np.fft.rfftfreq(u.size, 1 / RATE)
+    w = np.asarray(2 * np.pi * np.fft.rfftfreq(u.size, 1 / RATE), dtype=np.float64)
     used = np.flatnonzero((w > 0) & (w <= TOP * w_max))
     x = np.fft.rfft(u)[used]
 

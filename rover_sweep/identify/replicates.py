@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_sweep.identify.fit import Condition
+from rover_sweep.identify.fit import Condition, ResponseData, restricted
 from rover_sweep.identify.forced_response import forced_response
 from rover_sweep.identify.grouping import Group
 from rover_sweep.identify.noise import CoarseTransformer, ResidualSpectra, fresh_noise
 from rover_sweep.identify.recording import Array, Recording, Signal
 from rover_sweep.identify.response import RISING, composite, transformed
-from rover_sweep.identify.spectra import Complex, Transformer, WindowSpectra
+from rover_sweep.identify.spectra import Complex, Transformer, WindowSpectra, effective_averages
 from rover_sweep.identify.structure import ModelStructure
 
 MARGIN = 1.15  # noise is made up to this times the highest frequency, and a few bins of the shortest window
@@ -34,8 +34,8 @@ class Replicates:
 class RunReplicator:
     """One run: its windows, the transforms of its steering, and what is shared by all models."""
 
-    def __init__(self, run: Recording, windows: Sequence[float], w: Array, outputs: Sequence[str]) -> None:
-        self.run, self.w, self.outputs = run, w, outputs
+    def __init__(self, run: Recording, windows: Sequence[float], w: Array) -> None:
+        self.run, self.w = run, w
         self.transform = Transformer(*run.span, windows, w)
         self.steering = self.transform(run.manoeuvre("delta"))
         self.w_top = MARGIN * float(w[-1]) + 4 * 2 * np.pi / min(windows)
@@ -46,28 +46,30 @@ class RunReplicator:
         self, structure: ModelStructure, condition: Condition, count: int, rng: np.random.Generator
     ) -> list[tuple[Array, Array, Complex]]:
         """Per window length: sums of |X|^2 (n_w,), |Y|^2 (count, n_outputs, n_w) and conj(X) Y."""
-        answers, residuals = self._answers(structure, condition)
+        outputs = [d.output for d in condition.data]
+        answers, residuals = self._answers(structure, condition, outputs)
         noise = fresh_noise(
             self.residual_spectra(residuals), self.coarse.t, self.w_top, count,
-            [o == "p" for o in self.outputs], rng,
+            [o == "p" for o in outputs], rng,
         )  # fmt: skip
         made = self.coarse(noise.reshape(-1, noise.shape[-1]))
-        shape = (-1, count, len(self.outputs), self.w.size)
+        shape = (-1, count, len(outputs), self.w.size)
         model = [np.array(parts).swapaxes(0, 1) for parts in zip(*map(self.transform, answers), strict=True)]
         return [
             _sums(x, y[:, None] + n.reshape(shape))
             for x, y, n in zip(self.steering, model, made, strict=True)
         ]
 
-    def _answers(self, structure: ModelStructure, condition: Condition) -> tuple[list[Signal], list[Signal]]:
+    def _answers(
+        self, structure: ModelStructure, condition: Condition, outputs: Sequence[str]
+    ) -> tuple[list[Signal], list[Signal]]:
         """What is transformed of the model's answers, and the residuals of the measured channels."""
-        run = self.run
+        run, w_max = self.run, float(self.w[-1])
         answers = forced_response(
-            structure, condition.speed, run.manoeuvre("delta"), run.span, self.outputs,
-            float(self.w[-1]), condition.filters,
-        )  # fmt: skip
+            structure, condition.speed, run.manoeuvre("delta"), run.span, outputs, w_max, condition.filters
+        )
         made, residuals = [], []
-        for output in self.outputs:
+        for output in outputs:
             channel = "vy" if output == "vydot" else output
             measured = run.manoeuvre(channel)
             y = answers[output].on(measured.t)
@@ -85,58 +87,60 @@ def _sums(x: Complex, y: Complex) -> tuple[Array, Array, Complex]:
 
 
 class GroupReplicator:
-    """The runs of one speed: replicates of the responses that a fit used, for any model."""
+    """The runs of one speed: replicates of the responses of a fit, for any model."""
 
     def __init__(self, group: Group, condition: Condition) -> None:
+        if any(d.input != "delta" for d in condition.data):
+            raise ValueError("only responses to the steering alone can be replicated")
         self.condition = condition
-        self.responses = [group.responses[d.output] for d in condition.data]
-        first = self.responses[0]
-        self.grid = first.w
+        first = group.responses[condition.data[0].output]
+        self.grid, self.windows = first.w, first.windows
         self.kept = np.unique(np.concatenate([_around(self.grid, d.w) for d in condition.data]))
-        self.windows = first.windows
-        self.total = sum(run.span[1] - run.span[0] for run in group.runs)
-        outputs = [d.output for d in condition.data]
-        w = self.grid[self.kept]
-        self.runs = [RunReplicator(run, self.windows, w, outputs) for run in group.runs]
+        self.averages = [effective_averages([run.span for run in group.runs], n) for n in self.windows]
+        self.runs = [RunReplicator(run, self.windows, self.grid[self.kept]) for run in group.runs]
 
     def __call__(
         self, structure: ModelStructure, count: int, rng: np.random.Generator
     ) -> tuple[Replicates, ...]:
         """`count` replicates of the responses that the structure has."""
-        per_run = [run.spectra(structure, self.condition, count, rng) for run in self.runs]
+        seen = restricted(self.condition, structure)
+        per_run = [run.spectra(structure, seen, count, rng) for run in self.runs]
         w = self.grid[self.kept]
         spectra = [
-            self._averaged(length, [parts[i] for parts in per_run], w, self._count(i))
+            self._averaged(i, length, [parts[i] for parts in per_run], w)
             for i, length in enumerate(self.windows)
         ]
-        xx, yy, xy = (g.reshape(count, -1, w.size) for g in composite(spectra))
+        flat = composite(spectra)
+        xx, yy = (g.reshape(count, -1, w.size) for g in flat[:2])
+        xy = flat[2].reshape(count, -1, w.size)
         coherence = np.abs(xy) ** 2 / (xx * yy)
         return tuple(
-            self._at_points(k, structure, xy[:, k] / xx[:, k], coherence[:, k])
-            for k in range(len(self.condition.data))
+            self._at_points(data, structure, xy[:, k] / xx[:, k], coherence[:, k])
+            for k, data in enumerate(seen.data)
         )
 
     def _count(self, i: int) -> int:
         return sum(run.transform.windows[i][0].size for run in self.runs)
 
     def _averaged(
-        self, length: float, parts: Sequence[tuple[Array, Array, Complex]], w: Array, count: int
+        self, i: int, length: float, parts: Sequence[tuple[Array, Array, Complex]], w: Array
     ) -> WindowSpectra:
         """Flattened to one axis (replicate, output, w), for `composite` asks nothing of the others."""
         resolved = w >= 2 * np.pi / length * (1 - 1e-9)
-        scale = 2.0 / length / count * np.where(resolved, 1.0, np.nan)
+        scale = 2.0 / length / self._count(i) * np.where(resolved, 1.0, np.nan)
         yy = scale * sum(p[1] for p in parts)
         xx = np.broadcast_to(scale * sum(p[0] for p in parts), yy.shape)
-        xy = scale * sum(p[2] for p in parts)
+        xy = np.asarray(scale * sum(p[2] for p in parts), dtype=np.complex128)
         return WindowSpectra(
             length, np.broadcast_to(w, yy.shape).ravel(), xx.ravel(), yy.ravel(), xy.ravel(),
-            averages=self.total / length,
+            averages=self.averages[i],
         )  # fmt: skip
 
-    def _at_points(self, k: int, structure: ModelStructure, h: Complex, coherence: Array) -> Replicates:
+    def _at_points(
+        self, data: ResponseData, structure: ModelStructure, h: Complex, coherence: Array
+    ) -> Replicates:
         """Interpolated over log w as `FrequencyResponse.at` does it."""
-        data, c = self.condition.data[k], self.condition
-        w = self.grid[self.kept]
+        c, w = self.condition, self.grid[self.kept]
         rise = 1j * w if data.output in RISING else 1.0
         model = structure.response(w, c.speed, data.output, c.filters)
         exact = structure.response(data.w, c.speed, data.output, c.filters)

@@ -133,14 +133,26 @@ def main() -> None:
     draws = [drawn(runs, asked.scale, asked.replicates, seed) for seed in range(asked.draws)]
     took = time.perf_counter() - started
     failed = sum(d.intervals[0].failed for d in draws)
-    print(f"{asked.draws} draws x {asked.replicates} replicates, {asked.runs} run(s) of 66 s, noise x "
-          f"{asked.scale:g}: {took:.0f} s, {failed} replicates failed. Coverage of 90 % intervals:")  # fmt: skip
-    print(f"{'':7}{'scatter':>9}{'bias':>8}  | {'bootstrap':>9}{'sd':>7}  | {'CR':>6}{'bound':>8}{'/sd':>7}"
-          f"  | {'lsq':>6}{'s.e.':>7}{'/sd':>6}   (all in %, ratios apart)")  # fmt: skip
-    for c in coverage(draws):
-        print(f"{c.name:7}{c.scatter:9.2f}{c.bias:8.2f}  | {c.bootstrap:9.1f}{c.bootstrap_sd:7.2f}"
-              f"  | {c.cramer_rao:6.1f}{c.cramer_rao_bound:8.2f}{c.cramer_rao_bound / c.scatter:7.1f}"
-              f"  | {c.least_squares:6.1f}{c.standard_error:7.2f}{c.standard_error / c.scatter:6.2f}")  # fmt: skip
+    print(
+        f"{asked.draws} draws x {asked.replicates} replicates, {asked.runs} run(s) of 66 s, noise x "
+        f"{asked.scale:g}: {took:.0f} s, {failed} replicates failed. Coverage of 90 % intervals:"
+    )
+    show(coverage(draws))
+
+
+def show(rows: list[Coverage]) -> None:
+    """The table, all in percent but the ratios to the scatter."""
+    print(
+        f"{'':7}{'scatter':>9}{'bias':>8}  | {'bootstrap':>9}{'sd':>7}{'/scatter':>9}"
+        f"  | {'CR':>6}{'bound':>8}{'/scatter':>9}  | {'lsq':>6}{'s.e.':>7}{'/scatter':>9}"
+    )
+    for c in rows:
+        print(
+            f"{c.name:7}{c.scatter:9.2f}{c.bias:8.2f}"
+            f"  | {c.bootstrap:9.1f}{c.bootstrap_sd:7.2f}{c.bootstrap_sd / c.scatter:9.2f}"
+            f"  | {c.cramer_rao:6.1f}{c.cramer_rao_bound:8.2f}{c.cramer_rao_bound / c.scatter:9.2f}"
+            f"  | {c.least_squares:6.1f}{c.standard_error:7.2f}{c.standard_error / c.scatter:9.2f}"
+        )
 
 
 if __name__ == "__main__":
