@@ -20,11 +20,10 @@ from rover_sweep.identify.model_results import (
 )
 from rover_sweep.identify.models.kinematic import kinematic
 from rover_sweep.identify.quality import CoherenceVerdict, assess, input_responses
+from rover_sweep.identify.recommendation import recommendation
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 from rover_sweep.identify.verdicts import ModelVerdict
-
-WHEELBASE_RATIO = 2.0  # effective over measured wheelbase, either way: more is a mistake in units or scale
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,24 +112,12 @@ def identify(
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
-    best, words = _recommendation(models, too_much)
-    said = (*_suspicious(models["kinematic"], geometry), *said)
+    best, words = recommendation(models, geometry.wheelbase, too_much)
     return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *said))
 
 
 def _left_out(group: Group, why: str) -> str:
     return f"left out {', '.join(run.name for run in group.runs)} at {group.speed:.2f} m/s: {why}"
-
-
-def _suspicious(plain: ModelResult, geometry: Geometry) -> tuple[str, ...]:
-    """A sentence where the rover turns far less or more than its wheelbase allows."""
-    ratio = plain.fit["L_eff"].value / geometry.wheelbase
-    if 1 / WHEELBASE_RATIO < ratio < WHEELBASE_RATIO:
-        return ()
-    return (
-        f"the yaw rate is {1 / ratio:.2g} times what the wheelbase of {geometry.wheelbase:.3g} m gives: check "
-        "rad_per_us, the axle distances, and the units of the yaw rate and the speed",
-    )
 
 
 def _assessed(run: Recording, condition_on: Sequence[str]) -> CoherenceVerdict:
@@ -152,19 +139,3 @@ def _fitted(work: Work) -> tuple[dict[str, ModelResult], dict[str, str]]:
 
 def _doubted(result: ModelResult, why: str) -> ModelResult:
     return replace(result, verdict=ModelVerdict("not identifiable", (why, *result.verdict.sentences)))
-
-
-def _recommendation(
-    models: Mapping[str, ModelResult], too_much: str | None
-) -> tuple[str | None, tuple[str, ...]]:
-    if too_much:
-        return "kinematic", (f"use the kinematic model: {too_much}",)
-    usable = [
-        name
-        for name in ("roll-yaw", "bicycle", "lumped", "kinematic")
-        if name in models and models[name].verdict.level in ("good", "acceptable")
-    ]
-    if not usable:
-        return None, ("no model fits these runs: see the verdict of each",)
-    reasons = models[usable[0]].verdict.sentences[: 1 if usable[0] == "lumped" else 2]
-    return usable[0], (f"use the {usable[0]} model: {'; '.join(reasons)}",)
