@@ -122,15 +122,15 @@ def test_conditioning_is_the_element_of_the_inverse():
         (rest,) = input_spectra([channels], [span], others, ("y",), [4.0], w)
         unexplained = (1 - rest.multiple_coherence("y")) * (1 - part.coherence)
         assert 1 - s.multiple_coherence("y") == pytest.approx(unexplained)
-        assert part.averages == pytest.approx(effective_averages([span], 4.0) - 2)
+        assert part.averages == pytest.approx(effective_averages([span], 4.0) - 2 * 0.5)
 
 
 def test_the_random_error_is_the_scatter_of_the_estimates():
-    """Over 80 draws; a partial coherence of a third, so that its absence would show."""
+    """Over 80 draws; a partial coherence of a half, and few averages."""
     rng, w, h, error = np.random.default_rng(1), np.geomspace(8, 60, 12), [], []
     for _ in range(80):
-        channels, span = three_inputs(rng, 1500, noise=0.8)
-        (s,) = input_spectra([channels], [span], ("x", "u", "v"), ("y",), [2.0], w)
+        channels, span = three_inputs(rng, 1000, noise=0.6)
+        (s,) = input_spectra([channels], [span], ("x", "u", "v"), ("y",), [3.0], w)
         part = s.conditioned("x", "y")
         h.append(part.gxy / part.gxx)
         error.append(part.random_error)
@@ -169,8 +169,8 @@ def test_inputs_that_move_as_one_are_told():
 
 
 def test_each_input_costs_an_average(runs):
-    w = np.geomspace(2 * np.pi / 26, 20, 10)
+    w = np.geomspace(2 * np.pi / 60, 20, 10)
     channels = {k: runs[0].manoeuvre(k) for k in ("delta", "throttle", "r")}
     channels |= dict.fromkeys(("wind", "slope"), channels["throttle"])
     with pytest.raises(ValueError, match="4 inputs bear no window"):
-        input_spectra([channels], [runs[0].span], ("delta", "throttle", "wind", "slope"), ("r",), [26.0], w)
+        input_spectra([channels], [runs[0].span], ("delta", "throttle", "wind", "slope"), ("r",), [60.0], w)
