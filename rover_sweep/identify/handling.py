@@ -206,9 +206,10 @@ def warnings(
         limit = (friction or FRICTION) * GRAVITY
         if (peak := peak_lateral_acceleration(run)) > NEAR * limit:
             source = "friction of the vehicle file" if friction else f"friction {FRICTION:g}, assumed"
+            remedy = "" if friction else ", or give the friction of the ground if it holds more"
             notes.append(
                 f"{run.name}: a_y reaches {peak:.1f} m/s^2, {100 * peak / limit:.0f} % of the friction limit "
-                f"{limit:.1f} m/s^2 ({source}): tyres are not linear there: lower amplitude or speed"
+                f"{limit:.1f} m/s^2 ({source}), where tyres are not linear: lower amplitude or speed{remedy}"
             )
     return tuple(Note("warning", text) for text in notes)
 

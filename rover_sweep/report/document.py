@@ -13,6 +13,7 @@ from rover_sweep.identify.identification import Identification
 from rover_sweep.identify.quality import CoherenceVerdict
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import FrequencyResponse
+from rover_sweep.report.handling_table import handling_document
 from rover_sweep.report.model_document import model_document
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.standing import inertia_of, judged_runs, ordered, rejection
@@ -42,6 +43,7 @@ def identification_document(result: Identification, provenance: Provenance) -> d
             "models": {name: model_document(result, name) for name in ordered(result)},
             "refused": result.refused,
             "inertia": inertia_document(result, provenance),
+            "handling": handling_document(result, provenance.verify_runs),
             "runs": _runs(result),
             "verification_recordings": [recording_document(run) for run in provenance.verify_runs],
             "groups": [_group(group) for group in result.groups],

@@ -24,6 +24,7 @@ from rover_sweep.report.comparison import (
     verification_tables,
 )
 from rover_sweep.report.document import AXES
+from rover_sweep.report.handling_table import handling_table
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
 from rover_sweep.report.standing import TITLES, judged_runs, ordered, rejection
@@ -37,24 +38,29 @@ Drawn = Sequence[tuple["Picture", bytes]]
 
 def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str:
     """The whole page. pictures: each with its PNG, embedded in the order given."""
-    return environment().get_template("page.html.j2").render(
-        name=provenance.vehicle.name if provenance.vehicle else "",
-        result=result,
-        provenance=provenance,
-        axes=AXES,
-        finding=finding(result),
-        to_do=to_do(result, provenance),
-        models=[_model(result, name) for name in ordered(result)],
-        speeds=" and ".join(f"{group.speed:.2f}" for group in result.groups),
-        runs_table=coherence_table(result),
-        cost=cost_table(result) if result.models else None,
-        verification=verification_tables(result),
-        inertia=inertia_table(result, provenance),
-        filters=filters_table(result),
-        filters_known=filters_known(result),
-        filters_remark=filters_remark(result),
-        recordings=_recordings(result, provenance),
-        pictures=by_section(pictures),
+    return (
+        environment()
+        .get_template("page.html.j2")
+        .render(
+            name=provenance.vehicle.name if provenance.vehicle else "",
+            result=result,
+            provenance=provenance,
+            axes=AXES,
+            finding=finding(result),
+            to_do=to_do(result, provenance),
+            models=[_model(result, name) for name in ordered(result)],
+            speeds=" and ".join(f"{group.speed:.2f}" for group in result.groups),
+            runs_table=coherence_table(result),
+            cost=cost_table(result) if result.models else None,
+            verification=verification_tables(result),
+            inertia=inertia_table(result, provenance),
+            handling=handling_table(result),
+            filters=filters_table(result),
+            filters_known=filters_known(result),
+            filters_remark=filters_remark(result),
+            recordings=_recordings(result, provenance),
+            pictures=by_section(pictures),
+        )
     )
 
 

@@ -6,6 +6,7 @@ from rover_sweep.identify.fit import FitResult
 from rover_sweep.identify.identification import Identification
 from rover_sweep.identify.verdicts import J_GOOD
 from rover_sweep.report.comparison import IGNORED
+from rover_sweep.report.handling_table import handling_notes
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.standing import identified_runs, known_filters, usable
 from rover_sweep.report.wording import SHORT_NAMES, number, percent, symbol, unit
@@ -90,4 +91,5 @@ def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
     warnings = [f"{run.name}: {n.text}" for run in runs for n in run.notes if n.level == "warning"]
     missing = () if provenance.verify_runs else (
         "no run was given for the verification: drive a doublet and give it with --verify",)  # fmt: skip
-    return tuple(dict.fromkeys([*repeat, *refused, *warnings, *missing]))
+    limits = [note.text for note in handling_notes(result, provenance.verify_runs)]
+    return tuple(dict.fromkeys([*repeat, *refused, *limits, *warnings, *missing]))

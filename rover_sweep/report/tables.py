@@ -19,6 +19,7 @@ from rover_sweep.report.comparison import (
     reduction_table,
     verification_tables,
 )
+from rover_sweep.report.handling_table import handling_table
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
 from rover_sweep.report.standing import TITLES, ordered
@@ -65,6 +66,8 @@ def _parts(result: Identification, provenance: Provenance) -> Iterator[Renderabl
         yield rich_table(table)
     if inertia := inertia_table(result, provenance):
         yield rich_table(inertia)
+    if handling := handling_table(result):
+        yield rich_table(handling)
     if filters := filters_table(result):
         yield Text(filters_known(result))
         yield rich_table(filters)
