@@ -25,3 +25,11 @@ def write_file(path: Path, content: str | bytes) -> Path:
             Path(temporary).unlink(missing_ok=True)
         raise UsageError(f"{path} cannot be written: {error.strerror}; give another place") from error
     return path
+
+
+def remove_file(path: Path) -> None:
+    """Removes a file if it is there; UsageError where that is not allowed."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror}; give another place") from error

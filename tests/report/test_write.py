@@ -84,3 +84,27 @@ def test_runs_that_carry_no_model_still_make_a_report_that_says_so(nominal: Any,
     assert (told["models"], told["recommended"], files.models) == ({}, None, ())
     assert why[1:] in files.page.read_text(encoding="utf-8")
     assert "pictures/responses.png" in names(tmp_path) and "pictures/models.png" not in names(tmp_path)
+
+
+def test_a_failure_leaves_the_old_report_whole_or_no_identification_json(
+    stock: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = dict.fromkeys(("identification.json", "report.html", "models/kinematic.json"), "old")
+    for name, text in old.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    with monkeypatch.context() as broken:
+        broken.setattr("rover_sweep.report.page.page", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            write_report(stock.result, tmp_path, stock.provenance)
+    assert {name: (tmp_path / name).read_text() for name in names(tmp_path)} == old
+
+    def full(path: Path, content: str | bytes) -> Path:
+        if path.name == "report.html":
+            raise UsageError("No space left on device")
+        return write_file(path, content)
+
+    monkeypatch.setattr("rover_sweep.report.write.write_file", full)
+    with pytest.raises(UsageError):
+        write_report(stock.result, tmp_path, stock.provenance)
+    assert not (tmp_path / "identification.json").exists()
