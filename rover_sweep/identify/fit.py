@@ -16,6 +16,7 @@ from rover_sweep.identify.table import ShortTable, Shown, number
 
 PHASE_WEIGHT = 0.01745  # W_p: 7.57 deg weigh as much as 1 dB (W_g = 1)
 POINTS = 20  # log-spaced points a response
+MARGIN = 1e-3  # rad/s, by which an integrator's computed pole may miss 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,14 +185,16 @@ def fit(
     conditions: Sequence[Condition],
     starts: Sequence[Mapping[str, float]] = (),
     tolerance: float = 1e-9,
+    stable: bool = False,
 ) -> FitResult:
     """The structure with its free parameters at the least sum of costs over all conditions.
 
     starts: further starting values by name; the best end is kept, and `spread` says how far the
-    others that reached the same cost lie from it.
+    others that reached the same cost lie from it. stable: from a stable start, do not step to values with
+    an unstable pole: in a response that is a lag with less delay, but no rover drives a record with it.
     """
     usable = tuple(restricted(c, structure) for c in conditions)
-    ends = [_descend(structure.with_values(s), usable, tolerance) for s in ({}, *starts)]
+    ends = [_descend(structure.with_values(s), usable, tolerance, stable) for s in ({}, *starts)]
     best = min(ends, key=lambda e: e[1])
     same = [e[0] for e in ends if e[1] <= best[1] * 1.001 + 1e-6]
     reference = np.array([p.value for p in best[0].free])
@@ -223,6 +226,12 @@ def silent(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
     )
 
 
+def is_stable(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
+    """No pole right of the axis at any speed; one at 0, as in the paper's Table 4, is none."""
+    poles = np.concatenate([structure.poles(c.speed) for c in conditions])
+    return bool(np.max(poles.real) < MARGIN)
+
+
 def _at_bound(p: Parameter) -> bool:
     return p.free and (p.value <= p.lower * (1 + 1e-3) + 1e-9 or p.value >= p.upper * (1 - 1e-3))
 
@@ -240,9 +249,11 @@ def restricted(condition: Condition, structure: ModelStructure) -> Condition:
 
 
 def _descend(
-    structure: ModelStructure, conditions: Sequence[Condition], tolerance: float
+    structure: ModelStructure, conditions: Sequence[Condition], tolerance: float, stable: bool
 ) -> tuple[ModelStructure, float]:
     start, low, high, log = _vector(structure)
+    fenced = stable and is_stable(structure, conditions)
+    size = 2 * sum(d.w.size for c in conditions for d in c.data)
     names = [p.name for p in structure.free]
 
     def at(x: Array) -> ModelStructure:
@@ -251,6 +262,8 @@ def _descend(
 
     def error(x: Array) -> Array:
         s = at(x)
+        if fenced and not is_stable(s, conditions):
+            return np.full(size, np.inf)  # least_squares takes a shorter step
         return np.concatenate([r for c in conditions for r in residuals(s, c).values()])
 
     def slope(x: Array) -> Array:

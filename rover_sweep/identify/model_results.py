@@ -20,7 +20,6 @@ from rover_sweep.identify.table import ShortTable, Shown
 from rover_sweep.identify.verdicts import ModelVerdict, judge_model, kinematic_suffices
 from rover_sweep.identify.verify import Verification, verify
 
-
 UNTIED = "Cf and Cr free"
 
 
@@ -163,7 +162,7 @@ def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
     here = Work(work.groups[:1], work.geometry, work.verify_on, work.settings)
     conditions = here.conditions()
     first = fit(start, conditions, _starts(start)).structure
-    full = fit(lumped(work.geometry, first, here.groups[0].speed), conditions)
+    full = fit(lumped(work.geometry, first, here.groups[0].speed), conditions, stable=True)
     best, steps = _reduced(full, here, None)
     variants = {"before reduction": full} if steps else {}
     if here.has_vydot:

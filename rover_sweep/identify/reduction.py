@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from rover_sweep.identify.fit import Condition, Estimate, FitResult, fit, silent
+from rover_sweep.identify.fit import Condition, Estimate, FitResult, fit, is_stable, silent
 
 INSENSITIVITY_LIMIT = 10.0  # percent
 CRAMER_RAO_LIMIT = 20.0  # percent
 COST_RISE = 0.05  # of J_ave, plus one unit of J: what a dropped parameter may cost
-MARGIN = 1e-3  # rad/s, by which an integrator's computed pole may miss 0
 
 
 @dataclass(frozen=True)
@@ -61,8 +58,9 @@ def reduce(
         if silent(without, conditions):
             kept.add(estimate.name)
             continue
-        trial = fit(without, conditions)
-        unstable = _stable(best, conditions) and not _stable(trial, conditions)
+        before = is_stable(best.structure, conditions)
+        trial = fit(without, conditions, stable=before)
+        unstable = before and not is_stable(trial.structure, conditions)
         dropped = trial.average <= best.average * (1 + COST_RISE) + 1.0 and not unstable
         steps.append(
             ReductionStep(
@@ -74,12 +72,6 @@ def reduce(
         else:
             kept.add(estimate.name)
     return best, tuple(steps)
-
-
-def _stable(result: FitResult, conditions: Sequence[Condition]) -> bool:
-    """No pole right of the axis at any speed; one at 0, as in the printed Table 4, is none."""
-    poles = np.concatenate([result.structure.poles(c.speed) for c in conditions])
-    return bool(np.max(poles.real) < MARGIN)
 
 
 def _worst(result: FitResult, kept: set[str]) -> tuple[Estimate, str] | None:

@@ -51,7 +51,7 @@ def test_reduction_keeps_what_a_stable_model_needs_to_stay_stable(
     condition = Condition(2.4, data, {})
     full = evaluated(lumped(GEOMETRY, truth, 2.4), [condition])
 
-    def unstable_and_cheap(structure: ModelStructure, *_: object) -> FitResult:
+    def unstable_and_cheap(structure: ModelStructure, *_: object, **__: object) -> FitResult:
         moved = evaluated(structure.with_values({"L_p": 50.0}), [condition])
         return replace(moved, costs=full.costs)
 
