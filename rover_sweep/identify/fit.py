@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,6 +16,7 @@ from rover_sweep.identify.table import ShortTable, Shown, number
 
 PHASE_WEIGHT = 0.01745  # W_p: 7.57 deg weigh as much as 1 dB (W_g = 1)
 POINTS = 20  # log-spaced points a response
+TOLERABLE = 200.0  # J beyond which nobody takes a fit for an answer (Tischler & Remple 2012)
 MARGIN = 1e-3  # rad/s, by which an integrator's computed pole may miss 0
 
 
@@ -82,6 +83,12 @@ class FitResult(Shown):
     """Largest relative difference of a parameter among starts that reached the same cost."""
     covariance: Array | None = None
     """Of the free parameters (n_free, n_free), in their units: roots of the diagonal are the CR bounds."""
+    spread_in: str = ""
+    """The parameter that differs most among those starts."""
+    starts: int = 1
+    """How many starts it was fitted from."""
+    rivals: tuple[float, ...] = ()
+    """J_ave of each start that ended at a higher cost, but low enough to pass for an answer."""
 
     @property
     def average(self) -> float:
@@ -189,19 +196,31 @@ def fit(
 ) -> FitResult:
     """The structure with its free parameters at the least sum of costs over all conditions.
 
-    starts: further starting values by name; the best end is kept, and `spread` says how far the
-    others that reached the same cost lie from it. stable: from a stable start, do not step to values with
-    an unstable pole: in a response that is a lag with less delay, but no rover drives a record with it.
+    starts: further starting values by name; the best end is kept. `spread` says how far others that
+    reached the same cost lie from it, `rivals` which ended elsewhere. stable: from a stable start, do not
+    step to values with an unstable pole: in a response that is a lag with less delay, but no rover drives
+    a record with it.
     """
     usable = tuple(restricted(c, structure) for c in conditions)
     ends = [_descend(structure.with_values(s), usable, tolerance, stable) for s in ({}, *starts)]
     best = min(ends, key=lambda e: e[1])
-    same = [e[0] for e in ends if e[1] <= best[1] * 1.001 + 1e-6]
-    reference = np.array([p.value for p in best[0].free])
-    spread = max(
-        float(np.max(np.abs(np.array([p.value for p in s.free]) / reference - 1), initial=0.0)) for s in same
-    )
-    return evaluated(best[0], usable, spread)
+    same = best[1] * 1.001 + 1e-6
+    name, spread = _spread(best[0], [s for s, total in ends if total <= same])
+    found = evaluated(best[0], usable, spread)
+    mean = found.average / best[1] if best[1] else 0.0
+    rivals = sorted(mean * total for _, total in ends if total > same)
+    within = tuple(j for j in rivals if j <= max(TOLERABLE, 2 * found.average))
+    return replace(found, spread_in=name, starts=len(ends), rivals=within)
+
+
+def _spread(best: ModelStructure, others: Sequence[ModelStructure]) -> tuple[str, float]:
+    """(parameter, relative difference) where the others are farthest from the best; 0 counts as 1."""
+    apart = {
+        p.name: max(abs(o.values[p.name] - p.value) for o in others) / (abs(p.value) or 1.0)
+        for p in best.free
+    }
+    name = max(apart, key=lambda n: apart[n], default="")
+    return name, apart.get(name, 0.0)
 
 
 def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread: float = 0.0) -> FitResult:

@@ -13,6 +13,7 @@ Level = Literal["good", "acceptable", "poor", "not identifiable"]
 J_GOOD, J_ACCEPTABLE = 50.0, 100.0
 CR_GUIDE, I_GUIDE = 20.0, 10.0  # percent
 TIC_GUIDE = 0.35  # the paper's: above it a model does not predict the run
+SAME = 0.02  # relative difference of parameters up to which two ends are one answer
 CR_LOST, I_LOST = 60.0, 25.0  # percent: beyond these the number says nothing about the rover
 
 
@@ -42,9 +43,7 @@ def judge_model(
         words.append(
             "good for predicting this speed; single derivatives mean little, they trade against each other"
         )
-    if result.spread > 0.02:
-        far = f"{100 * result.spread:.0f} %"
-        words.append(f"other starts reach the same cost with parameters up to {far} away")
+    words += _start_words(result)
     if lost and physical:
         first = "cannot be identified: " + ", ".join(map(_numbers, lost))
         return ModelVerdict("not identifiable", (first, *words))
@@ -53,6 +52,22 @@ def judge_model(
 
 def _prediction_words(v: Verification) -> str:
     return f"does not predict {v.run}: TIC {v.tic:.2f} (guideline <= {TIC_GUIDE:g}), J_rms {v.j_rms:.3g}"
+
+
+def _start_words(result: FitResult) -> list[str]:
+    """Warnings that the answer hangs on where the fit began."""
+    words = []
+    if result.spread > SAME:
+        far = f"{100 * result.spread:.0f} %"
+        words.append(
+            f"not the only answer: another start reaches the same cost with {result.spread_in} {far} away"
+        )
+    if result.rivals:
+        words.append(
+            f"{len(result.rivals)} of {result.starts} starts end elsewhere at a higher cost (J_ave "
+            f"{result.rivals[0]:.1f} and more): check the starting values and bounds"
+        )
+    return words
 
 
 def _is_lost(e: Estimate) -> bool:
