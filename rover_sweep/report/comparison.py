@@ -13,7 +13,7 @@ from rover_sweep.identify.structure import OUTPUTS
 from rover_sweep.identify.verdicts import CR_GUIDE, I_GUIDE, J_ACCEPTABLE, J_GOOD
 from rover_sweep.identify.verify import Overlay
 from rover_sweep.report.provenance import Provenance
-from rover_sweep.report.standing import TITLES, inertia_of, ordered, rejection, usable
+from rover_sweep.report.standing import TITLES, inertia_of, judged_runs, ordered, rejection, usable
 from rover_sweep.report.wording import OUTPUT_NAMES, SHORT_NAMES, band, change, number, percent, symbol, unit
 
 Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
@@ -125,15 +125,17 @@ def verification_tables(result: Identification) -> tuple[Table, ...]:
 def _verification_table(models: Mapping[str, ModelResult], k: int) -> Table:
     verdicts = {n: m.verification[k] for n, m in models.items() if k < len(m.verification)}
     first = next(iter(verdicts.values()))
-    rows = [
+    rows: list[tuple[Cell, ...]] = [
         (Cell("J_rms", "strong"), *(_guided(v.j_rms, J_RMS_GUIDE) for v in verdicts.values())),
         (Cell("TIC", "strong"), *(_guided(v.tic, TIC_GUIDE) for v in verdicts.values())),
     ]
     for channel in ("r", "ay", "p"):
         found = [next((o for o in v.overlays if o.channel == channel), None) for v in verdicts.values()]
         if units := [o.unit for o in found if o]:
-            label = f"{SHORT_NAMES[channel]}, {unit(units[0])}  (TIC)"
-            rows.append((Cell(label), *(_channel(o) for o in found)))
+            rows.append((
+                Cell(f"J_rms of {SHORT_NAMES[channel]}, {unit(units[0])}"), *(_channel_j(o) for o in found)
+            ))  # fmt: skip
+            rows.append((Cell(f"TIC of {SHORT_NAMES[channel]}"), *(_channel_tic(o) for o in found)))
     note = (
         "Equations (15) and (16) over r, a_y and p as far as the model has them, in deg/s, ft/s² and deg/s. "
         "Guidelines: J_rms ≤ 1 to 2, TIC ≤ 0.25 to 0.35."
@@ -146,10 +148,12 @@ def _guided(value: float, guide: float) -> Cell:
     return Cell(number(value, 3), _beyond(value, guide))
 
 
-def _channel(overlay: Overlay | None) -> Cell:
-    if overlay is None:
-        return Cell("n/a", "muted")
-    return Cell(f"{number(overlay.j_rms, 3)}  ({number(overlay.tic, 2)})")
+def _channel_j(overlay: Overlay | None) -> Cell:
+    return Cell(number(overlay.j_rms, 3)) if overlay else Cell("n/a", "muted")
+
+
+def _channel_tic(overlay: Overlay | None) -> Cell:
+    return Cell(number(overlay.tic, 2)) if overlay else Cell("n/a", "muted")
 
 
 def inertia_table(result: Identification, provenance: Provenance) -> Table | None:
@@ -264,15 +268,17 @@ def _pole(s: complex) -> tuple[Cell, ...]:
 
 
 def coherence_table(result: Identification) -> Table:
-    """Each run's usable bands and verdict."""
+    """Each run's speed, usable bands and verdict."""
     outputs = [o for o in OUTPUTS if any(o == c.output for v in result.coherence for c in v.outputs)]
+    speeds = {v.run: run.mean_speed for run, v in judged_runs(result) if v and "speed" in run}
     rows = []
     for verdict in result.coherence:
         found = {c.output: c for c in verdict.outputs}
         bands = [Cell(band(found[o].band) if o in found else "n/a") for o in outputs]
         keep = Cell("keep", "good") if verdict.keep else Cell("repeat", "warn")
         amplitude = f"{number(verdict.amplitude, 3)} {verdict.amplitude_unit}"
-        rows.append((Cell(verdict.run), keep, Cell(amplitude), *bands))
-    headings = ("run", "verdict", "amplitude", *(f"{SHORT_NAMES[o]}" for o in outputs))
+        speed = number(speeds.get(verdict.run), 3)
+        rows.append((Cell(verdict.run), keep, Cell(speed), Cell(amplitude), *bands))
+    headings = ("run", "verdict", "m/s", "amplitude", *(f"{SHORT_NAMES[o]}" for o in outputs))
     note = "Bands in rad/s in which the coherence with the steering is at least 0.6."
     return Table("Runs", headings, tuple(rows), note, 2)

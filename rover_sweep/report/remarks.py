@@ -42,6 +42,12 @@ def filters_remark(result: Identification) -> str | None:
     )
 
 
+def filters_moved(result: Identification) -> float:
+    """Most that a free parameter of any model but the delay moves without the filters, %."""
+    pairs = [(m.fit, m.variants[IGNORED]) for m in usable(result).values() if IGNORED in m.variants]
+    return max((abs(x) for fit, other in pairs for x in _changes(fit, other).values()), default=0.0)
+
+
 def _changes(fit: FitResult, other: FitResult) -> dict[str, float]:
     """Percent by which each free parameter but the delay differs."""
     free = [e for e in fit.estimates if e.free and e.value and e.name != "tau"]

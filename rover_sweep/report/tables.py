@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Iterator
 
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -21,45 +23,70 @@ from rover_sweep.report.comparison import (
 )
 from rover_sweep.report.handling_table import handling_table
 from rover_sweep.report.provenance import Provenance
-from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
+from rover_sweep.report.remarks import (
+    SMALL_CHANGE,
+    filters_known,
+    filters_moved,
+    filters_remark,
+    finding,
+    to_do,
+)
 from rover_sweep.report.standing import TITLES, ordered
 
 STYLES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "muted": "dim", "strong": "bold"}
 
 
-def comparison(result: Identification, provenance: Provenance) -> Group:
-    """Runs, parameters, costs, verification, inertia and the filters' part, ready for `Console.print`."""
-    return Group(*_spaced(_parts(result, provenance)))
+class Sentence:
+    """Text wrapped to the console; a number keeps its % sign, a <= its number."""
+
+    def __init__(self, text: str, style: str = "") -> None:
+        self.text, self.style = text, style
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Already broken into lines, so that the console has nothing left to break."""
+        glued = re.sub(r"(?<=\d) (?=%)|(?<=[≤≥=<>]) (?=\d)", "\N{NO-BREAK SPACE}", self.text)
+        lines = textwrap.wrap(glued, options.max_width, break_long_words=False, break_on_hyphens=False)
+        yield Text("\n".join(lines).replace("\N{NO-BREAK SPACE}", " "), self.style)
+
+
+def comparison(result: Identification, provenance: Provenance, verbose: bool = False) -> Group:
+    """Runs, parameters, costs, verification, inertia, handling and the filters' part, for `Console.print`.
+
+    verbose: with the steps of the structure reductions and, whatever they say, the fits without filters.
+    """
+    return Group(*_spaced(_parts(result, provenance, verbose)))
 
 
 def conclusion(result: Identification, provenance: Provenance) -> Group:
     """What to do: the summary's sentences, then what is to be mended first."""
-    lines = [Text(sentence, "bold") for sentence in result.summary]
+    lines = [Sentence(sentence, "bold") for sentence in result.summary]
     if words := finding(result):
-        lines.append(Text(words))
-    lines += [Text(f"- {sentence}") for sentence in to_do(result, provenance)]
+        lines.append(Sentence(words))
+    lines += [Sentence(f"- {sentence}") for sentence in to_do(result, provenance)]
     return Group(*lines)
 
 
 def rich_table(table: Table) -> RenderableType:
     """One table with its title above and its note below."""
     shown = RichTable(title=table.title, title_justify="left", title_style="bold", box=None,
-                      padding=(0, 2, 0, 0), header_style="dim")  # fmt: skip
+                      padding=(0, 2, 0, 0), header_style="dim", pad_edge=False)  # fmt: skip
     for k, heading in enumerate(table.headings):
         words = k < table.text_columns
         shown.add_column(heading, justify="left" if words else "right", no_wrap=not words or k == 0)
     for row in table.rows:
         shown.add_row(*(Text(cell.text, STYLES[cell.tone]) for cell in row))
-    return Group(shown, Text(table.note, "dim")) if table.note else shown
+    return Group(shown, Sentence(table.note, "dim")) if table.note else shown
 
 
-def _parts(result: Identification, provenance: Provenance) -> Iterator[RenderableType]:
+def _parts(result: Identification, provenance: Provenance, verbose: bool) -> Iterator[RenderableType]:
     yield rich_table(coherence_table(result))
     for name, model in ordered(result).items():
         yield rich_table(parameter_table(result, name, fixed_rows=False))
-        if steps := reduction_table(model):
+        if verbose and (steps := reduction_table(model)):
             yield rich_table(steps)
-        yield Text(f"{TITLES.get(name, name)}: {model.verdict.level}. " + "; ".join(model.verdict.sentences))
+        yield Sentence(
+            f"{TITLES.get(name, name)}: {model.verdict.level}. " + "; ".join(model.verdict.sentences)
+        )
     if result.models:
         yield rich_table(cost_table(result))
     for table in verification_tables(result):
@@ -68,10 +95,19 @@ def _parts(result: Identification, provenance: Provenance) -> Iterator[Renderabl
         yield rich_table(inertia)
     if handling := handling_table(result):
         yield rich_table(handling)
-    if filters := filters_table(result):
-        yield Text(filters_known(result))
-        yield rich_table(filters)
-        yield Text(filters_remark(result) or "")
+    yield from _filters(result, verbose)
+
+
+def _filters(result: Identification, verbose: bool) -> Iterator[RenderableType]:
+    """The table where it is asked for or a parameter other than the delay moves."""
+    table = filters_table(result)
+    if table is None:
+        return
+    yield Sentence(filters_known(result))
+    if verbose or filters_moved(result) > SMALL_CHANGE:
+        yield rich_table(table)
+    if remark := filters_remark(result):
+        yield Sentence(remark)
 
 
 def _spaced(parts: Iterator[RenderableType]) -> Iterator[RenderableType]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +12,7 @@ from rich.console import Console
 
 from rover_sweep.report.comparison import (
     Table,
+    coherence_table,
     cost_table,
     filters_table,
     inertia_table,
@@ -80,7 +82,17 @@ def test_verification_table_has_a_column_for_each_model(nominal: Any) -> None:
     verdict = nominal.result.models["lumped"].verification[0]
     assert rows(table)["J_rms"][3] == number(verdict.j_rms, 3)
     assert rows(table)["TIC"][3] == number(verdict.tic, 3)
-    assert rows(table)["p, deg/s  (TIC)"][1] == "n/a"
+    assert rows(table)["J_rms of p, deg/s"][1] == "n/a"
+    yaw = next(o for o in verdict.overlays if o.channel == "r")
+    assert rows(table)["J_rms of r, deg/s"][3] == number(yaw.j_rms, 3)
+    assert rows(table)["TIC of r"][3] == number(yaw.tic, 2)
+
+
+def test_runs_have_their_speed(nominal: Any) -> None:
+    table = coherence_table(nominal.result)
+    column = table.headings.index("m/s")
+    first = nominal.result.groups[0].runs[0]
+    assert table.rows[0][column].text == number(first.mean_speed, 3)
 
 
 def test_inertia_is_compared_with_the_vehicle_file_in_percent(nominal: Any) -> None:
@@ -160,14 +172,27 @@ def test_what_to_do_first_names_runs_to_repeat_refusals_and_missing_verification
     assert any("roll rate does not follow" in text for text in to_do(*stock))
 
 
-def test_the_terminal_shows_all_tables_within_its_width(nominal: Any) -> None:
+def terminal(case: Any, width: int, verbose: bool = False) -> str:
     out = io.StringIO()
-    console = Console(file=out, width=100, force_terminal=False)
-    console.print(comparison(*nominal))
-    console.print(conclusion(*nominal))
-    text = out.getvalue()
+    console = Console(file=out, width=width, force_terminal=False)
+    console.print(comparison(*case, verbose=verbose))
+    console.print(conclusion(*case))
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("width", [80, 100])
+def test_the_terminal_shows_all_tables_within_its_width(nominal: Any, width: int) -> None:
+    text = terminal(nominal, width, verbose=True)
     for words in ("Runs", "Bicycle model", "Roll-yaw model", "Lumped model", "Model structure reduction",
                   "Cost J", "Verification on run4", "Yaw inertia", "If the sensors' filters"):  # fmt: skip
         assert words in text
-    assert max(len(row) for row in text.splitlines()) <= 100
+    assert max(len(row) for row in text.splitlines()) <= width
+    assert "…" not in text and not re.search(r"^\s*%", text, re.MULTILINE)
     assert "use the roll-yaw model" in text
+
+
+def test_the_terminal_is_short_unless_asked(nominal: Any, defaults: Any) -> None:
+    text = terminal(nominal, 80)
+    assert "Model structure reduction" not in text and "If the sensors' filters" not in text
+    assert "ignores the sensors' low-passes costs the same" in " ".join(text.split())
+    assert "If the sensors' filters" in terminal(defaults, 80)  # a parameter moves by more than 3 %
