@@ -6,18 +6,20 @@ Switch 6 (RC6_OPTION 300, or MAV_CMD_DO_AUX_FUNCTION 300) thrown high while arme
   3 straight    4 fade-in    5 dwell at SWP_WMIN    6 the law, SWP_TREC s    7 fade-out    8 straight
   9 stand still again for SWP_STILL s (steering is the pilot's)    10 stopped    0 idle
 A doublet has 3, 6 and 8 only. Steering is overridden in states 3 to 8 and nowhere else; the pilot
-keeps the throttle throughout. Thrown while moving in the band, the switch leads straight to 3.
+keeps the throttle throughout. Thrown while moving in the band with the stick centred, the switch leads
+straight to 3.
 
-Switch low, disarm, any mode but MANUAL, RC or GCS loss, the steering stick moved, or a limit passed:
-the override ends, and the main loop gives steering back to the pilot. If this script dies, the
-override runs out by itself after OVERRIDE_MS. After a stop the switch must go low first; so it must
-after boot, after arming and after a change of SWP_CHAN.
+Switch low, disarm, any mode but MANUAL, RC or GCS loss, SWP_ENABLE 0, the steering stick moved, a limit
+passed, another servo that steers, or this script paused for longer than its override lasts: the override
+ends, and the main loop gives steering back to the pilot. If this script dies, the override runs out by
+itself after OVERRIDE_MS. After a stop the switch must go low first; so it must after boot, after arming
+and after a change of SWP_CHAN. A disarm and arm between two updates cannot be seen from Lua.
 
 The wave is that of rover_sweep/identify/sweep.py. Numbers here are 32-bit integers and single floats.
 "Source" below is ArduPilot at Rover-4.6.3, with Rover-4.5.7 compared.
 ]]
 
-local VERSION = "1.0"
+local VERSION = "1.1"
 local TABLE_KEY = 158 -- used by no script that ships with 4.5 or 4.6
 local PREFIX = "SWP_"
 
@@ -59,6 +61,7 @@ local IN_BAND_S, STILL_TIMEOUT_S = 1.0, 30.0
 local STICK_CENTRED_US, STICK_MOVED_US = 100, 200
 local REPORT_US, IDLE_REPORT_US = 200000, 1000000
 local CRITICAL, WARNING, INFO = 2, 4, 6
+local UNKNOWN = 0.0 / 0.0
 local C1, C2 = 4.0, 0.0187 -- Tischler & Remple 2012
 
 local IDLE, STILL_BEFORE, WAITING, STRAIGHT_BEFORE, FADE_IN = 0, 1, 2, 3, 4
@@ -106,11 +109,12 @@ local function roll_rad()
     return ahrs:get_roll_rad()
 end
 
+-- NaN where no servo steers any more.
 local function output_pwm(channel)
     if SRV_Channels.get_output_pwm then
-        return SRV_Channels:get_output_pwm(STEERING)
+        return SRV_Channels:get_output_pwm(STEERING) or UNKNOWN
     end
-    return SRV_Channels:get_output_pwm_chan(channel)
+    return SRV_Channels:get_output_pwm_chan(channel) or UNKNOWN
 end
 
 ---------------------------------------------------------------- the wave
@@ -177,7 +181,7 @@ local state = IDLE
 local entered = uint32_t(0) -- micros() when the state began
 local run = nil -- the parameters of the run, copied at the switch, and what the run remembers
 local ready = false -- the switch has been low since boot, arming, the last run
-local last_source = nil
+local last_source = false -- none looked at yet; nil is an impossible SWP_CHAN
 local was_armed = false
 local last_report = uint32_t(0)
 
@@ -186,11 +190,16 @@ local function seconds_since(earlier)
     return (micros() - earlier):tofloat() * 1e-6
 end
 
+-- An RC channel, or 0, as a whole number; nil for -1, 17, 1e20 or NaN: rc:get_pwm and "%d" survive none of them.
+local function channel_number(value)
+    return value >= 0 and value <= 16 and math.floor(value) or nil
+end
+
 -- LOW, MIDDLE, HIGH or nil where nothing is known. Thresholds of read_3pos_switch (source: RC_Channel.cpp).
 local function switch_position(source)
     if source == 0 then
         return rc:get_aux_cached(AUX_FUNCTION)
-    elseif source < 0 or source > 16 then
+    elseif not source then
         return nil
     end
     local pwm = rc:get_pwm(source)
@@ -211,10 +220,11 @@ end
 -- Everything that decides about a run, read once an update.
 local function look(source)
     local velocity, gyro = ahrs:get_velocity_NED(), ahrs:get_gyro()
-    local vn, ve = 0.0 / 0.0, 0.0 / 0.0 -- logged as NaN while the EKF has no velocity
+    local vn, ve = UNKNOWN, UNKNOWN -- logged as NaN while the EKF has no velocity
     if velocity then
         vn, ve = velocity:x(), velocity:y()
     end
+    local speed = math.sqrt(vn * vn + ve * ve)
     return {
         switch = switch_position(source),
         armed = arming:is_armed(),
@@ -226,7 +236,7 @@ local function look(source)
         r = math.deg(gyro:z()),
         vn = vn,
         ve = ve,
-        speed = velocity and math.sqrt(vn * vn + ve * ve),
+        speed = speed == speed and speed or nil, -- nil where the EKF's velocity is NaN, too
     }
 end
 
@@ -271,17 +281,28 @@ local function refuse_servo(v)
     local trim, low, high = param:get(name .. "TRIM"), param:get(name .. "MIN"), param:get(name .. "MAX")
     if not (trim and low and high) then
         return name .. "TRIM, MIN, MAX unknown"
-    elseif trim - v.AMP < low or trim + v.AMP > high then
+    elseif not (trim - v.AMP >= low and trim + v.AMP <= high) then
         return string.format("PWM %g+-%g not in %g..%g", trim, v.AMP, low, high)
     end
     v.channel, v.trim = channel, trim
+    v.low, v.high = math.max(low, trim - v.PWM_MAX), math.min(high, trim + v.PWM_MAX)
+    return nil
+end
+
+-- Where the pilot's steering stick is, added to the run; or why not.
+local function refuse_stick(v)
+    v.stick_channel = channel_number(param:get("RCMAP_ROLL") or 1)
+    if not v.stick_channel or v.stick_channel < 1 then
+        return "RCMAP_ROLL outside 1 to 16"
+    end
+    v.stick_trim = param:get(string.format("RC%d_TRIM", v.stick_channel)) or 1500
     return nil
 end
 
 -- Why the vehicle may not start a run, or nil.
 local function refuse_vehicle(v, seen)
-    if v.ENABLE < 1 then
-        return "SWP_ENABLE is 0"
+    if not (v.ENABLE >= 1) then
+        return string.format("SWP_ENABLE is %g", v.ENABLE)
     elseif not seen.armed then
         return "not armed"
     elseif seen.mode ~= MANUAL then
@@ -294,12 +315,15 @@ local function refuse_vehicle(v, seen)
     return nil
 end
 
--- The pilot reaches for the wheel: the stick, once centred, moves away.
-local function stick_moved(v)
+-- Steering stick from its trim [us]; NaN where the channel has no value.
+local function stick_off(v)
     local stick = rc:get_pwm(v.stick_channel)
-    local away = stick and math.abs(stick - v.stick_trim) or 0
-    v.stick_centred = v.stick_centred or away <= STICK_CENTRED_US
-    return v.stick_centred and away > STICK_MOVED_US
+    return stick and math.abs(stick - v.stick_trim) or UNKNOWN
+end
+
+-- "roll 31.0 > 30 deg". A value that is not a number has passed every limit, so all are asked as not (a <= b).
+local function over(name, value, limit, unit)
+    return value == value and string.format("%s %.1f > %g %s", name, value, limit, unit) or name .. " unknown"
 end
 
 -- Why a run must end at once, or nil. One condition a line: the tests take each line out in turn.
@@ -308,22 +332,23 @@ local function reason_to_stop(v, seen)
     if not seen.armed then return "disarmed" end
     if seen.mode ~= MANUAL then return string.format("mode %d, not MANUAL", seen.mode) end
     if not seen.rc_valid then return "RC lost" end
-    if v.GCS > 0 and seen.gcs_age_ms > GCS_LOST_MS then return "GCS lost" end
+    if v.GCS > 0 and not (seen.gcs_age_ms <= GCS_LOST_MS) then return "GCS lost" end
+    if not (parameter.ENABLE:get() >= 1) then return string.format("SWP_ENABLE is %g", parameter.ENABLE:get()) end
+    if SRV_Channels:find_channel(STEERING) ~= v.channel then return string.format("SERVO%d steers no more", v.channel + 1) end
     return nil
 end
 
--- The same for what matters only while this script steers.
+-- The same for what matters only while this script steers, or is about to. The output is the pilot's until then.
 local function limit_passed(v, seen)
-    local off = math.abs(output_pwm(v.channel) - v.trim)
-    local over = "%s %.1f > %g %s"
-    if off > v.PWM_MAX then return string.format(over, "steering", off, v.PWM_MAX, "us") end
-    if stick_moved(v) then return "steering stick moved" end
-    if math.abs(seen.roll) > v.ROLL_MAX then return string.format(over, "roll", math.abs(seen.roll), v.ROLL_MAX, "deg") end
-    if math.abs(seen.p) > v.P_MAX then return string.format(over, "roll rate", math.abs(seen.p), v.P_MAX, "deg/s") end
-    if math.abs(seen.r) > v.R_MAX then return string.format(over, "yaw rate", math.abs(seen.r), v.R_MAX, "deg/s") end
+    local off, roll, p, r = math.abs(output_pwm(v.channel) - v.trim), math.abs(seen.roll), math.abs(seen.p), math.abs(seen.r)
+    if v.steered and not (off <= v.PWM_MAX) then return over("steering", off, v.PWM_MAX, "us") end
+    if not (stick_off(v) <= STICK_MOVED_US) then return "steering stick moved" end
+    if not (roll <= v.ROLL_MAX) then return over("roll", roll, v.ROLL_MAX, "deg") end
+    if not (p <= v.P_MAX) then return over("roll rate", p, v.P_MAX, "deg/s") end
+    if not (r <= v.R_MAX) then return over("yaw rate", r, v.R_MAX, "deg/s") end
     if not seen.speed then return "no velocity estimate" end
-    if seen.speed and seen.speed > v.V_MAX then return string.format(over, "speed", seen.speed, v.V_MAX, "m/s") end
-    if seen.speed and seen.speed < v.V_MIN then return string.format("speed %.1f < %g m/s", seen.speed, v.V_MIN) end
+    if seen.speed and not (seen.speed <= v.V_MAX) then return over("speed", seen.speed, v.V_MAX, "m/s") end
+    if seen.speed and not (seen.speed >= v.V_MIN) then return string.format("speed %.1f < %g m/s", seen.speed, v.V_MIN) end
     return nil
 end
 
@@ -349,10 +374,15 @@ local function log(seen, t, wanted)
 end
 
 -- The only line that moves anything. An override works disarmed too (measured), hence the last look.
-local function steer(pwm, timeout_ms)
+local function override(pwm, timeout_ms)
     if arming:is_armed() then
         SRV_Channels:set_output_pwm_chan_timeout(run.channel, math.floor(pwm + 0.5), timeout_ms)
     end
+end
+
+-- The firmware does not hold an override within SERVOn_MIN..MAX (source: set_output_pwm with force), so it is done here.
+local function steer(pwm)
+    override(math.max(run.low, math.min(run.high, pwm)), OVERRIDE_MS)
 end
 
 local function overriding()
@@ -363,7 +393,8 @@ end
 -- (source: SRV_Channels.cpp; seen within one loop on 4.5.7 and 4.6.3). Disarmed, nothing is sent and the
 -- last override runs out (seen after 90 to 100 ms).
 local function release()
-    steer(output_pwm(run.channel), 0)
+    local out = output_pwm(run.channel)
+    override(out == out and out or run.trim, 0)
 end
 
 local function stop(seen, reason)
@@ -383,7 +414,13 @@ end
 
 ---------------------------------------------------------------- the course of a run
 
-local function start_override()
+-- Nothing goes out before the limits were looked at: one override alone holds for OVERRIDE_MS.
+local function start_override(seen)
+    local reason = limit_passed(run, seen)
+    if reason then
+        stop(seen, reason)
+        return
+    end
     run.start = micros()
     say(INFO, "run %d start %s", run.number, run.manoeuvre.name)
     enter(STRAIGHT_BEFORE)
@@ -395,17 +432,31 @@ local function wait_for_speed()
     enter(WAITING)
 end
 
+local function in_band(seen)
+    return seen.speed and seen.speed >= run.V_MIN and seen.speed <= run.V_MAX
+end
+
+-- A run does not start against a stick that is held off centre; the pilot is told once.
+local function stick_centred()
+    if stick_off(run) <= STICK_CENTRED_US then
+        return true
+    elseif not run.asked_for_centre then
+        run.asked_for_centre = true
+        say(INFO, "run %d waits for a centred steering stick", run.number)
+    end
+    return false
+end
+
 local function begin(seen)
     local values = read_parameters()
     local refusal = refuse_vehicle(values, seen) or refuse_parameters(values) or refuse_servo(values)
+        or refuse_stick(values) or reason_to_stop(values, seen)
     if refusal then
         say(WARNING, "refused: %s", refusal)
         return
     end
     run = values
     run.manoeuvre, run.time = MANOEUVRES[run.TYPE], 0.0
-    run.stick_channel = math.floor(param:get("RCMAP_ROLL") or 1)
-    run.stick_trim = param:get(string.format("RC%d_TRIM", run.stick_channel)) or 1500
     run.number = math.floor(run.RUN) % 65535 + 1
     parameter.RUN:set_and_save(run.number)
     if run.STILL > 0 and seen.speed < STILL_SPEED then
@@ -416,8 +467,8 @@ local function begin(seen)
     if run.STILL > 0 then
         say(INFO, "run %d moving: no standstill in the record", run.number)
     end
-    if seen.speed >= run.V_MIN and seen.speed <= run.V_MAX then
-        start_override()
+    if in_band(seen) and stick_centred() then
+        start_override(seen)
     else
         wait_for_speed()
     end
@@ -442,12 +493,12 @@ local function stand_before(seen)
 end
 
 local function wait(seen)
-    if not (seen.speed and seen.speed >= run.V_MIN and seen.speed <= run.V_MAX) then
+    if not (in_band(seen) and stick_centred()) then
         run.in_band = nil
     elseif not run.in_band then
         run.in_band = micros()
     elseif seconds_since(run.in_band) >= IN_BAND_S then
-        start_override()
+        start_override(seen)
     end
 end
 
@@ -476,8 +527,14 @@ local function end_override()
     end
 end
 
--- One step of the override: the wave at this very moment, on the servo and in the log.
+-- One step of the override: the wave at this very moment, on the servo and in the log. After a pause in which
+-- the last one ran out the pilot has been steering, and steering is not taken from him in the middle of a wave.
 local function drive(seen)
+    local paused = run.steered and 1000.0 * seconds_since(run.steered) or 0.0
+    if not (paused <= OVERRIDE_MS) then
+        stop(seen, string.format("script paused %.0f ms", paused))
+        return
+    end
     local t = seconds_since(run.start)
     local next_state, offset, rate = run.manoeuvre.at(run, t)
     run.time = t
@@ -490,7 +547,8 @@ local function drive(seen)
     end
     run.rate = rate
     local wanted = run.trim + offset
-    steer(wanted, OVERRIDE_MS)
+    run.steered = micros()
+    steer(wanted)
     log(seen, t, wanted)
 end
 
@@ -510,7 +568,7 @@ local function follow(seen)
     end
     if overriding() then
         drive(seen)
-    else
+    elseif state ~= STOPPED then
         log(seen, 0.0, nil)
     end
 end
@@ -520,14 +578,14 @@ local function watch_switch(source, armed)
     if source ~= last_source or armed ~= was_armed then
         ready = false
     end
-    if source ~= last_source and (source < 0 or source > 16) then
-        say(WARNING, "refused: SWP_CHAN %d outside 0 to 16", source)
+    if source ~= last_source and not source then
+        say(WARNING, "refused: SWP_CHAN %g outside 0 to 16", parameter.CHAN:get())
     end
     last_source, was_armed = source, armed
 end
 
 local function update()
-    local source = math.floor(run and run.CHAN or parameter.CHAN:get())
+    local source = channel_number(run and run.CHAN or parameter.CHAN:get())
     local seen = look(source)
     watch_switch(source, seen.armed)
     if state == IDLE then

@@ -146,6 +146,11 @@ class Drive:
             self.bench.now += gap
             self.host.poll()
 
+    def pause(self, seconds: float) -> None:
+        """Let vehicle time go by in which the applet gets no turn, then give it one."""
+        self.bench.now += round(seconds * 1e6)
+        self.host.poll()
+
     def run_until(self, state: int, limit: float = 120.0) -> None:
         """Let time go by until the applet is in `state`."""
         start = self.bench.now
@@ -169,3 +174,12 @@ def throw_switch(drive: Drive) -> None:
     drive.run(0.5)
     drive.bench.switch = HIGH
     drive.run(0.02)
+
+
+def mutant(*changes: tuple[str, str]) -> str:
+    """The applet's source with each `old` replaced by its `new`; each must be there once."""
+    source = applet_source()
+    for old, new in changes:
+        assert source.count(old) == 1, f"{old!r} is there {source.count(old)} times"
+        source = source.replace(old, new)
+    return source

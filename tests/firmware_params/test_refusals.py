@@ -7,6 +7,8 @@ from collections.abc import Callable
 import pytest
 from applet_bench import LOW, Bench, Drive, moving, throw_switch
 
+from firmware_params.parameters import applet_source
+
 
 def vehicle(**values: float) -> Callable[[Bench], None]:
     return lambda bench: bench.parameters.update(values)
@@ -36,6 +38,7 @@ def no_velocity(bench: Bench) -> None:
     ("spoil", "said"),
     [
         (vehicle(SWP_ENABLE=0), "SWP_ENABLE is 0"),
+        (vehicle(SWP_ENABLE=float("nan")), "SWP_ENABLE is nan"),
         (vehicle(SWP_AMP=260), "SWP_AMP 260 > SWP_PWM_MAX 250"),
         (vehicle(SWP_AMP=0), "SWP_AMP 0 outside 1 to 500"),
         (vehicle(SWP_AMP=float("nan")), "SWP_AMP nan outside 1 to 500"),
@@ -48,6 +51,8 @@ def no_velocity(bench: Bench) -> None:
         (vehicle(SWP_V_MIN=4), "SWP_V_MIN 4 >= SWP_V_MAX 4"),
         (vehicle(SERVO1_MAX=1640), "PWM 1500+-150 not in 1100..1640"),
         (vehicle(SERVO1_MIN=1360), "PWM 1500+-150 not in 1360..1900"),
+        (vehicle(RCMAP_ROLL=0), "RCMAP_ROLL outside 1 to 16"),
+        (vehicle(RCMAP_ROLL=17), "RCMAP_ROLL outside 1 to 16"),
         (no_steering, "no servo has function 26 (steering)"),
         (no_trim, "SERVO1_TRIM, MIN, MAX unknown"),
         (not_manual, "mode 10, needs MANUAL"),
@@ -77,13 +82,29 @@ def test_refused_run_starts_once_put_right_and_thrown_again() -> None:
     assert bench.state == 3
 
 
-@pytest.mark.parametrize("channel", [17, -1, 300])
-def test_impossible_switch_channel_is_said_and_does_not_kill_the_script(channel: int) -> None:
+INFINITE, UNKNOWN = float("inf"), float("nan")
+
+
+@pytest.mark.parametrize("channel", [17, -1, 300, 16.5, 1e20, -1e20, INFINITE, -INFINITE, UNKNOWN])
+def test_impossible_switch_channel_is_said_and_does_not_kill_the_script(channel: float) -> None:
     bench = moving(chan=channel)
     drive = Drive(bench)
     throw_switch(drive)
-    assert bench.texts[1:] == [f"SWP: refused: SWP_CHAN {channel} outside 0 to 16"]
+    assert bench.texts[1:] == [f"SWP: refused: SWP_CHAN {channel:g} outside 0 to 16"]
     assert drive.host.running and bench.state == 0
+    bench.parameters["SWP_CHAN"] = 0
+    throw_switch(drive)
+    assert bench.state == 3
+
+
+@pytest.mark.parametrize("channel", [17, 1e20, UNKNOWN])
+def test_impossible_switch_channel_kills_a_script_that_does_not_look(channel: float) -> None:
+    check = "value >= 0 and value <= 16 and math.floor(value) or nil"
+    assert applet_source().count(check) == 1
+    bench = moving(chan=channel)
+    drive = Drive(bench, applet_source().replace(check, "math.floor(value)"))
+    throw_switch(drive)
+    assert not drive.host.running and drive.host.error
 
 
 NEEDED = (

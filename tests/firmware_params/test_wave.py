@@ -131,7 +131,7 @@ def test_parameter_changed_during_a_run_counts_for_the_next() -> None:
     throw_switch(drive)
     drive.run_until(6)
     bench.parameters |= {"SWP_AMP": 40, "SWP_PWM_MAX": 50, "SWP_CHAN": 9, "SWP_TYPE": 0, "SWP_COUNT": 1}
-    bench.parameters |= {"SERVO1_TRIM": 1400, "SWP_ENABLE": 0, "SWP_V_MAX": 1, "SWP_ROLL_MAX": 1}
+    bench.parameters |= {"SERVO1_TRIM": 1400, "SWP_V_MAX": 1, "SWP_ROLL_MAX": 1}
     drive.run_until(0)
     t = np.array([row["T"] for row in bench.log])
     doublet = Doublet(count=2, straight=1)

@@ -1,0 +1,119 @@
+"""Nothing goes out before the limits and the stick were looked at: one override alone lasts 100 ms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from applet_bench import HIGH, Bench, Drive, moving, mutant, throw_switch
+
+from firmware_params.parameters import applet_source
+
+AT_ONCE = {"type": 1, "straight": 0, "amp": 240, "still": 0}  # the first override is a full step
+START_CHECK = ("    local reason = limit_passed(run, seen)\n", "    local reason = nil\n")
+SWITCH_CHECK = (" or reason_to_stop(values, seen)", "")
+CENTRED_CHECK = ("stick_off(run) <= STICK_CENTRED_US", "true")
+
+
+def rolled(bench: Bench) -> None:
+    bench.roll = math.radians(60)
+
+
+def rolling(bench: Bench) -> None:
+    bench.rates = (4.0, 0.0, 0.0)
+
+
+def spinning(bench: Bench) -> None:
+    bench.rates = (0.0, 0.0, 10.0)
+
+
+LIMITS = ((rolled, "roll 60.0 > 30 deg"), (rolling, "roll rate 229.2 > 200 deg/s"), (spinning, "yaw rate 573.0 > 150 deg/s"))  # fmt: skip  # noqa: E501
+
+
+def thrown_while_moving(spoil: Callable[[Bench], None], source: str) -> Bench:
+    bench = moving(**AT_ONCE)
+    spoil(bench)
+    throw_switch(Drive(bench, source))
+    return bench
+
+
+def brought_to_speed(spoil: Callable[[Bench], None], source: str) -> Bench:
+    bench = moving(speed=0.0, **AT_ONCE)
+    drive = Drive(bench, source)
+    throw_switch(drive)
+    drive.run(1)
+    spoil(bench)
+    bench.velocity = (2.0, 0.0, 0.0)
+    drive.run(1.2)
+    return bench
+
+
+@pytest.mark.parametrize("course", [thrown_while_moving, brought_to_speed])
+@pytest.mark.parametrize(("spoil", "said"), LIMITS)
+def test_limit_that_is_passed_already(
+    course: Callable[[Callable[[Bench], None], str], Bench], spoil: Callable[[Bench], None], said: str
+) -> None:
+    bench = course(spoil, applet_source())
+    assert bench.state == 10 and bench.texts[-1] == f"SWP: run 1 stopped: {said}"
+    assert bench.overrides == [] and bench.log[-1]["St"] == 10
+    assert [pwm for _, pwm, hold, _ in course(spoil, mutant(START_CHECK)).overrides if hold] == [1740]
+
+
+def lost_before_the_switch(source: str) -> Bench:
+    bench = moving(gcs=1, **AT_ONCE)
+    bench.heard_ms = 1000
+    throw_switch(Drive(bench, source))
+    return bench
+
+
+def test_ground_station_that_was_lost_before_the_switch() -> None:
+    bench = lost_before_the_switch(applet_source())
+    assert bench.texts[1:] == ["SWP: refused: GCS lost"] and bench.overrides == [] and bench.state == 0
+    assert lost_before_the_switch(mutant(SWITCH_CHECK)).overrides[0][1] == 1740
+
+
+def held_at(stick: int, source: str) -> Drive:
+    bench = moving(**AT_ONCE)
+    bench.rc[1] = stick
+    drive = Drive(bench, source)
+    throw_switch(drive)
+    drive.run(3)
+    return drive
+
+
+@pytest.mark.parametrize("stick", [1620, 1100, 1900, 0])
+def test_stick_off_centre_is_waited_for_and_counts_from_then_on(stick: int) -> None:
+    drive = held_at(stick, applet_source())
+    bench = drive.bench
+    assert bench.state == 2 and bench.overrides == []
+    assert bench.texts[1:] == [
+        "SWP: run 1 waits for a centred steering stick",
+        "SWP: run 1 drive at 0.5 to 4 m/s",
+    ]
+    bench.rc[1] = 1500
+    drive.run(0.9)
+    assert bench.state == 2
+    drive.run(0.3)
+    assert bench.state == 6 and bench.overrides
+    bench.rc[1] = 1290
+    drive.run(0.09)
+    assert bench.texts[-1] == "SWP: run 1 stopped: steering stick moved"
+
+
+def test_stick_off_centre_steers_against_a_run_that_does_not_wait() -> None:
+    assert held_at(1620, mutant(CENTRED_CHECK)).bench.overrides
+
+
+@pytest.mark.parametrize("stick", [1400, 1600])
+def test_stick_nearly_centred_will_do(stick: int) -> None:
+    drive = held_at(stick, applet_source())
+    assert drive.bench.state == 6 and drive.bench.switch == HIGH
+
+
+def test_pwm_that_the_pilot_gave_is_no_reason_not_to_start() -> None:
+    bench = moving(amp=20, pwm_max=40, still=0)
+    bench.pilot_pwm = 1590
+    throw_switch(drive := Drive(bench))
+    drive.run(1)
+    assert bench.state == 3 and bench.texts[-1] == "SWP: run 1 start sweep"
