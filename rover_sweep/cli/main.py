@@ -29,6 +29,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Recorded runs in, identified models and a report out.",
     ),
     "coherence": ("rover_sweep.cli.coherence:coherence", "Is this run good enough? The verdict alone."),
+    "study": ("rover_sweep.cli.study:study", "The paper's comparison, repeated on a virtual rover."),
     "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),
     "inertia": ("rover_sweep.cli.inertia:inertia", "Moment of inertia from a swing test."),
     "vehicle": ("rover_sweep.cli.vehicle:vehicle", "Print an example vehicle file, or check yours."),

@@ -23,7 +23,8 @@ STILL, SETTLING = 2.0, 6.0  # s: standing, then getting up to speed, before the 
 
 @dataclass(frozen=True)
 class Firmware:
-    """ArduRover's rates and low-passes [Hz]: SCHED_LOOP_RATE, INS_GYRO_FILTER, INS_ACCEL_FILTER, as shipped."""
+    """ArduRover's rates and low-passes [Hz]: SCHED_LOOP_RATE, INS_GYRO_FILTER, INS_ACCEL_FILTER, as "
+    "shipped."""
 
     loop_hz: int = 50
     gyro_filter_hz: float = 4.0

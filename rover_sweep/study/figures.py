@@ -1,0 +1,44 @@
+"""Figures 2, 3, 6, 7 and 8 of the paper from the study's runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from rover_sweep.identify.identification import ModelResult
+from rover_sweep.report.history_picture import history
+from rover_sweep.report.pictures import Picture
+from rover_sweep.report.response_picture import measured_responses, modelled_responses
+from rover_sweep.report.verification_picture import verification
+from rover_sweep.study.conditions import CHECKS
+from rover_sweep.study.published import MODELS
+from rover_sweep.study.study import Practice, Study
+
+VERIFIED = {"asphalt": "figure-7", "grass": "figure-8a", "fast": "figure-8b"}
+
+
+def figures(study: Study) -> Iterator[Picture]:
+    """The figures in the paper's order, none drawn yet; fits are those made as the paper made them."""
+    sweep = study.runs.sweeps[0]
+    yield Picture(
+        "figure-2", "recordings", "Figure 2: the sweep and what the rover did.", partial(history, sweep)
+    )
+    yield Picture(
+        "figure-3", "responses",
+        f"Figure 3: identified frequency responses at {study.paper.group.speed:.2f} m/s on asphalt, with "
+        "coherence. Orange: the band of the fits, which is the paper's.",
+        partial(measured_responses, study.paper.group),
+    )  # fmt: skip
+    for practice, name in ((study.paper, "figure-6"), (study.known, "figure-6-filters-known")):
+        caption = f"Figure 6: the models over the measured responses; {practice.words}."
+        yield Picture(name, "models", caption, partial(modelled_responses, practice.group, _models(practice)))
+    for check, name in VERIFIED.items():
+        figure = "Figure 7" if check == "asphalt" else "Figure 8"
+        caption = f"{figure}: {CHECKS[check]}, which no fit has seen; {study.paper.words}."
+        verdicts = {m: study.paper.check(m, check) for m in MODELS}
+        draw = partial(verification, study.runs.checks[check], verdicts)
+        yield Picture(name, "verification", caption, draw)
+
+
+def _models(practice: Practice) -> dict[str, ModelResult]:
+    return {m: practice.result.models[m] for m in MODELS}
