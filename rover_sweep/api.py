@@ -80,8 +80,13 @@ class Runs(Shown, Sequence[Recording]):
             (r.name, r.kind, f"{r.span[1] - r.span[0]:.1f}", number(r.mean_speed, 3), " ".join(r.channels))
             for r in self.recordings
         )
-        warnings = dict.fromkeys(
-            f"{r.name}: {n.text}" for r in self.recordings for n in r.notes if n.level == "warning"
+        told: dict[str, list[str]] = {}
+        for r in self.recordings:
+            for note in (n for n in r.notes if n.level == "warning"):
+                told.setdefault(note.text, []).append(r.name)
+        warnings = (
+            f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {text}"
+            for text, names in told.items()
         )
         of = f" of {self.vehicle.name}" if self.vehicle and self.vehicle.name else ""
         headings = ("run", "kind", "s", "m/s", "channels")

@@ -8,6 +8,8 @@ The map is a small TOML file (or a dictionary of the same form):
     delta = {column = "steer", scale = 0.35}       # offset is subtracted first, then scale multiplies
     speed = 2.4                                    # a number where it was constant, m/s
     trial = "trial"                                # rows with another value are another recording
+    runs = "whole"                                 # all driving of a trial is one run; else they are "found"
+    leave_out = "bad"                              # rows where this column is true (or 1) are left out
     axes = "iso"                                   # or "frd": r, ay, vy, psi, delta change sign
     sampling = "smooth"                            # or "step": steering keeps its value until the next row
     filters = {gyro_hz = 20, accel_hz = 20}        # known low-pass filters, if any
@@ -19,7 +21,7 @@ import csv
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +33,7 @@ from rover_sweep.logs.log import Array, Log, increasing, source_of
 
 UNITS = {"pwm": "us", "delta": "rad", "r": "rad/s", "p": "rad/s", "ay": "m/s^2", "vy": "m/s",
          "speed": "m/s", "phi": "rad", "psi": "rad", "throttle": "us"}  # fmt: skip
-OPTIONS = {"time", "trial", "axes", "sampling", "filters"}
+OPTIONS = {"time", "trial", "runs", "leave_out", "axes", "sampling", "filters"}
 SIGN_CHANGES = {"r", "ay", "vy", "psi", "delta"}  # between FRD and ISO axes
 FACTORS = {"deg": np.pi / 180, "deg/s": np.pi / 180, "mrad/s": 1e-3, "g": 9.80665, "ft/s": 0.3048,
            "ft/s^2": 0.3048, "km/h": 1 / 3.6, "ms": 1e-3, "s": 1.0}  # fmt: skip
@@ -55,6 +57,8 @@ class ColumnMap:
     columns: Mapping[str, Column]
     constants: Mapping[str, float]
     trial: str | None
+    leave_out: str | None
+    whole: bool
     frd: bool
     step: bool
     filters: Mapping[str, float]
@@ -72,12 +76,28 @@ def read_csv(path: Path, column_map: Mapping[str, Any] | str | None) -> tuple[Lo
     table = {name: [row[i] for row in rows] for i, name in enumerate(header)}
     trials = np.array(table[columns.trial]) if columns.trial else np.zeros(len(rows), int)
     labels = list(dict.fromkeys(trials.tolist()))
+    marked = _marked(table[columns.leave_out]) if columns.leave_out else np.zeros(len(rows), bool)
     source = source_of(path)
     needed = {c.name for c in (columns.time, *columns.columns.values())}
     numbers = {name: _numbers(path, name, table[name]) for name in needed}
     names = [f"{path.stem} {label}" if columns.trial else path.stem for label in labels]
-    parts = [{name: values[trials == label] for name, values in numbers.items()} for label in labels]
-    return tuple(_log(name, part, columns, source) for name, part in zip(names, parts, strict=True))
+    logs = []
+    for name, label in zip(names, labels, strict=True):
+        own = trials == label
+        part = {column: values[own & ~marked] for column, values in numbers.items()}
+        log = _log(name, part, columns, source)
+        logs.append(replace(log, notes=log.notes + _left_out(columns, int(np.sum(own & marked)))))
+    return tuple(logs)
+
+
+def _marked(cells: list[str]) -> np.ndarray:
+    """Which rows bear a mark (n,): true, yes or a number other than 0."""
+    return np.array([cell.strip().lower() not in ("", "0", "0.0", "false", "no") for cell in cells])
+
+
+def _left_out(columns: ColumnMap, count: int) -> tuple[Note, ...]:
+    text = f"{count} rows marked in column {columns.leave_out} were left out"
+    return (Note("warning", text),) if count else ()
 
 
 def _table(path: Path) -> tuple[list[str], list[list[str]]]:
@@ -150,14 +170,16 @@ def parse_column_map(given: Mapping[str, Any], header: list[str]) -> ColumnMap:
         raise UsageError(f"Column map: {', '.join(missing)} is missing; the file has {', '.join(header)}")
     channels = {n: v for n, v in given.items() if n in UNITS}
     constants = {n: float(v) for n, v in channels.items() if isinstance(v, int | float)}
-    trial = given.get("trial")
-    if trial is not None and trial not in header:
-        raise UsageError(f"Column map: trial = {trial!r}, but the columns are {', '.join(header)}")
+    for option in ("trial", "leave_out"):
+        if (named := given.get(option)) is not None and named not in header:
+            raise UsageError(f"Column map: {option} = {named!r}, but the columns are {', '.join(header)}")
     return ColumnMap(
         time=_column("time", given["time"], header),
         columns={n: _column(n, v, header) for n, v in channels.items() if n not in constants},
         constants=constants,
-        trial=trial,
+        trial=given.get("trial"),
+        leave_out=given.get("leave_out"),
+        whole=_choice(given, "runs", ("found", "whole")) == "whole",
         frd=_choice(given, "axes", ("iso", "frd")) == "frd",
         step=_choice(given, "sampling", ("smooth", "step")) == "step",
         filters=_filters(given.get("filters", {})),
@@ -215,8 +237,9 @@ def _log(name: str, numbers: Mapping[str, Array], columns: ColumnMap, source: tu
         if f and c in signals
     }
     return Log(
-        name=name, signals=signals, steering=steering, filters=filters, notes=tuple(notes), sources=(source,)
-    )
+        name=name, signals=signals, steering=steering, filters=filters, notes=tuple(notes),
+        sources=(source,), whole=columns.whole,
+    )  # fmt: skip
 
 
 def _time_notes(time: Array) -> Iterator[Note]:

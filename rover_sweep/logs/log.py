@@ -38,6 +38,7 @@ class Log:
     steering: the recorded steering outputs ("pwm" in us, or "delta" in rad from a CSV), best first.
     marks: (time [s], text) of messages to the user. parameters: the last value of each.
     limits: (lowest, highest) steering output [us], None where unknown.
+    whole: all driving is one run, however it was steered.
     vehicle: "rover", another ArduPilot vehicle's name, or "" where the log does not tell.
     """
 
@@ -53,6 +54,7 @@ class Log:
     firmware: str = ""
     notes: tuple[Note, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()
+    whole: bool = False
 
 
 def source_of(path: Path) -> tuple[str, str]:

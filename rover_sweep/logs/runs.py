@@ -55,6 +55,8 @@ def find_runs(log: Log) -> tuple[Recording, ...]:
 
 def _windows(log: Log) -> list[Window]:
     """By the applet's own states, else by its messages, else by steering activity in motion."""
+    if log.whole:
+        return _whole(log)
     found = list(_by_applet(log)) or list(_by_marks(log)) or list(_by_activity(log))
     found = [w for w in found if _is_excited(log, w)]
     fenced = []
@@ -63,6 +65,15 @@ def _windows(log: Log) -> list[Window]:
         latest = min(w.latest, found[i + 1].start if i + 1 < len(found) else np.inf)
         fenced.append(replace(w, earliest=earliest, latest=latest))
     return fenced
+
+
+def _whole(log: Log) -> list[Window]:
+    """From the first to the last time at the speed of the drive."""
+    speed = log.signals["speed"]
+    driving = speed.x > STILL_SPEED
+    usual = float(np.median(speed.x[driving])) if driving.any() else np.inf
+    at_speed = speed.t[speed.x > (1 - SAME_SPEED) * usual]
+    return [Window(float(at_speed[0]), float(at_speed[-1]))] if at_speed.size else []
 
 
 def _is_excited(log: Log, w: Window) -> bool:

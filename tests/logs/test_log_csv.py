@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from recordings import NOMINAL, foreign
 
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs import read_logs, read_runs
 
 TRUTH = {
@@ -126,3 +126,28 @@ def test_a_real_small_car_driven_by_hand() -> None:
     for run in runs:
         turning = np.corrcoef(run.manoeuvre("delta").x, run.manoeuvre("r").x)[0, 1]
         assert abs(turning) > 0.6 and run.mean_speed > 1.0
+
+
+def test_a_trial_may_be_one_run_as_a_whole(tmp_path: Path) -> None:
+    """One step at speed is no run that would be found, and is one where the map says so."""
+    t = np.arange(0, 40, 0.02)
+    source = table(
+        tmp_path, rows(steer=np.where(t < 20, 0.5, -0.5), v=np.where((t > 4) & (t < 36), 2.0, 0.0))
+    )
+    with pytest.raises(DataRefused, match="no steering excitation"):
+        read_runs(source, column_map=BASIC)
+    (run,) = read_runs(source, column_map={**BASIC, "runs": "whole"})
+    assert run.span == pytest.approx((4.0, 36.0), abs=0.05)
+    with pytest.raises(UsageError, match='"found" or "whole"'):
+        read_runs(source, column_map={**BASIC, "runs": "all"})
+
+
+def test_marked_rows_are_left_out_and_told(tmp_path: Path) -> None:
+    t = np.arange(0, 40, 0.02)
+    bad = np.where((t > 10) & (t < 11), "True", "False")
+    source = table(tmp_path, rows(rate=np.where(bad == "True", 1e6, 10 * np.sin(2 * t)), bad=bad))
+    (run,) = read_runs(source, column_map={**BASIC, "leave_out": "bad"})
+    assert np.max(np.abs(run["r"].x)) < 0.2
+    assert any(n.text == "49 rows marked in column bad were left out" for n in run.notes)
+    with pytest.raises(UsageError, match="leave_out = 'nowhere'"):
+        read_runs(source, column_map={**BASIC, "leave_out": "nowhere"})
