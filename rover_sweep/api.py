@@ -28,6 +28,7 @@ from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import Band
 from rover_sweep.identify.table import ShortTable, Shown, number
 from rover_sweep.preparation import (
+    MODEL_NAMES,
     check_settings,
     divided,
     geometry_of,
@@ -154,6 +155,7 @@ def identify(
     free: Sequence[str] = (),
     reduction: bool = True,
     keep: Sequence[str] = (),
+    condition_on: Sequence[str] = (),
 ) -> Result:
     """Identifies models from runs and verifies them on other runs.
 
@@ -163,6 +165,7 @@ def identify(
     [rad/s]; bands: usable band of a response [rad/s]; windows [s]: found from the data where not given.
     free: parameters of the roll-yaw model that are fitted beyond the usual ones, such as "Ixx", "Ixz",
     "h". reduction: fix again what the data cannot tell, but none of the parameters in keep.
+    condition_on: channels that move the rover beside the steering, such as "throttle".
     """
     if not isinstance(runs, Runs) or runs.vehicle is None:
         raise UsageError('the vehicle is not known: rs.read(..., vehicle="rover.toml")')
@@ -174,11 +177,12 @@ def identify(
     settings = Settings(
         _known(models, MODELS, "model"), _known(fit, ("r", "ay", "vydot", "p"), "response"), tied, band,
         dict(bands or {}), tuple(windows) if windows else None,
-        reduction=reduction, keep=parameter_names(keep),
+        reduction=reduction, keep=parameter_names(keep), condition_on=tuple(condition_on),
     )  # fmt: skip
     check_settings(settings, sweeps)
     geometry = geometry_of(runs.vehicle)
-    geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *parameter_names(free)))))
+    freed = _known(parameter_names(free), tuple(MODEL_NAMES.values()), "known number of the roll-yaw model")
+    geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *freed))))
     found = run_identification(sweeps, geometry, checks, settings)
     origin = provenance(runs.vehicle, runs.vehicle_file, checks, "", datetime.now().astimezone())
     return Result(**{f.name: getattr(found, f.name) for f in fields(found)}, origin=origin)

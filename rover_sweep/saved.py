@@ -21,6 +21,8 @@ import numpy as np
 
 from rover_sweep import __version__
 from rover_sweep.errors import UsageError
+from rover_sweep.identify.structure import ModelStructure
+from rover_sweep.identify.structure_text import structure_from_text
 
 FORMAT, FORMAT_VERSION = "rover-sweep result", 1
 IS = "is"  # the key that says what an object is
@@ -85,7 +87,9 @@ def _coded(value: Any, arrays: dict[str, list[Any]]) -> Any:
         case Path():
             return {IS: "path", "of": str(value)}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        own = {f.name: _coded(getattr(value, f.name), arrays) for f in dataclasses.fields(value) if f.init}
+        left_out = {"build"} if isinstance(value, ModelStructure) and value.source else set()
+        names = [f.name for f in dataclasses.fields(value) if f.init and f.name not in left_out]
+        own = {name: _coded(getattr(value, name), arrays) for name in names}
         return {IS: _address(type(value)), "of": own}
     if callable(value):
         return {IS: "function", "of": _address(value)}
@@ -142,7 +146,10 @@ def _decoded(value: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     made = _found(kind)
     if not (isinstance(made, type) and dataclasses.is_dataclass(made)):
         raise TypeError(f"{kind} is no record")
-    return made(**{name: _decoded(item, arrays) for name, item in of.items()})
+    own = {name: _decoded(item, arrays) for name, item in of.items()}
+    if made is ModelStructure and own.get("source"):  # a user's own: its text says how it is built
+        own["build"] = structure_from_text(own["source"]).build
+    return made(**own)
 
 
 def _function(address: str) -> Callable[..., Any]:

@@ -121,6 +121,10 @@ def test_bad_input_is_one_sentence(call: Any, words: str) -> None:
 
 
 def test_unknown_names_and_own_judges_are_refused(runs: Any) -> None:
+    with pytest.raises(rs.UsageError, match="no parameter 'Ixy'"):
+        rs.identify(runs, keep=["Ixy"])
+    with pytest.raises(rs.UsageError, match="no known number of the roll-yaw model 'Y_phi'"):
+        rs.identify(runs, free=["Y_phi"])
     with pytest.raises(rs.UsageError, match="no model 'tricycle'"):
         rs.identify(runs, models=["tricycle"])
     with pytest.raises(rs.UsageError, match="both identified from and verified on"):
@@ -157,6 +161,19 @@ def test_saving_and_loading_loses_nothing(result: Any, tmp_path: Path) -> None:
     w = np.geomspace(0.3, 25, 5)
     models = [r.models["roll-yaw"].fit.structure for r in (result, again)]
     responses = [m.response(w, 2.0, "ay") for m in models]
+    np.testing.assert_array_equal(*responses)
+
+
+def test_a_users_own_structure_is_saved_as_its_text() -> None:
+    from rover_sweep.identify.structure_text import structure_from_text
+    from rover_sweep.saved import dumps, loads
+
+    text = sorted((ROOT / "tests/data/structures").glob("*.toml"))[0].read_text()
+    structure = structure_from_text(text)
+    name = structure.free[0].name
+    moved = structure.with_values({name: 1.1 * structure.values[name]})
+    w = np.geomspace(0.3, 25, 5)
+    responses = [m.response(w, 2.0, structure.outputs[0]) for m in (moved, loads(dumps(moved)))]
     np.testing.assert_array_equal(*responses)
 
 
