@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from rover_sweep.identify.conditioned import moving
 from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.grouping import Group, Settings, grouped
+from rover_sweep.identify.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identify.handling import Handling, handling, has_handling
 from rover_sweep.identify.model_results import (
     UNTIED,
@@ -19,9 +20,11 @@ from rover_sweep.identify.model_results import (
     tyres_unseen,
 )
 from rover_sweep.identify.models.kinematic import kinematic
+from rover_sweep.identify.own_structure import own_result
 from rover_sweep.identify.quality import CoherenceVerdict, assess, input_responses
 from rover_sweep.identify.recommendation import recommendation
 from rover_sweep.identify.recording import Recording
+from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 from rover_sweep.identify.verdicts import ModelVerdict
 
@@ -93,22 +96,25 @@ def identify(
     geometry: Geometry,
     verify_on: Sequence[Recording] = (),
     settings: Settings | None = None,
+    structures: Sequence[ModelStructure] = (),
 ) -> Identification:
     """Identifies the asked models from runs that have `delta`, and verifies them on other runs.
 
-    Runs that cannot carry a model give a verdict with the reason, not an exception.
+    structures: a user's own, fitted beside them under their names. Runs that cannot carry a model give a
+    verdict with the reason, not an exception. ValueError for a structure named as another model.
     """
     wanted = settings or Settings()
+    _refuse_same_names([s.name for s in structures])
     groups, quality = grouped(runs, wanted), tuple(_assessed(run, wanted.condition_on) for run in runs)
     reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
     said = tuple(dict.fromkeys(words for g in groups for words in g.remarks))
     if len(reasons) == len(groups):
         stops = tuple(dict.fromkeys(reasons.values()))
-        refused = dict.fromkeys(wanted.models, stops[0])
+        refused = dict.fromkeys((*wanted.models, *(s.name for s in structures)), stops[0])
         return Identification(geometry, wanted, groups, quality, {}, refused, None, (*stops, *said))
     said = (*(_left_out(groups[i], why) for i, why in reasons.items()), *said)
     groups = tuple(g for i, g in enumerate(groups) if i not in reasons)
-    models, refused = _fitted(Work(groups, geometry, tuple(verify_on), wanted))
+    models, refused = _fitted(Work(groups, geometry, tuple(verify_on), wanted), structures)
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
@@ -126,12 +132,21 @@ def _assessed(run: Recording, condition_on: Sequence[str]) -> CoherenceVerdict:
     return assess(run, input_responses([run], ("delta", *others))["delta"] if others else None)
 
 
-def _fitted(work: Work) -> tuple[dict[str, ModelResult], dict[str, str]]:
+def _refuse_same_names(names: Sequence[str]) -> None:
+    taken = [n for i, n in enumerate(names) if n in (*MODELS, "kinematic") or n in names[:i]]
+    if taken:
+        raise ValueError(f"there is another model named {taken[0]!r}; give the structure another name")
+
+
+def _fitted(
+    work: Work, structures: Sequence[ModelStructure]
+) -> tuple[dict[str, ModelResult], dict[str, str]]:
     models = {"kinematic": physical_result(kinematic(work.geometry), work)}
     refused: dict[str, str] = {}
-    for name in work.settings.models:
+    wanted = {name: partial(model_result, name, work) for name in work.settings.models}
+    for name, result in (wanted | {s.name: partial(own_result, s, work) for s in structures}).items():
         try:
-            models[name] = model_result(name, work)
+            models[name] = result()
         except NotPossible as reason:
             refused[name] = str(reason)
     return models, refused

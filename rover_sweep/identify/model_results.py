@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_sweep.identify.fit import Condition, FitResult, costs, fit
+from rover_sweep.identify.fit import Condition, FitResult, costs, fit, is_stable
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import MODELS, Group, Settings
 from rover_sweep.identify.models.bicycle import bicycle
@@ -15,10 +15,11 @@ from rover_sweep.identify.models.lumped import lumped
 from rover_sweep.identify.models.roll_yaw import roll_yaw
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.reduction import ReductionStep, reduce
+from rover_sweep.identify.starts import drawn_starts, near_starts
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown
 from rover_sweep.identify.verdicts import ModelVerdict, judge_model, kinematic_suffices
-from rover_sweep.identify.verify import Verification, verify
+from rover_sweep.identify.verify import UNITS, Verification, verify
 
 UNTIED = "Cf and Cr free"
 
@@ -112,9 +113,11 @@ def _need_roll(name: str, work: Work) -> None:
 
 def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
     """A structure of physical parameters, fitted over all speeds, with its variants."""
-    starts = _starts(structure)
+    starts = drawn_starts(structure)
     full = fit(structure, work.conditions(), starts)
     best, steps = _reduced(full, work, _known(structure, work.geometry))
+    if steps:
+        best = fit(best.structure, work.conditions(), drawn_starts(best.structure))
     variants = {"before reduction": full} if any(s.dropped for s in steps) else {}
     if any(g.runs[0].filters for g in work.groups):
         variants["filters ignored"] = fit(best.structure, work.conditions(filtered=False), starts)
@@ -122,7 +125,7 @@ def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
         variants["four responses"] = fit(best.structure, work.conditions(structure.outputs))
     if "C" in structure.values:
         variants[UNTIED] = fit(_untied(best.structure, work.geometry), work.conditions())
-    return _result(best, variants, work, steps)
+    return fitted_result(best, variants, work, steps)
 
 
 def _known(structure: ModelStructure, geometry: Geometry) -> dict[str, float]:
@@ -139,18 +142,6 @@ def _reduced(
     return reduce(full, work.conditions(), known, work.settings.keep)
 
 
-def _starts(structure: ModelStructure) -> list[dict[str, float]]:
-    """Further starting points: stiffness and inertia several times lower and higher."""
-    values = structure.values
-    stiffness = [n for n in ("C", "Cf", "Cr") if n in values]
-    if not stiffness:
-        return []
-    return [
-        {n: values[n] * soft for n in stiffness} | {"Izz": values["Izz"] * light}
-        for soft, light in ((0.4, 0.6), (4.0, 1.5), (12.0, 1.0))
-    ]
-
-
 def _untied(tied: ModelStructure, geometry: Geometry) -> ModelStructure:
     make = bicycle if tied.name == "bicycle" else roll_yaw
     c = tied.values["C"]
@@ -161,20 +152,29 @@ def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
     """The lumped model from the roll-yaw fit's derivatives, reduced; at the first speed only."""
     here = Work(work.groups[:1], work.geometry, work.verify_on, work.settings)
     conditions = here.conditions()
-    first = fit(start, conditions, _starts(start)).structure
+    first = fit(start, conditions, drawn_starts(start)).structure
     full = fit(lumped(work.geometry, first, here.groups[0].speed), conditions, stable=True)
     best, steps = _reduced(full, here, None)
+    best = _begun_again(best.structure, conditions)
     variants = {"before reduction": full} if steps else {}
     if here.has_vydot:
         variants["four responses"] = fit(best.structure, here.conditions(best.structure.outputs))
-    return _result(best, variants, here, steps)
+    return fitted_result(best, variants, here, steps)
 
 
-def _result(
+def _begun_again(structure: ModelStructure, conditions: Sequence[Condition]) -> FitResult:
+    """The lumped fit from stable starts around its values; far from them its many derivatives lead astray."""
+    starts = [s for s in near_starts(structure) if is_stable(structure.with_values(s), conditions)]
+    return fit(structure, conditions, starts, stable=True)
+
+
+def fitted_result(
     best: FitResult, variants: Mapping[str, FitResult], work: Work, steps: tuple[ReductionStep, ...] = ()
 ) -> ModelResult:
+    """A fit with its costs of all responses, verified and judged."""
     structure = best.structure
     all_costs = costs(structure, work.conditions(structure.outputs))
-    verification = tuple(verify(structure, run) for run in work.verify_on)
+    seen = [run for run in work.verify_on if any(c in run and c in structure.outputs for c in UNITS)]
+    verification = tuple(verify(structure, run) for run in seen)
     verdict = judge_model(best, physical=structure.name != "lumped", verification=verification)
     return ModelResult(best, all_costs, variants, verification, verdict, steps)

@@ -3,6 +3,7 @@
 Each is a draw of every free parameter, the same for the same structure: positive ones by a factor
 (log-uniform, a tenth to ten times), bounded ones of either sign uniformly between their bounds, delays
 uniformly up to three times their value, unbounded ones of either sign around nought; all within the bounds.
+A structure whose starts are known to be near, such as derivatives of another model, is tried around them.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from rover_sweep.identify.structure import ModelStructure, Parameter
 
 COUNT = 3
 REACH = 10.0  # factor by which a positive parameter may start off
+NEAR = 0.6  # of its value, for a parameter tried around it
 LATER = 3.0  # times its value, for a delay: with far more, the phase is a whole turn off
 
 
@@ -21,6 +23,18 @@ def drawn_starts(structure: ModelStructure, count: int = COUNT, seed: int = 0) -
     rng = np.random.default_rng(seed)
     delays = structure.delays
     return [{p.name: _drawn(p, p.name in delays, rng) for p in structure.free} for _ in range(count)]
+
+
+def near_starts(structure: ModelStructure, count: int = COUNT, seed: int = 0) -> list[dict[str, float]]:
+    """`count` starting points within 60 % of the present values, always the same ones for a seed."""
+    rng = np.random.default_rng(seed)
+    return [
+        {
+            p.name: float(np.clip(p.value * (1 + NEAR * rng.uniform(-1, 1)), p.lower, p.upper))
+            for p in structure.free
+        }
+        for _ in range(count)
+    ]
 
 
 def _drawn(p: Parameter, delay: bool, rng: np.random.Generator) -> float:

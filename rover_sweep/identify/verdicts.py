@@ -33,7 +33,7 @@ def judge_model(
     physical: its parameters are properties of the rover, so that one that is lost spoils the model;
     the derivatives of a lumped model are correlated by nature and stand for one another.
     """
-    lost = [e for e in result.estimates if e.free and e.name != "tau" and _is_lost(e)]
+    lost = [e for e in result.estimates if e.free and e.name not in result.structure.delays and _is_lost(e)]
     weak = [e for e in result.estimates if e.free and _is_weak(e) and not (physical and e in lost)]
     failed = [v for v in verification if not v.tic <= TIC_GUIDE]
     words = [_prediction_words(v) for v in failed] + [_cost_words(result.average)]
