@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+import re
+import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.mavlink import ftp_put
+from rover_sweep.vehicle.mavlink import ftp_get, ftp_put
 from rover_sweep.vehicle.parameters import read_present
 
 HARDWARE, SITL = "/APM/scripts", "scripts"  # folder of scripts on a flight controller, in SITL
+VERSION = re.compile(r'^local VERSION = "(.*)"$', re.MULTILINE)  # as the applet states it
 _RESTART = 3.0  # SCRIPTING_CMD_STOP_AND_RESTART
+
+
+@dataclass(frozen=True)
+class AppletFile:
+    """The applet as it lies on the vehicle. version: as it states it, '' where it states none."""
+
+    path: str
+    version: str
+    text: str
+
+
+def version_of(text: str) -> str:
+    """The version that an applet's text states, '' without one."""
+    found = VERSION.search(text)
+    return found[1] if found else ""
+
+
+def read_applet(link: Link, name: str) -> AppletFile | None:
+    """The file `name` out of the vehicle's script folder; None where there is none or no MAVLink FTP."""
+    with tempfile.TemporaryDirectory() as folder:
+        local = Path(folder) / name
+        for place in (HARDWARE, SITL):
+            if not ftp_get(link, f"{place}/{name}", str(local)):
+                text = local.read_text(encoding="utf-8", errors="replace")
+                return AppletFile(f"{place}/{name}", version_of(text), text)
+    return None
 
 
 def upload(link: Link, applet: Path, progress: Callable[[float], None] | None = None) -> str:

@@ -127,6 +127,19 @@ class RunFinished:
 
 
 @dataclass(frozen=True)
+class Interrupted:
+    """Ctrl-C ended run `name`; the session goes on to fetch the logs.
+
+    failures: what could not be let go, in words, empty where all was. armed: whether the rover still is.
+    """
+
+    name: str
+    tlog: Path
+    failures: tuple[str, ...]
+    armed: bool
+
+
+@dataclass(frozen=True)
 class LogProgress:
     """Bytes of log `number` that are here."""
 
@@ -146,7 +159,7 @@ class LogSaved:
 
 @dataclass(frozen=True)
 class SessionFinished:
-    """All runs are done; `folder` holds tlogs, logs and session.json."""
+    """All runs are done; `folder` holds tlogs, logs and session.json. runs: those that came to an end."""
 
     folder: Path
     runs: tuple[RunFinished, ...]
@@ -166,6 +179,7 @@ Event = (
     | StateChanged
     | Sample
     | RunFinished
+    | Interrupted
     | LogProgress
     | LogSaved
     | SessionFinished

@@ -76,7 +76,7 @@ def check_applet(link: Link) -> dict[str, float]:
     if lacking:
         raise LinkError(
             f"the applet on the rover is of another version (no {', '.join(lacking)}); "
-            "copy firmware_params/rover_sweep.lua onto it anew and reboot"
+            "bring this one onto it with `rover-sweep firmware install`"
         )
     if present["SWP_ENABLE"] == 0:
         raise LinkError("the applet is switched off (SWP_ENABLE 0); set SWP_ENABLE to 1")
@@ -89,10 +89,13 @@ def _why_no_applet(link: Link) -> str:
     except ParameterMissing:
         return "this firmware has no Lua scripting (no SCR_ENABLE); use a board that has it"
     if scripting == 0:
-        return "the sweep applet does not run: SCR_ENABLE is 0; set it to 1 and reboot"
+        return (
+            "the sweep applet does not run: SCR_ENABLE is 0; `rover-sweep firmware install` sets it "
+            "and brings the applet"
+        )
     return (
-        "the sweep applet does not run (no parameter SWP_ENABLE); copy firmware_params/rover_sweep.lua to "
-        "APM/scripts on the card (scripts/ in SITL) and reboot, and look for script errors in the messages"
+        "the sweep applet does not run (no parameter SWP_ENABLE); bring it onto the rover with "
+        "`rover-sweep firmware install`, and look for script errors in the rover's messages"
     )
 
 

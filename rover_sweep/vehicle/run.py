@@ -2,7 +2,8 @@
 
 Nothing arms or moves unless `RunSettings` says so. However the run ends (done, exception, Ctrl-C, the
 generator closed, the link lost) the switch goes low, throttle and steering go to trim, the rover is
-disarmed if this program armed it, and the override is released.
+disarmed if this program armed it, and the override is released. What is the pilot's stays the pilot's;
+only Ctrl-C also tells the applet to stop.
 
 Stop paths that need no laptop, all on the vehicle: the pilot throws the switch low, disarms or
 changes the mode; RC_OVERRIDE_TIME (3 s) after our last override the switch is the radio's again and
@@ -16,9 +17,9 @@ from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.identify.sweep import Manoeuvre
-from rover_sweep.vehicle.controls import MANUAL, Controls, Trigger, find_channels, pump
+from rover_sweep.vehicle.controls import MANUAL, SCRIPTING_1, Controls, Trigger, find_channels, pump
 from rover_sweep.vehicle.events import (
     Armed,
     Event,
@@ -80,11 +81,14 @@ class RunSettings:
             )
 
 
-def run(link: Link, manoeuvre: Manoeuvre, name: str, tlog: Path, settings: RunSettings) -> Iterator[Event]:
-    """Upload, arm and trigger as far as `settings` allow, follow, and let go. Yields events.
+def run(
+    link: Link, manoeuvre: Manoeuvre, name: str, tlog: Path, settings: RunSettings
+) -> Generator[Event, None, RunFinished]:
+    """Upload, arm and trigger as far as `settings` allow, follow, and let go. Returns the last event too.
 
     LinkError where the vehicle refuses or the applet does not start; a manoeuvre that the applet
-    stopped is a `RunFinished` with completed False.
+    stopped is a `RunFinished` with completed False. Whatever exception ends it carries what could not
+    be let go as its notes.
     """
     link.record_to(tlog)
     yield from _upload(link, parameters_of(manoeuvre, **settings.extra))
@@ -99,8 +103,9 @@ def run(link: Link, manoeuvre: Manoeuvre, name: str, tlog: Path, settings: RunSe
             start = yield from _start(link, controls, follower, settings)
             with link.listening(monitor):
                 yield from _follow(link, controls, follower, settings, limit)
-        except BaseException:
-            controls.let_go()
+        except BaseException as error:
+            for failure in [*_told_to_stop(error, link, settings), *controls.let_go()]:
+                error.add_note(failure)
             raise
         failures = controls.let_go()
         yield from follower.take()
@@ -109,9 +114,22 @@ def run(link: Link, manoeuvre: Manoeuvre, name: str, tlog: Path, settings: RunSe
     if settings.trigger == "pilot":
         yield SwitchWanted("low", channels.switch)
     completed, reason = follower.outcome
-    yield RunFinished(
+    finished = RunFinished(
         name, completed, reason, tlog, (start, follower.ended_at), follower.number, monitor.quality()
     )
+    yield finished
+    return finished
+
+
+def _told_to_stop(error: BaseException, link: Link, settings: RunSettings) -> list[str]:
+    """Ctrl-C where the switch is the pilot's: the applet is told to stop as if it had gone low."""
+    if settings.trigger != "pilot" or not isinstance(error, KeyboardInterrupt):
+        return []
+    try:
+        link.require("stop the applet", "MAV_CMD_DO_AUX_FUNCTION", float(SCRIPTING_1), 0.0)
+    except RoverSweepError as failure:
+        return [f"{failure}; throw the switch low"]
+    return []
 
 
 def _upload(link: Link, values: Mapping[str, float]) -> Iterator[Event]:

@@ -7,37 +7,36 @@ which says what is what.
 
 from __future__ import annotations
 
+import contextlib
 import datetime
-from collections.abc import Iterator
+import time
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from firmware_params.check import WantedParameter, compare
 from rover_sweep import __version__
-from rover_sweep.errors import LinkError
+from rover_sweep.errors import UsageError
 from rover_sweep.identify.sweep import Manoeuvre
-from rover_sweep.vehicle.applet import await_applet, reboot, restart_scripts, upload
 from rover_sweep.vehicle.controls import pump
 from rover_sweep.vehicle.events import (
     Connected,
     Event,
+    Interrupted,
     Notice,
-    ParameterSet,
-    Rebooting,
     RunFinished,
     SessionFinished,
     StreamsSet,
 )
 from rover_sweep.vehicle.identity import Vehicle, check_applet, identify_vehicle, untried
+from rover_sweep.vehicle.install import install
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.log_download import LogEntry, LogSaved, MavlinkLogs
 from rover_sweep.vehicle.mavlink import constant
-from rover_sweep.vehicle.parameters import read, read_present, write
+from rover_sweep.vehicle.parameters import read, read_present
 from rover_sweep.vehicle.recorder import Session
 from rover_sweep.vehicle.run import RunSettings, run
 from rover_sweep.vehicle.streams import IDENTIFICATION_RATES, request_all, stop
-
-_SCRIPTS_START = 20.0  # s after boot within which scripts begin to run
 
 
 @dataclass(frozen=True)
@@ -51,76 +50,87 @@ class PlannedRun:
 @dataclass(frozen=True)
 class Plan:
     """What a session does. parameters: those that are set where they differ (with a reboot where one
-    needs it). applet: file to bring onto a vehicle that does not run it. logs: fetch the .BIN logs."""
+    needs it); checked: those that are only compared, a warning each. applet: file to bring onto a vehicle
+    that does not run it. logs: fetch the .BIN logs."""
 
     runs: tuple[PlannedRun, ...]
     settings: RunSettings = field(default_factory=RunSettings)
     parameters: tuple[WantedParameter, ...] = ()
+    checked: tuple[WantedParameter, ...] = ()
     applet: Path | None = None
     logs: bool = True
 
 
 def drive(url: str, folder: Path, plan: Plan) -> Iterator[Event]:
-    """Carry the plan out on the vehicle at `url`, recording into `folder`."""
+    """Carry the plan out on the vehicle at `url`, recording into `folder`.
+
+    Ctrl-C (or KeyboardInterrupt thrown in) during a run ends that run and all further ones, and the
+    logs are fetched; so does a run that was stopped on a rover that this program arms.
+    """
     session = Session.create(folder)
     with Link.open(url, session.tlog("connect")) as link:
         vehicle = identify_vehicle(link)
         if warning := untried(vehicle):
             yield Notice("warning", warning)
-        yield from _prepare(link, plan)
-        check_applet(link)
+        yield from install(link, plan.parameters, plan.applet)
+        _refuse_amplitudes(check_applet(link), plan)
         yield Connected(url, vehicle)
+        for difference in compare(read_present(link, [p.name for p in plan.checked]), plan.checked):
+            yield Notice("warning", difference.sentence)
         logs = MavlinkLogs(link)
         before = logs.logs() if plan.logs else ()
         yield from _start_streams(link)
         yield from _await_estimator(link)
         finished: list[RunFinished] = []
         for planned in plan.runs:
-            for event in run(
-                link, planned.manoeuvre, planned.name, session.tlog(planned.name), plan.settings
-            ):
-                yield event
-                if isinstance(event, RunFinished):
-                    finished.append(event)
-                    _describe(session, vehicle, plan, finished, ())
+            go_on = yield from _run(link, planned, session.tlog(planned.name), plan.settings, finished)
+            _describe(session, vehicle, plan, finished, ())
+            if not go_on:
+                break
         stop(link, IDENTIFICATION_RATES)
         saved: list[Path] = []
-        if plan.logs:
+        if plan.logs and (yield from _disarmed(link, plan.settings.patience)):
             link.record_to(session.tlog("fetch"))
             yield from _fetch(logs, before, folder, saved)
     _describe(session, vehicle, plan, finished, saved)
     yield SessionFinished(folder, tuple(finished), tuple(saved))
 
 
-def _prepare(link: Link, plan: Plan) -> Iterator[Event]:
-    """Parameters and applet as wanted, with at most two reboots."""
+def _refuse_amplitudes(present: Mapping[str, float], plan: Plan) -> None:
+    """Before anything moves: the applet would refuse these at the switch."""
+    limit = plan.settings.extra.get("pwm_max", present["SWP_PWM_MAX"])
+    for planned in plan.runs:
+        if planned.manoeuvre.amplitude > limit:
+            raise UsageError(
+                f"{planned.name} asks for {planned.manoeuvre.amplitude:g} us, but the rover's SWP_PWM_MAX "
+                f"allows {limit:g} us; take less, or raise SWP_PWM_MAX if the steering moves freely that far"
+            )
+
+
+def _run(
+    link: Link, planned: PlannedRun, tlog: Path, settings: RunSettings, finished: list[RunFinished]
+) -> Generator[Event, None, bool]:
+    """One run, added to `finished`; whether the session goes on to the next."""
+    try:
+        finished.append((yield from run(link, planned.manoeuvre, planned.name, tlog, settings)))
+    except KeyboardInterrupt as stopped:
+        yield Interrupted(planned.name, tlog, tuple(getattr(stopped, "__notes__", ())), link.armed)
+        return False
+    return finished[-1].completed or not settings.arm
+
+
+def _disarmed(link: Link, patience: float) -> Generator[Event, None, bool]:
+    """Wait up to `patience` s until the pilot has disarmed: ArduPilot gives no logs while armed."""
+    if not link.armed:
+        return True
+    yield Notice("info", "disarm the rover: its log can only be fetched then (Ctrl-C does without the log)")
+    deadline = time.monotonic() + patience
+    with contextlib.suppress(KeyboardInterrupt):
+        while link.armed and time.monotonic() < deadline:
+            link.receive(0.5)
     if link.armed:
-        raise LinkError("the rover is armed; disarm it before a session prepares it")
-    wanted = compare(read_present(link, [p.name for p in plan.parameters]), plan.parameters)
-    because = []
-    for difference in wanted:
-        if difference.found is None:
-            yield Notice("warning", difference.sentence)
-            continue
-        written = write(link, difference.name, difference.wanted)
-        yield ParameterSet(written.name, written.old, written.value, difference.needs_reboot)
-        because += [difference.name] if difference.needs_reboot else []
-    if because:
-        yield Rebooting(tuple(because))
-        reboot(link)
-    patience = _SCRIPTS_START if link.clock.now < _SCRIPTS_START else 0.0
-    if plan.applet is not None and not await_applet(link, patience):
-        yield from _bring_applet(link, plan.applet)
-
-
-def _bring_applet(link: Link, applet: Path) -> Iterator[Event]:
-    place = upload(link, applet)
-    yield Notice("info", f"the applet was copied to {place}")
-    restart_scripts(link)
-    if not await_applet(link):
-        yield Rebooting((applet.name,))
-        reboot(link)
-        await_applet(link)
+        yield Notice("warning", "the rover is armed: its log stays on its card, the .tlog files are here")
+    return not link.armed
 
 
 def _start_streams(link: Link) -> Iterator[Event]:

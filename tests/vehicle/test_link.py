@@ -128,7 +128,7 @@ def test_others_are_refused(fake: FakeVehicle, words: str, tmp_path: Path) -> No
     ("change", "words"),
     [
         ({"SWP_ENABLE": None, "SCR_ENABLE": 0.0}, "SCR_ENABLE is 0"),
-        ({"SWP_ENABLE": None}, "copy firmware_params/rover_sweep.lua"),
+        ({"SWP_ENABLE": None}, "rover-sweep firmware install"),
         ({"SWP_ENABLE": None, "SCR_ENABLE": None}, "no Lua scripting"),
         ({"SWP_ENABLE": 0.0}, "switched off"),
         ({"SWP_GCS": None}, "another version \\(no SWP_GCS\\)"),
