@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+STYLES = {"came out": "green", "came out in part": "cyan", "did not come out": "yellow"}
+
 
 @click.command()
 @click.option("--out", required=True, type=click.Path(file_okay=False), metavar="DIR",
@@ -25,7 +27,7 @@ def study(out: str, seed: int, as_json: bool) -> None:
 
     from rover_sweep.report.tables import rich_table
     from rover_sweep.study.study import study as run
-    from rover_sweep.study.tables import findings_table, tables
+    from rover_sweep.study.tables import tables
     from rover_sweep.study.words import all_findings, summary
     from rover_sweep.study.write import write_study
 
@@ -40,12 +42,13 @@ def study(out: str, seed: int, as_json: bool) -> None:
         result = run(seed, lambda share, what: told(0.75 * share, what))
         found = all_findings(result)
         files = write_study(result, found, Path(out), lambda share, what: told(0.75 + 0.25 * share, what))
-    for table in (*tables(result), findings_table(found)):
+    for table in tables(result):
         console.print(rich_table(table))
         console.print()
     for finding in found:
-        console.print(Text.assemble((f"{finding.key}: {finding.outcome}. ", "bold"), finding.text))
-    console.print()
+        console.print(Text(finding.claim, "bold"))
+        console.print(Text.assemble((f"{finding.outcome}. ", STYLES[finding.outcome]), finding.text))
+        console.print()
     console.print(Text(summary(found), "bold"))
     console.print(f"study: {files.page}", highlight=False, soft_wrap=True, markup=False)
     if as_json:

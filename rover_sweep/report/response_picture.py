@@ -69,14 +69,15 @@ def _block(
     }
     deg = _phase(f.h, f)
     _measured(magnitude, phase, f, deg)
+    models_deg = {name: _beside(_phase(h, f), deg, f) for name, h in lines.items()}
     for name, h in lines.items():
         magnitude.plot(f.w, 20 * np.log10(np.abs(h)), label=f"{name} model", zorder=3, **MODEL_LINES[name])
-        phase.plot(f.w, _beside(_phase(h, f), deg, f), zorder=3, **MODEL_LINES[name])
+        phase.plot(f.w, models_deg[name], zorder=3, **MODEL_LINES[name])
     inside = _inside(f)
     models_db = [20 * np.log10(np.abs(h[inside])) for h in lines.values()]
     magnitude.set_ylim(*limits([f.magnitude_db[inside], *models_db], 20))
     magnitude.set_ylabel("magnitude, dB")
-    phase.set_ylim(*limits([deg[inside]], 100))
+    phase.set_ylim(*limits([deg[inside], *(d[inside] for d in models_deg.values())], 100))
     phase.yaxis.set_major_locator(MultipleLocator(45 if np.ptp(phase.get_ylim()) < 330 else 90))
     phase.set_ylabel("phase, deg")
     _coherence(coherence, f)
@@ -84,7 +85,7 @@ def _block(
     for axes in panels:
         _outside(axes, f)
         log_frequency(axes, *span, labelled=axes is coherence)
-        axes.yaxis.set_label_coords(-0.105, 0.5)
+        axes.yaxis.set_label_coords(-0.12, 0.5)
 
 
 def _measured(magnitude: Axes, phase: Axes, f: FrequencyResponse, deg: Array) -> None:

@@ -19,6 +19,7 @@ from sitl.sensors import Sensors
 
 PHYSICS_HZ = 400
 STILL, SETTLING = 2.0, 6.0  # s: standing, then getting up to speed, before the applet takes over
+AFTER = 4.0  # s driven straight when it is done
 
 
 @dataclass(frozen=True)
@@ -55,15 +56,16 @@ def drive(
     """
     autopilot = firmware or Firmware()
     start = STILL + SETTLING
-    rows = _rows(rover, autopilot, seed, start + manoeuvre.duration, _throttle(rover, speed),
+    end = start + manoeuvre.duration
+    rows = _rows(rover, autopilot, seed, end + AFTER, _throttle(rover, speed),
                  lambda t: float(manoeuvre.wave(t - start)))  # fmt: skip
     recording = Recording(
         name,
         _channels(rows),
-        (start, start + manoeuvre.duration),
+        (start, end),
         manoeuvre.kind,
         standstill=((0.0, STILL),),
-        straight=((start - 1.0, start + manoeuvre.straight),),
+        straight=((start - 1.0, start + manoeuvre.straight), (end - manoeuvre.straight, end + AFTER)),
         filters=autopilot.filters,
         firmware="virtual rover",
     )

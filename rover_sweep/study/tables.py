@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rover_sweep.identify.structure import OUTPUTS
-from rover_sweep.report.comparison import Cell, Table, Tone
+from rover_sweep.report.comparison import Cell, Table
 from rover_sweep.report.standing import TITLES
 from rover_sweep.report.wording import OUTPUT_NAMES, number, percent, symbol, unit
 from rover_sweep.study import published
 from rover_sweep.study.conditions import CHECKS
-from rover_sweep.study.findings import Finding
 from rover_sweep.study.published import MODELS
 from rover_sweep.study.study import Practice, Study
 
@@ -20,13 +19,6 @@ NUMBERS = {"bicycle": "Table 2", "roll-yaw": "Table 3", "lumped": "Table 4"}
 def tables(study: Study) -> tuple[Table, ...]:
     """Tables 2 to 7 in order."""
     return (*(parameters(study, m) for m in MODELS), costs(study), *verifications(study))
-
-
-def findings_table(found: tuple[Finding, ...]) -> Table:
-    """Each published finding and whether it came out."""
-    tones: dict[str, Tone] = {"came out": "good", "came out in part": "strong", "did not come out": "warn"}
-    rows = tuple((Cell(f.claim), Cell(f.outcome, tones[f.outcome])) for f in found)
-    return Table("The paper's findings on this rover", ("published", "here"), rows, "", 2)
 
 
 def practices_table(study: Study) -> Table:

@@ -19,7 +19,7 @@ def summary(found: tuple[Finding, ...]) -> str:
     came = sum(f.outcome == "came out" for f in found)
     part = sum(f.outcome == "came out in part" for f in found)
     not_out = [f.key for f in found if f.outcome == "did not come out"]
-    words = f"{came} of {len(found)} findings of the paper came out on this rover, {part} in part"
+    words = f"{came} of {len(found)} statements came out on this rover, {part} in part"
     return words + (f", {len(not_out)} did not ({', '.join(not_out)})." if not_out else ".")
 
 
