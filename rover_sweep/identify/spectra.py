@@ -11,13 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rover_sweep.identify.averages import independent_averages
+from rover_sweep.identify.band_limited import between, even_grid
+from rover_sweep.identify.exponentials import Complex, EvenExponentials, Exponentials
 from rover_sweep.identify.recording import Array, Signal
 
-Complex = NDArray[np.complex128]
 OVERLAP = 0.8
+MANY = 500  # frequencies, from which on spectra are taken on even grids and interpolated
 OVERLAP_CONSTANT = 0.50**0.5  # C of the random error at 80 % overlap (Tischler & Remple 2012)
 
 
@@ -106,38 +107,57 @@ def sampled_evenly(signal: Signal, w_max: float) -> tuple[Signal, float]:
 class Transformer:
     """Fourier transforms at w [rad/s] of every window of every length over start..end [s].
 
-    Signals on the same time stamps share the exponentials, which cost most of the time.
+    Signals on the same time stamps share the exponentials, which cost most of the time. even: w is
+    evenly spaced, which is faster. w_max: highest frequency that is asked for in the end, w[-1] if none.
     """
 
-    def __init__(self, start: float, end: float, lengths: Sequence[float], w: Array) -> None:
-        self.w = w
+    def __init__(
+        self, start: float, end: float, lengths: Sequence[float], w: Array,
+        even: bool = False, w_max: float | None = None,
+    ) -> None:  # fmt: skip
+        self.w, self.even, self.w_max = w, even, w_max or float(w[-1])
         self.windows = [(window_starts(start, end, length), length) for length in lengths]
-        self._kernels: list[tuple[Array, Complex]] = []
+        self._kernels: list[tuple[Array, Exponentials | EvenExponentials]] = []
 
     def __call__(self, signal: Signal) -> list[Complex]:
         """A list, per length, of (n_windows, n_w) arrays."""
-        points, step = sampled_evenly(signal, float(self.w[-1]))
+        points, step = sampled_evenly(signal, self.w_max)
         points = detrended(points)
-        scaled = self._kernel(points.t) * (points.x * _durations(points))[:, None]
-        if step:
-            scaled /= np.sinc(self.w * step / (2 * np.pi))
-        return [self._windowed(points.t, scaled, starts, length) for starts, length in self.windows]
+        weighted = replace(points, x=points.x * _durations(points))
+        cell = np.sinc(self.w * step / (2 * np.pi))
+        return [self._windowed(weighted, starts, length) / cell for starts, length in self.windows]
 
-    def _windowed(self, t: Array, scaled: Complex, starts: Array, length: float) -> Complex:
+    def _windowed(self, weighted: Signal, starts: Array, length: float) -> Complex:
+        t, kernel = weighted.t, self._kernel(weighted.t)
         rows = np.empty((starts.size, self.w.size), dtype=complex)
         for i, s in enumerate(starts):
             lo, hi = np.searchsorted(t, (s, s + length))
-            rows[i] = hann((t[lo:hi] - s) / length) @ scaled[lo:hi]
+            rows[i] = kernel.sum(lo, hi, hann((t[lo:hi] - s) / length) * weighted.x[lo:hi])
         return rows
 
-    def _kernel(self, t: Array) -> Complex:
+    def _kernel(self, t: Array) -> Exponentials | EvenExponentials:
         for known, kernel in self._kernels:
             if known.size == t.size and np.array_equal(known, t):
                 return kernel
-        angle = np.outer(t, self.w)
-        kernel = np.cos(angle) - 1j * np.sin(angle)
-        self._kernels.append((t, kernel))
-        return kernel
+        made = EvenExponentials(t, self.w) if self.even else Exponentials(t, self.w)
+        self._kernels.append((t, made))
+        return made
+
+
+def _transformers(
+    span: tuple[float, float], lengths: Sequence[float], w: Array
+) -> list[tuple[Transformer, list[int]]]:
+    """Transformers, and which of the lengths each is for: one for all at few frequencies.
+
+    At many, each length has its own even grid, no finer than its windows tell frequencies apart.
+    """
+    if w.size < MANY:
+        return [(Transformer(*span, lengths, w), list(range(len(lengths))))]
+    top = float(w[-1])
+    return [
+        (Transformer(*span, [length], even_grid(w, length), True, top), [i])
+        for i, length in enumerate(lengths)
+    ]
 
 
 def window_spectra(
@@ -156,37 +176,37 @@ def window_spectra(
     longest = max((n for n in lengths if any(e - s >= n for s, e in spans)), default=0.0)
     if not longest or w[0] < 2 * np.pi / longest * (1 - 1e-9):
         raise ValueError(f"the longest usable window, {longest:g} s, resolves nothing at {w[0]:g} rad/s")
-    sums = {output: [_Sums(w) for _ in lengths] for output in outputs}
+    sums = {output: [_Sums() for _ in lengths] for output in outputs}
     for channels, span in zip(runs, spans, strict=True):
-        transform = Transformer(*span, lengths, w)
-        x = transform(channels[input])
-        for output in outputs:
-            for acc, xs, ys in zip(sums[output], x, transform(channels[output]), strict=True):
-                acc.add(xs, ys)
+        for transform, which in _transformers(span, lengths, w):
+            x = transform(channels[input])
+            for output in outputs:
+                y = transform(channels[output])
+                for i, xs, ys in zip(which, x, y, strict=True):
+                    sums[output][i].add(transform.w, xs, ys)
     return {
         output: tuple(
-            a.averaged(length, effective_averages(spans, length))
-            for a, length in zip(parts, lengths, strict=True)
-            if a.count
+            part.averaged(w, length, effective_averages(spans, length))
+            for part, length in zip(parts, lengths, strict=True)
+            if part.count
         )
         for output, parts in sums.items()
     }
 
 
 class _Sums:
-    """Running sums of the spectra of one window length."""
+    """Running sums |X|^2, |Y|^2, conj(X) Y of one window length, at w or on an even grid around it."""
 
-    def __init__(self, w: Array) -> None:
-        self.w, self.count = w, 0
-        self.xx, self.yy, self.xy = np.zeros(w.size), np.zeros(w.size), np.zeros(w.size, dtype=complex)
+    def __init__(self) -> None:
+        self.count, self.grid, self.total = 0, np.empty(0), np.zeros((3, 1), dtype=complex)
 
-    def add(self, x: Complex, y: Complex) -> None:
+    def add(self, grid: Array, x: Complex, y: Complex) -> None:
+        new = np.array([np.sum(a.conj() * b, axis=0) for a, b in ((x, x), (y, y), (x, y))])
+        self.grid, self.total = grid, self.total + new
         self.count += len(x)
-        self.xx += np.sum(np.abs(x) ** 2, axis=0)
-        self.yy += np.sum(np.abs(y) ** 2, axis=0)
-        self.xy += np.sum(np.conj(x) * y, axis=0)
 
-    def averaged(self, length: float, averages: float) -> WindowSpectra:
-        scale = 2.0 / length / self.count * np.where(self.w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
-        xy = (scale * self.xy).astype(complex)
-        return WindowSpectra(length, self.w, scale * self.xx, scale * self.yy, xy, averages)
+    def averaged(self, w: Array, length: float, averages: float) -> WindowSpectra:
+        scale = 2.0 / length / self.count * np.where(w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
+        total = self.total if self.grid is w else between(self.grid, self.total, w)
+        xx, yy, xy = total
+        return WindowSpectra(length, w, scale * xx.real, scale * yy.real, np.asarray(scale * xy), averages)
