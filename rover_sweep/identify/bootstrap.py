@@ -12,38 +12,19 @@ intervals, Davison & Hinkley 1997, section 5.2). What a model does not explain c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from rover_sweep.identify.fit import PHASE_WEIGHT, Condition, FitResult, restricted
 from rover_sweep.identify.grouping import Group
+from rover_sweep.identify.intervals import LEVEL, Intervals
 from rover_sweep.identify.recording import Array
 from rover_sweep.identify.replicates import GroupReplicator, Replicates
 from rover_sweep.identify.spectra import Complex
 from rover_sweep.identify.structure import ModelStructure, Parameter
 
-LEVEL = 0.90
 STEPS = 8  # Gauss-Newton steps a replicate at most
 SETTLED = 1e-6  # of the cost: a step that promises to gain less is the last
-
-
-@dataclass(frozen=True)
-class Intervals:
-    """Interval of one parameter at `level`, and the standard deviation of its estimate, in its unit.
-
-    bias: how far the method itself puts the estimate from the truth; the interval has it taken out, so
-    it need not hold the estimate. replicates: how many it rests on; failed: how many ran off.
-    """
-
-    name: str
-    low: float
-    high: float
-    level: float
-    sd: float
-    bias: float
-    replicates: int
-    failed: int
 
 
 class Bootstrap:
@@ -73,7 +54,7 @@ class Bootstrap:
 
 def _interval(p: Parameter, log: bool, theta: Array, level: float, failed: int) -> Intervals:
     """The basic interval 2 theta^ - quantiles, on a log scale for positive parameters."""
-    if theta.size < 2:
+    if theta.size < max(2, failed):
         return Intervals(p.name, np.nan, np.nan, level, np.nan, np.nan, theta.size, failed)
     x, best = (np.log(theta), np.log(p.value)) if log else (theta, p.value)
     low, high = 2 * best - np.quantile(x, [(1 + level) / 2, (1 - level) / 2])
@@ -116,8 +97,11 @@ def _step(slope: Array, weight: Array, left: Array) -> tuple[Array, Array]:
     """The Gauss-Newton step (count, n_free) and the cost (count,) that it promises to gain."""
     weighted = np.swapaxes(slope * weight[:, :, None], 1, 2)
     gradient = (weighted @ left[..., None])[..., 0]
-    step = np.linalg.solve(weighted @ slope, gradient[..., None])[..., 0]
-    return step, np.asarray(np.sum(step * gradient, axis=1))
+    normal = weighted @ slope
+    ridge = 1e-12 * np.einsum("bpp->bp", normal) + 1e-30  # for a parameter that the data do not see
+    normal = normal + ridge[:, :, None] * np.eye(slope.shape[2])
+    step: Array = np.linalg.solve(normal, gradient[..., None])[..., 0]
+    return step, np.sum(step * gradient, axis=1)
 
 
 class _Path:

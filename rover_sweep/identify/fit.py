@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from rover_sweep.identify.intervals import Intervals
 from rover_sweep.identify.recording import Array, LowPass
 from rover_sweep.identify.response import Band, FrequencyResponse
 from rover_sweep.identify.spectra import Complex
@@ -59,7 +60,10 @@ def sampled(response: FrequencyResponse, band: Band, points: int = POINTS) -> Re
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A parameter after the fit. cr_percent, insensitivity_percent: equations (13), (14) in % of |value|."""
+    """A parameter after the fit. cr_percent, insensitivity_percent: equations (13), (14) in % of |value|.
+
+    interval: by the bootstrap, where it was asked for.
+    """
 
     name: str
     unit: str
@@ -69,6 +73,7 @@ class Estimate:
     insensitivity_percent: float | None
     at_bound: bool = False
     meaning: str = ""
+    interval: Intervals | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

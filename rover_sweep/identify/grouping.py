@@ -25,7 +25,7 @@ class Settings:
     reduction: drop what the data cannot tell, but none of the parameters in keep.
     band [rad/s]: swept range; bands: usable band per response; windows [s]: all found from the data
     when None. condition_on: channels that move the rover beside the steering, such as "throttle", which
-    are taken out of every response.
+    are taken out of every response. bootstrap: replicates for the intervals of the parameters, 0: none.
     """
 
     models: tuple[str, ...] = MODELS
@@ -37,6 +37,7 @@ class Settings:
     reduction: bool = True
     keep: tuple[str, ...] = ()
     condition_on: tuple[str, ...] = ()
+    bootstrap: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from rover_sweep.identify.conditioned import moving
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identify.handling import Handling, handling, has_handling
+from rover_sweep.identify.model_intervals import with_intervals
 from rover_sweep.identify.model_results import (
     UNTIED,
     ModelResult,
@@ -115,6 +116,7 @@ def identify(
     said = (*(_left_out(groups[i], why) for i, why in reasons.items()), *said)
     groups = tuple(g for i, g in enumerate(groups) if i not in reasons)
     models, refused = _fitted(Work(groups, geometry, tuple(verify_on), wanted), structures)
+    models = with_intervals(models, groups, wanted)
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}

@@ -96,4 +96,4 @@ def _roots(spectra: NoiseSpectra, w: Array) -> Complex:
         for j in range(n):
             density[:, i, j] = np.interp(w, spectra.w, spectra.density[:, i, j])
     power = np.einsum("wii->wi", density).real
-    return np.linalg.cholesky(density + 1e-9 * power[:, :, None] * np.eye(n))
+    return np.linalg.cholesky(density + (1e-9 * power[:, :, None] + 1e-30) * np.eye(n))

@@ -53,10 +53,10 @@ class RunReplicator:
             [o == "p" for o in outputs], rng,
         )  # fmt: skip
         made = self.coarse(noise.reshape(-1, noise.shape[-1]))
-        shape = (-1, count, len(outputs), self.w.size)
+        shape = (count, len(outputs), self.w.size)
         model = [np.array(parts).swapaxes(0, 1) for parts in zip(*map(self.transform, answers), strict=True)]
         return [
-            _sums(x, y[:, None] + n.reshape(shape))
+            _sums(x, y[:, None] + n.reshape(len(x), *shape))
             for x, y, n in zip(self.steering, model, made, strict=True)
         ]
 
