@@ -65,8 +65,8 @@ def stiffness(study: Study) -> Finding:
     )
     if apart <= 0.5 * in_print:
         text += (
-            f" Leaving the roll out moves C by only {abs(100 * apart):.0f} % here; the print's gap has another "
-            "cause."
+            f" Leaving the roll out moves C by only {abs(100 * apart):.0f} % here; the print's gap has "
+            "another cause."
         )
     nearer = abs(ours["roll-yaw"] - true) < abs(ours["bicycle"] - true)
     claim = (

@@ -104,12 +104,12 @@ def study(seed: int = 1, progress: Progress | None = None) -> Study:
     )  # fmt: skip
 
 
+_KNOWN = "the sensors' known filters in the models' outputs"
 _PRACTICES = (
     ("paper", "as the paper", "four responses, the sensors' filters ignored", False, OUTPUTS),
-    ("known", "filters known", "the same, with the known low-passes in the models' outputs", True, OUTPUTS),
-    ("default", "without V̇_y", "filters known, r, a_y and p only, which is this tool's default", True,
-     ("r", "ay", "p")),
-)  # fmt: skip
+    ("known", "filters known", f"four responses, {_KNOWN}", True, OUTPUTS),
+    ("default", "without V̇_y", f"r, a_y and p, {_KNOWN}: this tool's default", True, ("r", "ay", "p")),
+)
 
 
 def bands() -> dict[str, Band]:

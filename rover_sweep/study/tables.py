@@ -64,7 +64,7 @@ def _others(study: Study) -> list[Practice]:
 def _printed(p: published.Printed) -> tuple[Cell, ...]:
     if not p.free:
         return Cell("0, fixed", "muted"), Cell("–", "muted"), Cell("–", "muted")
-    return Cell(number(p.value)), Cell(percent(p.cr)), Cell(percent(p.insensitivity))
+    return Cell(f"{p.value:g}"), Cell(percent(p.cr)), Cell(percent(p.insensitivity))
 
 
 def _found(practice: Practice, model: str, name: str, bounds: bool) -> tuple[Cell, ...]:
