@@ -171,8 +171,15 @@ def composite(spectra: Sequence[WindowSpectra]) -> tuple[Array, Array, Complex]:
     xx0, yy0, xy0 = (np.sum(start_weight * g, axis=0) for g in (xx, yy, xy))
     g20 = np.abs(xy0) ** 2 / (xx0 * yy0)
     data = np.stack((xx / xx0, yy / yy0, xy.real / np.abs(xy0), xy.imag / np.abs(xy0)), axis=-1)
-    measured = np.where(used, np.abs(xy) ** 2 / np.where(used, xx * yy, 1.0), 0.0)
-    z = _solve(data, measured, weight, g20, np.stack((xy0.real, xy0.imag)) / np.abs(xy0))
+    g2 = np.where(used, np.abs(xy) ** 2 / np.where(used, xx * yy, 1.0), 0.0) / g20
+    share = weight / np.sum(weight, axis=0)
+    mean, coherence = np.sum(share[..., None] * data, axis=0), np.sum(share * g2, axis=0)
+    unity = np.ones_like(g20)
+    z = _solve(
+        mean,
+        coherence,
+        np.column_stack((unity, unity, np.stack((xy0.real, xy0.imag), -1) / np.abs(xy0)[:, None])),
+    )
     return z[:, 0] * xx0, z[:, 1] * yy0, (z[:, 2] + 1j * z[:, 3]) * np.abs(xy0)
 
 
@@ -180,47 +187,48 @@ def _filled(parts: Sequence[Array | Complex], used: np.ndarray) -> np.ndarray:
     return np.where(used, np.array(parts), 0.0)
 
 
-def _solve(data: Array, g2: Array, weight: Array, g20: Array, xy_start: Array) -> Array:
-    """Levenberg-Marquardt for z (n_w, 4), normalised Gxx, Gyy, Re, Im, at all frequencies at once."""
-    z = np.column_stack((np.ones_like(g20), np.ones_like(g20), xy_start[0], xy_start[1]))
-    damping = np.full(g20.size, 1e-3)
-    best = _objective(z, data, g2, weight, g20)
+def _solve(mean: Array, coherence: Array, start: Array) -> Array:
+    """Normalised Gxx, Gyy, Re, Im (n_w, 4), at all frequencies at once, by Levenberg-Marquardt.
+
+    The sum over the windows differs by a constant from sum W times |z - mean|^2 + 5 (c(z) - coherence)^2,
+    mean (n_w, 4) and coherence (n_w,), over its start value, being weighted means over the windows.
+    """
+    z, damping = start.copy(), np.full(coherence.size, 1e-3)
+    best = _objective(z, mean, coherence)
+    at = np.arange(coherence.size)
     for _ in range(60):
-        gradient, hessian = _normal_equations(z, data, g2, weight, g20)
-        diagonal = hessian[:, range(4), range(4)] * damping[:, None]
-        step = np.linalg.solve(hessian + diagonal[:, :, None] * np.eye(4), -gradient[..., None])[..., 0]
-        trial = z + step
-        value = np.where(np.all(trial[:, :2] > 0, axis=1), _objective(trial, data, g2, weight, g20), np.inf)
-        better = value < best
-        z, best = np.where(better[:, None], trial, z), np.where(better, value, best)
-        damping = np.where(better, damping / 5, damping * 4)
-        if np.max(np.abs(step)) < 1e-10:
+        step = _step(z[at], mean[at], coherence[at], damping[at])
+        trial = z[at] + step
+        value = np.where(np.all(trial[:, :2] > 0, axis=1), _objective(trial, mean[at], coherence[at]), np.inf)
+        better = value < best[at]
+        z[at[better]], best[at[better]] = trial[better], value[better]
+        damping[at] = np.where(better, damping[at] / 5, damping[at] * 4)
+        at = at[np.max(np.abs(step), axis=1) >= 1e-10]
+        if not at.size:
             break
     return z
 
 
-def _coherence_of(z: Array, g20: Array) -> Array:
-    return g20 * (z[:, 2] ** 2 + z[:, 3] ** 2) / (z[:, 0] * z[:, 1])
+def _coherence_of(z: Array) -> Array:
+    """Over its start value."""
+    return np.asarray((z[:, 2] ** 2 + z[:, 3] ** 2) / (z[:, 0] * z[:, 1]))
 
 
-def _objective(z: Array, data: Array, g2: Array, weight: Array, g20: Array) -> Array:
-    """The bracket of `composite`, summed over windows: (n_w,)."""
-    spectral = np.sum((z - data) ** 2, axis=-1)
+def _objective(z: Array, mean: Array, coherence: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
-        coherence = 5 * ((_coherence_of(z, g20) - g2) / g20) ** 2
-    return np.sum(weight * (spectral + coherence), axis=0)
+        return np.sum((z - mean) ** 2, axis=1) + 5 * (_coherence_of(z) - coherence) ** 2
 
 
-def _normal_equations(z: Array, data: Array, g2: Array, weight: Array, g20: Array) -> tuple[Array, Array]:
-    """Gauss-Newton gradient (n_w, 4) and Hessian (n_w, 4, 4) of half the objective."""
-    c = _coherence_of(z, g20) / g20
+def _step(z: Array, mean: Array, coherence: Array, damping: Array) -> Array:
+    """Damped Gauss-Newton step: the Hessian is diagonal plus 5 slope slope^T, inverted in closed form."""
+    c = _coherence_of(z)
     power = z[:, 2] ** 2 + z[:, 3] ** 2
     slope = np.column_stack((-c / z[:, 0], -c / z[:, 1], 2 * c * z[:, 2] / power, 2 * c * z[:, 3] / power))
-    total = np.sum(weight, axis=0)
-    gradient = np.sum(weight[..., None] * (z - data), axis=0)
-    gradient += 5 * np.sum(weight * (c - g2 / g20), axis=0)[:, None] * slope
-    hessian = total[:, None, None] * (np.eye(4) + 5 * slope[:, :, None] * slope[:, None, :])
-    return gradient, hessian
+    gradient = z - mean + 5 * (c - coherence)[:, None] * slope
+    diagonal = 1 + damping[:, None] * (1 + 5 * slope**2)
+    g, s = gradient / diagonal, slope / diagonal
+    along = 5 * np.sum(slope * g, axis=1) / (1 + 5 * np.sum(slope * s, axis=1))
+    return np.asarray(s * along[:, None] - g)
 
 
 def usable_band(w: Array, coherence: Array, good: float = COHERENCE_GOOD) -> Band | None:
