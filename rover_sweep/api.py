@@ -26,6 +26,7 @@ from rover_sweep.identify.identification import identify as run_identification
 from rover_sweep.identify.quality import CoherenceVerdict, assess
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import Band
+from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, number
 from rover_sweep.preparation import (
     MODEL_NAMES,
@@ -38,6 +39,7 @@ from rover_sweep.preparation import (
     with_delta,
 )
 from rover_sweep.report.provenance import Provenance, provenance
+from rover_sweep.structure_file import load_structures
 from rover_sweep.vehicle_file import Vehicle
 from rover_sweep.vehicle_file import load as load_vehicle
 
@@ -156,6 +158,7 @@ def identify(
     reduction: bool = True,
     keep: Sequence[str] = (),
     condition_on: Sequence[str] = (),
+    structures: Sequence[Location | ModelStructure] = (),
 ) -> Result:
     """Identifies models from runs and verifies them on other runs.
 
@@ -165,7 +168,8 @@ def identify(
     [rad/s]; bands: usable band of a response [rad/s]; windows [s]: found from the data where not given.
     free: parameters of the roll-yaw model that are fitted beyond the usual ones, such as "Ixx", "Ixz",
     "h". reduction: fix again what the data cannot tell, but none of the parameters in keep.
-    condition_on: channels that move the rover beside the steering, such as "throttle".
+    condition_on: channels that move the rover beside the steering, such as "throttle", which are taken
+    out of the responses. structures: files of your own, or `ModelStructure`s, fitted beside the models.
     """
     if not isinstance(runs, Runs) or runs.vehicle is None:
         raise UsageError('the vehicle is not known: rs.read(..., vehicle="rover.toml")')
@@ -183,7 +187,7 @@ def identify(
     geometry = geometry_of(runs.vehicle)
     freed = _known(parameter_names(free), tuple(MODEL_NAMES.values()), "known number of the roll-yaw model")
     geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *freed))))
-    found = run_identification(sweeps, geometry, checks, settings)
+    found = run_identification(sweeps, geometry, checks, settings, load_structures(structures))
     origin = provenance(runs.vehicle, runs.vehicle_file, checks, "", datetime.now().astimezone())
     return Result(**{f.name: getattr(found, f.name) for f in fields(found)}, origin=origin)
 

@@ -15,6 +15,7 @@ from rover_sweep.identify.recording import Recording, steered
 from rover_sweep.logs import read_runs
 from rover_sweep.vehicle_file import Vehicle
 
+STEERED = ("delta", "pwm", "r", "p", "phi", "psi", "ay", "vy")
 MODEL_NAMES = {
     "roll_inertia": "Ixx", "roll_yaw_inertia": "Ixz", "cg_height_above_roll_centre": "h",
     "sprung_mass": "ms", "mass": "m", "cg_to_front_axle": "a", "cg_to_rear_axle": "b", "yaw_inertia": "Izz",
@@ -116,12 +117,24 @@ def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
         raise UsageError(
             f"--wmin {settings.band[0]:g} rad/s has a period longer than the longest run, {longest:.3g} s"
         )
+    _check_inputs(settings.condition_on, runs)
     for name, (low, high) in settings.bands.items():
         if high > fastest or low < 2 * math.pi / longest or high < 1.5 * low:
             within = f"{2 * math.pi / longest:.2g} and {fastest:.3g} rad/s"
             raise UsageError(
                 f"--band {name}={low:g}:{high:g} must lie between {within} and span a factor of 1.5 or more"
             )
+
+
+def _check_inputs(names: Sequence[str], runs: Sequence[Recording]) -> None:
+    """What the responses are conditioned on must be recorded, and be neither the steering nor an answer."""
+    for name in names:
+        if name in STEERED:
+            raise UsageError(f"{name} is the steering or follows it; condition on what moves by itself")
+        lacking = [run for run in runs if name not in run]
+        if lacking:
+            there = ", ".join(c for c in lacking[0].channels if c not in STEERED) or "nothing else"
+            raise UsageError(f"{lacking[0].name} has no {name!r} to condition on; recorded there: {there}")
 
 
 def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> None:
