@@ -27,6 +27,7 @@ VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction
 RISING_FROM = (
     4.0  # of the lowest frequency: where p and V_y' are judged from (the paper used p from twice w_min)
 )
+SERVO_TRAVEL = 500.0  # us from the trim
 LATERAL_LIMIT = 6.0  # m/s^2, above which a rover on asphalt slides or rolls over
 
 
@@ -232,7 +233,9 @@ def _repeat_words(f: FrequencyResponse, amplitude: float, unit: str, factor: flo
         f"{_kind(f)} of {f.output} is below 0.6 over {100 * np.mean(g2 < COHERENCE_GOOD):.0f} % "
         f"of the range ({where}, median {np.median(g2):.2f})"
     )
-    if peak > LATERAL_LIMIT:
+    if unit == "us" and wanted > SERVO_TRAVEL:
+        said += f"; the servo has about {SERVO_TRAVEL:.0f} us, so drive faster or lengthen T_rec instead"
+    elif peak > LATERAL_LIMIT:
         said += (
             f"; that much would take a_y to about {peak:.0f} m/s^2, so lengthen T_rec or lower w_max instead"
         )
