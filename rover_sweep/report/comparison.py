@@ -20,6 +20,10 @@ Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
 SINGLE_J = 150.0  # a single response up to 150-200 is tolerable (Tischler & Remple 2012)
 J_RMS_GUIDE, TIC_GUIDE = 2.0, 0.35
 IGNORED = "filters ignored"
+INTERVALS = (
+    "Intervals: bootstrap of noise like the residuals through the whole method, whose own bias is taken out "
+    "(so an interval need not hold its value); what the model leaves out of the rover is not in them."
+)
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,9 @@ class Table:
 
 
 def parameter_table(result: Identification, name: str, fixed_rows: bool = True) -> Table:
-    """Description, value, unit, free or fixed, CR and insensitivity of one model, as Tables 2, 3 and 4.
+    """Description, value, unit, interval, CR and insensitivity of one model, as Tables 2, 3 and 4.
 
+    Where there are no intervals, their column says which parameters are free.
     fixed_rows: a row for each fixed parameter; otherwise they stand in the note.
     """
     model, reason = result.models[name], rejection(result, name)
@@ -51,8 +56,11 @@ def parameter_table(result: Identification, name: str, fixed_rows: bool = True) 
     speed = Estimate("V", "m/s", model.fit.speed, False, None, None, meaning="forward speed")
     fixed = [speed, *(e for e in model.fit.estimates if not e.free)]
     rows = [_free_row(e, reason) for e in free] + [_fixed_row(e) for e in fixed if fixed_rows]
+    known = not reason and any(e.interval for e in free)
     note = f"The numbers were rejected: {reason}." if reason else "" if fixed_rows else _fixed_words(fixed)
-    headings = ("", "description", "value", "unit", "", "CR %", "I %")
+    headings = ("", "description", "value", "unit", "90 % interval" if known else "", "CR %", "I %")
+    if known and fixed_rows:
+        note = f"{note} {INTERVALS}".strip()
     return Table(f"{TITLES.get(name, name)} model", headings, tuple(rows), note, 2)
 
 
@@ -69,10 +77,17 @@ def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
     bound = " (at its bound)" if e.at_bound else ""
     return (
         Cell(symbol(e.name), "strong"), Cell(e.meaning), Cell(number(e.value) + bound, "strong"),
-        Cell(unit(e.unit)), Cell("free"),
+        Cell(unit(e.unit)), Cell(_interval(e)),
         Cell(percent(e.cr_percent), _beyond(e.cr_percent, CR_GUIDE)),
         Cell(percent(e.insensitivity_percent), _beyond(e.insensitivity_percent, I_GUIDE)),
     )  # fmt: skip
+
+
+def _interval(e: Estimate) -> str:
+    if e.interval is None:
+        return "free"
+    low, high = sorted((e.interval.low, e.interval.high), key=abs)
+    return f"{number(low)} … {number(high)}"
 
 
 def _fixed_row(e: Estimate) -> tuple[Cell, ...]:

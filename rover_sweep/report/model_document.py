@@ -9,6 +9,7 @@ import numpy as np
 
 from rover_sweep.identify.fit import Estimate, FitResult
 from rover_sweep.identify.identification import Identification, ModelResult
+from rover_sweep.identify.intervals import Intervals
 from rover_sweep.identify.structure import OUTPUTS
 from rover_sweep.identify.verify import Verification
 from rover_sweep.report.standing import rejection
@@ -26,6 +27,7 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
         "reference": model.fit.structure.reference,
         "speed_m_s": model.fit.speed,
         "parameters": parameters_document(model.fit, reason),
+        "bootstrap": _bootstrap(model.fit),
         "cost": _cost(model.costs, model.fit.costs),
         "verification": _first(model),
         "verification_runs": [_verification(v) for v in model.verification],
@@ -47,13 +49,17 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
 
 
 def parameters_document(fit: FitResult, reason: str | None = None) -> dict[str, Any]:
-    """{name: {value, unit, free, cr_percent, insensitivity_percent, at_bound, meaning}}."""
+    """{name: {value, unit, free, cr_percent, insensitivity_percent, interval_90, sd, ..., meaning}}.
+
+    interval_90 [low, high], sd and bias by the bootstrap, in the parameter's unit; null without one.
+    """
     return {e.name: _parameter(e, reason if e.free else None) for e in fit.estimates}
 
 
 def _parameter(e: Estimate, reason: str | None) -> dict[str, Any]:
     numbers = {
         "value": e.value, "cr_percent": e.cr_percent, "insensitivity_percent": e.insensitivity_percent,
+        **_interval(e.interval),
     }  # fmt: skip
     shown = dict.fromkeys(numbers) if reason else numbers
     out = {
@@ -62,10 +68,25 @@ def _parameter(e: Estimate, reason: str | None) -> dict[str, Any]:
         "free": e.free,
         "cr_percent": shown["cr_percent"],
         "insensitivity_percent": shown["insensitivity_percent"],
+        "interval_90": shown["interval_90"],
+        "sd": shown["sd"],
+        "bias": shown["bias"],
         "at_bound": e.at_bound,
         "meaning": e.meaning,
     }
     return out | ({"reason": reason, "rejected": numbers} if reason else {})
+
+
+def _interval(interval: Intervals | None) -> dict[str, Any]:
+    if interval is None:
+        return dict.fromkeys(("interval_90", "sd", "bias"))
+    return {"interval_90": [interval.low, interval.high], "sd": interval.sd, "bias": interval.bias}
+
+
+def _bootstrap(fit: FitResult) -> dict[str, Any] | None:
+    """What the intervals rest on: replicates that settled, and how many ran off."""
+    found = next((e.interval for e in fit.estimates if e.interval), None)
+    return {"level": found.level, "replicates": found.replicates, "failed": found.failed} if found else None
 
 
 def _cost(costs: Mapping[str, float], fitted: Mapping[str, float]) -> dict[str, Any]:
