@@ -47,10 +47,20 @@ class Running:
     connection: str
     directory: Path
     _programs: tuple[subprocess.Popen[bytes], ...] = field(repr=False, compare=False)
+    _outputs: tuple[Path, ...] = field(repr=False, compare=False)
 
     def alive(self) -> bool:
         """Whether everything that was started still runs."""
         return all(program.poll() is None for program in self._programs)
+
+    def last_words(self) -> str:
+        """Last line of output of a program that has ended by itself, '' while all run."""
+        for program, output in zip(self._programs, self._outputs, strict=True):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                program.wait(_POLL)  # a connection that broke tells before the process is gone
+            if program.poll() is not None:
+                return _last_line(output.read_text(encoding="utf-8", errors="replace"))
+        return ""
 
     def stop(self) -> None:
         """End what was started, children included; harmless when it has ended already."""
@@ -126,7 +136,8 @@ def start_ardurover(
         programs.insert(0, firmware)  # stopped first, while its physics still answers
         _await(firmware, directory / "ardurover.out", _listens, timeout)
         undo.pop_all()
-    return Running(f"tcp:{LOOPBACK}:{_TCP_BASE + 10 * number}", directory, tuple(programs))
+    outputs = tuple(directory / f"{name}.out" for name in ("ardurover", "physics"))[: len(programs)]
+    return Running(f"tcp:{LOOPBACK}:{_TCP_BASE + 10 * number}", directory, tuple(programs), outputs)
 
 
 def start_embedded(
@@ -148,7 +159,7 @@ def start_embedded(
     except BaseException:
         _stop(program)
         raise
-    return Running(f"tcp:{LOOPBACK}:{ready['tcp']}", directory, (program,))
+    return Running(f"tcp:{LOOPBACK}:{ready['tcp']}", directory, (program,), (directory / "embedded.out",))
 
 
 def _start_physics(
@@ -207,12 +218,16 @@ def _await(
         text = output.read_text(encoding="utf-8", errors="replace")
         if (found := ready(text)) is not None:
             return found
-        last = text.strip().splitlines()[-1:] or ["no output"]
+        last = _last_line(text)
         if ended is not None:
-            raise LaunchError(f"{output.stem} ended at once with exit code {ended}: {last[0]} (see {output})")
+            raise LaunchError(f"{output.stem} ended at once with exit code {ended}: {last} (see {output})")
         if time.monotonic() > end:
-            raise LaunchError(f"{output.stem} was not ready within {timeout:g} s: {last[0]} (see {output})")
+            raise LaunchError(f"{output.stem} was not ready within {timeout:g} s: {last} (see {output})")
         time.sleep(_POLL)
+
+
+def _last_line(text: str) -> str:
+    return next(iter(text.strip().splitlines()[-1:]), "no output")
 
 
 def _listens(text: str) -> bool | None:

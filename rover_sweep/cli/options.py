@@ -103,3 +103,15 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):  # fmt: skip
         command = decorate(command)
     return command
+
+
+def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """--json and --verbose, of the commands that identify."""
+    for decorate in (
+        click.option("--verbose", is_flag=True,
+                     help="Show the steps of the structure reduction and the fits without filters as well."),
+        click.option("--json", "as_json", is_flag=True,
+                     help="identification.json on stdout; the tables then go to stderr."),
+    ):  # fmt: skip
+        command = decorate(command)
+    return command

@@ -6,7 +6,7 @@ does so only when told that this is wanted (`consent`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +17,7 @@ from firmware_params.parameters import applet_path
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.identify.sweep import Doublet, Sweep
 from rover_sweep.vehicle.events import Event
+from rover_sweep.vehicle.manoeuvre import parameters_of, refuse_undersampled
 from rover_sweep.vehicle.run import RunSettings
 from rover_sweep.vehicle.session import Plan, PlannedRun, drive
 
@@ -24,6 +25,9 @@ Simulator = Literal["embedded", "ardurover"]
 
 # The nominal rover goes 2.5 m/s at 1710 us (sitl/variants/nominal.toml), as in the recordings.
 THROTTLE_US = 1710
+STEERING_US = 400.0  # SERVO1_MIN and SERVO1_MAX, 1100 and 1900 us, about the trim
+_PWM_MAX = 250.0  # SWP_PWM_MAX as it comes
+_FACTORY_LOOP_RATE = 50.0  # Hz, SCHED_LOOP_RATE as it comes
 
 
 @dataclass(frozen=True)
@@ -50,28 +54,52 @@ class DryRun:
 
     @property
     def plan(self) -> Plan:
-        """As a session."""
+        """As a session. On a simulated rover SWP_PWM_MAX lets every amplitude pass.
+
+        UsageError without consent, and for what could only fail after it has begun: numbers that the
+        applet refuses, amplitudes past the simulated steering, frequencies too high for the loop rate.
+        """
+        if self.url is not None and not self.consent:
+            raise UsageError(
+                f"the dry run arms and drives the vehicle on {self.url} by itself; say so if that is wanted "
+                "(--arm-and-drive), with its wheels off the ground or on a free field"
+            )
         sweeps = (PlannedRun(f"sweep{n}", sweep) for n, sweep in enumerate(self.sweeps, 1))
+        runs = (*sweeps, PlannedRun("doublet", self.doublet))
+        limits = self.limits
+        if self.url is None:
+            amplitude = max(run.manoeuvre.amplitude for run in runs)
+            _refuse_amplitude(amplitude)
+            limits = {"pwm_max": max(_PWM_MAX, amplitude)} | limits
+        for run in runs:
+            parameters_of(run.manoeuvre, **limits)
+            refuse_undersampled(run.manoeuvre, _loop_rate(self.parameters))
         return Plan(
-            runs=(*sweeps, PlannedRun("doublet", self.doublet)),
-            settings=RunSettings(
-                arm=True, throttle_us=self.throttle_us, trigger="override", extra=self.limits
-            ),
+            runs=runs,
+            settings=RunSettings(arm=True, throttle_us=self.throttle_us, trigger="override", extra=limits),
             parameters=self.parameters,
             applet=applet_path(),
         )
 
 
-def dry_run(settings: DryRun, folder: Path) -> Iterator[Event]:
+def dry_run(settings: DryRun, folder: Path) -> Generator[Event, None, None]:
     """Drive all of it into `folder` (see `session`). Yields events; after each RunFinished the run's
     recording is complete and may be judged before the next is asked for."""
-    if settings.url is not None and not settings.consent:
-        raise UsageError(
-            f"the dry run arms and drives the vehicle on {settings.url} by itself; say so if that is wanted, "
-            "with its wheels off the ground or on a free field"
-        )
+    plan = settings.plan
     with _vehicle(settings, folder) as url:
-        yield from drive(url, folder, settings.plan)
+        yield from drive(url, folder, plan)
+
+
+def _refuse_amplitude(amplitude: float) -> None:
+    if amplitude > STEERING_US:
+        raise UsageError(
+            f"a sweep of {amplitude:g} us is past the {STEERING_US:g} us that the simulated steering turns "
+            "to each side; take less"
+        )
+
+
+def _loop_rate(parameters: tuple[WantedParameter, ...]) -> float:
+    return next((p.value for p in parameters if p.name == "SCHED_LOOP_RATE"), _FACTORY_LOOP_RATE)
 
 
 @contextmanager
@@ -97,4 +125,9 @@ def _vehicle(settings: DryRun, folder: Path) -> Iterator[str]:
     except launcher.LaunchError as error:
         raise LinkError(str(error)) from error
     with rover:
-        yield rover.connection
+        try:
+            yield rover.connection
+        except LinkError as error:
+            if words := rover.last_words():
+                raise LinkError(f"the simulated rover ended: {words}") from error
+            raise

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 
 from firmware_params.parameters import for_manoeuvre
 from rover_sweep.errors import UsageError
-from rover_sweep.identify.sweep import Manoeuvre
+from rover_sweep.identify.sweep import Manoeuvre, Sweep
+
+LEAST_SAMPLES = 10  # per period of the highest frequency
 
 
 def parameters_of(manoeuvre: Manoeuvre, **others: float) -> dict[str, float]:
@@ -20,3 +23,14 @@ def parameters_of(manoeuvre: Manoeuvre, **others: float) -> dict[str, float]:
         return for_manoeuvre(numbers.pop("kind"), **numbers, **others)
     except ValueError as error:
         raise UsageError(str(error)) from error
+
+
+def refuse_undersampled(manoeuvre: Manoeuvre, loop_rate: float) -> None:
+    """UsageError for a sweep too fast for a vehicle of this SCHED_LOOP_RATE [Hz] to steer and record."""
+    top = 2 * math.pi * loop_rate / LEAST_SAMPLES
+    if isinstance(manoeuvre, Sweep) and manoeuvre.w_max > top:
+        samples = 2 * math.pi * loop_rate / manoeuvre.w_max
+        raise UsageError(
+            f"w_max {manoeuvre.w_max:g} rad/s has {samples:.1f} samples a period at the loop rate of "
+            f"{loop_rate:g} Hz, and {LEAST_SAMPLES} are needed: take {math.floor(top):g} rad/s or less"
+        )

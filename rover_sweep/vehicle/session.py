@@ -61,7 +61,7 @@ class Plan:
     logs: bool = True
 
 
-def drive(url: str, folder: Path, plan: Plan) -> Iterator[Event]:
+def drive(url: str, folder: Path, plan: Plan) -> Generator[Event, None, None]:
     """Carry the plan out on the vehicle at `url`, recording into `folder`.
 
     Ctrl-C (or KeyboardInterrupt thrown in) during a run ends that run and all further ones, and the

@@ -1,0 +1,51 @@
+"""Folders to write into: usable before the work begins, and never one that holds somebody's work."""
+
+from __future__ import annotations
+
+import tempfile
+from itertools import count
+from pathlib import Path
+
+from rover_sweep.errors import UsageError
+
+_SESSION = ("session.json", "*.tlog", "*.BIN", "report")
+
+
+def check_writable(folder: Path) -> None:
+    """UsageError where files cannot be put into `folder`; leaves nothing behind."""
+    try:
+        made = [p for p in (folder, *folder.parents) if not p.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        for path in made:
+            path.rmdir()
+    except OSError as error:
+        raise UsageError(f"{folder} cannot be written: {error.strerror}; give another --out") from error
+
+
+def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> Path:
+    """An empty place for a session, made: `given`, else `name`, `name`-2, ..., the first that is free.
+
+    also: patterns of further files that must not be there. UsageError where the place given holds a
+    session, or cannot be written.
+    """
+    if given is None:
+        numbered = (Path(name if n == 1 else f"{name}-{n}") for n in count(1))
+        folder = next(p for p in numbered if not p.exists())
+    else:
+        folder = Path(given)
+        if held := _held(folder, (*_SESSION, *also)):
+            raise UsageError(
+                f"{folder} holds a session already ({held}); give another --out, or none for a new folder"
+            )
+    check_writable(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _held(folder: Path, patterns: tuple[str, ...]) -> str | None:
+    """The first thing in the folder that matches."""
+    if not folder.is_dir():
+        return None
+    return next((path.name for pattern in patterns for path in sorted(folder.glob(pattern))), None)

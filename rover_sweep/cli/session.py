@@ -1,0 +1,94 @@
+"""What `dry-run` and `run` share: drive a session before the user's eyes, then identify from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rover_sweep.cli.display import PlainDisplay, display
+from rover_sweep.cli.output import narration
+from rover_sweep.errors import DataRefused, RoverSweepError
+from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, SessionFinished
+
+if TYPE_CHECKING:
+    from rover_sweep.identify.recording import Recording
+    from rover_sweep.vehicle_file import Vehicle
+
+Events = Generator[Event, None, None]
+Answer = Callable[[PlainDisplay, Event], None]
+
+
+def driven(
+    events: Events, folder: Path, *, talk: bool = False, go_on: bool = False, answer: Answer | None = None
+) -> SessionFinished:
+    """Shows the events to the end of the session.
+
+    answer is called after each event was shown, and may ask the user. Ctrl-C during a run lets the rover
+    go; go_on: and the session goes on to the logs. Otherwise it comes out, as errors do, after the rover
+    was let go and the user was told what was kept.
+    """
+    console, finished, interrupted = narration(), list[RunFinished](), False
+    try:
+        with display(console, talk) as shown:
+            for event in _shown(events, shown, answer):
+                finished += [event] if isinstance(event, RunFinished) else []
+                if isinstance(event, SessionFinished):
+                    return event
+                if isinstance(event, Interrupted):
+                    interrupted = True
+                    if not go_on:
+                        raise KeyboardInterrupt
+    except (KeyboardInterrupt, RoverSweepError) as stop:
+        events.close()
+        if isinstance(stop, KeyboardInterrupt) and not interrupted:
+            console.print("no run was under way: nothing moves", markup=False)
+        if any(folder.glob("*.tlog")):
+            console.print(_kept(folder, finished), markup=False, soft_wrap=True)
+        raise
+    raise AssertionError("a session ends with SessionFinished")
+
+
+def _shown(events: Events, display: PlainDisplay, answer: Answer | None) -> Iterator[Event]:
+    """The events, each shown; a Ctrl-C that comes meanwhile reaches the session, which lets the rover go."""
+    caught: KeyboardInterrupt | None = None
+    while True:
+        try:
+            event = events.throw(caught) if caught else next(events)
+        except StopIteration:
+            return
+        caught = None
+        try:
+            display.show(event)
+            if answer is not None:
+                answer(display, event)
+        except KeyboardInterrupt as stop:
+            caught = stop
+        yield event
+
+
+def _kept(folder: Path, finished: list[RunFinished]) -> str:
+    """Which recordings are there, and which of them hold a whole run."""
+    whole = {run.tlog.name for run in finished if run.completed}
+    files = [p.name for p in sorted(folder.glob("*")) if p.suffix in (".tlog", ".BIN")]
+    told = [name if name in whole or name.endswith(".BIN") else f"{name} (no whole run)" for name in files]
+    return f"kept in {folder}: {', '.join(told) or 'nothing'}"
+
+
+def recordings(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording, ...]:
+    """The runs of a session that came to their end: out of the vehicle's logs, else out of the telemetry.
+
+    DataRefused where none did.
+    """
+    from rover_sweep.preparation import Reading, load
+
+    whole = [run for run in session.runs if run.completed]
+    if not whole:
+        why = "; ".join(f"{run.name}: {run.reason}" for run in session.runs) or "none was driven"
+        raise DataRefused(f"no run came to its end ({why}); {_kept(session.folder, list(session.runs))}")
+    for paths in (session.logs, tuple(run.tlog for run in whole)):
+        found = load([str(path) for path in paths], vehicle, Reading())
+        spans = [run.span for run in whole]
+        if runs := tuple(r for r in found if any(a < r.span[1] and r.span[0] < b for a, b in spans)):
+            return runs
+    raise DataRefused(f"neither log nor telemetry in {session.folder} hold the runs; read them with identify")
