@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,7 @@ class DataFlash:
 
     formats: by message name. positions: (n,) byte offsets of the messages, by name.
     bad_bytes: bytes that belong to no whole message (damage, or a cut at the end: `tail_bytes`).
+    breaks: how often something else than a message follows a message. message_count: of all kinds.
     """
 
     data: NDArray[np.uint8]
@@ -60,6 +62,8 @@ class DataFlash:
     positions: dict[str, NDArray[np.int64]]
     bad_bytes: int
     tail_bytes: int
+    breaks: int
+    message_count: int
 
     def count(self, name: str) -> int:
         """How many messages of that name the log holds (0 for a name it does not define)."""
@@ -97,9 +101,26 @@ class DataFlash:
 
 def open_dataflash(path: str | Path) -> DataFlash:
     """Index a .BIN file. A file without any message gives an index without formats."""
+    return index(_mapped(path))
+
+
+def open_parts(path: str | Path) -> tuple[DataFlash, ...]:
+    """The logs that were joined into one .BIN file, each with its own formats and clock; mostly one.
+
+    ArduPilot begins each log, and no other message, with the format of FMT itself.
+    """
+    data = _mapped(path)
+    heads = _headers(data)
+    heads = heads[heads + FMT_LENGTH <= data.size]
+    for at, byte in ((2, FMT_TYPE), (3, FMT_TYPE), (4, FMT_LENGTH)):
+        heads = heads[data[heads + at] == byte]
+    edges = [0, *heads[1:].tolist(), data.size]
+    return tuple(index(data[a:b]) for a, b in pairwise(edges))
+
+
+def _mapped(path: str | Path) -> NDArray[np.uint8]:
     size = Path(path).stat().st_size
-    data = np.memmap(path, dtype=np.uint8, mode="r") if size else np.empty(0, np.uint8)
-    return index(data)
+    return np.memmap(path, dtype=np.uint8, mode="r") if size else np.empty(0, np.uint8)
 
 
 def index(data: NDArray[np.uint8]) -> DataFlash:
@@ -113,8 +134,10 @@ def index(data: NDArray[np.uint8]) -> DataFlash:
     order = np.argsort(kinds, kind="stable")
     edges = np.searchsorted(kinds[order], np.arange(257))
     positions = {f.name: starts[order[edges[f.type] : edges[f.type + 1]]] for f in formats.values()}
-    end = int(starts[-1] + lengths[kinds[-1]]) if starts.size else 0
-    return DataFlash(data, formats, positions, int(data.size - good_bytes), int(data.size - end))
+    ends = starts + lengths[kinds]
+    tail = int(data.size - ends[-1]) if starts.size else int(data.size)
+    breaks = int(np.sum(starts[1:] != ends[:-1]))
+    return DataFlash(data, formats, positions, int(data.size - good_bytes), tail, breaks, int(starts.size))
 
 
 def _headers(data: NDArray[np.uint8]) -> NDArray[np.int64]:

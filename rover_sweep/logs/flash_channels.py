@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import Note, Signal
-from rover_sweep.logs.dataflash import DataFlash, open_dataflash
+from rover_sweep.logs.dataflash import DataFlash, open_parts
 from rover_sweep.logs.log import (
     STEERING,
     THROTTLE,
@@ -28,6 +28,7 @@ from rover_sweep.logs.log import (
     joined_steering,
     output_channel,
     output_limits,
+    refuse_disorder,
     sensor_filters,
     source_of,
     vehicle_of,
@@ -36,13 +37,26 @@ from rover_sweep.logs.log import (
 Rows = NDArray[np.void]
 
 DAMAGE_LIMIT = 0.01  # share of lost bytes above which gaps are everywhere
+# Breaks per message above which the numbers are not to be trusted: a message has no checksum, and a flipped
+# bit breaks the chain in 3 of some 45 bytes, so that 15 times as many messages hold a wrong number.
+BREAK_LIMIT = 1e-3
 RAW_POST_FILTER, RAW_PRE_AND_POST = 1 << 2, 1 << 3  # bits of INS_RAW_LOG_OPT
 
 
-def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> Log:
-    """One .BIN file as a `Log`. Raises DataRefused for a file that is empty, no log, or damaged."""
-    flash = open_dataflash(path)
-    _refuse_damage(path, flash)
+def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> tuple[Log, ...]:
+    """A .BIN file as one `Log` for each log that was joined into it, mostly one.
+
+    Raises DataRefused for a file that is empty, no log, or damaged.
+    """
+    parts = open_parts(path)
+    _refuse_damage(path, parts)
+    parts = tuple(part for part in parts if _holds_messages(part))
+    names = [path.stem if len(parts) == 1 else f"{path.stem} log {i + 1}" for i in range(len(parts))]
+    source = source_of(path)
+    return tuple(_log(n, part, filters, source) for n, part in zip(names, parts, strict=True))
+
+
+def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, source: tuple[str, str]) -> Log:
     parameters = dict(
         zip(flash.text("PARM", "Name"), flash.rows("PARM")["Value"].astype(float).tolist(), strict=True)
         if flash.has("PARM", "Name", "Value")
@@ -62,7 +76,7 @@ def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> Lo
         signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
     fine = _applet_steering(flash)
     return Log(
-        name=path.stem,
+        name=name,
         signals=signals,
         steering=tuple(s for s in (fine and joined_steering(fine, coarse), coarse) if s is not None),
         applet=_applet(flash),
@@ -72,28 +86,39 @@ def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> Lo
         limits=output_limits(parameters, channel),
         vehicle=vehicle_of(firmware),
         firmware=firmware,
-        notes=(*notes, *_reading_notes(flash)),
-        sources=(source_of(path),),
+        notes=(*notes, *_reading_notes(name, flash)),
+        sources=(source,),
     )
 
 
-def _refuse_damage(path: Path, flash: DataFlash) -> None:
-    if flash.data.size == 0:
+def _refuse_damage(path: Path, parts: tuple[DataFlash, ...]) -> None:
+    size = sum(part.data.size for part in parts)
+    if size == 0:
         raise DataRefused(f"{path.name} is empty (0 bytes): fetch the log from the vehicle again")
-    if not flash.formats or not any(flash.count(name) for name in flash.formats if name != "FMT"):
+    if not any(_holds_messages(part) for part in parts):
         raise DataRefused(
-            f"{path.name} is no DataFlash log: its {flash.data.size} bytes hold no messages; "
+            f"{path.name} is no DataFlash log: its {size} bytes hold no messages; "
             "give a .BIN of an ArduPilot rover"
         )
-    lost = flash.bad_bytes - flash.tail_bytes
-    if lost > DAMAGE_LIMIT * flash.data.size:
+    lost = sum(part.bad_bytes - part.tail_bytes for part in parts)
+    if lost > DAMAGE_LIMIT * size:
         raise DataRefused(
-            f"{path.name} is damaged: {lost} of {flash.data.size} bytes "
-            f"({100 * lost / flash.data.size:.1f} %) belong to no message; copy it from the vehicle again"
+            f"{path.name} is damaged: {lost} of {size} bytes "
+            f"({100 * lost / size:.1f} %) belong to no message; copy it from the vehicle again"
+        )
+    breaks, count = sum(part.breaks for part in parts), sum(part.message_count for part in parts)
+    if breaks > 1 + BREAK_LIMIT * count:
+        raise DataRefused(
+            f"{path.name} is damaged in {breaks} places among {count} messages, so the numbers in others "
+            "are wrong too; copy it from the vehicle again"
         )
 
 
-def _reading_notes(flash: DataFlash) -> Iterator[Note]:
+def _holds_messages(flash: DataFlash) -> bool:
+    return any(flash.count(name) for name in flash.formats if name != "FMT")
+
+
+def _reading_notes(log: str, flash: DataFlash) -> Iterator[Note]:
     lost = flash.bad_bytes - flash.tail_bytes
     if lost:
         yield Note("warning", f"{lost} damaged bytes in the log were skipped")
@@ -106,7 +131,9 @@ def _reading_notes(flash: DataFlash) -> Iterator[Note]:
             "log less (LOG_BITMASK) or use a faster card",
         )
     names = [n for n in ("IMU", "GYR", "XKF1", "SWEP", "RCOU") if flash.count(n)]
-    yield from clock_notes({n: _stamps(flash, n, _instance_rows(flash, n)) for n in names})
+    stamps = {n: _stamps(flash, n, _instance_rows(flash, n)) for n in names}
+    refuse_disorder(log, stamps)
+    yield from clock_notes(stamps)
 
 
 def _marks(flash: DataFlash) -> tuple[tuple[float, str], ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import Note, Recording, Signal
+from rover_sweep.logs.completeness import HOLE, hole_notes
 from rover_sweep.logs.log import STEERING, THRUST_LEFT, THRUST_RIGHT, Log, output_channel
 from rover_sweep.logs.wave import MOVING_SPEED
 
@@ -16,6 +17,7 @@ BOAT, BALANCE_BOT = 2, 3  # FRAME_CLASS (ArduRover 4.6 parameters)
 GAP = 3.0  # sampling intervals that make a gap
 UNLOGGED = 0.25  # s: an output that is only logged when the applet runs is no gap before that
 UNEVEN = 0.2  # standard deviation of the sampling interval over its median
+SLOWEST, FASTEST = 1.0, 20e3  # Hz: beyond, the time is in another unit
 COARSE = 20.0  # Hz: 25 rad/s, the paper's w_max, has 4 Hz
 GYRO_RANGE, ACCEL_RANGE = 34.9, 16 * 9.80665  # rad/s (2000 deg/s), m/s^2: full scale of the usual sensors
 
@@ -32,12 +34,13 @@ def refuse_useless(log: Log) -> None:
             f"{log.name} holds no {' and no '.join(missing)}: let the IMU and the EKF be recorded "
             "(LOG_BITMASK, or the message rates of the link)"
         )
+    _refuse_odd_clock(log)
+    _refuse_static(log)
     if not log.steering:
         raise DataRefused(
-            f"{log.name} holds no steering output (SWEP, SERVO_OUTPUT_RAW or RCOU): "
+            f"{log.name} holds no steering output (SWEP, SERVO_OUTPUT_RAW or RCOU), or it was off: "
             "give the .tlog of the same drive too"
         )
-    _refuse_static(log)
 
 
 def _refuse_foreign(log: Log) -> None:
@@ -67,6 +70,15 @@ def _refuse_without_wheels(log: Log) -> None:
         )
 
 
+def _refuse_odd_clock(log: Log) -> None:
+    rate = log.signals["r"].rate
+    if rate and not SLOWEST < rate < FASTEST:
+        raise DataRefused(
+            f"{log.name}: the yaw rate was sampled every {1 / rate:.3g} s by its time; is that in us or ms? "
+            'give time = {column = "..", unit = "us"}'
+        )
+
+
 def _refuse_static(log: Log) -> None:
     speed = log.signals["speed"].x
     fastest = float(np.percentile(np.abs(speed), 99)) if speed.size else 0.0
@@ -92,6 +104,7 @@ def judged(run: Recording, log: Log) -> Recording:
     """The run with its notes on gaps, uneven sampling, saturation and coarse steering."""
     notes = (
         *run.notes,
+        *hole_notes(run),
         *_sampling(run),
         *_stops(run, log),
         *_full_scale(run),
@@ -116,7 +129,7 @@ def _sampling(run: Recording) -> Iterator[Note]:
     steering = _steering_of(run)
     if not steering.hold:
         yield from _gaps(steering.source, steering)
-    elif steering.t.size > 1 and (longest := float(np.max(np.diff(steering.t)))) > UNLOGGED:
+    elif steering.t.size > 1 and HOLE >= (longest := float(np.max(np.diff(steering.t)))) > UNLOGGED:
         at = steering.t[int(np.argmax(np.diff(steering.t)))]
         yield Note(
             "warning",
@@ -131,15 +144,15 @@ def _gaps(source: str, signal: Signal) -> Iterator[Note]:
         return
     steps = np.diff(signal.t)
     usual = float(np.median(steps))
-    gaps = steps > GAP * usual
+    gaps = (steps > GAP * usual) & (steps <= max(HOLE, GAP * usual))  # longer ones are told as holes
     if np.any(gaps):
-        worst = int(np.argmax(steps))
+        worst = int(np.argmax(np.where(gaps, steps, 0.0)))
         yield Note(
             "warning",
             f"{source} has {int(gaps.sum())} gaps (more than {1e3 * GAP * usual:.0f} ms), "
             f"the longest {steps[worst]:.2f} s at {signal.t[worst]:.1f} s",
         )
-    spread = float(np.std(steps[~gaps])) / usual
+    spread = float(np.std(steps[steps <= GAP * usual])) / usual
     if spread > UNEVEN:
         yield Note(
             "info", f"{source} is sampled unevenly: every {1e3 * usual:.1f} ms +- {100 * spread:.0f} %"

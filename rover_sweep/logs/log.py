@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import LowPass, Note, Signal
 
 Array = NDArray[np.float64]
 
 STEERING, THROTTLE, THRUST_LEFT, THRUST_RIGHT = 26, 70, 73, 74  # SERVOn_FUNCTION (ArduRover 4.6 parameters)
-FAR = 10.0  # s from the neighbouring stamps: the stamp is damaged
+FAR, FAR_STEPS = 0.1, 10.0  # s, and sampling intervals, from the neighbouring stamps: the stamp is damaged
+DISORDER = 1.0  # s that a stamp may be early or late among its neighbours, as over a radio link
+DISORDER_LIMIT = 0.01  # share of stamps beyond that which no recording of one drive has
 DUPLICATES_TOLD = 0.005  # share of samples with a repeated or damaged stamp that is worth telling
 GYRO_FACTORY_HZ, ACCEL_FACTORY_HZ = 4.0, 10.0  # INS_GYRO_FILTER, INS_ACCEL_FILTER of Rover as delivered
 
@@ -131,19 +134,41 @@ def sensor_filters(
 def increasing(t: Array, *columns: Array) -> tuple[Array, tuple[Array, ...]]:
     """Samples with a plausible stamp that is later than all before.
 
-    A single damaged stamp far in the future must not void what follows, so a stamp that lies more
-    than 10 s from the median of its neighbourhood is dropped first.
+    A single damaged stamp in the future must not void what follows, so a stamp that lies far from the
+    median of its neighbourhood is dropped first; where time only increases that is the stamp itself.
     """
     finite = np.isfinite(t)
     t, columns = t[finite], tuple(c[finite] for c in columns)
     if t.size > 5:
-        padded = np.pad(t, 2, mode="edge")
-        usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
-        near = np.abs(t - usual) < FAR
+        near = _off(t) <= max(FAR, FAR_STEPS * float(np.median(np.abs(np.diff(t)))))
         t, columns = t[near], tuple(c[near] for c in columns)
     keep = np.ones(t.size, bool)
     keep[1:] = t[1:] > np.maximum.accumulate(t)[:-1]
     return t[keep], tuple(c[keep] for c in columns)
+
+
+def _off(t: Array) -> Array:
+    """How far (n,) s each stamp lies from the median of its neighbourhood of five."""
+    padded = np.pad(t, 2, mode="reflect")
+    return np.abs(t - np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+
+
+def refuse_disorder(name: str, stamps: Mapping[str, Array]) -> None:
+    """Raise DataRefused where stamps {message: (n,) s} are out of order by much, and often."""
+    for message, all_stamps in stamps.items():
+        t = all_stamps[np.isfinite(all_stamps)]
+        if t.size <= 5:
+            continue
+        lone = _off(t) > DISORDER
+        rest = t[~lone]
+        behind = np.maximum.accumulate(rest) - rest if rest.size else rest
+        count = int(lone.sum() + np.sum(behind > DISORDER))
+        if count > DISORDER_LIMIT * t.size:
+            raise DataRefused(
+                f"{name}: {count} of {t.size} times of {message} are out of order, by up to "
+                f"{float(np.max(behind, initial=0.0)):.3g} s: damaged, or several drives in one file "
+                "(part them; in a .csv name their column as trial)"
+            )
 
 
 def clock_notes(stamps: Mapping[str, Array]) -> Iterator[Note]:

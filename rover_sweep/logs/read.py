@@ -6,11 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.recording import Recording
 from rover_sweep.logs.judge import judged, refuse_unexcited, refuse_useless
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.runs import find_runs
+from rover_sweep.logs.screen import screened
 
 
 def read_runs(
@@ -28,8 +31,11 @@ def read_runs(
     """
     runs: list[Recording] = []
     refusals: list[DataRefused] = []
-    for log in read_logs(source, column_map=column_map, filters=filters):
+    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers, which are screened out next
+        logs = read_logs(source, column_map=column_map, filters=filters)
+    for whole in logs:
         try:
+            log = screened(whole)
             refuse_useless(log)
             found = find_runs(log)
             if not found:
@@ -52,11 +58,11 @@ def read_logs(
     """The logs in a source: one, or several where the vehicle restarted or a .csv joins trials."""
     parts = [source] if Path(source).is_file() else source.split("+")
     if len(parts) == 2:
-        return (_pair(parts[0], parts[1], filters),)
+        return _pair(parts[0], parts[1], filters)
     path = _existing(source)
     match path.suffix.lower():
         case ".bin":
-            return (_flash(path, filters),)
+            return _flash(path, filters)
         case ".tlog":
             return _telemetry(path, filters)
         case ".csv":
@@ -66,7 +72,7 @@ def read_logs(
     raise UsageError(f"{path.name}: {path.suffix or 'no extension'} is not read; give a .BIN, .tlog or .csv")
 
 
-def _flash(path: Path, filters: Mapping[str, float] | None) -> Log:
+def _flash(path: Path, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
     from rover_sweep.logs.flash_channels import read_dataflash
 
     return read_dataflash(path, filters)
@@ -78,14 +84,23 @@ def _telemetry(path: Path, filters: Mapping[str, float] | None) -> tuple[Log, ..
     return read_telemetry(path, filters)
 
 
-def _pair(first: str, second: str, filters: Mapping[str, float] | None) -> Log:
+def _pair(first: str, second: str, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
     """Both logs of one drive, named in either order."""
     from rover_sweep.logs.pair import paired
 
     by_kind = {path.suffix.lower(): path for path in (_existing(first), _existing(second))}
     if set(by_kind) != {".bin", ".tlog"}:
         raise UsageError(f"{first}+{second}: a pair is one .BIN and one .tlog of the same drive")
-    return paired(_flash(by_kind[".bin"], filters), _telemetry(by_kind[".tlog"], filters))
+    telemetry = _telemetry(by_kind[".tlog"], filters)
+    found, refusals = [], []
+    for flash in _flash(by_kind[".bin"], filters):
+        try:
+            found.append(paired(flash, telemetry))
+        except DataRefused as refusal:  # of one log of a joined .BIN; others may do
+            refusals.append(refusal)
+    if not found:
+        raise refusals[0]
+    return tuple(found)
 
 
 def _existing(name: str) -> Path:

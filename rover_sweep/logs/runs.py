@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import Note, Recording, Signal
+from rover_sweep.logs.applet import (
+    END,
+    OVERRIDE_STATES,
+    STOPPED,
+    WAVE_STATES,
+    applet_runs,
+    ends,
+    is_old,
+    starts,
+)
+from rover_sweep.logs.completeness import completeness_notes, refuse_stump
 from rover_sweep.logs.log import AppletRows, Array, Log
+from rover_sweep.logs.screen import without_dead_channels
 from rover_sweep.logs.wave import CONSTANT, active_intervals, active_threshold, excitation, kind_of
 
 Bool = NDArray[np.bool_]
@@ -23,15 +34,11 @@ TOUCHING = SETTLING + 0.5  # s between the excitation and the straight driving t
 CELL = 0.05  # s: grid on which intervals are looked for
 STILL_SPEED = 0.1  # m/s
 STILL_GYRO = 0.03  # rad/s rms about the mean within a second: above every gyro's noise, below any motion
+HOLE = 5.0  # s without a speed, within which it is not known that a condition held
 SHORTEST = 1.0  # s: a shorter interval is no use for a bias
 SAME_SPEED = 0.15  # of the run's speed
 
-WAVE_STATES = {4, 5, 6, 7}  # fade-in, dwell, law or doublet, fade-out
-OVERRIDE_STATES = {3, 8} | WAVE_STATES
-STOPPED = 10
-OLD_STATE = 2  # the only state that the applet of 2025 logged
-START = re.compile(r"^SW[PX]\b.*\bstart\b", re.IGNORECASE)
-END = re.compile(r"^SW[PX]\b.*\b(done|stop|stopped|abort|aborted)\b", re.IGNORECASE)
+LONGEST_HOLE = 60.0  # s without steering samples: what lies behind is another run
 
 
 @dataclass(frozen=True)
@@ -47,10 +54,21 @@ class Window:
 
 
 def find_runs(log: Log) -> tuple[Recording, ...]:
-    """All runs of a log that holds steering, speed and yaw rate; empty without any excitation."""
+    """All runs of a log that holds steering, speed and yaw rate; empty without any excitation.
+
+    Raises DataRefused where there are runs and none of them can be used.
+    """
     windows = _windows(log)
     standstill = still_intervals(log)
-    return tuple(_recording(log, w, standstill, len(windows)) for w in windows)
+    runs, refusals = [], []
+    for window in windows:
+        try:
+            runs.append(without_dead_channels(_recording(log, window, standstill, len(windows))))
+        except DataRefused as refusal:  # of one run; others may do
+            refusals.append(refusal)
+    if refusals and not runs:
+        raise refusals[0]
+    return tuple(runs)
 
 
 def _windows(log: Log) -> list[Window]:
@@ -58,7 +76,7 @@ def _windows(log: Log) -> list[Window]:
     if log.whole:
         return _whole(log)
     found = list(_by_applet(log)) or list(_by_marks(log)) or list(_by_activity(log))
-    found = [w for w in found if _is_excited(log, w)]
+    found = [part for w in found for part in _without_holes(log, w) if _is_excited(log, part)]
     fenced = []
     for i, w in enumerate(found):
         earliest = max(w.earliest, found[i - 1].end if i else -np.inf)
@@ -76,6 +94,14 @@ def _whole(log: Log) -> list[Window]:
     return [Window(float(at_speed[0]), float(at_speed[-1]))] if at_speed.size else []
 
 
+def _without_holes(log: Log, w: Window) -> list[Window]:
+    """The parts of a window between holes in the steering that are longer than a minute."""
+    t = log.steering[0].between(w.start, w.end).t
+    cuts = np.flatnonzero(np.diff(t) > LONGEST_HOLE)
+    begins, stops = [w.start, *t[cuts + 1].tolist()], [*t[cuts].tolist(), w.end]
+    return [replace(w, start=a, end=b) for a, b in zip(begins, stops, strict=True)]
+
+
 def _is_excited(log: Log, w: Window) -> bool:
     """Whether the rover moves and is steered within the window."""
     speed, steering = log.signals["speed"].between(w.start, w.end).x, log.steering[0].between(w.start, w.end)
@@ -87,23 +113,13 @@ def _is_excited(log: Log, w: Window) -> bool:
 def _by_applet(log: Log) -> Iterator[Window]:
     if log.applet is None:
         return
-    for rows in _applet_runs(log.applet):
-        if set(np.unique(rows.state)) <= {OLD_STATE}:
+    for rows in applet_runs(log.applet):
+        if is_old(rows):
             yield Window(rows.t[0], rows.t[-1], label=f"run {rows.run[0]:.0f}")
             continue
         waving = np.isin(rows.state, list(WAVE_STATES))
         if waving.any():
             yield _states_window(log, rows, waving)
-
-
-def _applet_runs(rows: AppletRows) -> Iterator[AppletRows]:
-    """The applet's rows run by run; the old applet's clock T restarts with each run."""
-    old = (rows.state == OLD_STATE) & (rows.clock >= 0)
-    restarted = old[1:] & old[:-1] & (np.diff(rows.clock) < -0.5)
-    cuts = np.flatnonzero((np.diff(rows.run) != 0) | restarted) + 1
-    for a, b in pairwise([0, *cuts.tolist(), rows.t.size]):
-        if b - a > 1:
-            yield AppletRows(rows.t[a:b], rows.run[a:b], rows.state[a:b], rows.clock[a:b])
 
 
 def _states_window(log: Log, rows: AppletRows, waving: Bool) -> Window:
@@ -121,16 +137,19 @@ def _states_window(log: Log, rows: AppletRows, waving: Bool) -> Window:
 
 
 def _by_marks(log: Log) -> Iterator[Window]:
-    """From "start" to "done" or "stop", the steering activity in between."""
-    steering = log.steering[0]
-    starts = [t for t, text in log.marks if START.match(text)]
-    ends = [t for t, text in log.marks if END.match(text)]
-    for i, start in enumerate(starts):
-        later = [t for t in ends if t > start]
-        if later and (i + 1 == len(starts) or later[0] <= starts[i + 1]):
+    """From "start" to "done" or "stop" the steering activity in between; without an end, the first one."""
+    steering, begun = log.steering[0], starts(log)
+    active = active_intervals(steering, log.signals["speed"]) if begun else []
+    for i, start in enumerate(begun):
+        latest = begun[i + 1] if i + 1 < len(begun) else np.inf
+        done = next((t for t in ends(log) if start < t <= latest), None)
+        if done is not None:
             rest = steering.x[max(int(np.searchsorted(steering.t, start, "right")) - 1, 0)]
-            first, last = excitation(steering, start, later[0], float(rest))
+            first, last = excitation(steering, start, done, float(rest))
             yield Window(first, last, label=f"run {i + 1}")
+            continue
+        for first, last in [(a, b) for a, b in active if start - SETTLING < a < latest][:1]:
+            yield Window(first, min(last, latest), label=f"run {i + 1}")
 
 
 def _by_activity(log: Log) -> Iterator[Window]:
@@ -145,17 +164,19 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
     signals = {channel: steering, **log.signals}
     first = max(s.t[0] for s in signals.values() if s.t.size)
     last = min(s.t[-1] for s in signals.values() if s.t.size)
+    kind = kind_of(steering, window.start, window.end)
+    refuse_stump(log, kind, window.start, window.end)
     straight = straight_intervals(log, window)
     start, end = _with_lead(window, straight)
     return Recording(
         name=f"{log.name} {window.label}" if count > 1 else log.name,
         channels=signals,
         span=(float(max(start, first)), float(min(end, last))),
-        kind=kind_of(steering, window.start, window.end),
+        kind=kind,
         standstill=standstill,
         straight=straight,
         filters=log.filters,
-        notes=log.notes + window.notes,
+        notes=(*log.notes, *window.notes, *completeness_notes(log, window.start, window.end)),
         firmware=log.firmware,
         sources=log.sources,
     )
@@ -197,10 +218,13 @@ def straight_intervals(log: Log, window: Window) -> tuple[Interval, ...]:
 
 
 def _grid(speed: Signal) -> tuple[Array, Array]:
+    """Times every `CELL` where the speed was recorded, without its holes, and the speed there."""
     if speed.t.size < 2:
         return np.empty(0), np.empty(0)
-    grid = np.arange(speed.t[0], speed.t[-1], CELL)
-    return grid, speed.on(grid)
+    cuts = np.flatnonzero(np.diff(speed.t) > HOLE) + 1
+    parts = [np.arange(part[0], part[-1], CELL) for part in np.split(speed.t, cuts)]
+    grid = np.concatenate(parts)
+    return grid, np.interp(grid, speed.t, speed.x)
 
 
 def _rms(signal: Signal, grid: Array) -> Array:
@@ -214,6 +238,9 @@ def _rms(signal: Signal, grid: Array) -> Array:
 
 def _intervals(grid: Array, holds: Bool) -> tuple[Interval, ...]:
     """Intervals of at least a second in which a condition holds all the time."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False])).astype(int)))
-    pairs = edges.reshape(-1, 2)
-    return tuple((float(grid[a]), float(grid[b - 1])) for a, b in pairs if grid[b - 1] - grid[a] >= SHORTEST)
+    parts = np.split(np.arange(grid.size), np.flatnonzero(np.diff(grid) > HOLE) + 1)
+    found = []
+    for k in parts:
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], holds[k], [False])).astype(int)))
+        found += [(float(grid[k[a]]), float(grid[k[b - 1]])) for a, b in edges.reshape(-1, 2)]
+    return tuple((a, b) for a, b in found if b - a >= SHORTEST)

@@ -24,6 +24,7 @@ from rover_sweep.logs.log import (
     is_banner,
     output_channel,
     output_limits,
+    refuse_disorder,
     sensor_filters,
     source_of,
     vehicle_of,
@@ -118,6 +119,7 @@ def _log(
     parameters, marks = _parameters(session), _marks(session)
     filters, notes = sensor_filters(parameters, override)
     clocks = {n: session.seconds(n) for n in (*CLOCKS, "SERVO_OUTPUT_RAW") if n in session.messages}
+    refuse_disorder(name, clocks)
     attitude = _attitude(session)
     signals = _imu(session) | attitude | _velocity(session, attitude.get("psi"))
     recorded = output_channel(parameters, STEERING)

@@ -16,6 +16,7 @@ PAUSE = 5.0  # s: longer without steering ends a run
 SHORTEST_RUN = 4.0  # s
 REVERSALS = 2  # a run steers to both sides and back
 HALT = 1.0  # s
+HALF_WAVES = 6  # fewer tell nothing of how a wave goes on
 PLATEAU = 7  # samples of 0.05 s in which a step signal keeps its value
 
 
@@ -73,6 +74,14 @@ def _crossings(signal: Signal, level: float) -> Array:
     return (t[turn] + t[turn + 1]) / 2
 
 
+def half_waves(steering: Signal) -> int:
+    """How many whole half waves a steering signal makes about its middle."""
+    if steering.x.size == 0:
+        return 0
+    middle = (np.min(steering.x) + np.max(steering.x)) / 2
+    return max(_crossings(steering, float(middle)).size - 1, 0)
+
+
 def kind_of(whole: Signal, start: float, end: float) -> Kind:
     """What lies in start..end: 'sweep' if the half periods shrink throughout, 'doublet' if it goes in
     steps that leave no net steering, else 'other'."""
@@ -84,7 +93,7 @@ def kind_of(whole: Signal, start: float, end: float) -> Kind:
         return "doublet" if abs(_mean(steering) - rest) < 0.1 * np.ptp(steering.x) / 2 else "other"
     middle = (np.min(steering.x) + np.max(steering.x)) / 2
     halves = np.diff(_crossings(steering, float(middle)))
-    if halves.size < 6:
+    if halves.size < HALF_WAVES:
         return "other"
     third = halves.size // 3
     shrinks = np.median(halves[:third]) > 2 * np.median(halves[-third:])

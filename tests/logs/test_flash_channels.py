@@ -38,7 +38,8 @@ def made(tmp_path: Path, options: float = 0.0, core: int = 0) -> Log:
         writer.write("DSF", us, 5 + k // 10)
     path = tmp_path / "made.BIN"
     path.write_bytes(writer.data)
-    return read_dataflash(path)
+    (log,) = read_dataflash(path)
+    return log
 
 
 def test_raw_samples_are_used_without_a_filter(tmp_path: Path) -> None:

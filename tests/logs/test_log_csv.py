@@ -82,7 +82,7 @@ def test_columns_with_the_channels_own_names_need_no_map(tmp_path: Path) -> None
 
 
 def test_nan_is_left_out_and_told(tmp_path: Path) -> None:
-    holes = np.full(2000, 0.25)
+    holes = np.tile([0.25, 0.5], 1000)
     holes[500:520] = np.nan
     (run,) = read_runs(table(tmp_path, rows(side=holes)), column_map={**BASIC, "ay": "side"})
     assert np.all(np.isfinite(run["ay"].x)) and run["ay"].x.size == 1980

@@ -119,7 +119,9 @@ def test_halts_separate_runs_and_short_dips_do_not() -> None:
 def test_moving_by_hand_is_no_standstill() -> None:
     t = np.arange(0, 60, 0.02)
     log = log_of(t, np.full(t.size, 1500.0), np.where(t > 30, 2.0, 0.0))
-    carried = replace(log, signals={**log.signals, "r": signal(t, 0.5 * np.sin(3 * t) * (t < 20), "rad/s")})
+    carried = replace(
+        log, signals={**log.signals, "r": signal(t, 0.5 * np.sin(3 * t) * ((t < 20) | (t > 35)), "rad/s")}
+    )
     (run,) = find_runs(
         replace(
             carried,
