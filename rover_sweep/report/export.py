@@ -11,10 +11,12 @@ from rover_sweep.identify.identification import Identification
 from rover_sweep.identify.models import bicycle, kinematic, lumped, roll_yaw
 from rover_sweep.identify.recording import LowPass
 from rover_sweep.identify.structure import Matrices, ModelStructure
+from rover_sweep.identify.structure_text import structure_from_text
 from rover_sweep.report.standing import known_filters
 from rover_sweep.report.strict_json import plain
 
 UNITS = {
+    "delta": "rad", "throttle": "us",
     "beta": "rad", "r": "rad/s", "V_y": "m/s", "p": "rad/s", "phi": "rad", "ay": "m/s^2", "vydot": "m/s^2",
 }  # fmt: skip
 BUILDERS = {
@@ -36,8 +38,10 @@ def exported_model(
 ) -> dict[str, Any]:
     """One model of a result as plain data. steering: (trim_us, rad_per_us) of the vehicle file.
 
-    A, B, C, D and M, F, G, H0, H1 as nested lists (B and G one column, D one column); tau [s] is the
-    delay of the input; sensor_filters: {output: {cutoff_hz, num, den}}, not part of the matrices.
+    A, B, C, D and M, F, G, H0, H1 as nested lists (B, G and D a column for each input); tau_s is the delay
+    of the steering, input_delays_s and output_delays_s are those of all; structure: the text of a user's
+    own structure, which `at_speed` needs; sensor_filters: {output: {cutoff_hz, num, den}}, not part of the
+    matrices.
     """
     model = result.models[name]
     structure = model.fit.structure
@@ -52,6 +56,7 @@ def exported_model(
             "parameters": structure.values,
             "parameter_units": {p.name: p.unit for p in structure.parameters},
             "sensor_filters": _filters(known_filters(result), structure.outputs),
+            "structure": structure.source or None,
             "steering": {"trim_us": steering[0], "rad_per_us": steering[1]} if steering else None,
         }
     )  # fmt: skip
@@ -64,30 +69,43 @@ def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
     """
     if exported["model"] == "lumped":
         raise ValueError("the lumped model holds at the speed of the identification alone")
-    mat = BUILDERS[exported["model"]]({**exported["parameters"], "V": speed})
+    own = exported.get("structure")
+    build = structure_from_text(own).build if own else BUILDERS[exported["model"]]
+    mat = build({**exported["parameters"], "V": speed})
     return plain({**exported, **_matrices(mat), "speed_m_s": speed})
 
 
 def _system(structure: ModelStructure, mat: Matrices, speed: float) -> dict[str, Any]:
     return {
         "speed_m_s": speed,
-        "tau_s": structure.values["tau"],
-        "inputs": ["delta"],
-        "input_units": ["rad"],
+        "tau_s": _delay(structure, structure.input_delays.get(structure.inputs[0])),
+        "input_delays_s": [_delay(structure, structure.input_delays.get(i)) for i in structure.inputs],
+        "output_delays_s": [_delay(structure, structure.output_delays.get(o)) for o in structure.outputs],
+        "inputs": structure.inputs,
+        "input_units": [_unit(structure, i) for i in structure.inputs],
         "states": structure.states,
-        "state_units": [UNITS[s] for s in structure.states],
+        "state_units": [_unit(structure, s) for s in structure.states],
         "outputs": structure.outputs,
-        "output_units": [UNITS[o] for o in structure.outputs],
+        "output_units": [_unit(structure, o) for o in structure.outputs],
         **_matrices(mat),
     }
 
 
+def _delay(structure: ModelStructure, name: str | None) -> float:
+    return structure.values[name] if name else 0.0
+
+
+def _unit(structure: ModelStructure, name: str) -> str:
+    """The unit that a user's structure states, else the usual one, else none."""
+    return structure.units.get(name) or UNITS.get(name, "")
+
+
 def _matrices(mat: Matrices) -> dict[str, Any]:
     a = np.linalg.solve(mat.m, mat.f)
-    b = np.linalg.solve(mat.m, mat.g.astype(float))[:, None]
+    b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
     return {
         "A": a, "B": b, "C": mat.h0 + mat.h1 @ a, "D": mat.h1 @ b,
-        "M": mat.m.astype(float), "F": mat.f.astype(float), "G": mat.g.astype(float)[:, None],
+        "M": mat.m.astype(float), "F": mat.f.astype(float), "G": mat.input_matrix.astype(float),
         "H0": mat.h0.astype(float), "H1": mat.h1.astype(float),
     }  # fmt: skip
 

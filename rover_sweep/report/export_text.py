@@ -31,7 +31,7 @@ def matlab_text(model: Model) -> str:
         f"tau = {model['tau_s']!r};  % s, delay of the input",
         f"V = {model['speed_m_s']!r};  % m/s",
         "",
-        "sys = ss(A, B, C, D, 'InputDelay', tau, ...",
+        f"sys = ss(A, B, C, D, {_matlab_delays(model)}, ...",
         f"    'StateName', {_cell(model['states'])}, 'StateUnit', {_cell(model['state_units'])}, ...",
         f"    'InputName', {_cell(model['inputs'])}, 'InputUnit', {_cell(model['input_units'])}, ...",
         f"    'OutputName', {_cell(model['outputs'])}, 'OutputUnit', {_cell(model['output_units'])});",
@@ -56,7 +56,9 @@ def python_text(model: Model) -> str:
             '"""\n',
             "import numpy as np\n",
             *(f"{name} = np.array({model[name]!r})" for name in (*STATE_SPACE, *DESCRIPTOR)),
-            f"tau = {model['tau_s']!r}  # s, delay of the input",
+            f"tau = {model['tau_s']!r}  # s, delay of the steering",
+            f"input_delays = {list(model['input_delays_s'])!r}  # s",
+            f"output_delays = {list(model['output_delays_s'])!r}  # s",
             f"V = {model['speed_m_s']!r}  # m/s",
             f"states = {list(model['states'])!r}  # {', '.join(model['state_units'])}",
             f"inputs = {list(model['inputs'])!r}  # {', '.join(model['input_units'])}",
@@ -79,6 +81,8 @@ def mat_file(model: Model) -> bytes:
     content |= {name: np.array(model[name], dtype=object) for name in cells}
     content |= {
         "tau": model["tau_s"],
+        "input_delays": np.array(model["input_delays_s"]),
+        "output_delays": np.array(model["output_delays_s"]),
         "V": model["speed_m_s"],
         "model": model["model"],
         "note": model["note"],
@@ -91,6 +95,13 @@ def mat_file(model: Model) -> bytes:
     out = io.BytesIO()
     savemat(out, content)
     return out.getvalue()
+
+
+def _matlab_delays(model: Model) -> str:
+    if len(model["inputs"]) == 1 and not any(model["output_delays_s"]):
+        return "'InputDelay', tau"
+    late = _row(model["input_delays_s"]), _row(model["output_delays_s"])
+    return f"'InputDelay', {late[0]}, 'OutputDelay', {late[1]}"
 
 
 def _remarks(model: Model, mark: str) -> list[str]:
@@ -126,11 +137,11 @@ def _filters(model: Model) -> dict[str, tuple[list[float], list[float]]]:
 
 _PYTHON_FUNCTIONS = '''
 
-def frequency_response(w, sensors=True):
-    """(n_w, n_outputs) from delta at w [rad/s], the delay included; sensors: with the sensors' low-passes."""
+def frequency_response(w, sensors=True, input=0):
+    """(n_w, n_outputs) from an input at w [rad/s], delays included; sensors: with their low-passes."""
     s = 1j * np.atleast_1d(np.asarray(w, dtype=float))
     x = np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, np.broadcast_to(B, (s.size, *B.shape)))
-    h = (C @ x + D)[:, :, 0] * np.exp(-s * tau)[:, None]
+    h = (C @ x + D)[:, :, input] * np.exp(-np.outer(s, input_delays[input] + np.array(output_delays)))
     for k, output in enumerate(outputs):
         if sensors and output in sensor_filters:
             numerator, denominator = sensor_filters[output]
@@ -139,12 +150,16 @@ def frequency_response(w, sensors=True):
 
 
 def system(pade_order=3):
-    """The same for python-control, the delay as a Pade approximation, without the sensors' low-passes."""
+    """The same for python-control, delays as Pade approximations, without the sensors' low-passes."""
     import control
 
     rational = control.ss(A, B, C, D, inputs=inputs, outputs=outputs, states=states)
-    if tau == 0:
+    if not any(input_delays) and not any(output_delays):
         return rational
-    delayed = rational * control.tf2ss(*control.pade(tau, pade_order))
-    return control.ss(delayed, inputs=inputs, outputs=outputs)
+
+    def late(delays):
+        each = [control.pade(d, pade_order) if d else ([1.0], [1.0]) for d in delays]
+        return control.append(*(control.tf2ss(*p) for p in each))
+
+    return control.ss(late(output_delays) * rational * late(input_delays), inputs=inputs, outputs=outputs)
 '''
