@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigvals
 
 from rover_sweep.identify.recording import Array, LowPass
 from rover_sweep.identify.spectra import Complex
@@ -125,9 +126,10 @@ class ModelStructure:
         return self.build({**self.values, "V": speed})
 
     def poles(self, speed: float) -> NDArray[np.complex128]:
-        """Eigenvalues [rad/s] at a speed [m/s]."""
+        """Eigenvalues [rad/s] at a speed [m/s]; a state without a rate in M has none."""
         mat = self.matrices(speed)
-        return np.asarray(np.linalg.eigvals(np.linalg.solve(mat.m, mat.f)), dtype=np.complex128)
+        found = np.asarray(eigvals(mat.f, mat.m), dtype=np.complex128)
+        return found[np.isfinite(found)]
 
     def delay(self, input: str, output: str) -> float:
         """Delay [s] from an input to an output."""
