@@ -29,7 +29,7 @@ class AppletParameter:
 
 
 PARAMETERS: tuple[AppletParameter, ...] = (
-    AppletParameter("SWP_ENABLE", "", 1, 0, 1, "0 refuses every run"),
+    AppletParameter("SWP_ENABLE", "", 1, 0, 1, "0 refuses every run and stops the one that goes on"),
     AppletParameter("SWP_TYPE", "", 0, 0, 1, "manoeuvre: 0 sweep, 1 doublet"),
     AppletParameter("SWP_AMP", "us", 150, 1, 500, "amplitude of the steering PWM about SERVOn_TRIM"),
     AppletParameter("SWP_WMIN", "rad/s", 0.3, 0.05, 50, "frequency at which the sweep begins"),
