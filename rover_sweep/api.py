@@ -159,6 +159,7 @@ def identify(
     keep: Sequence[str] = (),
     condition_on: Sequence[str] = (),
     structures: Sequence[Location | ModelStructure] = (),
+    bootstrap: int = 200,
 ) -> Result:
     """Identifies models from runs and verifies them on other runs.
 
@@ -170,6 +171,7 @@ def identify(
     "h". reduction: fix again what the data cannot tell, but none of the parameters in keep.
     condition_on: channels that move the rover beside the steering, such as "throttle", which are taken
     out of the responses. structures: files of your own, or `ModelStructure`s, fitted beside the models.
+    bootstrap: replicates for the 90 % intervals (`fit["C"].interval`), 0 for none.
     """
     if not isinstance(runs, Runs) or runs.vehicle is None:
         raise UsageError('the vehicle is not known: rs.read(..., vehicle="rover.toml")')
@@ -182,6 +184,7 @@ def identify(
         _known(models, MODELS, "model"), _known(fit, ("r", "ay", "vydot", "p"), "response"), tied, band,
         dict(bands or {}), tuple(windows) if windows else None,
         reduction=reduction, keep=parameter_names(keep), condition_on=tuple(condition_on),
+        bootstrap=bootstrap,
     )  # fmt: skip
     check_settings(settings, sweeps)
     geometry = geometry_of(runs.vehicle)
