@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from rover_sweep.identify.identification import Identification
-    from rover_sweep.vehicle.dry_run import DryRun
-    from rover_sweep.vehicle.events import SessionFinished
     from rover_sweep.vehicle_file import Vehicle
 
 
@@ -70,7 +68,7 @@ def dry_run(
     writes a report.
     """
     from rover_sweep.cli.folders import session_folder
-    from rover_sweep.cli.session import driven
+    from rover_sweep.cli.session import driven, identified_session
     from rover_sweep.vehicle.dry_run import DryRun
     from rover_sweep.vehicle.dry_run import dry_run as drive
 
@@ -90,7 +88,7 @@ def dry_run(
     folder = session_folder(out, "dry-run", also=() if rover_file else ("rover.toml",))
     rover = _vehicle(folder, rover_file, text)
     session = driven(drive(settings, folder), folder)
-    _identified(session, rover, settings, as_json, verbose)
+    identified_session(session, rover, as_json, verbose, None if settings.url else _truth(variant))
 
 
 def _sweep(amplitude: float, wmin: float, wmax: float, trec: float) -> Any:
@@ -123,7 +121,7 @@ def _vehicle(folder: Path, rover_file: str | None, text: str | None) -> tuple[Ve
     return load(path), path
 
 
-def _truth(settings: DryRun) -> Callable[[Identification], RenderableType]:
+def _truth(variant: str) -> Callable[[Identification], RenderableType]:
     """Shows what the simulated rover is made of."""
 
     def shown(result: Identification) -> RenderableType:
@@ -131,20 +129,7 @@ def _truth(settings: DryRun) -> Callable[[Identification], RenderableType]:
         from rover_sweep.report.tables import rich_table
         from sitl.parameters import load_variant
 
-        table = truth_table(result, load_variant(settings.variant))
+        table = truth_table(result, load_variant(variant))
         return rich_table(table) if table else ""
 
     return shown
-
-
-def _identified(
-    session: SessionFinished, rover: tuple[Vehicle, Path], settings: DryRun, as_json: bool, verbose: bool
-) -> None:
-    from rover_sweep.cli.identify import identified
-    from rover_sweep.cli.session import recordings
-    from rover_sweep.identify.grouping import Settings
-    from rover_sweep.preparation import divided
-
-    sweeps, doublets = divided(recordings(session, rover[0]))
-    more = None if settings.url else _truth(settings)
-    identified(sweeps, doublets, rover, Settings(), session.folder / "report", as_json, verbose, more)

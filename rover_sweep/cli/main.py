@@ -1,7 +1,7 @@
 """The command line `rover-sweep`: one line per subcommand, loaded only when it is called.
 
-Narration and errors go to stderr, results to stdout. Exit codes: 0 done, 2 usage, 3 data refused,
-4 link, 130 interrupted.
+Narration and errors go to stderr, results to stdout. Exit codes: 0 done, 1 a rover that does not fit
+(`firmware check`), 2 usage, 3 data refused, 4 link, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # name -> ("module:click command", one line of help). The help stands here so that `--help` imports nothing.
 COMMANDS: dict[str, tuple[str, str]] = {
     "dry-run": ("rover_sweep.cli.dry_run:dry_run", "The whole job on a simulated rover, no hardware needed."),
+    "run": ("rover_sweep.cli.run:run", "Drive, record, judge and identify a real rover."),
+    "firmware": ("rover_sweep.cli.firmware:firmware", "Applet and parameters: write, check, install."),
     "design": ("rover_sweep.cli.design:design", "A sweep or doublet on paper, before it is driven."),
     "identify": (
         "rover_sweep.cli.identify:identify",

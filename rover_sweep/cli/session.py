@@ -12,6 +12,9 @@ from rover_sweep.errors import DataRefused, RoverSweepError
 from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, SessionFinished
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from rover_sweep.identify.identification import Identification
     from rover_sweep.identify.recording import Recording
     from rover_sweep.vehicle_file import Vehicle
 
@@ -43,8 +46,7 @@ def driven(
         events.close()
         if isinstance(stop, KeyboardInterrupt) and not interrupted:
             console.print("no run was under way: nothing moves", markup=False)
-        if any(folder.glob("*.tlog")):
-            console.print(_kept(folder, finished), markup=False, soft_wrap=True)
+        console.print(_kept(folder, finished), markup=False, soft_wrap=True)
         raise
     raise AssertionError("a session ends with SessionFinished")
 
@@ -70,9 +72,10 @@ def _shown(events: Events, display: PlainDisplay, answer: Answer | None) -> Iter
 def _kept(folder: Path, finished: list[RunFinished]) -> str:
     """Which recordings are there, and which of them hold a whole run."""
     whole = {run.tlog.name for run in finished if run.completed}
-    files = [p.name for p in sorted(folder.glob("*")) if p.suffix in (".tlog", ".BIN")]
-    told = [name if name in whole or name.endswith(".BIN") else f"{name} (no whole run)" for name in files]
-    return f"kept in {folder}: {', '.join(told) or 'nothing'}"
+    tlogs = [p.name for p in sorted(folder.glob("*.tlog")) if p.stem not in ("connect", "fetch")]
+    told = [name if name in whole else f"{name} (no whole run)" for name in tlogs]
+    told += [p.name for p in sorted(folder.glob("*.BIN"))]
+    return f"kept in {folder}: {', '.join(told)}" if told else "nothing was recorded"
 
 
 def recordings(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording, ...]:
@@ -92,3 +95,19 @@ def recordings(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording, .
         if runs := tuple(r for r in found if any(a < r.span[1] and r.span[0] < b for a, b in spans)):
             return runs
     raise DataRefused(f"neither log nor telemetry in {session.folder} hold the runs; read them with identify")
+
+
+def identified_session(
+    session: SessionFinished,
+    rover: tuple[Vehicle, Path],
+    as_json: bool,
+    verbose: bool,
+    more: Callable[[Identification], RenderableType] | None = None,
+) -> None:
+    """Identifies from the whole runs of a session, verifies on its doublets, reports into its report/."""
+    from rover_sweep.cli.identify import identified
+    from rover_sweep.identify.grouping import Settings
+    from rover_sweep.preparation import divided
+
+    sweeps, doublets = divided(recordings(session, rover[0]))
+    identified(sweeps, doublets, rover, Settings(), session.folder / "report", as_json, verbose, more)

@@ -32,6 +32,7 @@ from rover_sweep.vehicle.identity import Vehicle, check_applet, identify_vehicle
 from rover_sweep.vehicle.install import install
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.log_download import LogEntry, LogSaved, MavlinkLogs
+from rover_sweep.vehicle.manoeuvre import refuse_undersampled
 from rover_sweep.vehicle.mavlink import constant
 from rover_sweep.vehicle.parameters import read, read_present
 from rover_sweep.vehicle.recorder import Session
@@ -74,6 +75,8 @@ def drive(url: str, folder: Path, plan: Plan) -> Generator[Event, None, None]:
             yield Notice("warning", warning)
         yield from install(link, plan.parameters, plan.applet)
         _refuse_amplitudes(check_applet(link), plan)
+        for planned in plan.runs:
+            refuse_undersampled(planned.manoeuvre, read(link, "SCHED_LOOP_RATE"))
         yield Connected(url, vehicle)
         for difference in compare(read_present(link, [p.name for p in plan.checked]), plan.checked):
             yield Notice("warning", difference.sentence)
