@@ -103,8 +103,8 @@ def cost_table(result: Identification) -> Table:
     """J of each response and model, as Table 5, with the averages over the fitted and over all responses."""
     models = ordered(result)
     rows = [
-        (Cell(f"{OUTPUT_NAMES[o]} / δ"), *(_cost_cell(m, o) for m in models.values()))
-        for o in OUTPUTS
+        (Cell(_response_name(o)), *(_cost_cell(m, o) for m in models.values()))
+        for o in (*OUTPUTS, *_to_other_inputs(models))
         if any(o in m.costs for m in models.values())
     ]
     fitted = [Cell(f"{m.fit.average:.1f}", _cost_tone(m.fit.average)) for m in models.values()]
@@ -116,6 +116,16 @@ def cost_table(result: Identification) -> Table:
     )
     headings = ("response", *(TITLES.get(n, n) for n in models))
     return Table("Cost J of the frequency responses", headings, tuple(rows), note)
+
+
+def _to_other_inputs(models: Mapping[str, ModelResult]) -> list[str]:
+    """The labels output/input of responses to another input than the steering."""
+    return list(dict.fromkeys(label for m in models.values() for label in m.costs if "/" in label))
+
+
+def _response_name(label: str) -> str:
+    output, _, input = label.partition("/")
+    return f"{OUTPUT_NAMES[output]} / {input or 'δ'}"
 
 
 def _cost_cell(model: ModelResult, output: str) -> Cell:
@@ -295,5 +305,11 @@ def coherence_table(result: Identification) -> Table:
         speed = number(speeds.get(verdict.run), 3)
         rows.append((Cell(verdict.run), keep, Cell(speed), Cell(amplitude), *bands))
     headings = ("run", "verdict", "m/s", "amplitude", *(f"{SHORT_NAMES[o]}" for o in outputs))
-    note = "Bands in rad/s in which the coherence with the steering is at least 0.6."
+    without = ", ".join(n for n in result.settings.condition_on if any(n in g.others for g in result.groups))
+    kind = (
+        f"partial coherence with the steering ({without} taken out)"
+        if without
+        else "coherence with the steering"
+    )
+    note = f"Bands in rad/s in which the {kind} is at least 0.6."
     return Table("Runs", headings, tuple(rows), note, 2)

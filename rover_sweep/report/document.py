@@ -135,6 +135,10 @@ def _group(group: Group) -> dict[str, Any]:
         "speed_m_s": group.speed,
         "runs": [run.name for run in group.runs],
         "responses": {name: _response(f) for name, f in group.responses.items()},
+        "responses_to_other_inputs": {
+            name: {output: _response(f) for output, f in found.items()}
+            for name, found in group.others.items()
+        },
     }
 
 
@@ -147,7 +151,19 @@ def _response(f: FrequencyResponse) -> dict[str, Any]:
         "magnitude_db": _rounded(f.magnitude_db),
         "phase_deg": _rounded(f.phase_deg),
         "coherence": _rounded(f.coherence),
+        **_conditioning(f),
         "random_error": _rounded(f.random_error),
+    }
+
+
+def _conditioning(f: FrequencyResponse) -> dict[str, Any]:
+    """Of a response that other inputs were taken out of, whose coherence is the partial one."""
+    if f.multiple_coherence is None or f.input_coherence is None:
+        return {}
+    return {
+        "conditioned_on": f.conditioned_on,
+        "multiple_coherence": _rounded(f.multiple_coherence),
+        "input_coherence": _rounded(f.input_coherence),
     }
 
 

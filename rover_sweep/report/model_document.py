@@ -92,6 +92,7 @@ def _bootstrap(fit: FitResult) -> dict[str, Any] | None:
 def _cost(costs: Mapping[str, float], fitted: Mapping[str, float]) -> dict[str, Any]:
     return {
         **{output: costs.get(output) for output in OUTPUTS},
+        **{label: j for label, j in costs.items() if label not in OUTPUTS},
         "average": float(np.mean(list(fitted.values()))),
         "fitted": list(fitted),
         "average_all": float(np.mean(list(costs.values()))),

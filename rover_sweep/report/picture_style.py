@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -24,6 +24,7 @@ MODEL_LINES: Mapping[str, Mapping[str, Any]] = {
     "roll-yaw": {"color": "#D55E00", "linestyle": "-"},
     "lumped": {"color": "#009E73", "linestyle": (0, (5, 1.5, 1.2, 1.5))},
 }
+OWN_COLOURS = ("#56B4E9", "#8C510A", "#777777")  # for a user's own structures, in turn
 BAND = "#E69F00"
 OUTSIDE = "#ECECEC"
 QUIET = "#56B4E9"
@@ -48,6 +49,14 @@ RC: dict[Any, Any] = {
     "figure.facecolor": "white",
     "path.simplify_threshold": 0.5,
 }
+
+
+def model_line(name: str, names: Collection[str]) -> Mapping[str, Any]:
+    """The line of a model; of a user's own structure, by its place among those in `names`."""
+    if name in MODEL_LINES:
+        return MODEL_LINES[name]
+    place = [n for n in names if n not in MODEL_LINES].index(name)
+    return {"color": OWN_COLOURS[place % len(OWN_COLOURS)], "linestyle": (0, (3, 1, 1, 1, 1, 1))}
 
 
 def png(figure: Figure) -> bytes:

@@ -50,12 +50,16 @@ def filters_moved(result: Identification) -> float:
 
 def _changes(fit: FitResult, other: FitResult) -> dict[str, float]:
     """Percent by which each free parameter but the delay differs."""
-    free = [e for e in fit.estimates if e.free and e.value and e.name != "tau"]
+    free = [e for e in fit.estimates if e.free and e.value and e.name not in fit.structure.delays]
     return {e.name: 100 * (other[e.name].value / e.value - 1) for e in free}
 
 
 def _delays(fit: FitResult, other: FitResult) -> str:
-    return f" (τ from {1000 * fit['tau'].value:.0f} to {1000 * other['tau'].value:.0f} ms)"
+    moved = [
+        f"{symbol(n)} from {1000 * fit[n].value:.0f} to {1000 * other[n].value:.0f} ms"
+        for n in fit.structure.delays
+    ]
+    return f" ({', '.join(moved)})" if moved else ""
 
 
 def _moved(changes: dict[str, float]) -> str:

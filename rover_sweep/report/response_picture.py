@@ -19,15 +19,16 @@ from rover_sweep.report.picture_style import (
     BAND,
     DATA,
     LABELS,
-    MODEL_LINES,
     OUTSIDE,
     WIDTH,
     limits,
     log_frequency,
+    model_line,
 )
 from rover_sweep.report.wording import band
 
 Models = Mapping[str, ModelResult]
+ROOM = 48  # characters of the models' names and costs that fit above a panel
 BLOCK = 4.9  # in, height of magnitude, phase and coherence of one response
 
 
@@ -56,7 +57,13 @@ def _figure(group: Group, models: Models) -> Figure:
         rest = [figure.add_subplot(inner[i]) for i in (1, 2)]
         _block([first, *rest], f, group, models, span)
     handles, names = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="upper left", bbox_to_anchor=(0.065, 1.0), ncols=len(names))
+    figure.legend(
+        handles,
+        names,
+        loc="upper left",
+        bbox_to_anchor=(0.065, 1.0),
+        ncols=len(names) if len(names) <= 5 else 4,
+    )
     return figure
 
 
@@ -71,8 +78,10 @@ def _block(
     _measured(magnitude, phase, f, deg)
     models_deg = {name: _beside(_phase(h, f), deg, f) for name, h in lines.items()}
     for name, h in lines.items():
-        magnitude.plot(f.w, 20 * np.log10(np.abs(h)), label=f"{name} model", zorder=3, **MODEL_LINES[name])
-        phase.plot(f.w, models_deg[name], zorder=3, **MODEL_LINES[name])
+        magnitude.plot(
+            f.w, 20 * np.log10(np.abs(h)), label=f"{name} model", zorder=3, **model_line(name, models)
+        )
+        phase.plot(f.w, models_deg[name], zorder=3, **model_line(name, models))
     inside = _inside(f)
     models_db = [20 * np.log10(np.abs(h[inside])) for h in lines.values()]
     magnitude.set_ylim(*limits([f.magnitude_db[inside], *models_db], 20))
@@ -108,7 +117,7 @@ def _coherence(axes: Axes, f: FrequencyResponse) -> None:
     axes.axhline(COHERENCE_GOOD, color=BAND, linewidth=1.0, linestyle=(0, (4, 2)))
     axes.set_ylim(0, 1.04)
     axes.set_yticks([0, COHERENCE_GOOD, 1])
-    axes.set_ylabel("coherence")
+    axes.set_ylabel("partial\ncoherence" if f.conditioned_on else "coherence")
 
 
 def _outside(axes: Axes, f: FrequencyResponse) -> None:
@@ -123,14 +132,18 @@ def _outside(axes: Axes, f: FrequencyResponse) -> None:
 
 def _title(f: FrequencyResponse, group: Group, models: Models) -> str:
     """The response and its unit, below it J of each model at this speed."""
-    what = f"{LABELS[f.output]} / steering, {f.unit.replace('^2', '²')}"
+    without = f" ({', '.join(f.conditioned_on)} taken out)" if f.conditioned_on else ""
+    what = f"{LABELS[f.output]} / steering{without}, {f.unit.replace('^2', '²')}"
     if not models:
         return f"{what}\n{'usable ' + band(f.band) + ' rad/s' if f.band else 'no usable band'}"
     having = {name: m for name, m in models.items() if f.band and f.output in m.fit.structure.outputs}
     if not having:
         return f"{what}\nno model has it" if f.band else f"{what}\nno usable band"
     seen = [group.condition((f.output,))]
-    told = ", ".join(f"{name} {costs(m.fit.structure, seen)[f.output]:.1f}" for name, m in having.items())
+    values = {name: f"{costs(m.fit.structure, seen)[f.output]:.1f}" for name, m in having.items()}
+    told = ", ".join(f"{name} {j}" for name, j in values.items())
+    if len(told) > ROOM:
+        told = f"{', '.join(values.values())}, in the legend's order"
     fitted = any(f.output in m.fit.costs for m in having.values())
     return f"{what}\nJ: {told}" + ("" if fitted else " (not in the fit)")
 

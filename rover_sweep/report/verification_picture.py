@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.verify import Overlay, Verification
-from rover_sweep.report.picture_style import DATA, LABELS, MODEL_LINES, WIDTH
+from rover_sweep.report.picture_style import DATA, LABELS, WIDTH, model_line
 
 
 def verification(run: Recording | None, verdicts: Mapping[str, Verification]) -> Figure:
@@ -18,12 +18,14 @@ def verification(run: Recording | None, verdicts: Mapping[str, Verification]) ->
     channels = [c for c in ("r", "ay", "p") if any(_overlay(v, c) for v in verdicts.values())]
     steering = run is not None and "delta" in run
     rows = len(channels) + steering
-    height = 0.95 + 0.95 * steering + 2.05 * len(channels)
+    columns = len(verdicts) + 1 if len(verdicts) < 5 else 3  # of the legend
+    top = 0.4 + 0.22 * (-(-(len(verdicts) + 1) // columns) - 1)
+    height = 0.55 + top + 0.95 * steering + 2.05 * len(channels)
     figure = Figure(figsize=(WIDTH, height))
     panels = figure.subplots(
         rows, 1, sharex=True, squeeze=False, height_ratios=[0.95] * steering + [2.05] * len(channels)
     )[:, 0]
-    figure.subplots_adjust(left=0.085, right=0.985, top=1 - 0.4 / height, bottom=0.52 / height, hspace=0.12)
+    figure.subplots_adjust(left=0.085, right=0.985, top=1 - top / height, bottom=0.52 / height, hspace=0.12)
     start = _start(run, verdicts)
     if run is not None and steering:
         delta = run.manoeuvre("delta")
@@ -38,7 +40,7 @@ def verification(run: Recording | None, verdicts: Mapping[str, Verification]) ->
     panels[-1].set_xlabel("time since the manoeuvre began, s")
     panels[-1].margins(x=0.01)
     handles, names = panels[int(steering)].get_legend_handles_labels()
-    figure.legend(handles, names, loc="upper left", bbox_to_anchor=(0.075, 1.0), ncols=len(names))
+    figure.legend(handles, names, loc="upper left", bbox_to_anchor=(0.075, 1.0), ncols=columns)
     return figure
 
 
@@ -55,7 +57,7 @@ def _channel(axes: Axes, channel: str, verdicts: Mapping[str, Verification], sta
             axes.set_ylabel(f"{LABELS[channel]}\n{overlay.unit.replace('^2', '²')}")
             drawn = True
         words = f"{name}: $J_{{rms}}$ {verdict.j_rms:.2f}, TIC {verdict.tic:.3f}"
-        axes.plot(overlay.t - start, overlay.model, label=words, **MODEL_LINES[name])
+        axes.plot(overlay.t - start, overlay.model, label=words, **model_line(name, verdicts))
 
 
 def _overlay(v: Verification, channel: str) -> Overlay | None:
