@@ -42,6 +42,8 @@ def driven(
     keep = slice(0, None, int(RATE / log_rate))
     channels = {"delta": Signal(t[::HOLD], delta[::HOLD], "rad", "made", hold=True)}
     for name, unit in (("r", "rad/s"), ("p", "rad/s"), ("ay", "m/s^2"), ("vy", "m/s")):
+        if name not in outputs:
+            continue
         x = _low_passed(outputs[name], (filters or {}).get(name))[keep]
         scale = noise * (10 if name == "ay" else 1)
         channels[name] = Signal(t[keep], x + scale * rng.standard_normal(x.size), unit, "made")

@@ -1,0 +1,136 @@
+"""Structures of a user and several inputs, through the whole identification."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from synthetic import GEOMETRY, TRUE, driven
+
+from rover_sweep.identify.grouping import Settings
+from rover_sweep.identify.identification import identify
+from rover_sweep.identify.models.bicycle import bicycle
+from rover_sweep.identify.recording import Recording, Signal
+from rover_sweep.identify.structure_text import structure_from_text
+from rover_sweep.identify.sweep import Sweep
+
+FILES = Path(__file__).parents[1] / "data" / "structures"
+SWEEP = Sweep(amplitude=120)
+BIKE = {n: TRUE[n] for n in ("C", "Izz", "tau")}
+PULL, PULL_LAG, SHARE = 0.004, 0.3, 0.5  # yaw rate by throttle: rad/s per us and its lag, s
+TEXT = """
+name = "pulled"
+states = ["beta", "r", "pull"]
+inputs = ["delta", "throttle"]
+outputs = ["r", "ay"]
+[parameters]
+C = { value = 20, unit = "N/rad", free = true, lower = 1, upper = 1000 }
+Izz = { value = 0.1, unit = "kg m^2", free = true, lower = 0.01, upper = 1 }
+tau = { value = 0.03, unit = "s", free = true, lower = 0, upper = 0.5 }
+K = { value = 0.001, unit = "rad/s per us", free = true, lower = 1e-5, upper = 0.1 }
+T = { value = 0.1, unit = "s", free = true, lower = 0.01, upper = 5 }
+m = 2.66
+a = 0.203
+b = 0.188
+x = 0.03
+[matrices]
+F = [
+  ["-2*C/(m*V)", "-C*(a - b)/(m*V**2) - 1", 0],
+  ["-C*(a - b)/Izz", "-C*(a**2 + b**2)/(Izz*V)", 0],
+  [0, 0, "-1/T"],
+]
+G = [["C/(m*V)", 0], ["a*C/Izz", 0], [0, "K/T"]]
+H0 = [[0, 1, 1], [0, "V", 0]]
+H1 = [[0, 0, 0], ["V", "x", 0]]
+"""
+
+
+@pytest.fixture(scope="module")
+def run() -> Recording:
+    return driven(bicycle(GEOMETRY).with_values(BIKE), SWEEP, noise=0.002)
+
+
+@pytest.fixture(scope="module")
+def pulled(run) -> Recording:
+    """The same with a throttle that moves with the steering (coherence .5) and turns the rover."""
+    rng, t = np.random.default_rng(4), run["r"].t
+    delta = run["delta"].on(t)
+    spectrum = np.fft.rfft(delta)
+    own = np.fft.irfft(np.abs(spectrum) * np.exp(2j * np.pi * rng.uniform(size=spectrum.size)), t.size)
+    throttle = 500 * (np.sqrt(SHARE) * delta + np.sqrt(1 - SHARE) * own)
+    c = 2 * PULL_LAG / (t[1] - t[0])
+    r = run["r"].x + PULL * lfilter([1, 1], [1 + c, 1 - c], throttle)
+    channels = {"r": replace(run["r"], x=r), "throttle": Signal(t, 1600 + throttle, "us")}
+    return replace(run, channels={**run.channels, **channels})
+
+
+def test_a_structure_is_fitted_beside_the_models(run):
+    own = structure_from_text((FILES / "bicycle.toml").read_text())
+    result = identify([run], GEOMETRY, [run], Settings(models=("bicycle",)), [own])
+    built_in, of_file = result.models["bicycle"], result.models["bicycle-of-a-file"]
+    for name in BIKE:
+        assert of_file.fit[name].value == pytest.approx(built_in.fit[name].value, rel=1e-3)
+    assert of_file.fit.average == pytest.approx(built_in.fit.average, rel=1e-3)
+    assert of_file.verdict.level == built_in.verdict.level == "good"
+    assert of_file.verification[0].tic == pytest.approx(built_in.verification[0].tic, rel=1e-3)
+
+
+def test_conditioning_takes_the_throttle_out(pulled):
+    models = ("bicycle",)
+    plain = identify([pulled], GEOMETRY, settings=Settings(models=models))
+    cleaned = identify([pulled], GEOMETRY, settings=Settings(models=models, condition_on=("throttle",)))
+    response = cleaned.groups[0].responses["r"]
+    assert response.conditioned_on == ("throttle",)
+    assert "partial coherence (throttle taken out)" in cleaned.coherence[0].sentence
+    truth = bicycle(GEOMETRY).with_values(BIKE).response(response.w, pulled.mean_speed, "r")
+    inside = (response.w >= 0.6) & (response.w <= 20)
+    ratio, spoilt = (g.groups[0].responses["r"].h[inside] / truth[inside] for g in (cleaned, plain))
+    assert np.max(np.abs(20 * np.log10(np.abs(ratio)))) < 0.5
+    assert np.max(np.abs(np.degrees(np.angle(ratio)))) < 5
+    assert np.max(np.abs(20 * np.log10(np.abs(spoilt)))) > 1
+    fits = [r.models["bicycle"].fit for r in (plain, cleaned)]
+    off = [max(abs(f[n].value / v - 1) for n, v in BIKE.items()) for f in fits]
+    assert off[1] < 0.05 and off[0] > 3 * off[1]
+
+
+def test_a_structure_with_a_throttle_finds_what_it_does(pulled):
+    own = structure_from_text(TEXT)
+    settings = Settings(models=("bicycle",), condition_on=("throttle",))
+    model = identify([pulled], GEOMETRY, [pulled], settings, [own]).models["pulled"]
+    assert "r/throttle" in model.costs
+    for name, value in {**BIKE, "K": PULL, "T": PULL_LAG}.items():
+        assert model.fit[name].value == pytest.approx(value, rel=0.05), name
+    assert model.verification[0].tic < 0.05
+
+
+def test_an_input_that_was_not_asked_for_is_told(pulled):
+    result = identify(
+        [pulled], GEOMETRY, settings=Settings(models=("bicycle",)), structures=[structure_from_text(TEXT)]
+    )
+    assert "--condition-on throttle" in result.refused["pulled"]
+
+
+def test_a_throttle_that_stands_still_is_told(run):
+    t = run["r"].t
+    still = replace(run, channels={**run.channels, "throttle": Signal(t, np.full(t.size, 1600.0), "us")})
+    result = identify([still], GEOMETRY, settings=Settings(models=("bicycle",), condition_on=("throttle",)))
+    assert "throttle stands still in these runs, so there is nothing to condition on" in result.summary
+    assert result.groups[0].responses["r"].conditioned_on == ()
+
+
+def test_outputs_that_are_not_there_are_told(run):
+    text = TEXT.replace('"delta", "throttle"', '"delta"').replace(
+        'outputs = ["r", "ay"]', 'outputs = ["p", "q"]'
+    )
+    text = text.replace('[["C/(m*V)", 0], ["a*C/Izz", 0], [0, "K/T"]]', '["C/(m*V)", "a*C/Izz", "K/T"]')
+    result = identify(
+        [run], GEOMETRY, settings=Settings(models=("bicycle",)), structures=[structure_from_text(text)]
+    )
+    assert "none of its outputs (p, q) has a usable band" in result.refused["pulled"]
+
+
+def test_two_models_of_one_name_are_refused(run):
+    own = structure_from_text(TEXT.replace("pulled", "bicycle"))
+    with pytest.raises(ValueError, match="another model named 'bicycle'"):
+        identify([run], GEOMETRY, structures=[own])
