@@ -18,6 +18,8 @@ TOLD = 3  # holes told one by one
 
 def completeness_notes(log: Log, start: float, end: float) -> tuple[Note, ...]:
     """Warnings where the recording begins after, or ends before, the run whose wave spans start..end [s]."""
+    if log.whole:
+        return ()
     steering = log.steering[0]
     rest = float(np.median(steering.between(start, end).x))
     notes = []

@@ -73,9 +73,14 @@ def _refuse_without_wheels(log: Log) -> None:
 def _refuse_odd_clock(log: Log) -> None:
     rate = log.signals["r"].rate
     if rate and not SLOWEST < rate < FASTEST:
+        unit = "ms" if 1 / rate < 100.0 else "us"
+        advice = (
+            f'is that in {unit}? give time = {{column = "..", unit = "{unit}"}}'
+            if rate < 1
+            else "give it in s"
+        )
         raise DataRefused(
-            f"{log.name}: the yaw rate was sampled every {1 / rate:.3g} s by its time; is that in us or ms? "
-            'give time = {column = "..", unit = "us"}'
+            f"{log.name}: by its time the yaw rate was sampled every {1 / rate:.3g} s; {advice}"
         )
 
 
@@ -91,6 +96,11 @@ def _refuse_static(log: Log) -> None:
 def refuse_unexcited(log: Log) -> None:
     """Raise DataRefused for a log of driving in which no run was found."""
     steering, speed = log.steering[0], log.signals["speed"]
+    if float(np.median(speed.x[np.abs(speed.x) > MOVING_SPEED])) < 0:
+        raise DataRefused(
+            f"{log.name}: the rover drives backwards (speed down to {np.min(speed.x):.2f} m/s); "
+            "drive forwards, or give speed the other sign"
+        )
     moving = np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > MOVING_SPEED
     x = steering.x[moving]
     seen = f"{np.min(x):.4g} to {np.max(x):.4g} {steering.unit}" if x.size else "not recorded"

@@ -25,7 +25,7 @@ def read_runs(
     """All runs in a recording, in SI units and ISO axes, judged.
 
     source: path of a .BIN, .tlog or .csv, or "log.BIN+log.tlog" (both of one drive, put together on
-    the vehicle's clock). column_map: for a .csv, see `rover_sweep.logs.csv`. filters: {"gyro_hz",
+    the vehicle's clock). column_map: for a .csv, see `rover_sweep.logs.column_map`. filters: {"gyro_hz",
     "accel_hz"} [Hz, 0 = off] in place of the recorded INS_GYRO_FILTER and INS_ACCEL_FILTER.
     Raises UsageError for a source that cannot be opened, DataRefused for one that cannot be used.
     """
