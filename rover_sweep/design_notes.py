@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from firmware_params.parameters import PARAMETERS
 from rover_sweep.design import (
     APPLET_RATE,
     FRICTION,
@@ -17,11 +18,14 @@ from rover_sweep.design import (
     Design,
     FilterEffect,
 )
+from rover_sweep.errors import UsageError
 from rover_sweep.identify.recording import Note
 from rover_sweep.identify.sweep import Sweep
 
 LEAST_PERIODS = 4.0  # long periods in T_rec, Tischler & Remple 2012
 WEAK_AMPLITUDE, LARGE_AMPLITUDE = 50.0, 350.0  # us
+PWM_MAX = next(p.default for p in PARAMETERS if p.name == "SWP_PWM_MAX")
+NONSENSE_G, NONSENSE_WHEEL = 3.0, 45.0  # g that no tyre holds, deg that no steering turns
 WEAK_YAW_RATE, GOOD_YAW_RATE = 10.0, 40.0  # deg/s; the paper's rover reached 40..45
 
 
@@ -30,6 +34,22 @@ def judged(design: Design, servo_60_deg: float | None = None) -> Design:
     notes = [*_sweep(design), *_amplitude(design), *_servo(design, servo_60_deg), *_space(design)]
     notes += [*_rates(design), *_filters(design)]
     return replace(design, notes=tuple(notes))
+
+
+def refuse_nonsense(design: Design) -> None:
+    """UsageError for a design that no rover can drive: a mistake in the units, most likely."""
+    space, wheel = design.space, design.servo.wheel_deg
+    if wheel is not None and wheel > NONSENSE_WHEEL:
+        raise UsageError(
+            f"{design.manoeuvre.amplitude:g} us would turn the road wheels by {wheel:.0f} deg, which no "
+            "steering does; check rad_per_us in the vehicle file, or take less"
+        )
+    if space is not None and space.ay > NONSENSE_G * GRAVITY:
+        raise UsageError(
+            f"{space.ay / GRAVITY:.0f} g of lateral acceleration at {space.speed:g} m/s, where tyres hold "
+            f"{FRICTION[0]:g}..{FRICTION[1]:g} g; check the speed (m/s), the wheelbase and rad_per_us, or "
+            "take less"
+        )
 
 
 def _warning(text: str) -> Note:
@@ -92,8 +112,14 @@ def _amplitude(design: Design) -> list[Note]:
         return [
             _warning(
                 f"{amplitude:g} us comes near the end stops of most steerings (500 us and less): check "
-                f"that the linkage "
-                "moves freely that far, and set SWP_PWM_MAX."
+                f"that the linkage moves freely that far, and set SWP_PWM_MAX to {amplitude:g}."
+            )
+        ]
+    if amplitude > PWM_MAX:
+        return [
+            _warning(
+                f"{amplitude:g} us is past SWP_PWM_MAX, {PWM_MAX:g} us as it comes: the applet refuses it "
+                "until that is raised."
             )
         ]
     return []

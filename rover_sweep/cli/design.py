@@ -92,14 +92,17 @@ def design(
     """
     from rover_sweep.cli.design_view import show, show_json
     from rover_sweep.design import plan
-    from rover_sweep.design_notes import judged
+    from rover_sweep.design_notes import judged, refuse_nonsense
+    from rover_sweep.vehicle.manoeuvre import parameters_of
     from rover_sweep.vehicle_file import load
 
     vehicle = load(vehicle_path) if vehicle_path else None
     if speed and vehicle:
         vehicle.steering()  # refuses in words before anything is computed
+    manoeuvre = _manoeuvre(ctx, options)
+    parameters_of(manoeuvre)  # refuses what the applet would refuse
     planned = plan(
-        _manoeuvre(ctx, options),
+        manoeuvre,
         vehicle,
         speed,
         options["runs"],
@@ -107,6 +110,7 @@ def design(
         options["gyro_filter"],
         options["accel_filter"],
     )
+    refuse_nonsense(planned)
     planned = judged(planned, servo)
     if plot:
         from rover_sweep.cli.design_plot import draw

@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from rover_sweep.cli.terminal_plot import blocks, braille, ruler
-from rover_sweep.cli.text import bullet
+from rover_sweep.cli.text import bullet, fact
 from rover_sweep.design import (
     DOUBLET_PEAK,
     GRAVITY,
@@ -27,7 +27,7 @@ from rover_sweep.design import (
 from rover_sweep.identify.sweep import Doublet, Sweep
 from rover_sweep.vehicle_file import Vehicle
 
-WIDTH = 72
+WIDTH = 63
 SPAN_DB = 40.0
 
 
@@ -43,8 +43,8 @@ def show(design: Design, vehicle: Vehicle | None) -> None:
     if _can_draw():
         click.echo("\n".join(_wave_lines(design)) + "\n")
         click.echo("\n".join(_spectrum_lines(design)) + "\n")
-    for name, fact in _facts(design, vehicle):
-        click.echo(f"  {name:<18}{fact}")
+    for name, text in _facts(design, vehicle):
+        click.echo(fact(name, text))
     if design.notes:
         click.echo("\nMind")
     for level, mark in (("warning", "!"), ("info", "-")):
@@ -147,8 +147,13 @@ def _duration(design: Design) -> str:
 
 def _window_facts(windows: Windows, runs: int) -> list[tuple[str, str]]:
     lengths = ", ".join(f"{length:.1f}" for length in windows.lengths)
-    rule = f"rule {windows.t_min:.1f}..{windows.t_max:.1f} s; the longest resolves {windows.lowest:.2f} rad/s"
-    return [("windows", f"{lengths} s for {runs} run{'s' if runs > 1 else ''}"), ("", rule)]
+    rule = (
+        f"rule: 20 periods of w_max to min(T_rec/2, all runs/5) = {windows.t_min:.1f}..{windows.t_max:.1f} s"
+    )
+    longest, resolves = max(windows.lengths), f"the longest resolves {windows.lowest:.2f} rad/s"
+    if longest > 1.001 * windows.t_max:
+        resolves = f"the longest goes past it to hold w_min, and resolves {windows.lowest:.2f} rad/s"
+    return [("windows", f"{lengths} s for {runs} run{'s' if runs > 1 else ''}"), ("", f"{rule}; {resolves}")]
 
 
 def _servo_facts(servo: ServoDemand) -> list[tuple[str, str]]:

@@ -46,15 +46,17 @@ class PlainDisplay:
             case e.RunFinished():
                 self.run_finished(event)
             case e.Interrupted():
-                self.say(interrupted_words(event), "bold yellow")
+                self.interrupted(event)
             case e.LogProgress():
                 self.fetching(event)
             case e.LogSaved():
                 self.say(f"log fetched: {event.path}, {event.size / 1e6:.1f} MB")
 
     def say(self, text: str, style: str = "") -> None:
-        """A line."""
-        self.console.print(text, style=style or None, markup=False, soft_wrap=True)
+        """A line, wrapped on a terminal alone."""
+        from rich.text import Text
+
+        self.console.print(Text(text, style), soft_wrap=not self.console.is_terminal)
 
     def ask(self, question: str) -> None:
         """Wait for Enter. KeyboardInterrupt where the answer is Ctrl-C, or no terminal is left."""
@@ -74,6 +76,9 @@ class PlainDisplay:
             self.say(f"  {event.name}: {_coherence(event) or 'done'}")
         else:
             self.say(f"  {event.name} did not run to its end: {event.reason}", "bold red")
+
+    def interrupted(self, event: e.Interrupted) -> None:
+        self.say(interrupted_words(event), "bold yellow")
 
     def fetching(self, event: e.LogProgress) -> None:
         """Nothing: the log that was saved is told."""
@@ -118,6 +123,10 @@ class TerminalDisplay(PlainDisplay):
             self._progress.update(self._bar, completed=self._length)
         self._line("")
         super().run_finished(event)
+
+    def interrupted(self, event: e.Interrupted) -> None:
+        self._line("")
+        super().interrupted(event)
 
     def fetching(self, event: e.LogProgress) -> None:
         if self._fetching is None:

@@ -5,9 +5,19 @@ from __future__ import annotations
 import shutil
 import textwrap
 
+WIDTH = 80
+
 
 def bullet(mark: str, text: str) -> str:
-    """`text` wrapped to the terminal (at most 100 columns), indented by two, hanging behind `mark`."""
-    width = min(shutil.get_terminal_size((100, 24)).columns, 100)
-    indent = " " * (len(mark) + 3)
-    return textwrap.fill(text, width, initial_indent=f"  {mark} ", subsequent_indent=indent)
+    """`text` wrapped to the terminal (at most 80 columns), indented by two, hanging behind `mark`."""
+    return _hanging(f"  {mark} ", text)
+
+
+def fact(name: str, text: str) -> str:
+    """`text` in a column of its own behind `name`, wrapped likewise."""
+    return _hanging(f"  {name:<16}", text)
+
+
+def _hanging(head: str, text: str) -> str:
+    width = min(shutil.get_terminal_size((WIDTH, 24)).columns, WIDTH)
+    return textwrap.fill(text, width, initial_indent=head, subsequent_indent=" " * len(head))

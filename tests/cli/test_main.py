@@ -62,6 +62,8 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["design", "--type", "doublet", "--wmin", "1"], "--wmin belongs to --type sweep"),
         (["design", "--amplitude", "0"], "--amplitude"),
         (["design", "--plot", "x.foo"], "cannot be written"),
+        (["design", "--amplitude", "600"], "SWP_AMP 600 us is outside 1 to 500"),
+        (["design", "--speed", "50", "--vehicle", ROVER], "94 g of lateral acceleration"),
         (["inertia", "--length", "120", "--spacing", "0.3", "--times", "2.4"], "give metres"),
         (
             ["inertia", "--length", "1.2", "--spacing", "0.3+-0.4", "--times", "2.4"],
@@ -209,7 +211,7 @@ def test_design_shows_numbers_pictures_and_warnings(
         "\u28ff",
     ):
         assert part in out
-    assert all(len(line) <= 100 for line in out.splitlines())
+    assert all(len(line) <= 80 for line in out.splitlines())
     assert picture.read_bytes().startswith(b"\x89PNG") and "picture written" in err
 
 
