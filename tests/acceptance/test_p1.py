@@ -1,8 +1,8 @@
 """Acceptance against CIFER v6.3.00 on the Stanford P1 steer-by-wire car: one sweep of 20 s at 33 ft/s.
 
 CIFER's bands begin at .4189 rad/s = 2 pi/15 s, so a window of 15 s stands beside the five of 2 to 10 s
-that suit a record of 20 s. Its a_y comes out at 170, not 51, with the plain equation a_y = v' + V r; an
-accelerometer 1.05 ft above the point of v brings it to 43 without touching another parameter.
+that suit a record of 20 s. Its a_y comes out at 173, not 51, with the plain equation a_y = v' + V r; an
+accelerometer 1.05 ft above the point of v brings it to 44 without touching another parameter.
 """
 
 from collections.abc import Mapping
