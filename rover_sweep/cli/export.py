@@ -23,12 +23,13 @@ FORMATS = {".json": "json", ".m": "matlab", ".py": "python", ".mat": "mat"}
               help="Another speed than that of the runs (not for the lumped model).")  # fmt: skip
 @click.option("-o", "--output", metavar="FILE", default="-", help="Where to write; stdout if not said.")
 def export(directory: str, name: str | None, form: str | None, speed: float | None, output: str) -> None:
-    """Export a model out of DIR, the report folder that `identify` wrote.
+    """Export a model out of DIR, the report folder that `identify` wrote or the session that holds it.
 
     Continuous-time A, B, C, D (and M, F, G, H0, H1), names and units of states, input and outputs, the
     input's delay tau, and the sensors' low-passes apart: they belong to the instruments, not to the rover.
+    The python form computes responses with numpy alone; its system() needs `pip install control`.
     """
-    model = _load(Path(directory), name)
+    model = _load(_report(Path(directory)), name)
     if speed is not None:
         model = _moved(model, speed)
     chosen = form or _by_suffix(output)
@@ -40,6 +41,10 @@ def export(directory: str, name: str | None, form: str | None, speed: float | No
         return
     from rover_sweep.report.files import write_file
 
+    if not Path(output).parent.is_dir():
+        raise UsageError(
+            f"there is no folder {Path(output).parent} to write {Path(output).name} into; make it"
+        )
     write_file(Path(output), content)
     click.echo(f"{model['model']} model at {model['speed_m_s']:.3g} m/s written to {output}", err=True)
     if model["verdict"] not in ("good", "acceptable"):
@@ -69,8 +74,15 @@ def _content(model: dict[str, Any], form: str) -> str | bytes:
     return export_text.json_text(model)
 
 
+def _report(directory: Path) -> Path:
+    """The folder itself, or its report/ where that is what holds the identification."""
+    inside = directory / "report"
+    here = (directory / "identification.json").is_file()
+    return inside if not here and (inside / "identification.json").is_file() else directory
+
+
 def _load(directory: Path, name: str | None) -> dict[str, Any]:
-    missing = f"{directory} holds no report; give the --out folder of `rover-sweep identify`"
+    missing = f"{directory} holds no report; give the --out folder of identify, run or dry-run"
     document = _read(directory / "identification.json", missing)
     wanted = name or document.get("recommended")
     there = sorted(p.stem for p in (directory / "models").glob("*.json"))

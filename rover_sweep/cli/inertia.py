@@ -10,7 +10,7 @@ import click
 
 from rover_sweep.cli.numbers import MeasuredType, TimesType
 from rover_sweep.cli.text import bullet
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.inertia import (
     AXES,
     CAVEATS,
@@ -28,6 +28,7 @@ from rover_sweep.inertia import (
 from rover_sweep.vehicle_file import Measured, Vehicle, load, set_number
 
 MASS = MeasuredType(0.05, 5000, "kg", "give kilograms")
+LEAST_GYRATION = 0.1  # of the wheelbase: about the roll axis of a narrow rover it may be as little
 LENGTH = MeasuredType(0.05, 20, "m", "give metres")
 
 
@@ -39,7 +40,9 @@ LENGTH = MeasuredType(0.05, 20, "m", "give metres")
     show_default=True,
     help="Which axis hung vertical.",
 )
-@click.option("--mass", type=MASS, help="Mass hung, kg. [default for yaw: mass of the vehicle file]")
+@click.option(
+    "--mass", type=MASS, help="Mass hung, kg. [default for yaw: mass of the file of --vehicle or --write]"
+)
 @click.option("--length", type=LENGTH, required=True, help="h, length of the wires from clamp to clamp, m.")
 @click.option("--spacing", type=LENGTH, required=True, help="d, distance between the two wires, m.")
 @click.option(
@@ -76,6 +79,7 @@ LENGTH = MeasuredType(0.05, 20, "m", "give metres")
 @click.option(
     "--write", type=click.Path(dir_okay=False), help="Vehicle file to write the result into; comments stay."
 )
+@click.option("--force", is_flag=True, help="With --write: write a test that is not good, too.")
 @click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
 def inertia(
     axis: Axis,
@@ -91,6 +95,7 @@ def inertia(
     timer_sd: float,
     vehicle_path: str | None,
     write: str | None,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Moment of inertia from a swing test.
@@ -119,12 +124,20 @@ def inertia(
         )
     swing = Swings(check_times, check_swings or swings, timer_sd).period if check_times else None
     check = gravity_check(length, swing) if swing else None
-    said = remarks(test, result, check, swing) + _against(axis, hung, result, rover)
+    gyration = _gyration(result, rover)
+    said = (
+        remarks(test, result, check, swing) + _against(axis, hung, rover) + ([gyration] if gyration else [])
+    )
     if as_json:
         _print_json(axis, test, result, check, said)
     else:
         _print(axis, test, result, check, said, len(times), swings)
     if write:
+        faults = _faults(check, gyration)
+        if faults and not force:
+            raise DataRefused(
+                f"not written into {write}: {'; '.join(faults)}; swing again (--force writes it)"
+            )
         set_number(write, KEY[axis], rounded(result.moment))
         click.echo(
             f"{KEY[axis].partition('.')[2]} = {rounded(result.moment)} kg m^2 written into {write}", err=True
@@ -144,7 +157,7 @@ def _mass(axis: Axis, mass: Measured | None, rover: Vehicle | None) -> Measured:
     return rover.mass
 
 
-def _against(axis: Axis, hung: Measured, result: Inertia, rover: Vehicle | None) -> list[str]:
+def _against(axis: Axis, hung: Measured, rover: Vehicle | None) -> list[str]:
     """What the vehicle file says to it."""
     whole_body = (
         "roll_inertia is that of the sprung mass about its own CG: swing the chassis without wheels and "
@@ -159,12 +172,28 @@ def _against(axis: Axis, hung: Measured, result: Inertia, rover: Vehicle | None)
         said.append(f"{hung.value:g} kg hung there, but the vehicle file says {what} = {expected.value:g} kg")
         if axis == "roll":
             said.append(whole_body)
-    if result.radius_of_gyration > rover.wheelbase:
-        said.append(
-            f"a radius of gyration of {result.radius_of_gyration:.2g} m is more than the wheelbase of "
-            f"{rover.wheelbase:.3g} m: check the units, the number of swings, and which period is which"
-        )
     return said
+
+
+def _gyration(result: Inertia, rover: Vehicle | None) -> str:
+    """What is wrong with the radius of gyration beside the wheelbase, '' if nothing or not known."""
+    if rover is None:
+        return ""
+    share = result.radius_of_gyration / rover.wheelbase
+    if LEAST_GYRATION <= share <= 1:
+        return ""
+    return (
+        f"a radius of gyration of {result.radius_of_gyration:.2g} m is {share:.2g} times the wheelbase of "
+        f"{rover.wheelbase:.3g} m, and {LEAST_GYRATION:g} to 1 is possible: check the units, the number of "
+        "swings, and which period is which"
+    )
+
+
+def _faults(check: GravityCheck | None, gyration: str) -> list[str]:
+    """Why a test is no measurement, in words; empty if nothing speaks against it."""
+    failed = check is not None and not check.passed
+    words = f"g comes out {check.percent:+.1f} % off" if check is not None and failed else ""
+    return [fault for fault in (words, gyration) if fault]
 
 
 def _print(

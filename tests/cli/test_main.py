@@ -167,6 +167,37 @@ def test_inertia_writes_the_file_and_shows_the_uncertainty(
     assert written is not None and (written.value, written.sd) == (0.06981, 0.00063)
 
 
+def test_a_swing_test_that_is_not_good_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text(example())
+    before = path.read_text()
+    bad = [*SWING, "--check-times", "40", "--write", str(path)]
+    assert main.run(bad) == 3
+    out, err = capsys.readouterr()
+    assert "NOT GOOD" in out and "not written into" in err and "off" in err and err.count("\n") == 1
+    wrong_count = [*SWING[:-3], "1", *SWING[-2:], "--write", str(path)]  # 47 s for one swing
+    assert main.run(wrong_count) == 3
+    assert "radius of gyration" in capsys.readouterr().err
+    assert path.read_text() == before
+    assert main.run([*bad, "--force"]) == 0
+    assert load(path).yaw_inertia is not None and path.read_text() != before
+
+
+def test_inertia_takes_the_mass_from_the_file_that_it_writes(tmp_path: Path) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text(example())
+    given = path.read_text()
+    assert main.run([*SWING, "--write", str(path)]) == 0
+    with_mass = load(path).yaw_inertia
+    path.write_text(given)
+    assert main.run([SWING[0], *SWING[3:], "--write", str(path)]) == 0
+    found = load(path).yaw_inertia
+    assert found is not None and with_mass is not None
+    assert found.value / with_mass.value == pytest.approx(load(path).mass.value / 2.66, rel=2e-3)
+
+
 def test_inertia_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run([*SWING, "--check-times", "40", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
