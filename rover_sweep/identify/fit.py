@@ -12,6 +12,7 @@ from rover_sweep.identify.intervals import Intervals
 from rover_sweep.identify.recording import Array, LowPass
 from rover_sweep.identify.response import Band, FrequencyResponse
 from rover_sweep.identify.spectra import Complex
+from rover_sweep.identify.starts import farthest
 from rover_sweep.identify.structure import ModelStructure, Parameter
 from rover_sweep.identify.table import ShortTable, Shown, number
 
@@ -210,22 +211,12 @@ def fit(
     ends = [_descend(structure.with_values(s), usable, tolerance, stable) for s in ({}, *starts)]
     best = min(ends, key=lambda e: e[1])
     same = best[1] * 1.001 + 1e-6
-    name, spread = _spread(best[0], [s for s, total in ends if total <= same])
+    name, spread = farthest(best[0], [s for s, total in ends if total <= same])
     found = evaluated(best[0], usable, spread)
     mean = found.average / best[1] if best[1] else 0.0
     rivals = sorted(mean * total for _, total in ends if total > same)
     within = tuple(j for j in rivals if j <= max(TOLERABLE, 2 * found.average))
     return replace(found, spread_in=name, starts=len(ends), rivals=within)
-
-
-def _spread(best: ModelStructure, others: Sequence[ModelStructure]) -> tuple[str, float]:
-    """(parameter, relative difference) where the others are farthest from the best; 0 counts as 1."""
-    apart = {
-        p.name: max(abs(o.values[p.name] - p.value) for o in others) / (abs(p.value) or 1.0)
-        for p in best.free
-    }
-    name = max(apart, key=lambda n: apart[n], default="")
-    return name, apart.get(name, 0.0)
 
 
 def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread: float = 0.0) -> FitResult:

@@ -8,6 +8,8 @@ A structure whose starts are known to be near, such as derivatives of another mo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rover_sweep.identify.structure import ModelStructure, Parameter
@@ -35,6 +37,16 @@ def near_starts(structure: ModelStructure, count: int = COUNT, seed: int = 0) ->
         }
         for _ in range(count)
     ]
+
+
+def farthest(best: ModelStructure, others: Sequence[ModelStructure]) -> tuple[str, float]:
+    """(parameter, relative difference) where the others are farthest from the best; 0 counts as 1."""
+    apart = {
+        p.name: max(abs(o.values[p.name] - p.value) for o in others) / (abs(p.value) or 1.0)
+        for p in best.free
+    }
+    name = max(apart, key=lambda n: apart[n], default="")
+    return name, apart.get(name, 0.0)
 
 
 def _drawn(p: Parameter, delay: bool, rng: np.random.Generator) -> float:

@@ -117,7 +117,7 @@ def _coherence(axes: Axes, f: FrequencyResponse) -> None:
     axes.axhline(COHERENCE_GOOD, color=BAND, linewidth=1.0, linestyle=(0, (4, 2)))
     axes.set_ylim(0, 1.04)
     axes.set_yticks([0, COHERENCE_GOOD, 1])
-    axes.set_ylabel("partial\ncoherence" if f.conditioned_on else "coherence")
+    axes.set_ylabel("partial coh." if f.conditioned_on else "coherence")
 
 
 def _outside(axes: Axes, f: FrequencyResponse) -> None:
@@ -132,7 +132,7 @@ def _outside(axes: Axes, f: FrequencyResponse) -> None:
 
 def _title(f: FrequencyResponse, group: Group, models: Models) -> str:
     """The response and its unit, below it J of each model at this speed."""
-    without = f" ({', '.join(f.conditioned_on)} taken out)" if f.conditioned_on else ""
+    without = f" less {', '.join(f.conditioned_on)}" if f.conditioned_on else ""
     what = f"{LABELS[f.output]} / steering{without}, {f.unit.replace('^2', '²')}"
     if not models:
         return f"{what}\n{'usable ' + band(f.band) + ' rad/s' if f.band else 'no usable band'}"
