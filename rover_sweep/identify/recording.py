@@ -136,7 +136,12 @@ class Recording:
     @property
     def mean_speed(self) -> float:
         """Mean forward speed over the manoeuvre, m/s."""
-        return float(np.mean(self.manoeuvre("speed").x))
+        samples = self.manoeuvre("speed").x
+        if samples.size == 0:
+            raise ValueError(
+                f"{self.name}: no speed was recorded between {self.span[0]:g} and {self.span[1]:g} s"
+            )
+        return float(np.mean(samples))
 
     def bias(self, channel: str) -> float | None:
         """Mean of a channel at standstill, None where nothing was recorded standing still."""
