@@ -86,8 +86,7 @@ def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
 def _interval(e: Estimate) -> str:
     if e.interval is None:
         return "free"
-    low, high = sorted((e.interval.low, e.interval.high), key=abs)
-    return f"{number(low)} … {number(high)}"
+    return f"{number(e.interval.low)} … {number(e.interval.high)}"
 
 
 def _fixed_row(e: Estimate) -> tuple[Cell, ...]:
