@@ -132,7 +132,11 @@ class Controls:
 
     def _attempt(self, step: Callable[[], None], failures: list[str]) -> None:
         try:
-            step()
+            try:
+                step()
+            except UsageError as error:  # the disk is full, which is told once; stopping goes on
+                failures.append(str(error))
+                step()
         except RoverSweepError as error:
             failures.append(str(error))
 

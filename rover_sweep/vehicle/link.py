@@ -68,7 +68,13 @@ class Link:
     @classmethod
     def open(cls, url: str, tlog_path: Path, timeout: float = 15.0) -> Link:
         """Connect, record into `tlog_path` and wait up to `timeout` s for a vehicle's heartbeat."""
-        link = cls(url, open_transport(url), TlogWriter(tlog_path))
+        transport = open_transport(url)
+        try:
+            recorder = TlogWriter(tlog_path)
+        except BaseException:
+            transport.close()
+            raise
+        link = cls(url, transport, recorder)
         try:
             link._find_vehicle(timeout)
         except BaseException:
@@ -95,8 +101,8 @@ class Link:
 
     def record_to(self, path: Path) -> None:
         """Go on recording in another .tlog."""
-        self._recorder.close()
-        self._recorder = TlogWriter(path)
+        before, self._recorder = self._recorder, TlogWriter(path)
+        before.close()
 
     @property
     def armed(self) -> bool:
@@ -156,11 +162,13 @@ class Link:
             self._watch.waited(time.monotonic() - began, found=self.target != (0, 0))
             return
         pieces = list(self._framer.feed(data))
-        self._recorder.write(pieces)
-        for frame, is_frame in pieces:
-            message = self._codec.decode(frame) if is_frame else None
-            if message is not None:
-                self._queue.append(message)
+        try:
+            self._recorder.write(pieces)
+        finally:  # also what a full disk does not take is heard, such as the answer to a disarm
+            for frame, is_frame in pieces:
+                message = self._codec.decode(frame) if is_frame else None
+                if message is not None:
+                    self._queue.append(message)
 
     def _take(self, message: Message) -> bool:
         """Keep the books on a message; False where it is not from our vehicle."""

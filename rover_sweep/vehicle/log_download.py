@@ -14,6 +14,7 @@ from typing import Protocol
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.recorder import writing
 
 _BLOCK = 90  # bytes in a LOG_DATA
 _WINDOW = 2048 * _BLOCK  # asked for at a time
@@ -66,7 +67,7 @@ class MavlinkLogs:
         partial = path.with_name(path.name + ".part")
         began, done = time.monotonic(), 0
         try:
-            with partial.open("wb") as file:
+            with writing(path), partial.open("wb") as file:
                 for start in range(0, entry.size, _WINDOW):
                     block = self._window(entry, start, min(_WINDOW, entry.size - start))
                     file.write(block)
@@ -74,7 +75,8 @@ class MavlinkLogs:
                     yield LogProgress(entry.number, done, entry.size)
         finally:
             self.link.to_vehicle("LOG_REQUEST_END")
-        partial.replace(path)
+        with writing(path):
+            partial.replace(path)
         yield LogSaved(path, done, time.monotonic() - began)
 
     def _window(self, entry: LogEntry, start: int, size: int) -> bytes:

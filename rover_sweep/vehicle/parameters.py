@@ -14,7 +14,7 @@ _REAL32 = 9  # MAV_PARAM_TYPE_REAL32
 _TRIES, _TIMEOUT = 4, 1.0
 
 
-class ParameterMissing(UsageError):
+class ParameterMissing(LinkError):
     """The vehicle has no parameter of that name (or did not answer for it)."""
 
 

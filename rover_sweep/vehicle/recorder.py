@@ -6,13 +6,17 @@ mavlogfile, MAVProxy, Mission Planner and QGroundControl read it. The stamp is t
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from rover_sweep.errors import UsageError
 
 _STAMP = struct.Struct(">Q")
 
@@ -21,25 +25,33 @@ class TlogWriter:
     """Writes frames unbuffered: after `write` returns they survive the death of this process.
 
     Bytes that belong to no frame go to `NAME.tlog.noise` (stamp, 4-byte length, bytes), because a
-    reader of the .tlog would lose its place over them.
+    reader of the .tlog would lose its place over them. UsageError where the disk takes no more; it is
+    raised once, and what comes after is not recorded, so that the link can still stop the vehicle.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = path.open("ab", buffering=0)
-        self._last_us = 0
+        self._last_us, self._failed = 0, False
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("ab", buffering=0)
 
     def write(self, pieces: Sequence[tuple[bytes, bool]]) -> None:
-        """Append (bytes, is_frame) pieces that came together, in one write."""
+        """Append (bytes, is_frame) pieces that came together."""
+        if self._failed:
+            return
         stamp = _STAMP.pack(self._now_us())
         frames = b"".join(stamp + data for data, is_frame in pieces if is_frame)
-        if frames:
-            self._file.write(frames)
         noise = b"".join(data for data, is_frame in pieces if not is_frame)
-        if noise:
-            with self.path.with_name(self.path.name + ".noise").open("ab") as file:
-                file.write(stamp + struct.pack(">I", len(noise)) + noise)
+        try:
+            with writing(self.path):
+                _write_all(self._file, frames)
+                if noise:
+                    with self.path.with_name(self.path.name + ".noise").open("ab", buffering=0) as file:
+                        _write_all(file, stamp + struct.pack(">I", len(noise)) + noise)
+        except UsageError:
+            self._failed = True
+            raise
 
     def close(self) -> None:
         self._file.close()
@@ -48,6 +60,25 @@ class TlogWriter:
         # Lowest two bits zero: readers take them for the number of the link.
         self._last_us = max(self._last_us, time.time_ns() // 1000 & ~3)
         return self._last_us
+
+
+def _write_all(file: io.FileIO, data: bytes) -> None:
+    """An unbuffered file may take a part of what it is given, as the last bytes of a disk."""
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left) :]
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """An OSError over a file of the recording becomes a UsageError with a sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be written ({error.strerror}): nothing more is recorded there; "
+            "make room, or give another folder"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -59,7 +90,8 @@ class Session:
     @classmethod
     def create(cls, folder: Path) -> Session:
         """Make the folder; recordings that lie there already are kept (tlogs get a number)."""
-        folder.mkdir(parents=True, exist_ok=True)
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
         return cls(folder)
 
     def tlog(self, name: str) -> Path:
@@ -73,6 +105,7 @@ class Session:
         """Write session.json: what was run on which vehicle, with which settings, into which files."""
         path = self.folder / "session.json"
         partial = path.with_suffix(".json.part")
-        partial.write_text(json.dumps(content, indent=2, default=str) + "\n")
-        partial.replace(path)
+        with writing(path):
+            partial.write_text(json.dumps(content, indent=2, default=str) + "\n")
+            partial.replace(path)
         return path

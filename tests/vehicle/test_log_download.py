@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fake_vehicle import FakeVehicle
 
-from rover_sweep.errors import LinkError
+from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle import log_download
 from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link import Link
@@ -49,3 +49,10 @@ def test_no_logs_and_armed(link: Link, vehicle: FakeVehicle) -> None:
     link.wait_for("HEARTBEAT", 2.0, lambda _: link.armed)
     with pytest.raises(LinkError, match="while the rover is armed"):
         MavlinkLogs(link).logs()
+
+
+def test_a_folder_that_is_gone_is_told(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
+    vehicle.log = b"x" * 100
+    (entry,) = MavlinkLogs(link).logs()
+    with pytest.raises(UsageError, match="gone/log1.BIN cannot be written .No such file or directory"):
+        list(MavlinkLogs(link).download(entry, tmp_path / "gone" / "log1.BIN"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import struct
 import subprocess
@@ -9,10 +10,12 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 from fake_vehicle import FakeVehicle
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as m
 
+from rover_sweep.errors import UsageError
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import Codec, Framer, make
 from rover_sweep.vehicle.recorder import Session, TlogWriter
@@ -126,3 +129,64 @@ def test_a_session_overwrites_no_recording(tmp_path: Path) -> None:
     first.write_bytes(b"x")
     assert session.tlog("sweep1").name == "sweep1-2.tlog"
     assert '"a": 1' in session.describe({"a": 1}).read_text()
+
+
+class _PartFile:
+    """A file that takes at most `most` bytes at a time, and `room` in all."""
+
+    def __init__(self, most: int, room: int) -> None:
+        self.data, self.most, self.room = b"", most, room
+
+    def write(self, data: bytes) -> int:
+        taken = bytes(data[: min(self.most, self.room - len(self.data))])
+        if not taken:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        self.data += taken
+        return len(taken)
+
+
+def test_a_short_write_is_carried_on(tmp_path: Path) -> None:
+    writer, frame, file = TlogWriter(tmp_path / "a.tlog"), _heartbeat(Codec()), _PartFile(5, 10**6)
+    writer._file = file  # type: ignore[assignment]
+    writer.write([(frame, True), (frame, True)])
+    assert file.data[8 : -len(frame)].startswith(frame) and file.data.endswith(frame)
+    assert len(file.data) == 2 * (8 + len(frame))
+
+
+def test_a_full_disk_is_told_once(tmp_path: Path) -> None:
+    writer, frame, file = TlogWriter(tmp_path / "a.tlog"), _heartbeat(Codec()), _PartFile(1000, 50)
+    writer._file = file  # type: ignore[assignment]
+    with pytest.raises(UsageError, match="a.tlog cannot be written .No space left on device.*make room"):
+        writer.write([(frame, True), (frame, True)])
+    writer.write([(frame, True)])
+    assert len(file.data) == 50
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below", Path("/proc/none")):
+        with pytest.raises(UsageError, match="cannot be written"):
+            Session.create(folder)
+    with pytest.raises(UsageError, match="file/a.tlog cannot be written"):
+        TlogWriter(tmp_path / "file" / "a.tlog")
+    session = Session.create(tmp_path / "s")
+    (tmp_path / "s" / "session.json").mkdir()
+    with pytest.raises(UsageError, match="session.json cannot be written"):
+        session.describe({"a": 1})
+
+
+def test_a_link_goes_on_without_a_recording(
+    vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with Link.open(vehicle.url, tmp_path / "a.tlog") as link:
+        monkeypatch.setattr("rover_sweep.vehicle.recorder._write_all", full)
+        with pytest.raises(UsageError, match="No space left"):
+            for _ in range(200):
+                link.receive(1.0)
+        assert link.receive(1.0) is not None
+        with pytest.raises(UsageError):
+            link.record_to(tmp_path / "a.tlog" / "b.tlog")
+        assert link.receive(1.0) is not None and link.tlog == tmp_path / "a.tlog"

@@ -52,7 +52,7 @@ def test_lost_answers_are_asked_for_again(link: Link, vehicle: FakeVehicle) -> N
 
 
 def test_what_is_not_there_and_what_stays_other_are_told(link: Link, vehicle: FakeVehicle) -> None:
-    with pytest.raises(UsageError, match="no parameter SWP_NONE"):
+    with pytest.raises(LinkError, match="no parameter SWP_NONE"):
         read(link, "SWP_NONE")
     with pytest.raises(UsageError, match="at most 16 characters"):
         read(link, "A_NAME_THAT_IS_TOO_LONG")

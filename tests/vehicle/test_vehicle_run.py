@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,8 +13,18 @@ from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.identify.sweep import Doublet
 from rover_sweep.vehicle import run as run_module
 from rover_sweep.vehicle import watch
+from rover_sweep.vehicle.controls import Controls
 from rover_sweep.vehicle.dry_run import DryRun, dry_run
-from rover_sweep.vehicle.events import Armed, Event, RunFinished, Said, Sample, StateChanged, SwitchWanted
+from rover_sweep.vehicle.events import (
+    Armed,
+    Event,
+    Notice,
+    RunFinished,
+    Said,
+    Sample,
+    StateChanged,
+    SwitchWanted,
+)
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.run import RunSettings, run
 
@@ -139,6 +150,39 @@ def test_link_loss_ends_the_run_and_the_override_lapses(
     with pytest.raises(LinkError, match="silent"):
         list(events)
     assert wait_until(lambda: vehicle.rc(SWITCH) < 1200 and vehicle.rc(STEERING) == 1500, 10)
+
+
+def test_a_full_disk_ends_the_run_after_letting_go(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    events = _run(link, tmp_path)
+    _until_state(events, 6)
+    assert vehicle.rc(THROTTLE) == 1710
+    monkeypatch.setattr("rover_sweep.vehicle.recorder._write_all", full)
+    with pytest.raises(UsageError, match="doublet.tlog cannot be written .No space left"):
+        list(events)
+    assert wait_until(lambda: _is_let_go(vehicle), 5)
+    assert not link.armed
+
+
+@pytest.mark.parametrize("step", ["_stop_now", "_settle", "_disarm", "_release"])
+def test_a_disk_that_fills_while_letting_go_stops_nothing(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    fails, whole = [UsageError("the disk is full")], getattr(Controls, step)
+
+    def once(controls: Controls) -> None:
+        if fails:
+            raise fails.pop()
+        whole(controls)
+
+    monkeypatch.setattr(Controls, step, once)
+    events = list(_run(link, tmp_path))
+    assert any(isinstance(e, Notice) and "the disk is full" in e.text for e in events)
+    assert wait_until(lambda: _is_let_go(vehicle), 5)
 
 
 def test_the_applet_stops(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
