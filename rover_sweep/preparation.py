@@ -13,6 +13,7 @@ from rover_sweep.identify.grouping import Settings
 from rover_sweep.identify.models.lumped import COLUMNS, ROWS
 from rover_sweep.identify.recording import Recording, steered
 from rover_sweep.logs import read_runs
+from rover_sweep.run_names import named, source_names
 from rover_sweep.vehicle_file import Vehicle
 
 STEERED = ("delta", "pwm", "r", "p", "phi", "psi", "ay", "vy")
@@ -57,16 +58,25 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
     )
 
 
-def load(sources: Sequence[str], vehicle: Vehicle, reading: Reading) -> tuple[Recording, ...]:
-    """All runs of the sources with the steering angle in radians."""
-    return tuple(with_delta(run, vehicle) for run in load_runs(sources, reading.columns, reading.filters))
+def load(
+    sources: Sequence[str], vehicle: Vehicle, reading: Reading, beside: Sequence[str] = ()
+) -> tuple[Recording, ...]:
+    """All runs of the sources with the steering angle in radians; beside: as in `load_runs`."""
+    runs = load_runs(sources, reading.columns, reading.filters, beside)
+    return tuple(with_delta(run, vehicle) for run in runs)
 
 
 def load_runs(
-    sources: Sequence[str], columns: Mapping[str, Any] | str | None, filters: Mapping[str, float] | None
+    sources: Sequence[str],
+    columns: Mapping[str, Any] | str | None,
+    filters: Mapping[str, float] | None,
+    beside: Sequence[str] = (),
 ) -> tuple[Recording, ...]:
-    """All runs of the sources as recorded."""
-    return tuple(r for s in sources for r in read_runs(s, column_map=columns, filters=filters))
+    """All runs of the sources as recorded, named apart from each other and from those of `beside`."""
+    names = source_names((*sources, *beside))
+    return tuple(
+        named(run, s, names[s]) for s in sources for run in read_runs(s, column_map=columns, filters=filters)
+    )
 
 
 def with_delta(run: Recording, vehicle: Vehicle) -> Recording:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -31,26 +32,30 @@ def coherence(
     answer, not an error: the exit code is 0.
     """
     from rover_sweep.identify.quality import assess
-    from rover_sweep.logs import read_runs
+    from rover_sweep.preparation import load_runs
 
-    filters = filter_overrides(gyro_filter, accel_filter)
-    found = [r for source in runs for r in read_runs(source, column_map=columns, filters=filters)]
+    found = load_runs(runs, columns, filter_overrides(gyro_filter, accel_filter))
     verdicts = [assess(run) for run in found]
     if as_json:
-        click.echo(json.dumps([asdict(v) for v in verdicts], indent=2))
+        noted = [
+            asdict(v) | {"notes": [asdict(n) for n in r.notes]} for v, r in zip(verdicts, found, strict=True)
+        ]
+        click.echo(json.dumps(noted, indent=2))
         return
-    for verdict in verdicts:
-        show(verdict)
+    for verdict, run in zip(verdicts, found, strict=True):
+        show(verdict, [note.text for note in run.notes if note.level == "warning"])
 
 
-def show(verdict: CoherenceVerdict) -> None:
-    """One run's verdict: the sentence first, then a line per response."""
+def show(verdict: CoherenceVerdict, warnings: Sequence[str] = ()) -> None:
+    """One run's verdict: the sentence first, then what spoils the recording, then a line per response."""
     from rich.console import Console
     from rich.table import Table
 
     console = Console()
     colour = "green" if verdict.keep else "yellow"
     console.print(f"[bold]{verdict.run}[/]: [{colour}]{verdict.sentence}[/]", highlight=False, soft_wrap=True)
+    for warning in warnings:
+        console.print(f"warning: {warning}", style="yellow", highlight=False, soft_wrap=True, markup=False)
     table = Table(box=None, padding=(0, 2))
     for heading in ("response", "usable band, rad/s", "range at >= 0.6", "lowest coherence"):
         table.add_column(heading, justify="left" if heading == "response" else "right")

@@ -97,8 +97,8 @@ def identify(
     path = Path(vehicle_path(vehicle_file))
     vehicle = load_vehicle(path)
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
-    sweeps, doublets = divided(load(runs, vehicle, reading))
-    checks = load(verify_runs, vehicle, reading) if verify_runs else doublets
+    sweeps, doublets = divided(load(runs, vehicle, reading, verify_runs))
+    checks = load(verify_runs, vehicle, reading, runs) if verify_runs else doublets
     refuse_overlap(sweeps, checks)
     settings = Settings(
         models, fitted, not untied, _swept(wmin, wmax), dict(bands), windows,

@@ -187,9 +187,12 @@ def _output(f: FrequencyResponse) -> OutputCoherence:
 
 
 def _judged(f: FrequencyResponse) -> tuple[Array, Array]:
-    """(w, coherence) where an answer may be asked for: rising responses drown at the low end."""
-    asked = f.w >= RISING_FROM * f.w[0] if f.output in RISING else np.ones(f.w.size, dtype=bool)
-    return f.w[asked], f.coherence[asked]
+    """(w, coherence) where an answer may be asked for: rising responses drown at the low end.
+
+    Of a narrow range, as a part of a sweep has, the upper half.
+    """
+    start = min(RISING_FROM * f.w[0], np.sqrt(f.w[0] * f.w[-1])) if f.output in RISING else f.w[0]
+    return f.w[f.w >= start], f.coherence[f.w >= start]
 
 
 def _factor(f: FrequencyResponse) -> float:

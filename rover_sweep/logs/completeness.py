@@ -84,12 +84,12 @@ def _last_state(log: Log, start: float, end: float) -> int | None:
     return None
 
 
-def refuse_stump(log: Log, kind: Kind, start: float, end: float) -> None:
+def refuse_stump(log: Log, name: str, kind: Kind, start: float, end: float) -> None:
     """Raise DataRefused for what was cut so early that it holds hardly a frequency."""
     waves = half_waves(log.steering[0].between(start, end))
     if kind == "other" and waves < HALF_WAVES and completeness_notes(log, start, end):
         raise DataRefused(
-            f"{log.name}: only {end - start:.0f} s of a run are there, with {waves} half waves of steering; "
+            f"{name}: only {end - start:.0f} s of a run are there, with {waves} half waves of steering; "
             "nothing can be identified from that, so drive it again and record it to its end"
         )
 

@@ -60,7 +60,8 @@ def find_runs(log: Log) -> tuple[Recording, ...]:
     """
     windows = _windows(log)
     standstill = still_intervals(log)
-    runs, refusals = [], []
+    runs: list[Recording] = []
+    refusals: list[DataRefused] = []
     for window in windows:
         try:
             runs.append(without_dead_channels(_recording(log, window, standstill, len(windows))))
@@ -68,7 +69,8 @@ def find_runs(log: Log) -> tuple[Recording, ...]:
             refusals.append(refusal)
     if refusals and not runs:
         raise refusals[0]
-    return tuple(runs)
+    unused = tuple(Note("warning", f"Another run was left out: {refusal}") for refusal in refusals)
+    return tuple(replace(run, notes=run.notes + unused) for run in runs)
 
 
 def _windows(log: Log) -> list[Window]:
@@ -165,11 +167,12 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
     first = max(s.t[0] for s in signals.values() if s.t.size)
     last = min(s.t[-1] for s in signals.values() if s.t.size)
     kind = kind_of(steering, window.start, window.end)
-    refuse_stump(log, kind, window.start, window.end)
+    name = f"{log.name} {window.label}" if count > 1 else log.name
+    refuse_stump(log, name, kind, window.start, window.end)
     straight = straight_intervals(log, window)
     start, end = _with_lead(window, straight)
     return Recording(
-        name=f"{log.name} {window.label}" if count > 1 else log.name,
+        name=name,
         channels=signals,
         span=(float(max(start, first)), float(min(end, last))),
         kind=kind,
