@@ -109,9 +109,11 @@ local function roll_rad()
     return ahrs:get_roll_rad()
 end
 
--- NaN where no servo steers any more.
+-- NaN where that channel steers no more: get_output_pwm would tell the PWM of another servo.
 local function output_pwm(channel)
-    if SRV_Channels.get_output_pwm then
+    if SRV_Channels:find_channel(STEERING) ~= channel then
+        return UNKNOWN
+    elseif SRV_Channels.get_output_pwm then
         return SRV_Channels:get_output_pwm(STEERING) or UNKNOWN
     end
     return SRV_Channels:get_output_pwm_chan(channel) or UNKNOWN
@@ -391,7 +393,7 @@ end
 
 -- Steering is the pilot's at the next main loop: a timeout of 0 lets calc_pwm recompute the output
 -- (source: SRV_Channels.cpp; seen within one loop on 4.5.7 and 4.6.3). Disarmed, nothing is sent and the
--- last override runs out (seen after 90 to 100 ms).
+-- last override runs out (seen after 90 to 100 ms). A servo that steers no more is left at trim.
 local function release()
     local out = output_pwm(run.channel)
     override(out == out and out or run.trim, 0)

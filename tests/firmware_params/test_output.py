@@ -76,12 +76,24 @@ def test_pause_before_the_override_ends_nothing() -> None:
     assert "stopped" not in bench.said
 
 
-def test_servo_that_steers_no_more_is_let_go() -> None:
-    """The override of the old output ends at trim, though no output can be read any more."""
+def let_go(channel: int | None, source: str) -> tuple[int, int]:
+    """(PWM, timeout) of the last override after another output (None: none) took over steering at 0 us."""
     bench = moving(straight=0, fade=0, trec=20, still=0)
-    drive = Drive(bench)
+    drive = Drive(bench, source)
     throw_switch(drive)
     drive.run(0.5)
-    bench.steering_channel = None
+    bench.steering_channel, bench.forced_output = channel, 0
     drive.run(0.09)
-    assert bench.overrides[-1][1:3] == (1500, 0) and drive.host.running
+    assert bench.state == 10 and drive.host.running
+    return bench.overrides[-1][1:3]
+
+
+@pytest.mark.parametrize("channel", [None, 1])
+def test_servo_that_steers_no_more_is_left_at_trim(channel: int | None) -> None:
+    """An output without a function keeps what it was last given; the new one's PWM is none of its own."""
+    assert let_go(channel, applet_source()) == (1500, 0)
+
+
+def test_servo_that_steers_no_more_would_get_the_pwm_of_the_other() -> None:
+    look = ("if SRV_Channels:find_channel(STEERING) ~= channel then", "if false then")
+    assert let_go(1, mutant(look)) == (0, 0)
