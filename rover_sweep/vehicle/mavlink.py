@@ -18,6 +18,7 @@ Message = Any  # a pymavlink message: attributes are the MAVLink fields
 GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
 GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
 V1, V2 = 0xFE, 0xFD
+_FTP_IDLE = 1.5  # s of silence that end a download; mavftp's 3.7 s are spent on every file that is not there
 _SIGNED, _SIGNATURE = 0x01, 13  # incompatibility flag, bytes of the signature
 _CRC_EXTRA = {number: cls.crc_extra for number, cls in dialect.mavlink_map.items()}
 
@@ -189,6 +190,7 @@ def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], 
 def ftp_get(link: FtpLink, remote: str, local: str) -> str:
     """Download a file by MAVLink FTP. '' when done, else what went wrong."""
     ftp, quiet = _ftp(link)
+    ftp.ftp_settings.idle_detection_time = _FTP_IDLE
     with quiet:
         ftp.cmd_get([remote, local])
         result = ftp.process_ftp_reply("get", timeout=60)

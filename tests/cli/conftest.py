@@ -1,0 +1,39 @@
+"""A simulated rover that is set up, and a session driven on it, for all tests of the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from program_calls import Tell, Told
+
+from rover_sweep.cli import main
+from sitl import launcher
+
+
+@pytest.fixture
+def told(capsys: pytest.CaptureFixture[str]) -> Tell:
+    """Calls the program in this process."""
+
+    def call(*arguments: str) -> Told:
+        capsys.readouterr()
+        code = main.run(arguments)
+        out, err = capsys.readouterr()
+        return Told(code, out, err)
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[launcher.Running]:
+    """A rover as it comes: no scripting, no applet."""
+    with launcher.start_embedded(tmp_path_factory.mktemp("fresh")) as rover:
+        yield rover
+
+
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory: pytest.TempPathFactory) -> Iterator[launcher.Running]:
+    """A rover with the applet and its parameters."""
+    with launcher.start_embedded(tmp_path_factory.mktemp("ready")) as rover:
+        assert main.run(["firmware", "install", "--yes", "--connect", rover.connection]) == 0
+        yield rover

@@ -1,0 +1,22 @@
+"""What the tests of the commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+ROVER = str(Path(__file__).parents[1] / "data" / "rover.toml")
+SHORT = ("--sweep", "120,2,20,10", "--sweep", "amplitude=240,wmin=2,wmax=20,trec=10", "--doublet", "150")
+DRIVEN = ("--arm", "--throttle", "1710", "--throw-switch", "--limit", "v_max=5")
+
+
+class Told(NamedTuple):
+    """What a call of the program gave."""
+
+    code: int
+    out: str
+    err: str
+
+
+Tell = Callable[..., Told]

@@ -1,0 +1,100 @@
+"""`rover-sweep dry-run`: streams, order, folders, refusals, and the numbers that only a simulation knows."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from program_calls import Tell
+
+SHORT = ("--wmin", "2", "--wmax", "20", "--trec", "10")
+
+
+def test_results_to_stdout_narration_in_order_and_the_truth(
+    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "dry-run").mkdir()
+    (tmp_path / "dry-run" / "notes.txt").write_text("mine")
+    done = told("dry-run", *SHORT, "--amplitude", "160")  # the second sweep is past SWP_PWM_MAX as it comes
+    assert done.code == 0, done.err
+    assert done.out.rstrip().endswith("report: dry-run-2/report/report.html")
+    lines = done.err.splitlines()
+    order = ["connected to", "sweep1: sweep, +-160", "sweep1: keep", "sweep2: sweep, +-320", "doublet: done"]
+    places = [next(i for i, line in enumerate(lines) if words in line) for words in order]
+    assert places == sorted(places) and "━" not in done.err + done.out
+    truth = done.out.partition("Simulated rover's own numbers")[2].splitlines()
+    inertia = next(line.split() for line in truth if line.startswith("I_zz"))
+    true, found, percent = (float(x) for x in inertia[-3:])
+    assert true == 0.071 and percent == pytest.approx(100 * (found / true - 1), abs=0.1)
+    written = json.loads((tmp_path / "dry-run-2/report/identification.json").read_text())
+    assert found == pytest.approx(written["models"]["roll-yaw"]["parameters"]["Izz"]["value"], rel=1e-3)
+    assert [p.name for p in (tmp_path / "dry-run").iterdir()] == ["notes.txt"]
+    again = told("dry-run", "--out", "dry-run-2")
+    assert again.code == 2 and "holds a session already" in again.err and again.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--seed", "-1"), "--seed"),
+        (("--amplitude", "201"), "402 us is past the 400 us"),
+        (("--wmax", "70"), "9.0 samples a period at the loop rate of 100 Hz"),
+        (("--trec", "700"), "SWP_TREC 700 s is outside 1 to 600"),
+        (("--wmin", "30"), "w_min"),
+        (("--variant", "none"), "no variant none"),
+        (("--out", "/dev/null/x"), "/dev/null/x cannot be written: Not a directory"),
+        (("--out", "file/x"), "cannot be written: Not a directory"),
+        (("--connect", "tcp:127.0.0.1:1"), "--rover-file"),
+    ],
+)
+def test_mistakes_are_told_at_once_and_leave_nothing(
+    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    done = told("dry-run", *arguments)
+    assert done.code == 2 and said in done.err and done.err.count("\n") == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_ctrl_c_says_what_was_kept_and_that_the_rover_was_let_go(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "rover_sweep", "dry-run", "--out", str(tmp_path / "x")]
+    program = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    assert program.stderr is not None
+    with program.stderr as err:
+        lines = []
+        for line in err:
+            lines.append(line)
+            if "sweep2: sweep" in line:
+                time.sleep(0.5)
+                program.send_signal(signal.SIGINT)
+    assert program.wait(20) == 130
+    text = "".join(lines)
+    assert "sweep2 interrupted: the rover was let go" in text
+    assert f"kept in {tmp_path / 'x'}: sweep1.tlog, sweep2.tlog (no whole run)" in text
+
+
+def test_a_simulated_rover_that_dies_says_why(
+    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It dies when the first ground station connects, after it said that it was ready."""
+    broken = tmp_path / "broken.py"
+    broken.write_text(
+        "import json, socket, sys\n"
+        "s = socket.create_server(('127.0.0.1', 0))\n"
+        "print(json.dumps({'tcp': s.getsockname()[1]}), flush=True)\n"
+        "s.accept()\n"
+        "sys.exit('the tyres fell off')\n"
+    )
+    from sitl import launcher
+
+    start = launcher._start
+    monkeypatch.setattr(launcher, "_start", lambda _, *rest: start([sys.executable, str(broken)], *rest))
+    done = told("dry-run", "--out", str(tmp_path / "x"))
+    assert done.code == 4 and "the simulated rover ended: the tyres fell off" in done.err

@@ -1,0 +1,109 @@
+"""`rover-sweep run` on the embedded rover: what moves, what is shown, what is kept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from program_calls import DRIVEN, ROVER, SHORT, Tell
+
+from rover_sweep.cli.display import PlainDisplay, live_line
+from rover_sweep.vehicle.events import Event, Sample, StateChanged
+from sitl import launcher
+
+
+def test_runs_are_driven_judged_fetched_and_identified(
+    told: Tell, ready: launcher.Running, tmp_path: Path
+) -> None:
+    out = tmp_path / "today"
+    command = ("run", "--connect", ready.connection, "--vehicle", ROVER, "--out", str(out), *SHORT, *DRIVEN)
+    done = told(*command)
+    assert done.code == 0, done.err
+    lines = done.err.splitlines()
+    order = ["this program arms the rover", "connected to", "sweep1: sweep", "run 1 start sweep",
+             "sweep1: keep", "sweep2: sweep", "sweep2: keep", "doublet: done", "log fetched"]  # fmt: skip
+    places = [next(i for i, line in enumerate(lines) if words in line) for words in order]
+    assert places == sorted(places)
+    assert "Roll-yaw model" in done.out and "Verification on" in done.out
+    assert done.out.rstrip().endswith(f"report: {out / 'report' / 'report.html'}")
+    written = json.loads((out / "report" / "identification.json").read_text())
+    assert [run["kind"] for run in written["runs"]] == ["sweep", "sweep"]
+    again = told(*command)
+    assert again.code == 2 and "holds a session already (session.json)" in again.err
+    exported = told("export", str(out), "--model", "roll-yaw")  # of a session as well as of its report
+    assert exported.code == 0 and json.loads(exported.out)["model"] == "roll-yaw"
+
+
+def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
+    told: Tell, ready: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The interrupt comes while the second sweep is shown, that is, outside of the session itself."""
+    seen = []
+    show = PlainDisplay.show
+
+    def interrupted(self: PlainDisplay, event: Event) -> None:
+        show(self, event)
+        if isinstance(event, StateChanged) and event.state == 6:
+            seen.append(event)
+            if len(seen) == 2:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(PlainDisplay, "show", interrupted)
+    done = told("run", "--connect", ready.connection, "--vehicle", ROVER, "--out", str(tmp_path / "x"),
+                "--json", *SHORT, *DRIVEN)  # fmt: skip
+    assert done.code == 0, done.err
+    assert "sweep2 interrupted: the rover was let go" in done.err and "it is disarmed" in done.err
+    assert "doublet" not in [p.stem for p in (tmp_path / "x").glob("*.tlog")]
+    found = json.loads(done.out)  # nothing but the JSON; the tables are on stderr
+    assert len(found["runs"]) == 1 and "Roll-yaw model" in done.err
+
+
+def test_a_rover_without_the_applet_is_told_how_to_get_it(
+    told: Tell, fresh: launcher.Running, tmp_path: Path
+) -> None:
+    done = told("run", "--connect", fresh.connection, "--vehicle", ROVER, "--out", str(tmp_path / "x"))
+    assert done.code == 4 and "rover-sweep firmware install" in done.err and "the pilot's" in done.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--throttle", "1700"), "allow arming too"),
+        (("--sweep", "150,3,2"), "need 0 < w_min < w_max"),
+        (("--sweep", "150,wtop=3"), "there is no 'wtop'"),
+        (("--sweep", "150,x"), "'x' is no number"),
+        (("--sweep", "600"), "SWP_AMP 600 us is outside"),
+        (("--doublet", "150,1,2,2.5"), "whole number"),
+        (("--limit", "roll=3"), "there is no limit 'roll'"),
+        (("--connect", "nonsense"), "not understood"),
+        (("--out", "/dev/null/x"), "/dev/null/x cannot be written"),
+        (("--vehicle", "/nowhere.toml"), "nowhere.toml"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_connected(
+    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = told("run", "--connect", "tcp:127.0.0.1:1", "--vehicle", ROVER, *arguments)
+    assert done.code == 2 and said in done.err and done.err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_amplitudes_and_frequencies_beyond_the_rover_are_refused_before_it_arms(
+    told: Tell, ready: launcher.Running, tmp_path: Path
+) -> None:
+    base = ("run", "--connect", ready.connection, "--vehicle", ROVER, *DRIVEN)
+    done = told(*base, "--sweep", "300", "--out", str(tmp_path / "a"))
+    assert done.code == 2 and "SWP_PWM_MAX allows 250 us" in done.err
+    done = told(*base, "--sweep", "100,wmax=80", "--out", str(tmp_path / "b"))
+    assert done.code == 2 and "samples a period at the loop rate of 100 Hz" in done.err
+
+
+def test_the_live_line_names_what_matters_and_fits() -> None:
+    line = live_line(Sample(1.0, 6, 1620.0, -0.5, 2.25, 2.4, 12.3), "waiting for speed")
+    assert len(line) <= 80
+    for words in ("waiting for speed", "1620 us", "-29 deg/s", "+2.2 m/s²", "2.4 m/s", "12.3 rad/s"):
+        assert words in line
+    unknown = live_line(Sample(1.0, 6, *[float("nan")] * 5), "idle")
+    assert "nan" not in unknown and len(unknown) == len(line)
