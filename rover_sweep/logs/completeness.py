@@ -50,11 +50,14 @@ def _cut_after(log: Log, steering: Signal, rest: float, start: float, end: float
     state = _last_state(log, start, end)
     if state in WAVE_STATES:
         return f"The recording ends before the run did: the applet's last state, at {end:.1f} s, is {state}."
-    k = int(np.searchsorted(steering.t, min(end, last), "right"))
-    away = _is_away(steering, k - 1, rest)
-    if k < steering.t.size and (hole := float(steering.t[k] - steering.t[k - 1])) > HOLE and away:
-        return f"The recording has a hole of {hole:.1f} s at {end:.1f} s, before the run was over."
     begun = any(s <= end for s in starts(log))
+    stop = _edge(steering, end, 1)
+    away = _is_away(steering, stop, rest)
+    if stop + 1 < steering.t.size and steering.t[stop] < end + HOLE:
+        hole = float(steering.t[stop + 1] - steering.t[stop])
+        if hole > HOLE and (away or _is_away(steering, stop + 1, rest)):
+            at = f"{hole:.1f} s at {steering.t[stop]:.1f} s"
+            return f"The recording has a hole of {at}, before the run was over."
     if end > last - HOLE and (begun or away):
         unsaid = ", and the applet did not say that it was done" if begun else ""
         return f"The recording ends before the run did: it stops at {last:.1f} s{unsaid}."
@@ -62,14 +65,28 @@ def _cut_after(log: Log, steering: Signal, rest: float, start: float, end: float
 
 
 def _cut_before(steering: Signal, rest: float, start: float) -> str:
-    k = int(np.searchsorted(steering.t, start, "left"))
-    if not _is_away(steering, min(k, steering.t.size - 1), rest):
+    first = _edge(steering, start, -1)
+    if steering.t[first] < start - HOLE:
         return ""
-    if k == 0:
-        return f"The recording begins after the run did: it steers from the first sample, at {start:.1f} s."
-    if (hole := float(steering.t[k] - steering.t[k - 1])) > HOLE:
-        return f"The recording has a hole of {hole:.1f} s before {start:.1f} s, in the run."
+    away = _is_away(steering, first, rest)
+    if first == 0:
+        seen = f"The recording begins after the run did: it steers from the first sample, at {start:.1f} s."
+        return seen if away else ""
+    hole = float(steering.t[first] - steering.t[first - 1])
+    if hole > HOLE and (away or _is_away(steering, first - 1, rest)):
+        return f"The recording has a hole of {hole:.1f} s before {steering.t[first]:.1f} s, in the run."
     return ""
+
+
+def _edge(steering: Signal, at: float, direction: int) -> int:
+    """The sample beyond `at` [s] that a hole or the end of the recording follows, or one after `HOLE` s."""
+    t = steering.t
+    k = int(np.clip(np.searchsorted(t, at, "left"), 0, t.size - 1))
+    if direction > 0 and t[k] > at and k > 0:
+        k -= 1
+    while 0 <= k + direction < t.size and abs(t[k + direction] - t[k]) <= HOLE and abs(t[k] - at) < HOLE:
+        k += direction
+    return k
 
 
 def _is_away(steering: Signal, k: int, rest: float) -> bool:

@@ -82,5 +82,5 @@ def _dead(signal: Signal) -> str:
     if signal.t.size < FEWEST:
         return f"has only {signal.t.size} samples in the run"
     if np.ptp(signal.x) == 0:
-        return f"does not change ({signal.x[0]:.4g} {signal.unit}): not recorded?"
+        return f"does not change ({signal.x[0] + 0.0:.4g} {signal.unit}): not recorded?"
     return ""

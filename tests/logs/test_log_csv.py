@@ -107,6 +107,23 @@ def test_trials_are_recordings_of_their_own(tmp_path: Path) -> None:
         ({"axes": "ned"}, 'it must be "iso" or "frd"'),
         ({"trial": "lap"}, "trial = 'lap'"),
         ({"filters": {"gyro": 4}}, "filters = "),
+        ({"filters": {"gyro_hz": "a"}}, "gyro_hz = 'a', it must be a finite number"),
+        ({"filters": {"gyro_hz": -4}}, "gyro_hz = -4 Hz; a cut-off is positive"),
+        ({"filters": {"accel_hz": float("nan")}}, "accel_hz = nan"),
+        ({"r": True}, "r = True, it must be a finite number"),
+        ({"r": 0.3}, "r = 0.3, it must be a column"),
+        ({"delta": 0.1}, "delta = 0.1, it must be a column"),
+        ({"speed": float("inf")}, "speed = inf, it must be a finite number"),
+        ({"r": {"column": "rate", "scale": "x"}}, "scale of r = 'x', it must be a finite number"),
+        ({"r": {"column": "rate", "scale": [1]}}, r"scale of r = \[1\]"),
+        ({"r": {"column": "rate", "scale": 0}}, "scale of r = 0, it must be another number"),
+        ({"r": {"column": "rate", "offset": "x"}}, "offset of r = 'x'"),
+        ({"r": {"column": "rate", "unit": ["deg/s"]}}, r"r in \['deg/s'\] is not known"),
+        ({"r": {"column": "rate", "unit": "ft/s"}}, "r in 'ft/s' is not known; it may be in rad/s, deg/s"),
+        ({"time": {"column": "t", "unit": "deg"}}, "time in 'deg' is not known; it may be in s, ms, us"),
+        ({"time": {"column": "t", "scale": -1}}, "scale of time = -1, it must be above 0"),
+        ({"r": {"column": ["rate"]}}, "but the columns are"),
+        ({"trial": ["t"]}, r"trial = \['t'\]"),
     ],
 )
 def test_wrong_maps_say_what_is_wrong(tmp_path: Path, change: dict[str, Any], message: str) -> None:
@@ -151,3 +168,55 @@ def test_marked_rows_are_left_out_and_told(tmp_path: Path) -> None:
     assert any(n.text == "49 rows marked in column bad were left out" for n in run.notes)
     with pytest.raises(UsageError, match="leave_out = 'nowhere'"):
         read_runs(source, column_map={**BASIC, "leave_out": "nowhere"})
+
+
+def test_a_map_that_is_no_text_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "map.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UsageError, match="the column map is no text .* at byte 0"):
+        read_runs(table(tmp_path, rows()), column_map=str(path))
+
+
+def test_time_may_be_in_microseconds(tmp_path: Path) -> None:
+    microseconds = np.round(np.arange(0, 40, 0.02) * 1e6).astype(int)
+    source = table(tmp_path, rows(us=microseconds))
+    (run,) = read_runs(source, column_map={**BASIC, "time": {"column": "us", "unit": "us"}})
+    (seconds,) = read_runs(source, column_map=BASIC)
+    assert run.span == pytest.approx(seconds.span)
+    with pytest.raises(DataRefused, match="every 2e.04 s; is that in us"):
+        read_runs(source, column_map={**BASIC, "time": "us"})
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ('t,delta,r,speed\n1,"2,3,4\n' + "1,2,3,4\n" * 40_000, "is no table of numbers .field larger"),
+        ('t,delta,r,speed\n1,"2,3,4\n', "is no table of numbers .unexpected end of data.; is a quote"),
+        ("t,delta\n" + "x" * 200_000 + ",1\n", "field larger than field limit"),
+        ("t,delta,r,speed,r\n1,2,3,4,5\n", "has 2 columns r; rename all but one"),
+        ("t,delta,r,speed\n0,0.1,x,2\n", "column r holds no numbers .'x' in row 1.$"),
+        (
+            "t;delta;r;speed\n0;0,1;0,2;2\n",
+            "column delta holds no numbers .'0,1' in row 1.; write decimal points",
+        ),
+    ],
+)
+def test_tables_that_are_none(tmp_path: Path, text: str, reason: str) -> None:
+    with pytest.raises(DataRefused, match=reason) as caught:
+        read_runs(table(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_column_without_numbers_is_refused(tmp_path: Path) -> None:
+    text = rows(none=np.full(2000, np.nan))
+    with pytest.raises(DataRefused, match="holds no yaw rate"):
+        read_runs(table(tmp_path, text), column_map={**BASIC, "r": "none"})
+    with pytest.raises(DataRefused, match="holds no steering output"):
+        read_runs(table(tmp_path, text), column_map={**BASIC, "delta": "none"})
+
+
+def test_a_clock_that_starts_again_is_refused(tmp_path: Path) -> None:
+    t = np.arange(0, 40, 0.02)
+    source = table(tmp_path, rows(twice=np.where(t < 20, t, t - 20)))
+    with pytest.raises(DataRefused, match="times of column twice are out of order.*as trial"):
+        read_runs(source, column_map={**BASIC, "time": "twice"})

@@ -1,0 +1,63 @@
+"""`rover-sweep coherence` says what spoils a recording beside the verdict, in words and in JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from program_calls import Tell
+
+NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
+
+
+@pytest.fixture
+def half(tmp_path: Path) -> str:
+    """The first 55 % of a recording."""
+    data = (NOMINAL / "run1.BIN").read_bytes()
+    path = tmp_path / "run1.BIN"
+    path.write_bytes(data[: int(len(data) * 0.55)])
+    return str(path)
+
+
+def test_half_a_run_is_warned_of(told: Tell, half: str) -> None:
+    found = told("coherence", half)
+    assert found.code == 0
+    assert "warning: The recording ends before the run did: it stops at 86." in found.out
+    assert "applet did not say that it was done" in found.out
+
+
+def test_the_notes_are_in_the_json(told: Tell, half: str) -> None:
+    (verdict,) = json.loads(told("coherence", "--json", half).out)
+    assert verdict["run"] == "run1"
+    assert {"warning", "info"} == {note["level"] for note in verdict["notes"]}
+    assert any("ends before the run did" in note["text"] for note in verdict["notes"])
+    (whole,) = json.loads(told("coherence", "--json", str(NOMINAL / "run1.BIN")).out)
+    assert whole["notes"] == []
+
+
+def test_a_whole_run_has_no_warning(told: Tell) -> None:
+    found = told("coherence", str(NOMINAL / "run1.BIN"))
+    assert "run1: keep" in found.out and "warning" not in found.out
+
+
+def test_the_end_of_a_sweep_alone_is_judged(told: Tell, tmp_path: Path) -> None:
+    from rover_sweep.logs import read_runs
+
+    (run,) = read_runs(str(NOMINAL / "run1.BIN"))
+    t, columns = run.uniform(100)
+    late = t > t[0] + 40
+    names = ("pwm", "r", "ay", "p", "vy", "speed")
+    lines = [
+        ",".join(f"{x:.6g}" for x in row)
+        for row in zip(t[late], *(columns[n][late] for n in names), strict=True)
+    ]
+    path = tmp_path / "late.csv"
+    path.write_text("\n".join([",".join(("t", *names)), *lines]))
+    found = told("coherence", str(path))
+    assert found.code == 0 and "The recording begins after the run did" in found.out
+
+
+def test_runs_of_equal_names_are_told_apart(told: Tell, half: str) -> None:
+    found = told("coherence", half, str(NOMINAL / "run1.BIN"))
+    assert "nominal/run1: keep" in found.out and f"{Path(half).parent.name}/run1: " in found.out

@@ -1,0 +1,184 @@
+"""Joined logs, flipped bits, impossible samples, dead channels, odd clocks."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drives import drive, signal
+from recordings import NOMINAL
+
+from rover_sweep.errors import DataRefused
+from rover_sweep.identify.sweep import Manoeuvre, Sweep
+from rover_sweep.logs import read_logs, read_runs
+from rover_sweep.logs.applet import applet_runs
+from rover_sweep.logs.dataflash import open_parts
+from rover_sweep.logs.judge import refuse_useless
+from rover_sweep.logs.log import AppletRows, Log, increasing, refuse_disorder
+from rover_sweep.logs.runs import find_runs
+from rover_sweep.logs.screen import screened
+
+SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)
+ONE, TWO = NOMINAL / "run1.BIN", NOMINAL / "run2.BIN"
+
+
+@pytest.mark.parametrize("order", [(ONE, TWO), (TWO, ONE)])
+def test_logs_joined_into_one_file_are_all_found(tmp_path: Path, order: tuple[Path, Path]) -> None:
+    path = tmp_path / "both.BIN"
+    path.write_bytes(b"".join(p.read_bytes() for p in order))
+    runs = read_runs(str(path))
+    assert [r.name for r in runs] == ["both log 1", "both log 2"]
+    for run, source in zip(runs, order, strict=True):
+        (alone,) = read_runs(str(source))
+        assert run.span == alone.span and run.kind == alone.kind
+        np.testing.assert_array_equal(run["r"].x, alone["r"].x)
+
+
+def test_a_joined_log_is_paired_with_the_telemetry_of_one_drive(tmp_path: Path) -> None:
+    path = tmp_path / "both.BIN"
+    path.write_bytes(TWO.read_bytes() + ONE.read_bytes())
+    (run,) = read_runs(f"{path}+{NOMINAL / 'run1.tlog'}")
+    assert run.name == "both log 2" and len(run.sources) == 2
+
+
+def test_one_log_is_one_part() -> None:
+    assert [p.breaks for p in open_parts(ONE)] == [0]
+    assert len(read_logs(str(ONE))) == 1
+
+
+def flipped(tmp_path: Path, count: int) -> str:
+    chance, data = random.Random(count), bytearray(ONE.read_bytes())
+    for _ in range(count):
+        data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    path = tmp_path / f"flip{count}.BIN"
+    path.write_bytes(data)
+    return str(path)
+
+
+def test_few_flipped_bits_leave_the_run_as_it_was(tmp_path: Path) -> None:
+    (run,), (sound,) = read_runs(flipped(tmp_path, 100)), read_runs(str(ONE))
+    assert run.kind == "sweep" and run.span == pytest.approx(sound.span, abs=0.1)
+    for channel in ("r", "p", "ay", "vy", "speed"):
+        x = run.manoeuvre(channel).x
+        assert np.all(np.isfinite(x)) and x.size > 0.98 * sound.manoeuvre(channel).x.size
+    assert any("damaged bytes" in n.text for n in run.notes)
+
+
+@pytest.mark.parametrize("count", [1000, 3000])
+def test_many_flipped_bits_are_refused(tmp_path: Path, count: int) -> None:
+    with pytest.raises(DataRefused, match=r"is damaged(:| in .* places among .* messages)"):
+        read_runs(flipped(tmp_path, count))
+
+
+def test_a_lone_damaged_stamp_costs_itself_alone() -> None:
+    t = np.arange(0.0, 10.0, 0.02)
+    for k, wrong in ((0, 1e8), (100, 3.0), (200, 9.9), (499, -5.0)):
+        damaged = t.copy()
+        damaged[k] = wrong
+        kept, (index,) = increasing(damaged, np.arange(t.size, dtype=float))
+        assert set(range(t.size)) - set(index.astype(int).tolist()) == {k}
+        refuse_disorder("log", {"IMU": damaged})
+
+
+def test_gaps_and_repeated_stamps_are_no_disorder() -> None:
+    t = np.repeat(np.concatenate((np.arange(0, 5, 0.02), np.arange(500, 505, 0.02))), 2)
+    refuse_disorder("log", {"IMU": t, "XKF1": np.zeros(0)})
+    assert increasing(t)[0].size == t.size // 2
+
+
+def test_a_clock_that_runs_back_for_long_is_refused() -> None:
+    t = np.arange(0.0, 10.0, 0.02)
+    with pytest.raises(DataRefused, match="199 of 500 times of IMU are out of order, by up to 4.98 s"):
+        refuse_disorder("log", {"IMU": np.where(t < 5, t, t - 5.0)})
+    with pytest.raises(DataRefused, match="out of order"):
+        refuse_disorder("log", {"IMU": np.random.default_rng(1).permutation(t)})
+
+
+def test_a_damaged_row_of_the_applet_does_not_part_a_run() -> None:
+    t = np.arange(0.0, 20.0, 0.1)
+    run, state = np.full(t.size, 3.0), np.where(t < 10, 4.0, 6.0)
+    run[50], state[120] = 67.0, 2.0
+    (rows,) = applet_runs(AppletRows(t, run, state, t))
+    assert rows.t.size == t.size - 2 and set(rows.state.tolist()) == {4.0, 6.0}
+
+
+def with_samples(log: Log, channel: str, count: int, value: float) -> Log:
+    x = log.signals[channel].x.copy()
+    x[1000 : 1000 + 10 * count : 10] = value
+    return replace(log, signals={**log.signals, channel: replace(log.signals[channel], x=x)})
+
+
+@pytest.mark.parametrize("value", [1e300, -np.inf, np.nan, 60.0])
+def test_impossible_samples_are_left_out_and_told(value: float) -> None:
+    log, _ = drive([SWEEP])
+    clean = screened(with_samples(log, "r", 5, value))
+    assert clean.signals["r"].x.size == log.signals["r"].x.size - 5
+    assert np.max(np.abs(clean.signals["r"].x)) < 1
+    assert (
+        "5 of " in clean.notes[0].text and "samples of r (MADE.rad/s) are impossible" in clean.notes[0].text
+    )
+    with pytest.raises(DataRefused, match="samples of r .* are impossible.*another unit"):
+        screened(with_samples(log, "r", 200, value))
+
+
+def test_an_output_that_is_off_is_no_damage() -> None:
+    log, _ = drive([SWEEP])
+    t, x = log.steering[0].t, log.steering[0].x
+    off = replace(log, steering=(signal(t, np.where(t < 10, 0.0, x), "us", hold=True),))
+    clean = screened(off)
+    assert clean.notes == () and clean.steering[0].t[0] == pytest.approx(10.0)
+    never = screened(replace(log, steering=(signal(t, 0 * x, "us", hold=True),)))
+    with pytest.raises(DataRefused, match="no steering output .* or it was off"):
+        refuse_useless(never)
+    broken = np.where(t < 20, 31000.0, x)
+    with pytest.raises(DataRefused, match="samples of pwm"):
+        screened(replace(log, steering=(signal(t, broken, "us", hold=True),)))
+
+
+def test_a_sound_log_is_left_as_it_is() -> None:
+    (log,) = read_logs(str(ONE))
+    assert screened(log).notes == log.notes
+    assert all(s is log.signals[c] for c, s in screened(log).signals.items())
+
+
+@pytest.mark.parametrize("channel", ["ay", "p"])
+def test_a_dead_channel_is_left_out(channel: str) -> None:
+    log, _ = drive([SWEEP])
+    flat = replace(log.signals[channel], x=np.full(log.signals[channel].x.size, 0.1))
+    (run,) = find_runs(replace(log, signals={**log.signals, channel: flat}))
+    assert channel not in run
+    assert f"{channel} does not change (0.1" in run.notes[0].text and run.notes[0].level == "warning"
+    few = replace(log.signals[channel], t=np.array([30.0, 40.0]), x=np.array([0.1, 0.2]))
+    spread = replace(few, t=np.array([0.0, 30.0, 87.0]), x=np.array([0.1, 0.2, 0.1]))
+    (run,) = find_runs(replace(log, signals={**log.signals, channel: spread}))
+    assert channel not in run and "has only 1 samples" in run.notes[0].text
+
+
+def test_a_dead_yaw_rate_is_refused() -> None:
+    log, _ = drive([SWEEP])
+    flat = replace(log.signals["r"], x=0 * log.signals["r"].x)
+    with pytest.raises(DataRefused, match="made: r .* does not change .0 rad/s.: not recorded"):
+        find_runs(replace(log, signals={**log.signals, "r": flat}))
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(1e6, 'every 1e.04 s; is that in us'), (1e3, "every 10 s; is that in ms"), (1e-3, "every 1e-05 s")],
+)  # fmt: skip
+def test_time_in_another_unit_is_refused(factor: float, said: str) -> None:
+    log, _ = drive([SWEEP])
+    signals = {n: replace(s, t=s.t * factor) for n, s in log.signals.items()}
+    with pytest.raises(DataRefused, match=said):
+        refuse_useless(replace(log, signals=signals))
+
+
+def test_driving_backwards_is_refused(tmp_path: Path) -> None:
+    t = np.arange(0, 40, 0.02)
+    rows = [f"{a:.2f},{0.3 * np.sin(2 * a):.4f},{0.5 * np.sin(2 * a):.4f},-2.0" for a in t]
+    path = tmp_path / "back.csv"
+    path.write_text("\n".join(["t,delta,r,speed", *rows]))
+    with pytest.raises(DataRefused, match="drives backwards .speed down to -2.00 m/s"):
+        read_runs(str(path))
