@@ -48,12 +48,14 @@ def coherence(
 
 def show(verdict: CoherenceVerdict, warnings: Sequence[str] = ()) -> None:
     """One run's verdict: the sentence first, then what spoils the recording, then a line per response."""
-    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    console = Console()
-    colour = "green" if verdict.keep else "yellow"
-    console.print(f"[bold]{verdict.run}[/]: [{colour}]{verdict.sentence}[/]", highlight=False, soft_wrap=True)
+    from rover_sweep.cli.output import results
+
+    console = results()
+    sentence = (verdict.sentence, "green" if verdict.keep else "yellow")
+    console.print(Text.assemble((verdict.run, "bold"), ": ", sentence), soft_wrap=True)
     for warning in warnings:
         console.print(f"warning: {warning}", style="yellow", highlight=False, soft_wrap=True, markup=False)
     table = Table(box=None, padding=(0, 2))

@@ -13,7 +13,7 @@ STYLES = {"came out": "green", "came out in part": "cyan", "did not come out": "
 @click.option("--out", required=True, type=click.Path(file_okay=False), metavar="DIR",
               help="Folder for tables, figures and page; made if it is not there.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of noise and road.")
-@click.option("--json", "as_json", is_flag=True, help="study.json on stdout as well.")
+@click.option("--json", "as_json", is_flag=True, help="study.json on stdout; the tables then go to stderr.")
 def study(out: str, seed: int, as_json: bool) -> None:
     """Repeat the comparison of Ivler, Gowans and Marfise (2022) on a virtual rover with their numbers.
 
@@ -21,19 +21,21 @@ def study(out: str, seed: int, as_json: bool) -> None:
     bicycle, roll-yaw and lumped models, and sets Tables 2 to 7 and Figures 2, 3, 6, 7 and 8 beside the
     published ones, with a word on each finding. No hardware; about half a minute.
     """
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
     from rich.text import Text
 
+    from rover_sweep.cli.folders import check_writable
+    from rover_sweep.cli.output import narration, results
     from rover_sweep.report.tables import rich_table
     from rover_sweep.study.study import study as run
     from rover_sweep.study.tables import tables
     from rover_sweep.study.words import all_findings, summary
     from rover_sweep.study.write import write_study
 
-    console = Console(stderr=True)
+    check_writable(Path(out))
+    console = results(as_json)
     columns = (TextColumn("{task.description:<44}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    with Progress(*columns, console=narration(), transient=True) as progress:
         bar = progress.add_task("", total=1.0)
 
         def told(share: float, what: str) -> None:
