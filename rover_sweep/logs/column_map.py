@@ -81,8 +81,8 @@ def _loaded(given: Mapping[str, Any] | str | None, header: list[str], file_name:
         if own["time"] in header and len(own) > 2:
             return own
         raise UsageError(
-            f"{file_name} needs a column map (a TOML file with time, pwm or delta, r, speed, ...); "
-            f"its columns are {', '.join(header)}"
+            f"{file_name} needs a column map: give --columns FILE, a TOML file with time, pwm or delta, r, "
+            f"speed, ... (README.md has one); its columns are {', '.join(header)}"
         )
     if not isinstance(given, str):
         return given

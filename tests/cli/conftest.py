@@ -1,4 +1,4 @@
-"""A simulated rover that is set up, and a session driven on it, for all tests of the command line."""
+"""The program called in this process; a simulated rover as it comes, and one that is set up."""
 
 from __future__ import annotations
 
