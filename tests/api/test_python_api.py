@@ -34,7 +34,7 @@ def test_the_lines_of_the_readme_run_as_they_stand(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    assert len(block.strip().splitlines()) == 5
+    assert len([line for line in block.splitlines() if line]) == 5
     for name in re.findall(r'"(run\d\.BIN)"', block):
         (tmp_path / name).symlink_to(NOMINAL / name)
     (tmp_path / "rover.toml").symlink_to(ROVER)
