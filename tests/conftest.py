@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: two workers share the cores
+
 import pytest
 
 DATA = Path(__file__).parent / "data"

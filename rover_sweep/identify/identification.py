@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from threadpoolctl import threadpool_limits
+
 from rover_sweep.identify.conditioned import moving
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import MODELS, Group, Settings, grouped
@@ -92,6 +94,7 @@ def _checked(model: ModelResult) -> tuple[str, str]:
     return (f"{first[0].j_rms:.2f}", f"{first[0].tic:.3f}") if first else ("-", "-")
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # small matrices: threads cost more than they bring
 def identify(
     runs: Sequence[Recording],
     geometry: Geometry,

@@ -36,7 +36,10 @@ def runs(pid_file: Path) -> bool:
     pid = int(pid_file.read_text())
     stat = Path(f"/proc/{pid}/stat")
     if stat.parent.parent.joinpath("self").exists():
-        return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
+        try:
+            return stat.read_text().rpartition(")")[2].split()[0] != "Z"
+        except (FileNotFoundError, ProcessLookupError):  # it may go while we look
+            return False
     return subprocess.run(["kill", "-0", str(pid)], capture_output=True).returncode == 0
 
 
