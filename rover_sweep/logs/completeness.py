@@ -102,9 +102,13 @@ def _last_state(log: Log, start: float, end: float) -> int | None:
 
 
 def refuse_stump(log: Log, name: str, kind: Kind, start: float, end: float) -> None:
-    """Raise DataRefused for what was cut so early that it holds hardly a frequency."""
+    """Raise DataRefused for a run of the applet that was cut so early that it holds hardly a frequency.
+
+    Driving by hand is never whole, so a short piece of it is kept.
+    """
     waves = half_waves(log.steering[0].between(start, end))
-    if kind == "other" and waves < HALF_WAVES and completeness_notes(log, start, end):
+    by_applet = log.applet is not None or bool(starts(log))
+    if by_applet and kind == "other" and waves < HALF_WAVES and completeness_notes(log, start, end):
         raise DataRefused(
             f"{name}: only {end - start:.0f} s of a run are there, with {waves} half waves of steering; "
             "nothing can be identified from that, so drive it again and record it to its end"

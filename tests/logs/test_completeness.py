@@ -124,13 +124,20 @@ def test_a_hole_within_a_run_is_told_with_place_and_length() -> None:
     assert "hole" not in warnings(run) and "gaps" in warnings(run)
 
 
-def test_a_long_hole_parts_a_run_and_a_useless_part_is_told() -> None:
+def test_a_long_hole_parts_a_run() -> None:
     log, (start,) = drive([SWEEP])
     (run,) = find_runs(without(log, start + 6.0, start + 18.0))
     assert "The recording has a hole of 12.0 s before 43.0 s, in the run" in warnings(run)
     first, second = find_runs(without(log, start + 25.0, start + 32.0))
     assert "The recording has a hole of 7.0 s at 50.0 s, before the run was over" in warnings(first)
     assert "The recording has a hole of 7.0 s before 57.0 s, in the run" in warnings(second)
+
+
+def test_a_stump_beside_a_whole_run_is_left_out_and_told() -> None:
+    log, (one, two) = drive([SWEEP, SWEEP])
+    marks = ((one, "SWP: run 1 start sweep"), (one + 42, "SWP: run 1 done"), (two, "SWP: run 2 start sweep"))
+    (run,) = find_runs(cut(replace(log, marks=marks), 0.0, two + 12.0))
+    assert "Another run was left out: made run 2: only 9 s of a run are there" in warnings(run)
 
 
 def test_the_cost_does_not_grow_with_a_gap() -> None:
