@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_sweep.identify.recording import Array, Signal
 from rover_sweep.identify.spectra import Complex, Transformer, hann
@@ -16,14 +17,20 @@ HANN_POWER = 0.375  # mean square of a Hann window
 
 @dataclass(frozen=True, eq=False)
 class NoiseSpectra:
-    """Two-sided cross-spectral density (n_w, n_outputs, n_outputs), unit^2 s, at w [rad/s] of one run."""
+    """Noise of one run: a level that varies slowly in time, times stationary noise of these spectra.
+
+    density (n_w, n_outputs, n_outputs): two-sided cross-spectra, unit^2 s, at w [rad/s]; level
+    (n_outputs, n_times) at times t [s], of mean square 1.
+    """
 
     w: Array
     density: Complex
+    t: Array
+    level: Array
 
 
 class ResidualSpectra:
-    """Cross-spectra of the residuals of one run over `span` [s], up to w_max [rad/s]."""
+    """Noise of the residuals of one run over `span` [s], up to w_max [rad/s]."""
 
     def __init__(self, span: tuple[float, float], w_max: float) -> None:
         self.length = min(RESOLUTION, (span[1] - span[0]) / 3)
@@ -33,8 +40,12 @@ class ResidualSpectra:
 
     def __call__(self, residuals: Sequence[Signal]) -> NoiseSpectra:
         e = np.array([self.transform(r)[0] for r in residuals])
+        power = np.mean(np.abs(e) ** 2, axis=2) + 1e-300
+        level = np.sqrt(power / np.mean(power, axis=1, keepdims=True))
+        e = e / level[:, :, None]
         density = np.einsum("ikw,jkw->wij", e, e.conj()) / e.shape[1] / (HANN_POWER * self.length)
-        return NoiseSpectra(self.w, density)
+        centres = self.transform.windows[0][0] + self.length / 2
+        return NoiseSpectra(self.w, density, centres, level)
 
 
 class CoarseTransformer:
@@ -51,21 +62,25 @@ class CoarseTransformer:
         self.t = np.linspace(start, end, n)
         self.windows, self.w = windows, w
         angle = np.outer(self.t, w)
-        self.kernel = np.concatenate((np.cos(angle), -np.sin(angle)), axis=1) * (self.t[1] - self.t[0])
+        kernel = np.concatenate((np.cos(angle), -np.sin(angle)), axis=1) * (self.t[1] - self.t[0])
+        self.kernel = kernel.astype(np.float32)  # noise to 7 digits
         centred = np.column_stack((np.ones(n), self.t - self.t.mean()))
         self.basis = centred / np.linalg.norm(centred, axis=0)
 
-    def __call__(self, x: Array) -> list[Complex]:
-        """A list, per length, of (n_windows, m, n_w) arrays."""
-        x = x - (x @ self.basis) @ self.basis.T
-        return [np.array([self._window(x, s, length) for s in starts]) for starts, length in self.windows]
+    def __call__(self, x: Array) -> Iterator[NDArray[np.complex64]]:
+        """For each length, (n_windows, m, n_w)."""
+        levelled = (x - (x @ self.basis) @ self.basis.T).astype(np.float32)
+        for starts, length in self.windows:
+            out = np.empty((starts.size, len(levelled), self.w.size), dtype=np.complex64)
+            for k, start in enumerate(starts):
+                both = self._window(levelled, start, length)
+                out[k].real, out[k].imag = both[:, : self.w.size], both[:, self.w.size :]
+            yield out
 
-    def _window(self, x: Array, start: float, length: float) -> Complex:
+    def _window(self, x: NDArray[np.float32], start: float, length: float) -> NDArray[np.float32]:
         lo, hi = np.searchsorted(self.t, (start, start + length))
-        taper = hann((self.t[lo:hi] - start) / length)
-        both = x[:, lo:hi] @ (taper[:, None] * self.kernel[lo:hi])
-        n = self.w.size
-        return both[:, :n] + 1j * both[:, n:]
+        taper = hann((self.t[lo:hi] - start) / length).astype(np.float32)
+        return x[:, lo:hi] @ (taper[:, None] * self.kernel[lo:hi])
 
 
 def fresh_noise(
@@ -74,18 +89,30 @@ def fresh_noise(
 ) -> Array:  # fmt: skip
     """Gaussian noise (count, n_outputs, n_t) on the uniform clock t [s] with these spectra up to w_top.
 
-    integrated: which outputs are wanted as their integral. The noise repeats after twice the record.
+    integrated: which outputs are wanted as their integral. The noise repeats after twice the record, with
+    its level mirrored at the record's end.
     """
     period = 2 * t.size * (t[1] - t[0])
     w = 2 * np.pi / period * np.arange(1, int(w_top * period / (2 * np.pi)) + 1)
     root = _roots(spectra, w) * np.sqrt(period)
-    rise = np.where(np.array(integrated), 1 / (1j * w[:, None]), 1.0)
-    shape = (count, w.size, root.shape[-1])
+    shape = (w.size, root.shape[-1], count)
     z = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
-    lines = np.einsum("wij,bwj->biw", root * rise[:, :, None], z)
-    full = np.zeros((*lines.shape[:2], t.size + 1), dtype=complex)
-    full[:, :, 1 : w.size + 1] = lines
-    return np.fft.irfft(full, 2 * t.size)[:, :, : t.size] * (2 * t.size / period)
+    lines = np.zeros((count, root.shape[-1], t.size + 1), dtype=complex)
+    lines[:, :, 1 : w.size + 1] = (root @ z).transpose(2, 1, 0)
+    level = np.array([np.interp(t, spectra.t, row) for row in spectra.level])
+    x = np.fft.irfft(lines, 2 * t.size) * (2 * t.size / period)
+    x *= np.concatenate((level, level[:, ::-1]), axis=1)
+    for k in np.flatnonzero(integrated):
+        x[:, k] = _integral(x[:, k], period)
+    return x[:, :, : t.size]
+
+
+def _integral(x: Array, period: float) -> Array:
+    """The periodic integral (count, n) of x less its mean."""
+    lines = np.fft.rfft(x)
+    lines[:, 0] = 0
+    lines[:, 1:] /= 2j * np.pi / period * np.arange(1, lines.shape[1])
+    return np.fft.irfft(lines, x.shape[1])
 
 
 def _roots(spectra: NoiseSpectra, w: Array) -> Complex:

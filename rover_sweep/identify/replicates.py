@@ -9,13 +9,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rover_sweep.identify.fit import Condition, ResponseData, restricted
+from rover_sweep.identify.fit import Condition, restricted
 from rover_sweep.identify.forced_response import forced_response
 from rover_sweep.identify.grouping import Group
 from rover_sweep.identify.noise import CoarseTransformer, ResidualSpectra, fresh_noise
 from rover_sweep.identify.recording import Array, Recording, Signal
-from rover_sweep.identify.response import RISING, composite, transformed
+from rover_sweep.identify.response import (
+    RISING,
+    Band,
+    FrequencyResponse,
+    composite,
+    transformed,
+    usable_band,
+)
 from rover_sweep.identify.spectra import Complex, Transformer, WindowSpectra, effective_averages
 from rover_sweep.identify.structure import ModelStructure
 
@@ -24,11 +32,18 @@ MARGIN = 1.15  # noise is made up to this times the highest frequency, and a few
 
 @dataclass(frozen=True, eq=False)
 class Replicates:
-    """Of one output: log_ratio (count, n) = ln(replicate/model) at the points of the fit; coherence alike."""
+    """Of one output at w (n_w,) rad/s: log_ratio (count, n_w) = ln(replicate/model), coherence alike.
+
+    log_model (n_w,): ln of the model's response, its phase unwrapped; bands: of each replicate, chosen from
+    its coherence as that of the data was, None where it has none.
+    """
 
     output: str
+    w: Array
     log_ratio: Complex
     coherence: Array
+    log_model: Complex
+    bands: tuple[Band | None, ...]
 
 
 class RunReplicator:
@@ -56,8 +71,7 @@ class RunReplicator:
         shape = (count, len(outputs), self.w.size)
         model = [np.array(parts).swapaxes(0, 1) for parts in zip(*map(self.transform, answers), strict=True)]
         return [
-            _sums(x, y[:, None] + n.reshape(len(x), *shape))
-            for x, y, n in zip(self.steering, model, made, strict=True)
+            _sums(x, y, n.reshape(len(x), *shape)) for x, y, n in zip(self.steering, model, made, strict=True)
         ]
 
     def _answers(
@@ -79,10 +93,14 @@ class RunReplicator:
         return made, residuals
 
 
-def _sums(x: Complex, y: Complex) -> tuple[Array, Array, Complex]:
-    """x (n_windows, n_w), y (n_windows, count, n_outputs, n_w)."""
-    cross = np.einsum("kw,kbow->bow", x.conj(), y)
-    power = np.einsum("kbow,kbow->bow", y.real, y.real) + np.einsum("kbow,kbow->bow", y.imag, y.imag)
+def _sums(x: Complex, y: Complex, noise: NDArray[np.complex64]) -> tuple[Array, Array, Complex]:
+    """Of x (n_windows, n_w) and y + noise: y (n_windows, n_outputs, n_w), noise with a count before them."""
+    power = np.zeros(noise.shape[1:])
+    cross = np.zeros(noise.shape[1:], dtype=complex)
+    for xs, ys, ns in zip(x, y, noise, strict=True):
+        both = ys + ns
+        power += both.real**2 + both.imag**2
+        cross += xs.conj() * both
     return np.sum(np.abs(x) ** 2, axis=0), power, cross
 
 
@@ -93,11 +111,11 @@ class GroupReplicator:
         if any(d.input != "delta" for d in condition.data):
             raise ValueError("only responses to the steering alone can be replicated")
         self.condition = condition
-        first = group.responses[condition.data[0].output]
-        self.grid, self.windows = first.w, first.windows
-        self.kept = np.unique(np.concatenate([_around(self.grid, d.w) for d in condition.data]))
+        self.responses = {d.output: group.responses[d.output] for d in condition.data}
+        first = self.responses[condition.data[0].output]
+        self.w, self.windows = first.w, first.windows
         self.averages = [effective_averages([run.span for run in group.runs], n) for n in self.windows]
-        self.runs = [RunReplicator(run, self.windows, self.grid[self.kept]) for run in group.runs]
+        self.runs = [RunReplicator(run, self.windows, self.w) for run in group.runs]
 
     def __call__(
         self, structure: ModelStructure, count: int, rng: np.random.Generator
@@ -105,59 +123,38 @@ class GroupReplicator:
         """`count` replicates of the responses that the structure has."""
         seen = restricted(self.condition, structure)
         per_run = [run.spectra(structure, seen, count, rng) for run in self.runs]
-        w = self.grid[self.kept]
-        spectra = [
-            self._averaged(i, length, [parts[i] for parts in per_run], w)
-            for i, length in enumerate(self.windows)
-        ]
+        spectra = [self._averaged(i, [parts[i] for parts in per_run]) for i in range(len(self.windows))]
         flat = composite(spectra)
-        xx, yy = (g.reshape(count, -1, w.size) for g in flat[:2])
-        xy = flat[2].reshape(count, -1, w.size)
+        xx, yy = (g.reshape(count, -1, self.w.size) for g in flat[:2])
+        xy = flat[2].reshape(count, -1, self.w.size)
         coherence = np.abs(xy) ** 2 / (xx * yy)
         return tuple(
-            self._at_points(data, structure, xy[:, k] / xx[:, k], coherence[:, k])
+            self._replicates(data.output, structure, xy[:, k] / xx[:, k], coherence[:, k])
             for k, data in enumerate(seen.data)
         )
 
-    def _count(self, i: int) -> int:
-        return sum(run.transform.windows[i][0].size for run in self.runs)
-
-    def _averaged(
-        self, i: int, length: float, parts: Sequence[tuple[Array, Array, Complex]], w: Array
-    ) -> WindowSpectra:
+    def _averaged(self, i: int, parts: Sequence[tuple[Array, Array, Complex]]) -> WindowSpectra:
         """Flattened to one axis (replicate, output, w), for `composite` asks nothing of the others."""
-        resolved = w >= 2 * np.pi / length * (1 - 1e-9)
-        scale = 2.0 / length / self._count(i) * np.where(resolved, 1.0, np.nan)
+        length, count = self.windows[i], sum(run.transform.windows[i][0].size for run in self.runs)
+        resolved = self.w >= 2 * np.pi / length * (1 - 1e-9)
+        scale = 2.0 / length / count * np.where(resolved, 1.0, np.nan)
         yy = scale * sum(p[1] for p in parts)
         xx = np.broadcast_to(scale * sum(p[0] for p in parts), yy.shape)
         xy = np.asarray(scale * sum(p[2] for p in parts), dtype=np.complex128)
         return WindowSpectra(
-            length, np.broadcast_to(w, yy.shape).ravel(), xx.ravel(), yy.ravel(), xy.ravel(),
+            length, np.broadcast_to(self.w, yy.shape).ravel(), xx.ravel(), yy.ravel(), xy.ravel(),
             averages=self.averages[i],
         )  # fmt: skip
 
-    def _at_points(
-        self, data: ResponseData, structure: ModelStructure, h: Complex, coherence: Array
-    ) -> Replicates:
-        """Interpolated over log w as `FrequencyResponse.at` does it."""
-        c, w = self.condition, self.grid[self.kept]
-        rise = 1j * w if data.output in RISING else 1.0
-        model = structure.response(w, c.speed, data.output, c.filters)
-        exact = structure.response(data.w, c.speed, data.output, c.filters)
-        x, grid = np.log(data.w), np.log(w)
-        chord = np.interp(x, grid, np.log(np.abs(model)) + 1j * np.unwrap(np.angle(model)))
-        bend = np.log(np.exp(chord) / exact)
-        left = np.clip(np.searchsorted(grid, x, "right") - 1, 0, w.size - 2)
-        share = (x - grid[left]) / (grid[left + 1] - grid[left])
-        ratio = np.log(h * rise / model)
+    def _replicates(self, output: str, structure: ModelStructure, h: Complex, coherence: Array) -> Replicates:
+        rise = 1j * self.w if output in RISING else 1.0
+        model = structure.response(self.w, self.condition.speed, output, self.condition.filters)
+        log_model = np.log(np.abs(model)) + 1j * np.unwrap(np.angle(model))
+        bands = self._bands(self.responses[output], coherence)
+        return Replicates(output, self.w, np.log(h * rise / model), coherence, log_model, bands)
 
-        def between(y: np.ndarray) -> np.ndarray:
-            return y[:, left] * (1 - share) + y[:, left + 1] * share
-
-        return Replicates(data.output, between(ratio) + bend, np.clip(between(coherence), 0.0, 1.0))
-
-
-def _around(grid: Array, w: Array) -> np.ndarray:
-    """Indices of the grid's neighbours of every w."""
-    left = np.clip(np.searchsorted(grid, w, "right") - 1, 0, grid.size - 2)
-    return np.concatenate((left, left + 1))
+    def _bands(self, measured: FrequencyResponse, coherence: Array) -> tuple[Band | None, ...]:
+        """Found anew in every replicate, unless that of the data was not found from its coherence either."""
+        if measured.band != usable_band(measured.w, measured.coherence):
+            return (measured.band,) * len(coherence)
+        return tuple(usable_band(self.w, g2) for g2 in coherence)

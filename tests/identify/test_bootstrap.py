@@ -7,8 +7,8 @@ import pytest
 from coverage_draws import FILTERS, FITTED, TRUTH, clean_runs, disturbed, drawn
 from synthetic import GEOMETRY, TRUE
 
-from rover_sweep.identify.bootstrap import Bootstrap, refitted
-from rover_sweep.identify.fit import fit
+from rover_sweep.identify.bootstrap import Bootstrap
+from rover_sweep.identify.fit import fit, sampled
 from rover_sweep.identify.forced_response import forced_response
 from rover_sweep.identify.grouping import Settings, grouped
 from rover_sweep.identify.identification import identify
@@ -16,6 +16,7 @@ from rover_sweep.identify.models.bicycle import bicycle
 from rover_sweep.identify.models.roll_yaw import roll_yaw
 from rover_sweep.identify.noise import ResidualSpectra, fresh_noise
 from rover_sweep.identify.recording import Signal
+from rover_sweep.identify.refit import refitted
 
 NAMES = list(TRUE)
 
@@ -58,16 +59,18 @@ def test_a_refit_is_the_full_fit(noisy):
     condition = conditions[0]
     for i in range(25):
         data = tuple(
-            replace(
-                d,
-                h=found.structure.response(d.w, condition.speed, d.output, condition.filters)
-                * np.exp(m.log_ratio[i]),
-                coherence=m.coherence[i],
+            sampled(
+                replace(
+                    groups[0].responses[m.output],
+                    h=np.exp(m.log_model + m.log_ratio[i]),
+                    coherence=m.coherence[i],
+                ),
+                m.bands[i],
             )
-            for d, m in zip(condition.data, made, strict=True)
+            for m in made
         )
         full = fit(found.structure, [replace(condition, data=data)])
-        assert np.all(np.abs(quick[i] - [full[n].value for n in NAMES]) < 0.03 * np.std(quick, axis=0))
+        assert np.all(np.abs(quick[i] - [full[n].value for n in NAMES]) < 0.05 * np.std(quick, axis=0))
 
 
 def test_fresh_noise_has_the_spectra_of_the_residuals():
