@@ -12,6 +12,7 @@ raises `UsageError` or `DataRefused` with one sentence; a poor fit is a result t
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
@@ -183,14 +184,14 @@ def identify(
     settings = Settings(
         _known(models, MODELS, "model"), _known(fit, ("r", "ay", "vydot", "p"), "response"), tied, band,
         dict(bands or {}), tuple(windows) if windows else None,
-        reduction=reduction, keep=parameter_names(keep), condition_on=tuple(condition_on),
+        reduction=reduction, keep=parameter_names(keep), condition_on=_listed(condition_on),
         bootstrap=bootstrap,
     )  # fmt: skip
     check_settings(settings, sweeps)
     geometry = geometry_of(runs.vehicle)
     freed = _known(parameter_names(free), tuple(MODEL_NAMES.values()), "known number of the roll-yaw model")
     geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *freed))))
-    found = run_identification(sweeps, geometry, checks, settings, load_structures(structures))
+    found = run_identification(sweeps, geometry, checks, settings, load_structures(_listed(structures)))
     origin = provenance(runs.vehicle, runs.vehicle_file, checks, "", datetime.now().astimezone())
     return Result(**{f.name: getattr(found, f.name) for f in fields(found)}, origin=origin)
 
@@ -215,3 +216,8 @@ def _known(given: Sequence[str], known: Sequence[str], what: str) -> tuple[str, 
         if name not in known:
             raise UsageError(f"there is no {what} {name!r}; choose from {', '.join(known)}")
     return names
+
+
+def _listed(given: Any) -> tuple[Any, ...]:
+    """A single name or structure counts as a list of one."""
+    return (given,) if isinstance(given, str | os.PathLike | ModelStructure) else tuple(given)

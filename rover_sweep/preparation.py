@@ -114,8 +114,14 @@ def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
     numbers = [*(settings.band or ()), *(settings.windows or ()), *limits]
     if not all(math.isfinite(x) for x in numbers):
         raise UsageError("frequencies and window lengths must be finite numbers")
-    if "r" not in settings.fitted:
-        raise UsageError("the fit needs the yaw rate: let --fit contain r")
+    if "r" not in settings.fitted or not {"ay", "p"} & set(settings.fitted):
+        raise UsageError(
+            "the fit needs the yaw rate and a_y or the roll rate: --fit r,ay or r,p"
+        )
+    if settings.bootstrap != 0 and settings.bootstrap < 20:
+        raise UsageError(
+            f"{settings.bootstrap} bootstrap replicates tell nothing; take 20 or more, or 0 for none"
+        )
     if settings.windows and not 0.5 <= min(settings.windows) <= max(settings.windows) <= longest:
         raise UsageError(f"window lengths must lie between 0.5 s and the longest run, {longest:.3g} s")
     if settings.band and settings.band[1] > fastest:

@@ -9,7 +9,7 @@ import numpy as np
 from rover_sweep.identify.fit import Condition, costs, fit, silent
 from rover_sweep.identify.model_results import ModelResult, NotPossible, Work, fitted_result
 from rover_sweep.identify.starts import drawn_starts
-from rover_sweep.identify.structure import ModelStructure
+from rover_sweep.identify.structure import OUTPUTS, ModelStructure
 
 
 def own_result(structure: ModelStructure, work: Work) -> ModelResult:
@@ -23,6 +23,12 @@ def own_result(structure: ModelStructure, work: Work) -> ModelResult:
                 f"{structure.name} has the input {name}, which these runs are not conditioned on: ask for it "
                 f"with --condition-on {name}, from runs in which it was recorded and moves"
             )
+    if strange := [o for o in structure.outputs if o not in OUTPUTS]:
+        raise NotPossible(
+            f"{structure.name} has an output {strange[0]!r}; the fit knows {', '.join(OUTPUTS)}"
+        )
+    if not structure.free:
+        raise NotPossible(f"{structure.name} has no free parameter, so there is nothing to identify")
     outputs = [o for o in structure.outputs if o in work.settings.fitted]
     conditions = work.conditions(outputs or structure.outputs)
     if not all(c.data for c in conditions):

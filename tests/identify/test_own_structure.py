@@ -127,7 +127,7 @@ def test_outputs_that_are_not_there_are_told(run):
     result = identify(
         [run], GEOMETRY, settings=Settings(models=("bicycle",)), structures=[structure_from_text(text)]
     )
-    assert "none of its outputs (p, q) has a usable band" in result.refused["pulled"]
+    assert "has an output 'q'; the fit knows r, ay, vydot, p" in result.refused["pulled"]
 
 
 def test_two_models_of_one_name_are_refused(run):
