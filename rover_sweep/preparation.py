@@ -115,9 +115,7 @@ def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
     if not all(math.isfinite(x) for x in numbers):
         raise UsageError("frequencies and window lengths must be finite numbers")
     if "r" not in settings.fitted or not {"ay", "p"} & set(settings.fitted):
-        raise UsageError(
-            "the fit needs the yaw rate and a_y or the roll rate: --fit r,ay or r,p"
-        )
+        raise UsageError("the fit needs the yaw rate and a_y or the roll rate: --fit r,ay or r,p")
     if settings.bootstrap != 0 and settings.bootstrap < 20:
         raise UsageError(
             f"{settings.bootstrap} bootstrap replicates tell nothing; take 20 or more, or 0 for none"
