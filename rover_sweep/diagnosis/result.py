@@ -14,12 +14,26 @@ Verdict = Literal["none", "explained", "partly explained", "unexplained", "refus
 
 
 @dataclass(frozen=True)
+class Profile:
+    """What the residual depends on, for a small picture: its size in noise floors over one quantity.
+
+    over: what stands along the axis ("frequency", "amplitude", "speed", "time", "heading", "turn",
+    "harmonic"); unit: of it, "" for words. x: (n,) its values, or words such as "left"; ratio: (n,).
+    """
+
+    over: str
+    unit: str
+    x: tuple[float, ...] | tuple[str, ...]
+    ratio: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Mismatch:
     """A place where simulation and recording differ, in sizes of the noise floor.
 
     channel: r, ay, p or vy. band [rad/s]. condition: of what the place is a part, in words ("240 us",
     "1.65 m/s", "left turns", "3rd harmonic", "from 31 s on", "heading east", "throughout").
-    residual_over_noise: rms of the residual there over rms of the noise there.
+    residual_over_noise: rms of the residual there over rms of the noise there. profile: for its picture.
     """
 
     channel: str
@@ -27,6 +41,7 @@ class Mismatch:
     condition: str
     residual_over_noise: float
     sentence: str
+    profile: Profile | None = None
 
 
 @dataclass(frozen=True)
