@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 from matplotlib.figure import Figure
 
@@ -20,7 +19,6 @@ from rover_sweep.report.response_picture import measured_responses, modelled_res
 from rover_sweep.report.standing import identified_runs, usable
 from rover_sweep.report.verification_picture import verification
 
-Section = Literal["recordings", "responses", "models", "verification"]
 HISTORY = (
     "White: the manoeuvre, which the spectra use; blue marks at the bottom: standstill and straight driving, "
     "from which biases are taken."
@@ -34,10 +32,10 @@ RESPONSES = "Orange lines: the usable band (coherence at least 0.6, brief drops 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture of the report. name: of its file, without .png; make: builds the figure."""
+    """A picture of a report. name: of its file, without .png; section: of its page; make: its figure."""
 
     name: str
-    section: Section
+    section: str
     caption: str
     make: Callable[[], Figure]
 

@@ -37,15 +37,22 @@ STYLES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "muted":
 
 
 class Sentence:
-    """Text wrapped to the console; a number keeps its % sign, a <= its number."""
+    """Text wrapped to the console; a number keeps its % sign, a <= its number. first, rest: indents."""
 
-    def __init__(self, text: str, style: str = "") -> None:
-        self.text, self.style = text, style
+    def __init__(self, text: str, style: str = "", first: str = "", rest: str = "") -> None:
+        self.text, self.style, self.first, self.rest = text, style, first, rest
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Already broken into lines, so that the console has nothing left to break."""
         glued = re.sub(r"(?<=\d) (?=%)|(?<=[≤≥=<>]) (?=\d)", "\N{NO-BREAK SPACE}", self.text)
-        lines = textwrap.wrap(glued, options.max_width, break_long_words=False, break_on_hyphens=False)
+        lines = textwrap.wrap(
+            glued,
+            options.max_width,
+            initial_indent=self.first,
+            subsequent_indent=self.rest,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
         yield Text("\n".join(lines).replace("\N{NO-BREAK SPACE}", " "), self.style)
 
 

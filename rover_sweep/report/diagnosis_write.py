@@ -1,0 +1,47 @@
+"""The folder of a diagnosis: diagnosis.html for people, diagnosis.json for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.report.diagnosis_document import diagnosis_document
+from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
+from rover_sweep.report.files import remove_file, write_file
+from rover_sweep.report.strict_json import dumps
+
+
+@dataclass(frozen=True)
+class DiagnosisFiles:
+    """What was written."""
+
+    document: Path
+    page: Path
+
+
+def write_diagnosis(
+    found: Diagnosis,
+    directory: Path,
+    origin: DiagnosisOrigin,
+    progress: Callable[[float, str], None] | None = None,
+) -> DiagnosisFiles:
+    """Writes both files, diagnosis.json last: a folder that holds it is whole and of one diagnosis.
+
+    Everything is made before the first file is touched. progress is called with the share done, 0..1, and
+    what is being made. UsageError where the directory cannot be written.
+    """
+    from rover_sweep.report.diagnosis_page import diagnosis_page
+    from rover_sweep.report.diagnosis_pictures import planned
+
+    document = dumps(diagnosis_document(found, origin))
+    plan, drawn = planned(found), []
+    for k, picture in enumerate(plan):
+        if progress:
+            progress(k / len(plan), f"drawing {picture.name}")
+        drawn.append((picture, picture.png()))
+    page = diagnosis_page(found, origin, drawn)
+    remove_file(directory / "diagnosis.json")
+    html = write_file(directory / "diagnosis.html", page)
+    return DiagnosisFiles(write_file(directory / "diagnosis.json", document), html)

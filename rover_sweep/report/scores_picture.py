@@ -1,0 +1,54 @@
+"""All candidates' scores as a bar chart."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.report.picture_style import WIDTH
+
+NAMED, ALIKE, OTHER = "#D55E00", "#56B4E9", "#BDBDBD"
+
+
+def scores(found: Diagnosis) -> Figure:
+    """Gain of each candidate in the first round, largest on top; named and look-alikes marked."""
+    order = sorted(found.scores, key=lambda e: found.scores[e])
+    named = {f.effect for f in found.findings}
+    alike = {e for f in found.findings for e in f.look_alikes} - named
+    values = [max(float(found.scores[e]), 0.0) for e in order]
+    height = 0.75 + 0.235 * len(order)
+    figure = Figure(figsize=(WIDTH, height))
+    axes = figure.add_axes((0.19, 0.5 / height, 0.79, 1 - 0.58 / height))
+    bars = axes.barh(range(len(order)), values, height=0.68)
+    for bar, effect in zip(bars, order, strict=True):
+        bar.set_facecolor(NAMED if effect in named else ALIKE if effect in alike else OTHER)
+        bar.set_hatch("//" if effect in alike else None)
+        bar.set_edgecolor("white")
+    axes.set_yticks(range(len(order)), order)
+    axes.set_ylim(-0.6, len(order) - 0.4)
+    axes.grid(axis="y", visible=False)
+    top = max(values, default=0.0)
+    axes.set_xlim(0, 1.12 * top or 1.0)
+    for k, value in enumerate(values):
+        axes.text(value + 0.008 * (top or 1.0), k, f"{value:.3g}", va="center", fontsize=8.5)
+    axes.set_xlabel("gain: drop of the whitened cost")
+    _threshold(found, axes)
+    keys: list[Artist] = [Patch(facecolor=NAMED, label="named")] if named else []
+    keys += [Patch(facecolor=ALIKE, hatch="//", edgecolor="white", label="look-alike")] if alike else []
+    keys += [Patch(facecolor=OTHER, label="other")] if keys else []
+    keys += _threshold(found, axes)
+    if keys:
+        axes.legend(handles=keys, loc="lower right")
+    return figure
+
+
+def _threshold(found: Diagnosis, axes: Axes) -> list[Artist]:
+    """The gain that chance alone would have given, where the first finding tells it."""
+    known = [f.evidence["threshold"] for f in found.findings[:1] if "threshold" in f.evidence]
+    if not known or not np.isfinite(known[0]):
+        return []
+    return [axes.axvline(known[0], color="#333333", linewidth=1.2, linestyle=(0, (4, 2)), label="chance")]
