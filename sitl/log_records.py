@@ -74,7 +74,23 @@ class LogRecords:
                 vn, ve, vd = sensors.velocity
                 pn, pe, pd = sensors.position
                 writer.write(
-                    "XKF1", now, 0, roll, pitch, yaw, vn, ve, vd, vd, pn, pe, pd, 0.0, 0.0, 0.0, ORIGIN[2]
+                    "XKF1",
+                    rover.log.stamp("XKF1"),
+                    0,
+                    roll,
+                    pitch,
+                    yaw,
+                    vn,
+                    ve,
+                    vd,
+                    vd,
+                    pn,
+                    pe,
+                    pd,
+                    0.0,
+                    0.0,
+                    0.0,
+                    ORIGIN[2],
                 )
         if mask & IMU:
             rate = round(sensors.rate_hz)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
+
+from sitl.effects.table import Effects, checked, merged
 
 VARIANTS = Path(__file__).parent / "variants"
 _MAY_BE_NEGATIVE = {"roll_yaw_inertia", "rad_per_us"}
@@ -34,6 +36,7 @@ class PlantParameters:
     gyro_bias (FRD) [rad/s], accel_bias (FRD) [m/s2].
     Estimator: velocity_lag [s], velocity_error [m/s rms], attitude_error [rad rms], error_time [s].
     GPS: gps_interval, gps_lag [s]; gps_position_error [m rms], gps_velocity_error [m/s rms].
+    effects: beyond all this, by id and parameter, see `sitl.effects.table`; mostly none.
     """
 
     mass: float
@@ -80,6 +83,7 @@ class PlantParameters:
     gps_lag: float
     gps_position_error: float
     gps_velocity_error: float
+    effects: Effects = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -119,6 +123,7 @@ _MUST_BE_POSITIVE = (
     "error_time",
     "gps_interval",
 )
+_KINDS = {f.name: f.type for f in fields(PlantParameters) if f.name != "effects"}
 
 
 def variant_names() -> tuple[str, ...]:
@@ -130,10 +135,11 @@ def load_variant(name_or_path: str | Path) -> PlantParameters:
     """The parameters of a variant: a name of `variant_names`, or the path of a TOML file.
 
     A file gives numbers by the field names of `PlantParameters`; with `base = "nominal"` (a name, or a
-    path relative to the file) it needs only those that differ. Raises ValueError naming the wrong entry.
+    path relative to the file) it needs only those that differ. A table `[effects]` adds physics that is not
+    nominal. Raises ValueError naming the wrong entry.
     """
     numbers = _numbers(_locate(name_or_path, Path.cwd()), ())
-    missing = [f.name for f in fields(PlantParameters) if f.name not in numbers]
+    missing = [name for name in _KINDS if name not in numbers]
     if missing:
         raise ValueError(f'variant {name_or_path}: missing {", ".join(missing)} (or give base = "nominal")')
     try:
@@ -163,16 +169,19 @@ def _numbers(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     if base is not None and not isinstance(base, str):
         raise ValueError(f"variant {path.name}: base = {base!r} must be the name or path of a variant")
     inherited = _numbers(_locate(base, path.parent), (*seen, path)) if base is not None else {}
-    return {**inherited, **_checked(entries, path.name)}
+    own = checked(entries.pop("effects", {}), path.name)
+    effects = merged(inherited.pop("effects", {}), own)
+    return {**inherited, **_checked(entries, path.name), **({"effects": effects} if effects else {})}
 
 
 def _checked(entries: Mapping[str, Any], where: str) -> dict[str, Any]:
-    kinds = {f.name: f.type for f in fields(PlantParameters)}
-    unknown = [name for name in entries if name not in kinds]
+    unknown = [name for name in entries if name not in _KINDS]
     if unknown:
-        raise ValueError(f"variant {where}: unknown {', '.join(unknown)}; allowed: base, {', '.join(kinds)}")
+        raise ValueError(
+            f"variant {where}: unknown {', '.join(unknown)}; allowed: base, {', '.join(_KINDS)}, effects"
+        )
     return {
-        name: _triple(value, name, where) if kinds[name] != "float" else _number(value, name, where)
+        name: _triple(value, name, where) if _KINDS[name] != "float" else _number(value, name, where)
         for name, value in entries.items()
     }
 

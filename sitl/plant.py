@@ -21,15 +21,19 @@ from __future__ import annotations
 
 from math import ceil, cos, hypot, sin, sqrt
 
+from sitl.axles import GRAVITY, STICTION_SPEED, Axles
+from sitl.effects.axles import IDS, EffectAxles, friction_pole
+from sitl.effects.nominal import resolved
+from sitl.effects.road import Slope
+from sitl.effects.table import number
 from sitl.parameters import PlantParameters, load_variant, variant_names
 from sitl.road import Road
 from sitl.servo import Servo
-from sitl.tyre import LOW_SPEED, lateral_force, slip_angle
+from sitl.tyre import LOW_SPEED
 
 __all__ = ["GRAVITY", "Plant", "PlantParameters", "PlantState", "load_variant", "variant_names"]
 
-GRAVITY = 9.80665
-STICTION_SPEED = 0.02  # m/s, below which resistance that exceeds the drive stops the rover
+_LEVEL = (0.0, 0.0)
 _STEP_LIMIT = 0.6  # step times fastest tyre pole that the midpoint rule is used up to
 
 
@@ -39,8 +43,9 @@ class PlantState:
     t [s]; x (north), y (west) [m] of the reference point; psi heading [rad], unwrapped; vx, vy [m/s] of the
     reference point along and across the heading; r = psi', p = phi' [rad/s]; phi roll [rad]; delta
     road-wheel angle [rad]. vx_dot, vy_dot [m/s2], r_dot, p_dot [rad/s2]: the last (sub-)step's mean rates
-    of change. ax, ay, az: specific force [m/s2] at the IMU in its own (rolled) axes, gravity included
-    (az = +g at rest), the mean of the last (sub-)step, as an integrating accelerometer gives it.
+    of change, on a slope with what it holds against gravity added. ax, ay, az: specific force [m/s2] at the
+    IMU in its own (rolled) axes, gravity included (az = +g at rest), the mean of the last (sub-)step, as an
+    integrating accelerometer gives it.
     """
 
     __slots__ = (
@@ -72,18 +77,29 @@ class PlantState:
 
 
 class Plant:
-    """The rover. `step` it with the PWM that holds; read `state`. Same seed, same inputs, same motion."""
+    """The rover. `step` it with the PWM that holds; read `state`. Same seed, same inputs, same motion.
+
+    parameters: as they act, the variant's effects that are numbers in their places.
+    """
 
     def __init__(self, parameters: PlantParameters, seed: int = 1) -> None:
-        self.parameters = parameters
+        self.parameters = parameters = resolved(parameters)
         self.state = PlantState()
         self._servo = Servo(parameters)
         self._road = Road(parameters, seed)
-        self._wanted_speed = 0.0
+        effects = parameters.effects
+        self._effects = EffectAxles(parameters, self._road) if IDS & effects.keys() else None
+        self._axles: Axles = self._effects or Axles(parameters, self._road)
+        self._forces = self._axles.forces
+        self._relaxation = self._effects.relaxation if self._effects else None
+        self._slope = Slope(effects) if "cross_slope" in effects else None
         self._constants = _constants(parameters)
         forward, right, down = parameters.imu_position
         self._imu = (forward, -right, parameters.cg_height_above_roll_centre - down)
         self._tyre_pole, self._roll_pole = _fast_poles(parameters)
+        sh = parameters.sprung_mass * parameters.cg_height_above_roll_centre
+        self._lean = sh / (parameters.roll_stiffness - sh * GRAVITY)  # rad per m/s2 that is felt, standing
+        self._upright = 1e-3 + (abs(self._lean * self._slope.steepest) if self._slope else 0.0)
 
     def step(self, steer_us: float, throttle_us: float, dt: float) -> None:
         """Advance by dt [s] (2.5 ms is meant, up to 0.02 works) with these PWM [us]; 0 us means no pulse."""
@@ -96,6 +112,8 @@ class Plant:
             return
         speed = hypot(state.vx, state.vy)
         self._road.advance(speed * dt, speed)
+        if self._effects is not None:
+            self._effects.travel(speed * dt, end)
         rolling = abs(state.vx)
         pole = self._tyre_pole / (rolling if rolling > LOW_SPEED else LOW_SPEED) + self._roll_pole
         substeps = ceil(dt * pole / _STEP_LIMIT)
@@ -110,47 +128,9 @@ class Plant:
         self, vx: float, vy: float, r: float, phi: float, p: float, delta: float
     ) -> tuple[float, float, float, float]:
         """(vx', vy', r', p') of a motion with the road-wheel angle delta, from the equations above."""
-        (
-            m,
-            a,
-            b,
-            sh,
-            shh,
-            coupling,
-            izz,
-            roll_inertia,
-            ixz,
-            k,
-            damping,
-            sgh,
-            cf,
-            cr,
-            df,
-            dr,
-            shape,
-            gain,
-            top,
-            rf,
-            rr,
-        ) = self._constants
-        road = self._road
+        m, sh, shh, coupling, izz, roll_inertia, ixz, k, damping, sgh = self._constants
+        fx, fy, mz, roll_moment = self._forces(vx, vy, r, phi, p, delta)
         s, c = sin(phi), cos(phi)
-        ss, cs = sin(delta), cos(delta)
-
-        # axle forces, front in the wheel's plane and turned into the body's
-        vyf, vyr = vy + a * r, vy - b * r
-        forward = vx * cs + vyf * ss
-        side_f = lateral_force(slip_angle(forward, vyf * cs - vx * ss), cf, df, shape)
-        drag_f = -rf * _direction(forward)
-        drive = gain * (self._wanted_speed - vx)
-        along_r = (top if drive > top else -top if drive < -top else drive) - rr * _direction(vx)
-        if along_r > 0.99 * dr or along_r < -0.99 * dr:
-            along_r = 0.99 * dr if along_r > 0 else -0.99 * dr
-        side_r = lateral_force(slip_angle(vx, vyr), cr, sqrt(dr * dr - along_r * along_r), shape)
-        front = side_f * cs + drag_f * ss
-        fx = along_r + drag_f * cs - side_f * ss
-        fy = front + side_r + road.force
-        mz = a * front - b * side_r + road.yaw_moment
 
         # vx', vy' eliminated from the last two equations; coupling = 1 - m_s/m
         hs = sh * s
@@ -160,7 +140,7 @@ class Plant:
             sgh * s
             - k * phi
             - damping * p
-            + road.roll_moment
+            + roll_moment
             + sh * c * (fy - centrifugal) / m
             + shh * r * r * s * c
         )
@@ -180,10 +160,14 @@ class Plant:
         half = 0.5 * dt
         end = state.t + dt
         new_delta = servo.advance(state.t, end)
+        slope, relaxation = self._slope, self._relaxation
         ax, ay, ar, ap = self.derivatives(vx, vy, r, phi, p, delta)
+        gx, gy = _LEVEL if slope is None else slope.hold(state.psi)
+        if relaxation is not None:
+            relaxation.half(self._axles.steady, vx, half)
         middle = self.derivatives(
-            vx_m := vx + half * ax,
-            vy_m := vy + half * ay,
+            vx_m := vx + half * (ax - gx),
+            vy_m := vy + half * (ay - gy),
             r_m := r + half * ar,
             phi_m := phi + half * p,
             p_m := p + half * ap,
@@ -191,11 +175,14 @@ class Plant:
         )
         ax, ay, ar, ap = middle
         psi_m = state.psi + half * r
+        gx, gy = _LEVEL if slope is None else slope.hold(psi_m)
+        if relaxation is not None:
+            relaxation.end(self._axles.steady, vx_m, dt)
         sn, cn = sin(psi_m), cos(psi_m)
         state.x += dt * (vx_m * cn - vy_m * sn)
         state.y += dt * (vx_m * sn + vy_m * cn)
         state.psi += dt * r_m
-        state.vx, state.vy, state.r = vx + dt * ax, vy + dt * ay, r + dt * ar
+        state.vx, state.vy, state.r = vx + dt * (ax - gx), vy + dt * (ay - gy), r + dt * ar
         state.phi, state.p = phi + dt * p_m, p + dt * ap
         state.vx_dot, state.vy_dot, state.r_dot, state.p_dot = ax, ay, ar, ap
         state.delta, state.t = new_delta, end
@@ -218,42 +205,38 @@ class Plant:
         parameters = self.parameters
         offset = pwm_us - parameters.throttle_trim_us
         idle = pwm_us <= 0 or abs(offset) <= parameters.throttle_deadband_us
-        self._wanted_speed = 0.0 if idle else offset * parameters.speed_per_us
+        self._axles.wanted_speed = 0.0 if idle else offset * parameters.speed_per_us
 
     def _parked(self) -> bool:
         """Standing on four wheels with less drive than it takes to break loose."""
         state, parameters = self.state, self.parameters
         if abs(state.vx) > STICTION_SPEED or abs(state.vy) > STICTION_SPEED or abs(state.r) > STICTION_SPEED:
             return False
-        if abs(state.p) > 1e-3 or abs(state.phi) > 1e-3:
+        if abs(state.p) > 1e-3 or abs(state.phi) > self._upright:
             return False
-        drive = parameters.mass / parameters.speed_lag * abs(self._wanted_speed)
+        drive = parameters.mass / parameters.speed_lag * abs(self._axles.wanted_speed)
         return drive <= parameters.rolling_resistance * parameters.mass * GRAVITY
 
     def _stand(self, delta: float, t: float) -> None:
         state = self.state
-        state.vx = state.vy = state.r = state.p = state.phi = 0.0
-        state.vx_dot = state.vy_dot = state.r_dot = state.p_dot = 0.0
-        state.ax, state.ay, state.az = 0.0, 0.0, GRAVITY
+        state.vx = state.vy = state.r = state.p = 0.0
+        state.r_dot = state.p_dot = 0.0
+        state.vx_dot, state.vy_dot = state.ax, state.ay = (
+            _LEVEL if self._slope is None else self._slope.hold(state.psi)
+        )
+        state.az = GRAVITY
+        state.phi = self._lean * state.ay
+        if self._relaxation is not None:
+            self._relaxation.rest()
         state.delta, state.t = delta, t
-
-
-def _direction(speed: float) -> float:
-    """Sign of a rolling speed [m/s], smooth within STICTION_SPEED."""
-    return speed / sqrt(speed * speed + STICTION_SPEED * STICTION_SPEED)
 
 
 def _constants(q: PlantParameters) -> tuple[float, ...]:
     """What `derivatives` needs, in its order, worked out once."""
-    wheelbase = q.cg_to_front_axle + q.cg_to_rear_axle
-    front_load = q.mass * GRAVITY * q.cg_to_rear_axle / wheelbase
-    rear_load = q.mass * GRAVITY * q.cg_to_front_axle / wheelbase
     sh = q.sprung_mass * q.cg_height_above_roll_centre
     shh = sh * q.cg_height_above_roll_centre
     return (
         q.mass,
-        q.cg_to_front_axle,
-        q.cg_to_rear_axle,
         sh,
         shh,
         1.0 - q.sprung_mass / q.mass,
@@ -263,15 +246,6 @@ def _constants(q: PlantParameters) -> tuple[float, ...]:
         q.roll_stiffness,
         q.roll_damping,
         sh * GRAVITY,
-        q.front_cornering_stiffness,
-        q.rear_cornering_stiffness,
-        q.friction * front_load,
-        q.friction * rear_load,
-        q.tyre_shape,
-        q.mass / q.speed_lag,
-        q.drive_force_limit,
-        q.rolling_resistance * front_load,
-        q.rolling_resistance * rear_load,
     )
 
 
@@ -284,4 +258,6 @@ def _fast_poles(q: PlantParameters) -> tuple[float, float]:
     cf, cr = q.front_cornering_stiffness, q.rear_cornering_stiffness
     lateral = (cf + cr) / light_mass
     yaw = (q.cg_to_front_axle**2 * cf + q.cg_to_rear_axle**2 * cr) / q.yaw_inertia
-    return lateral + yaw, q.roll_damping / light_roll + sqrt(q.roll_stiffness / light_roll)
+    roll = q.roll_damping / light_roll + sqrt(q.roll_stiffness / light_roll)
+    stiffer = max(1.0, number(q.effects, "surface_change", "ratio", 1.0))
+    return stiffer * (lateral + yaw), roll + friction_pole(q.effects, light_roll)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from math import ceil
 from pathlib import Path
 
+from sitl.effects.stamps import late_records
 from sitl.parameters import PlantParameters
 from sitl.plant import Plant
 from sitl.radio import Radio
@@ -70,6 +71,7 @@ class Rover:
         self.on_parameter: Callable[[Parameter], None] = lambda parameter: None
         self.on_sample: Callable[[], None] = lambda: None
         self.log = VehicleLog(directory / "logs", parameters, lambda: self.now_us)
+        self.log.late_us = late_records(plant.effects)
         self.log.on_open.append(self._log_mode)
         self.scripts = Scripts(self, directory / "scripts")
         parameters.on_change.append(self._parameter_changed)

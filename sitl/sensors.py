@@ -11,8 +11,11 @@ change slowly (first-order Gauss-Markov), so that it drifts as an EKF with GPS d
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, exp, pi, sin, sqrt, tan
+from math import cos, exp, inf, pi, sin, sqrt, tan
 
+from sitl.effects.imu import IDS, Mounting, hidden_cutoffs
+from sitl.effects.nominal import resolved
+from sitl.effects.road import Slope
 from sitl.parameters import PlantParameters
 from sitl.plant import PlantState
 from sitl.road import normals
@@ -79,8 +82,12 @@ class Sensors:
         gyro_filter_hz: float = 4.0,
         accel_filter_hz: float = 10.0,
     ) -> None:
-        self.parameters = parameters
+        self.parameters = parameters = resolved(parameters)
         self.rate_hz = rate_hz
+        effects = parameters.effects
+        self._mounting = Mounting(effects) if IDS & effects.keys() else None
+        self._slope = Slope(effects) if "cross_slope" in effects else None
+        self._hidden = self._hidden_filters() if "sensor_filter" in effects else None
         self._noise = normals(seed, stream=2)
         self._estimator_noise = normals(seed, stream=3)
         root = sqrt(rate_hz / 2.0)  # one-sided density to rms of a sample
@@ -128,14 +135,24 @@ class Sensors:
         bx, by, bz = self.parameters.gyro_bias
         s, c = sin(state.phi), cos(state.phi)
         # body rates: with a roll angle the yaw rate shows in y and z
-        gx = state.p + bx + rms * next(noise)
-        gy = -state.r * s + by + rms * next(noise)
-        gz = -state.r * c + bz + rms * next(noise)
+        wx, wy, wz = state.p, -state.r * s, -state.r * c
+        if self._mounting is not None:
+            wx, wy, wz = self._mounting.seen((wx, wy, wz))
+        gx = wx + bx + rms * next(noise)
+        gy = wy + by + rms * next(noise)
+        gz = wz + bz + rms * next(noise)
         rms = self._accel_rms + self._vibration * abs(state.vx)
         bx, by, bz = self.parameters.accel_bias
-        ax = state.ax + bx + rms * next(noise)
-        ay = -state.ay + by + rms * next(noise)
-        az = -state.az + bz + rms * next(noise)
+        fx, fy, fz = state.ax, -state.ay, -state.az
+        if self._mounting is not None:
+            fx, fy, fz = self._mounting.seen((fx, fy, fz))
+        ax = fx + bx + rms * next(noise)
+        ay = fy + by + rms * next(noise)
+        az = fz + bz + rms * next(noise)
+        if self._hidden is not None:
+            gx, gy, gz, ax, ay, az = (
+                f.apply(x) for f, x in zip(self._hidden, (gx, gy, gz, ax, ay, az), strict=True)
+            )
         self.gyro_raw, self.accel_raw = (gx, gy, gz), (ax, ay, az)
         f, g, h = self._gyro_filters
         self.gyro = (f.apply(gx), g.apply(gy), h.apply(gz))
@@ -152,10 +169,29 @@ class Sensors:
         vy = state.vy + state.r * forward - state.p * z
         sn, cn = sin(state.psi), cos(state.psi)
         self.true_attitude = (state.phi, 0.0, -state.psi)
+        if self._mounting is not None or self._slope is not None:
+            self.true_attitude = self._attitude(state)
         self.true_velocity = (vx * cn - vy * sn, -(vx * sn + vy * cn), -state.p * y)
         north = state.x + forward * cn - y * sn
         west = state.y + forward * sn + y * cn
         self.true_position = (north, -west, -z)
+
+    def _attitude(self, state: PlantState) -> Vector:
+        """Of the IMU where road or mounting are not level; the angles are added, being small."""
+        roll, pitch, yaw = state.phi, 0.0, -state.psi
+        if self._slope is not None:
+            tilt, pitch = self._slope.attitude(state.psi)
+            roll += tilt
+        if self._mounting is not None:
+            more = self._mounting.angles
+            roll, pitch, yaw = roll + more[0], pitch + more[1], yaw + more[2]
+        return roll, pitch, yaw
+
+    def _hidden_filters(self) -> tuple[LowPassFilter2p, ...]:
+        """Low-passes of the three gyros and three accelerometers, before the autopilot's own."""
+        gyro_hz, accel_hz = hidden_cutoffs(self.parameters.effects)
+        rates = (gyro_hz,) * 3 + (accel_hz,) * 3
+        return tuple(LowPassFilter2p(self.rate_hz, 0.0 if hz == inf else hz) for hz in rates)
 
     def _estimate(self) -> None:
         keep, fresh, errors, noise = self._keep, self._fresh, self._errors, self._estimator_noise

@@ -108,7 +108,7 @@ def local_position_ned(rover: Rover) -> Message | None:
     if not rover.origin_set:
         return None
     return mavlink.MAVLink_local_position_ned_message(
-        rover.now_ms, *rover.sensors.position, *rover.sensors.velocity
+        rover.log.stamp("XKF1") // 1000, *rover.sensors.position, *rover.sensors.velocity
     )
 
 
@@ -140,7 +140,7 @@ def gps_raw_int(rover: Rover) -> Message:
 
 
 def servo_output_raw(rover: Rover) -> Message:
-    wrapped = rover.now_us & 0xFFFFFFFF  # 32 bits: back to 0 after 71 minutes
+    wrapped = rover.log.stamp("RCOU") & 0xFFFFFFFF  # 32 bits: back to 0 after 71 minutes
     return mavlink.MAVLink_servo_output_raw_message(wrapped, 0, *rover.servos.pwm[:16])
 
 

@@ -7,7 +7,7 @@ file; with 1 the next arming begins another. Nothing is logged while a log is be
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -35,6 +35,7 @@ class VehicleLog:
         self._armed = False
         self._disarmed_ms: int | None = None
         self._script_formats: dict[str, LogFormat] = {}
+        self.late_us: Mapping[str, int] = {}
         self._reported = 0
         directory.mkdir(parents=True, exist_ok=True)
         parameters.on_change.append(self._parameter)
@@ -100,7 +101,11 @@ class VehicleLog:
     def write(self, name: str, *values: float | str | bytes) -> None:
         """A record with the time in front; dropped while nothing is being logged."""
         if self._writer is not None and self.active:
-            self._writer.write(name, self.clock(), *values)
+            self._writer.write(name, self.stamp(name), *values)
+
+    def stamp(self, name: str) -> int:
+        """Vehicle time [us] that a record written now carries; messages in `late_us` have another clock."""
+        return max(0, self.clock() + self.late_us.get(name, 0))
 
     @property
     def writer(self) -> DataFlashWriter | None:
@@ -122,7 +127,7 @@ class VehicleLog:
         if name not in self._writer.formats:
             self._writer.define(fmt)
             self._unit_record(fmt)
-        self._writer.write(name, self.clock(), *values)  # type: ignore[arg-type]
+        self._writer.write(name, self.stamp(name), *values)  # type: ignore[arg-type]
 
     def statistics(self) -> None:
         """DSF, once a second: nothing is ever dropped here."""

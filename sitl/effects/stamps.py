@@ -1,0 +1,22 @@
+"""Streams that are stamped by another clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from sitl.effects.table import STREAMS, Effects, number
+
+RECORDS = {"steering": ("SWEP", "RCOU", "RCIN"), "velocity": ("XKF1",)}
+"""DataFlash messages of each stream."""
+
+
+def late_us(effects: Effects) -> tuple[str, int]:
+    """(stream, microseconds that its stamps are late by)."""
+    stream = str(effects.get("clock_offset", {}).get("stream", STREAMS[0]))
+    return stream, round(1e6 * number(effects, "clock_offset", "T"))
+
+
+def late_records(effects: Effects) -> Mapping[str, int]:
+    """DataFlash message -> microseconds that its stamps are late by; nothing where the clocks agree."""
+    stream, late = late_us(effects)
+    return dict.fromkeys(RECORDS[stream], late) if late else {}

@@ -1,0 +1,161 @@
+"""The effects that a variant file may ask for: ids, parameters, units, ranges.
+
+    [effects]
+    steering_backlash = { b = 0.012 }
+    tyre_relaxation = { sigma = 0.25 }
+
+ISO axes (x forward, y left, z up), SI units, left steering angle positive. u is the road-wheel angle
+commanded, d the true one, F a lateral axle force with the slip angle alpha and static load Fz, phi and p roll
+angle and rate.
+
+servo_lag             T [s]: T d' = u - d, the whole lag
+servo_rate_limit      R [rad/s]: abs(d') <= R of the road wheel
+steering_deadband     w [rad], half width, of the servo's error: T d' = dz(u - d)
+steering_backlash     b [rad], half the gap: play operator behind the servo
+steering_nonlinearity c3 [1/rad2]: u (1 + c3 u2)
+steering_asymmetry    e [-]: (1 + e) u to the left, (1 - e) u to the right
+steering_trim         u0 [rad]: d = u - u0
+transport_delay       T [s]: d(t) = u(t - T), the whole delay
+clock_offset          T [s]: a stream's records are stamped late by T; stream = "steering" (default) or
+                      "velocity"
+tyre_relaxation       sigma [m]: (sigma/V) F' + F = F0, both axles
+tyre_saturation       mu [-]: F = mu Fz tanh(C alpha/(mu Fz)), both axles
+load_transfer         k [-]: C (1 - k (a_y/g)2), both axles
+front_rear_stiffness  ratio [-]: Cf/Cr, the sum of both as without it
+tyre_slip             C [N/rad] of each axle, Izz [kg m2]
+roll_dof              k_phi [N m/rad], b_phi [N m s/rad]
+roll_steer            e [rad/rad]: d + e phi at the front wheels
+suspension_friction   T [N m]: T sgn p against roll
+speed_variation       D [s/m]: D a_y2 off V', beside the drag that turned wheels have anyway
+imu_offset            x, z [m]: the IMU further forward, further up than imu_position
+imu_tilt              roll, pitch, yaw [rad]: mounting angles, yaw first; roll gives a_y = g sin(roll) at rest
+sensor_filter         gyro_hz, accel_hz [Hz]: second-order Butterworth low-pass before the autopilot's own
+velocity_lag          T [s]: the whole first-order lag of the estimator's velocity
+surface_change        ratio [-]: C of both axles after / before; t [s] on the plant's clock or distance [m]
+cross_slope           b [rad], psi0 [rad]: the accelerometer reads g b cos(psi - psi0) more to the left (left
+                      is uphill at psi0), psi left-positive from north; gravity pulls the other way
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+Effects = Mapping[str, Mapping[str, float | str]]
+
+STREAMS = ("steering", "velocity")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A parameter: the least value (excluded where `above`), and whether it may be left out."""
+
+    low: float = -math.inf
+    above: bool = False
+    optional: bool = False
+
+
+_ANY, _SIZE, _POSITIVE = Rule(), Rule(0.0), Rule(0.0, above=True)
+_PERHAPS, _PERHAPS_POSITIVE = Rule(optional=True), Rule(0.0, above=True, optional=True)
+
+PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
+    "servo_lag": {"T": _SIZE},
+    "servo_rate_limit": {"R": _POSITIVE},
+    "steering_deadband": {"w": _SIZE},
+    "steering_backlash": {"b": _SIZE},
+    "steering_nonlinearity": {"c3": _ANY},
+    "steering_asymmetry": {"e": _ANY},
+    "steering_trim": {"u0": _ANY},
+    "transport_delay": {"T": _SIZE},
+    "clock_offset": {"T": _ANY},
+    "tyre_relaxation": {"sigma": _SIZE},
+    "tyre_saturation": {"mu": _POSITIVE},
+    "load_transfer": {"k": _ANY},
+    "front_rear_stiffness": {"ratio": _POSITIVE},
+    "tyre_slip": {"C": _POSITIVE, "Izz": _POSITIVE},
+    "roll_dof": {"k_phi": _POSITIVE, "b_phi": _SIZE},
+    "roll_steer": {"e": _ANY},
+    "suspension_friction": {"T": _SIZE},
+    "speed_variation": {"D": _SIZE},
+    "imu_offset": {"x": _PERHAPS, "z": _PERHAPS},
+    "imu_tilt": {"roll": _PERHAPS, "pitch": _PERHAPS, "yaw": _PERHAPS},
+    "sensor_filter": {"gyro_hz": _PERHAPS_POSITIVE, "accel_hz": _PERHAPS_POSITIVE},
+    "velocity_lag": {"T": _SIZE},
+    "surface_change": {"ratio": _POSITIVE, "t": _PERHAPS, "distance": Rule(0.0, optional=True)},
+    "cross_slope": {"b": _ANY, "psi0": _ANY},
+}
+_TEXTS = {"clock_offset": ("stream",), "surface_change": ("run",)}
+
+
+def checked(table: object, where: str) -> Effects:
+    """The table `[effects]` of the file `where`, every number in order.
+
+    Raises ValueError naming the wrong entry.
+    """
+    if not isinstance(table, dict):
+        raise ValueError(f"variant {where}: effects = {table!r} must be a table [effects]")
+    return {name: _effect(name, entries, where) for name, entries in table.items()}
+
+
+def merged(inherited: Effects, own: Effects) -> Effects:
+    """Effects of a base and those of the file that names it; of the same effect the file's stand."""
+    return {**inherited, **own}
+
+
+def number(effects: Effects, name: str, parameter: str, absent: float = 0.0) -> float:
+    """A parameter of an effect, `absent` where it was not given."""
+    return float(effects.get(name, {}).get(parameter, absent))
+
+
+def _effect(name: str, entries: object, where: str) -> Mapping[str, float | str]:
+    rules = PARAMETERS.get(name)
+    if rules is None:
+        raise ValueError(f"variant {where}: there is no effect {name}; there are {', '.join(PARAMETERS)}")
+    texts = _TEXTS.get(name, ())
+    place = f"variant {where}: {name}"
+    if not isinstance(entries, dict):
+        raise ValueError(f"{place} = {entries!r} must be a table, as in: {name} = {{ {_example(rules)} }}")
+    if unknown := [p for p in entries if p not in rules and p not in texts]:
+        raise ValueError(
+            f"{place} has no parameter {', '.join(unknown)}; it has {', '.join((*rules, *texts))}"
+        )
+    if missing := [p for p, rule in rules.items() if p not in entries and not rule.optional]:
+        raise ValueError(f"{place} lacks {', '.join(missing)}, as in: {name} = {{ {_example(rules)} }}")
+    _together(name, entries, place)
+    return {
+        p: _text(x, p, place) if p in texts else _value(x, p, rules[p], place) for p, x in entries.items()
+    }
+
+
+def _together(name: str, entries: Mapping[str, object], place: str) -> None:
+    """What one parameter alone cannot tell."""
+    if not entries:
+        raise ValueError(f"{place} is empty: give at least one of {', '.join(PARAMETERS[name])}")
+    if name == "surface_change" and ("t" in entries) == ("distance" in entries):
+        raise ValueError(f"{place} needs either t [s] or distance [m]")
+    if entries.get("stream", STREAMS[0]) not in STREAMS:
+        raise ValueError(f"{place}: stream = {entries['stream']!r} must be one of {', '.join(STREAMS)}")
+
+
+def _text(value: object, name: str, place: str) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{place}: {name} = {value!r} must be text")
+    return value
+
+
+def _value(value: object, name: str, rule: Rule, place: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError(f"{place}: {name} = {value!r} must be a finite number")
+    if value < rule.low or (rule.above and value == rule.low):
+        raise ValueError(
+            f"{place}: {name} = {value} must be {'greater than' if rule.above else 'at least'} 0"
+        )
+    return float(value)
+
+
+def _example(rules: Mapping[str, Rule]) -> str:
+    return (
+        ", ".join(f"{p} = .." for p, rule in rules.items() if not rule.optional)
+        or f"{next(iter(rules))} = .."
+    )
