@@ -30,18 +30,24 @@ class AppletParameter:
 
 PARAMETERS: tuple[AppletParameter, ...] = (
     AppletParameter("SWP_ENABLE", "", 1, 0, 1, "0 refuses every run and stops the one that goes on"),
-    AppletParameter("SWP_TYPE", "", 0, 0, 1, "manoeuvre: 0 sweep, 1 doublet"),
-    AppletParameter("SWP_AMP", "us", 150, 1, 500, "amplitude of the steering PWM about SERVOn_TRIM"),
-    AppletParameter("SWP_WMIN", "rad/s", 0.3, 0.05, 50, "frequency at which the sweep begins"),
-    AppletParameter("SWP_WMAX", "rad/s", 25, 0.1, 100, "frequency at which the sweep ends"),
-    AppletParameter("SWP_TREC", "s", 55, 1, 600, "length of the sweep's law, without fades and dwell"),
-    AppletParameter("SWP_FADE", "s", 2, 0, 20, "fade-in at SWP_WMIN and fade-out at SWP_WMAX, each"),
-    AppletParameter("SWP_DWELL", "s", 2, 0, 60, "full amplitude at SWP_WMIN before the law begins"),
+    AppletParameter("SWP_TYPE", "", 0, 0, 3, "manoeuvre: 0 sweep, 1 doublet, 2 multisine, 3 bias sweep"),
+    AppletParameter("SWP_AMP", "us", 150, 1, 500, "amplitude (multisine: peak) of the steering PWM"),
+    AppletParameter(
+        "SWP_WMIN", "rad/s", 0.3, 0.05, 50, "frequency at which the sweep begins; lower end of a multisine"
+    ),
+    AppletParameter(
+        "SWP_WMAX", "rad/s", 25, 0.1, 100, "frequency at which the sweep ends; upper end of a multisine"
+    ),
+    AppletParameter("SWP_TREC", "s", 55, 1, 600, "length of the law, without fades and dwell"),
+    AppletParameter("SWP_FADE", "s", 2, 0, 20, "fade-in and fade-out, each; a doublet has none"),
+    AppletParameter(
+        "SWP_DWELL", "s", 2, 0, 60, "full amplitude before the law begins, of a sweep at SWP_WMIN"
+    ),
     AppletParameter("SWP_STRAIGHT", "s", 3, 0, 30, "straight at trim before and after, each"),
     AppletParameter("SWP_STILL", "s", 3, 0, 30, "standstill recorded before and after; 0 waits for none"),
     AppletParameter("SWP_PULSE", "s", 1, 0.1, 10, "doublet: length of each of its two steps"),
     AppletParameter("SWP_PAUSE", "s", 2, 0, 30, "doublet: pause after each"),
-    AppletParameter("SWP_COUNT", "", 2, 1, 20, "doublet: how many"),
+    AppletParameter("SWP_COUNT", "", 2, 1, 20, "doublet: how many; multisine: periods in SWP_TREC"),
     AppletParameter(
         "SWP_PWM_MAX", "us", 250, 1, 500, "steering limit from trim: refused, and stopped, past it"
     ),
@@ -59,9 +65,10 @@ PARAMETERS: tuple[AppletParameter, ...] = (
         "SWP_CHAN", "", 0, 0, 16, "switch: 0 the RC channel with RCx_OPTION 300, else this raw RC channel"
     ),
     AppletParameter("SWP_RUN", "", 0, 0, 65535, "number of the last run; counted by the applet"),
+    AppletParameter("SWP_BIAS", "us", 0, -400, 400, "bias sweep: offset from trim about which it steers"),
 )
 
-TYPES: Mapping[str, int] = MappingProxyType({"sweep": 0, "doublet": 1})
+TYPES: Mapping[str, int] = MappingProxyType({"sweep": 0, "doublet": 1, "multisine": 2, "bias sweep": 3})
 
 STATES: Mapping[int, str] = MappingProxyType(
     {
@@ -85,14 +92,15 @@ _FIELDS = {
     "w_min": "SWP_WMIN",
     "w_max": "SWP_WMAX",
     "t_rec": "SWP_TREC",
+    "periods": "SWP_COUNT",
 } | {p.name.removeprefix(PREFIX).lower(): p.name for p in PARAMETERS if p.name not in ("SWP_TYPE", "SWP_RUN")}
 
 
 def for_manoeuvre(kind: str, **numbers: float) -> dict[str, float]:
-    """SWP_ values of a manoeuvre: kind "sweep" or "doublet", and any of its numbers.
+    """SWP_ values of a manoeuvre: kind of TYPES, and any of its numbers.
 
-    Numbers are named amplitude [us], w_min, w_max [rad/s], t_rec, fade, dwell, straight, pulse, pause
-    [s], count, or as a parameter in lower case without prefix (still, v_min, pwm_max, gcs...). Raises
+    Numbers are named amplitude, bias [us], w_min, w_max [rad/s], t_rec, fade, dwell, straight, pulse, pause
+    [s], count or periods, or as a parameter in lower case without prefix (still, v_min, pwm_max, gcs...). Raises
     ValueError for an unknown name or kind, or a number that the applet would refuse.
     """
     if kind not in TYPES:

@@ -1,13 +1,15 @@
 --[[
-Frequency sweep and doublets on the steering of an ArduPilot rover (4.5, 4.6), for identification.
+Frequency sweep, doublets, multisine, or a sweep about a steering bias, on the steering of an ArduPilot rover
+(4.5, 4.6), for identification.
 
 Switch 6 (RC6_OPTION 300, or MAV_CMD_DO_AUX_FUNCTION 300) thrown high while armed in MANUAL starts a run:
   1 stand still for SWP_STILL s    2 the pilot brings the rover into SWP_V_MIN..SWP_V_MAX for 1 s
   3 straight    4 fade-in    5 dwell at SWP_WMIN    6 the law, SWP_TREC s    7 fade-out    8 straight
   9 stand still again for SWP_STILL s (steering is the pilot's)    10 stopped    0 idle
-A doublet has 3, 6 and 8 only. Steering is overridden in states 3 to 8 and nowhere else; the pilot
+A doublet has 3, 6 and 8 only. A multisine runs on through 4, 5 and 7; its peak is searched for in 1 and 2, so
+that it passes through 2 in any case. Steering is overridden in states 3 to 8 and nowhere else; the pilot
 keeps the throttle throughout. Thrown while moving in the band with the stick centred, the switch leads
-straight to 3.
+straight to 3 (a multisine: to 2).
 
 Switch low, disarm, any mode but MANUAL, RC or GCS loss, SWP_ENABLE 0, the steering stick moved, a limit
 passed, another servo that steers, or this script paused for longer than its override lasts: the override
@@ -15,18 +17,18 @@ ends, and the main loop gives steering back to the pilot. If this script dies, t
 itself after OVERRIDE_MS. After a stop the switch must go low first; so it must after boot, after arming
 and after a change of SWP_CHAN. A disarm and arm between two updates cannot be seen from Lua.
 
-The wave is that of rover_sweep/identify/sweep.py. Numbers here are 32-bit integers and single floats.
+The waves are those of rover_sweep/identify/sweep.py and multisine.py. Numbers here are 32-bit integers and single floats.
 "Source" below is ArduPilot at Rover-4.6.3, with Rover-4.5.7 compared.
 ]]
 
-local VERSION = "1.1"
+local VERSION = "1.2"
 local TABLE_KEY = 158 -- used by no script that ships with 4.5 or 4.6
 local PREFIX = "SWP_"
 
 -- Name, default, lowest, highest. The same table, with units and meaning, is in parameters.py.
 local PARAMETERS = {
     { "ENABLE", 1, 0, 1 },
-    { "TYPE", 0, 0, 1 },
+    { "TYPE", 0, 0, 3 },
     { "AMP", 150, 1, 500 },
     { "WMIN", 0.3, 0.05, 50 },
     { "WMAX", 25, 0.1, 100 },
@@ -47,6 +49,7 @@ local PARAMETERS = {
     { "GCS", 0, 0, 1 },
     { "CHAN", 0, 0, 16 },
     { "RUN", 0, 0, 65535 },
+    { "BIAS", 0, -400, 400 }, -- new ones at the end: the place in this table is the parameter's key
 }
 
 local PERIOD_MS = 10 -- gives 85 Hz on 4.5.7 and 4.6.3; 72 ms was the longest gap on an idle machine, at loop 50
@@ -63,6 +66,9 @@ local REPORT_US, IDLE_REPORT_US = 200000, 1000000
 local CRITICAL, WARNING, INFO = 2, 4, 6
 local UNKNOWN = 0.0 / 0.0
 local C1, C2 = 4.0, 0.0187 -- Tischler & Remple 2012
+local LEFT_OUT = { 2, 1, 3, 2, 1, 2, 3, 1, 1, 3, 2, 2, 3, 1, 2, 1 } -- which of four odd lines is not excited
+local LEAST_LINES, MOST_LINES = 4, 128 -- odd lines of a multisine; each excited one costs a sine an update
+local SINES = 250 -- in an update of the search for the peak: a third of SCR_VM_I_COUNT's default
 
 local IDLE, STILL_BEFORE, WAITING, STRAIGHT_BEFORE, FADE_IN = 0, 1, 2, 3, 4
 local DWELL, LAW, FADE_OUT, STRAIGHT_AFTER, STILL_AFTER, STOPPED = 5, 6, 7, 8, 9, 10
@@ -134,26 +140,97 @@ local function sweep_phase(run, t)
     return run.WMIN * (s + math.min(t, 0.0)) + law + after
 end
 
--- State, offset [us] and frequency [rad/s] of a sweep at t seconds of override; a nil state: it is over.
-local function sweep(run, t)
+-- State, envelope and law time [s] at t seconds of override, for what fades in and out; a nil state: it is over.
+local function course(run, t)
     local lead = run.FADE + run.DWELL
     local since = t - run.STRAIGHT
     local left = lead + run.TREC + run.FADE - since
+    local state, envelope = LAW, 1.0
     if since < 0 then
-        return STRAIGHT_BEFORE, 0.0, 0.0
+        state, envelope = STRAIGHT_BEFORE, 0.0
     elseif left <= 0 then
-        return left > -run.STRAIGHT and STRAIGHT_AFTER or nil, 0.0, 0.0
-    end
-    local state, rate, envelope = LAW, sweep_rate(run, math.max(0.0, math.min(since - lead, run.TREC))), 1.0
-    if since < run.FADE then
+        state, envelope = left > -run.STRAIGHT and STRAIGHT_AFTER or nil, 0.0
+    elseif since < run.FADE then
         state, envelope = FADE_IN, since / run.FADE
     elseif since < lead then
         state = DWELL
     elseif left < run.FADE then
         state, envelope = FADE_OUT, left / run.FADE
     end
-    local phase = sweep_phase(run, since - lead) + run.WMIN * lead
-    return state, run.AMP * envelope * math.sin(phase), rate
+    return state, envelope, since - lead
+end
+
+-- Offset [us] at full envelope and frequency [rad/s] of a sweep, s seconds into the law or before it.
+local function sweep(run, s)
+    local phase = sweep_phase(run, s) + run.WMIN * (run.FADE + run.DWELL)
+    return run.AMP * math.sin(phase), sweep_rate(run, math.max(0.0, math.min(s, run.TREC)))
+end
+
+-- The same about a bias, which fades in and out with it.
+local function bias_sweep(run, s)
+    local offset, rate = sweep(run, s)
+    return run.BIAS + offset, rate
+end
+
+-- The lowest and highest odd multiple of 2 pi COUNT / TREC from WMIN to WMAX, or a hundredth of it beyond.
+local function odd_lines(v)
+    local base = 2.0 * math.pi * v.COUNT / v.TREC
+    local low, high = math.ceil(v.WMIN / base - 0.01), math.floor(v.WMAX / base + 0.01)
+    return low + 1 - low % 2, high - 1 + high % 2
+end
+
+-- The excited lines, three of each four odd ones, and their phases [rad] (Schroeder 1970), added to the run.
+local function choose_lines(run)
+    local low, high = odd_lines(run)
+    local count = (high - low) // 2 + 1
+    run.lines, run.phases, run.looked, run.peak = {}, {}, 0, 0.0
+    for j = 0, count - 1 do
+        if j % 4 ~= LEFT_OUT[j // 4 % #LEFT_OUT + 1] then
+            run.lines[#run.lines + 1] = low + 2 * j
+            run.phases[#run.phases + 1] = -math.pi * (j * j % (2 * count)) / count
+        end
+    end
+end
+
+-- Whether the peak of the sum of sines is known; looks at some more of the half period that repeats with its
+-- sign changed. 16 points a period of the highest line miss the peak by 2 % at most.
+local function find_peak(run)
+    if not run.lines then
+        choose_lines(run)
+    end
+    local half = 8 * run.lines[#run.lines]
+    local stop = math.min(half, run.looked + SINES // #run.lines)
+    for i = run.looked, stop - 1 do
+        local sum = 0.0
+        for n = 1, #run.lines do
+            sum = sum + math.sin(math.pi * (run.lines[n] * i % (2 * half)) / half + run.phases[n])
+        end
+        run.peak = math.max(run.peak, math.abs(sum))
+    end
+    run.looked = stop
+    return stop == half
+end
+
+-- Offset [us] at full envelope of a multisine of peak AMP and COUNT periods in TREC; it has no one frequency.
+local function multisine(run, s)
+    local turned = 2.0 * math.pi * (s * run.COUNT / run.TREC % 1.0)
+    local sum = 0.0
+    for n = 1, #run.lines do
+        sum = sum + math.sin(run.lines[n] * turned + run.phases[n])
+    end
+    return run.AMP * sum / run.peak, 0.0
+end
+
+-- State, offset [us] and frequency [rad/s] at t seconds of override of such a law; a nil state: it is over.
+local function faded(law)
+    return function(run, t)
+        local state, envelope, s = course(run, t)
+        if envelope == 0.0 then
+            return state, 0.0, 0.0
+        end
+        local offset, rate = law(run, s)
+        return state, envelope * offset, rate
+    end
 end
 
 -- The same for doublets: +AMP and -AMP for PULSE s each, PAUSE s apart, COUNT times.
@@ -174,7 +251,13 @@ local function doublet(run, t)
     return LAW, 0.0, 0.0
 end
 
-local MANOEUVRES = { [0] = { name = "sweep", at = sweep }, [1] = { name = "doublet", at = doublet } }
+local MULTISINE, BIAS_SWEEP = 2, 3
+local MANOEUVRES = {
+    [0] = { name = "sweep", at = faded(sweep) },
+    [1] = { name = "doublet", at = doublet },
+    [MULTISINE] = { name = "multisine", at = faded(multisine), prepared = find_peak },
+    [BIAS_SWEEP] = { name = "bias sweep", at = faded(bias_sweep) },
+}
 
 ---------------------------------------------------------------- what is seen
 
@@ -252,6 +335,23 @@ local function read_parameters()
     return values
 end
 
+-- Middle of the wave [us] from trim.
+local function middle(v)
+    return v.TYPE == BIAS_SWEEP and v.BIAS or 0.0
+end
+
+-- Why there is no such multisine, or nil.
+local function refuse_lines(v)
+    local low, high = odd_lines(v)
+    local count = (high - low) // 2 + 1
+    if v.COUNT < 2 or v.COUNT % 1 ~= 0 then
+        return string.format("SWP_COUNT %g is not 2, 3..", v.COUNT)
+    elseif not (count >= LEAST_LINES and count <= MOST_LINES) then
+        return string.format("%d odd lines, not %d to %d", count, LEAST_LINES, MOST_LINES)
+    end
+    return nil
+end
+
 -- Why these parameters cannot be driven, or nil. `not (a <= b)` refuses NaN as well.
 local function refuse_parameters(v)
     for _, p in ipairs(PARAMETERS) do
@@ -263,6 +363,8 @@ local function refuse_parameters(v)
         return string.format("SWP_TYPE %g is unknown", v.TYPE)
     elseif v.AMP > v.PWM_MAX then
         return string.format("SWP_AMP %g > SWP_PWM_MAX %g", v.AMP, v.PWM_MAX)
+    elseif v.AMP + math.abs(middle(v)) > v.PWM_MAX then
+        return string.format("AMP + BIAS %g > SWP_PWM_MAX %g", v.AMP + math.abs(middle(v)), v.PWM_MAX)
     elseif v.WMIN >= v.WMAX then
         return string.format("SWP_WMIN %g >= SWP_WMAX %g", v.WMIN, v.WMAX)
     elseif v.V_MIN >= v.V_MAX then
@@ -270,7 +372,7 @@ local function refuse_parameters(v)
     elseif v.GCS > 0 and not gcs.last_seen then
         return "SWP_GCS 1, but no gcs:last_seen"
     end
-    return nil
+    return v.TYPE == MULTISINE and refuse_lines(v) or nil
 end
 
 -- Where the steering servo is and what it may do, added to the run; or why not.
@@ -283,8 +385,10 @@ local function refuse_servo(v)
     local trim, low, high = param:get(name .. "TRIM"), param:get(name .. "MIN"), param:get(name .. "MAX")
     if not (trim and low and high) then
         return name .. "TRIM, MIN, MAX unknown"
-    elseif not (trim - v.AMP >= low and trim + v.AMP <= high) then
-        return string.format("PWM %g+-%g not in %g..%g", trim, v.AMP, low, high)
+    end
+    local centre = trim + middle(v) -- a bias sweep begins and ends at the trim
+    if not (math.min(trim, centre - v.AMP) >= low and math.max(trim, centre + v.AMP) <= high) then
+        return string.format("PWM %g+-%g not in %g..%g", centre, v.AMP, low, high)
     end
     v.channel, v.trim = channel, trim
     v.low, v.high = math.max(low, trim - v.PWM_MAX), math.min(high, trim + v.PWM_MAX)
@@ -469,7 +573,7 @@ local function begin(seen)
     if run.STILL > 0 then
         say(INFO, "run %d moving: no standstill in the record", run.number)
     end
-    if in_band(seen) and stick_centred() then
+    if in_band(seen) and stick_centred() and not run.manoeuvre.prepared then
         start_override(seen)
     else
         wait_for_speed()
@@ -485,6 +589,11 @@ local function idle(seen)
     end
 end
 
+-- Whether the wave can begin; called while nothing is steered, each call does a little of what is to be done.
+local function prepared()
+    return not run.manoeuvre.prepared or run.manoeuvre.prepared(run)
+end
+
 local function stand_before(seen)
     if seen.speed and seen.speed > MOVED_SPEED then
         say(INFO, "run %d standstill only %.1f s", run.number, seconds_since(entered))
@@ -495,11 +604,12 @@ local function stand_before(seen)
 end
 
 local function wait(seen)
+    local can_begin = prepared()
     if not (in_band(seen) and stick_centred()) then
         run.in_band = nil
     elseif not run.in_band then
         run.in_band = micros()
-    elseif seconds_since(run.in_band) >= IN_BAND_S then
+    elseif seconds_since(run.in_band) >= IN_BAND_S and can_begin then
         start_override(seen)
     end
 end
@@ -564,6 +674,7 @@ local function follow(seen)
         return
     end
     if state == STILL_BEFORE then
+        prepared()
         stand_before(seen)
     elseif state == WAITING then
         wait(seen)

@@ -1,4 +1,4 @@
-"""Test inputs in closed form: the exponential sweep of the paper and a doublet.
+"""Test inputs in closed form: the exponential sweep of the paper, the same about a steering bias, a doublet.
 
 The wave is the contract between the applet on the vehicle and everything else.
 """
@@ -11,6 +11,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rover_sweep.identify.multisine import Multisine, fading
 
 Array = NDArray[np.float64]
 
@@ -33,7 +35,7 @@ class Sweep:
     fade: float = 2.0
     dwell: float = 2.0
     straight: float = 3.0
-    kind: Literal["sweep"] = "sweep"
+    kind: Literal["sweep", "bias sweep"] = "sweep"
 
     def __post_init__(self) -> None:
         if not 0 < self.w_min < self.w_max:
@@ -80,16 +82,40 @@ class Sweep:
         since_fade = np.asarray(t, dtype=float) - self.straight
         law_time = since_fade - self.fade - self.dwell
         start_phase = self.w_min * (self.fade + self.dwell)
-        left = self.fade + self.dwell + self.t_rec + self.fade - since_fade
-        envelope = np.where((since_fade < 0) | (left < 0), 0.0, 1.0)
-        if self.fade > 0:
-            envelope = np.clip(np.minimum(since_fade, left) / self.fade, 0.0, 1.0)
-        return self.amplitude * envelope * np.sin(self.phase(law_time) + start_phase)
+        full = self.middle + self.amplitude * np.sin(self.phase(law_time) + start_phase)
+        return fading(since_fade, self.dwell + self.t_rec, self.fade) * full
+
+    @property
+    def middle(self) -> float:
+        """Offset from trim about which it steers, us."""
+        return 0.0
+
+    @property
+    def peak(self) -> float:
+        """Largest offset from trim, us."""
+        return self.amplitude + abs(self.middle)
 
     @property
     def peak_slew(self) -> float:
         """Largest rate of the wave at the servo, us/s."""
         return self.amplitude * float(self.rate(self.t_rec))
+
+
+@dataclass(frozen=True)
+class BiasSweep(Sweep):
+    """A sweep about a steering offset: bias [us], which fades in and out with the sweep; larger PWM positive.
+
+    What is even about straight (a saturating tyre, a quadratic linkage) shows in how its response differs
+    from that of a sweep about straight.
+    """
+
+    bias: float = 100.0
+    kind: Literal["sweep", "bias sweep"] = "bias sweep"
+
+    @property
+    def middle(self) -> float:
+        """Offset from trim about which it steers, us."""
+        return self.bias
 
 
 @dataclass(frozen=True)
@@ -102,6 +128,11 @@ class Doublet:
     count: int = 2
     straight: float = 3.0
     kind: Literal["doublet"] = "doublet"
+
+    @property
+    def peak(self) -> float:
+        """Largest offset from trim, us."""
+        return self.amplitude
 
     @property
     def duration(self) -> float:
@@ -118,7 +149,7 @@ class Doublet:
         return np.asarray(self.amplitude * active * (1.0 * first - 1.0 * second), dtype=np.float64)
 
 
-Manoeuvre = Sweep | Doublet
+Manoeuvre = Sweep | Doublet | Multisine
 
 
 def long_periods(sweep: Sweep) -> float:

@@ -20,6 +20,12 @@ VEHICLE = {
     "RCMAP_ROLL": 1,
     "RC1_TRIM": 1500,
 }
+KINDS: dict[str, dict[str, float]] = {
+    "sweep": {"type": 0},
+    "doublet": {"type": 1, "pulse": 2, "count": 5},
+    "multisine": {"type": 2, "count": 2},
+    "bias sweep": {"type": 3, "bias": 100},
+}  # SWP_ values of each kind of run, within the limits as they come
 LABELS = "Run,St,T,Cmd,Out,VN,VE"
 
 

@@ -9,8 +9,10 @@ import pytest
 from applet_bench import HIGH, Bench, Drive, moving, mutant, throw_switch
 
 from firmware_params.parameters import applet_source
+from rover_sweep.identify.multisine import Multisine
 
 AT_ONCE = {"type": 1, "straight": 0, "amp": 240, "still": 0}  # the first override is a full step
+BIAS_AT_ONCE = {"type": 3, "straight": 0, "fade": 0, "amp": 100, "bias": 140, "still": 0}
 START_CHECK = ("    local reason = limit_passed(run, seen)\n", "    local reason = nil\n")
 SWITCH_CHECK = (" or reason_to_stop(values, seen)", "")
 CENTRED_CHECK = ("stick_off(run) <= STICK_CENTRED_US", "true")
@@ -49,7 +51,33 @@ def brought_to_speed(spoil: Callable[[Bench], None], source: str) -> Bench:
     return bench
 
 
-@pytest.mark.parametrize("course", [thrown_while_moving, brought_to_speed])
+def bias_while_moving(spoil: Callable[[Bench], None], source: str) -> Bench:
+    bench = moving(**BIAS_AT_ONCE)
+    spoil(bench)
+    throw_switch(Drive(bench, source))
+    return bench
+
+
+def multisine_while_moving(spoil: Callable[[Bench], None], source: str) -> Bench:
+    """It waits in state 2 for a second in the band, and for its peak."""
+    bench = moving(type=2, straight=0, fade=0, count=3, still=0)
+    drive = Drive(bench, source)
+    throw_switch(drive)
+    drive.run(0.5)
+    spoil(bench)
+    drive.run(0.6)
+    return bench
+
+
+FIRST_PWM = {
+    thrown_while_moving: {1740},
+    brought_to_speed: {1740},
+    bias_while_moving: {1640},
+    multisine_while_moving: {round(1500 + float(Multisine(straight=0, fade=0).wave(0.0)))},
+}
+
+
+@pytest.mark.parametrize("course", FIRST_PWM)
 @pytest.mark.parametrize(("spoil", "said"), LIMITS)
 def test_limit_that_is_passed_already(
     course: Callable[[Callable[[Bench], None], str], Bench], spoil: Callable[[Bench], None], said: str
@@ -57,7 +85,9 @@ def test_limit_that_is_passed_already(
     bench = course(spoil, applet_source())
     assert bench.state == 10 and bench.texts[-1] == f"SWP: run 1 stopped: {said}"
     assert bench.overrides == [] and bench.log[-1]["St"] == 10
-    assert [pwm for _, pwm, hold, _ in course(spoil, mutant(START_CHECK)).overrides if hold] == [1740]
+    assert {pwm for _, pwm, hold, _ in course(spoil, mutant(START_CHECK)).overrides if hold} == FIRST_PWM[
+        course
+    ]
 
 
 def lost_before_the_switch(source: str) -> Bench:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import pytest
-from applet_bench import Bench, Drive, moving, mutant, throw_switch
+from applet_bench import KINDS, Bench, Drive, moving, mutant, throw_switch
 
 from firmware_params.parameters import applet_source
 
-FIVEFOLD = ("return state, run.AMP * envelope", "return state, 5.0 * run.AMP * envelope")
+FIVEFOLD = ("return state, envelope * offset", "return state, 5.0 * envelope * offset")
 NO_LIMIT = ("math.max(run.low, math.min(run.high, pwm))", "pwm")
 NO_PAUSE = ("not (paused <= OVERRIDE_MS)", "false")
 
 
-def sent(source: str, **servo: int) -> set[int]:
-    """PWM of all overrides of a sweep of 100 us on a servo with these SERVO1_ parameters."""
-    bench = moving(amp=100, straight=1, fade=0, dwell=0, trec=5, still=0, pwm_max=250)
+def sent(source: str, kind: str = "sweep", **servo: int) -> set[int]:
+    """PWM of all overrides of a run of 100 us on a servo with these SERVO1_ parameters."""
+    bench = moving(**{"amp": 100, "straight": 1, "fade": 0, "dwell": 0, "trec": 5, "still": 0} | KINDS[kind])
     bench.parameters |= {f"SERVO1_{name.upper()}": value for name, value in servo.items()}
     drive = Drive(bench, source)
     throw_switch(drive)
@@ -33,15 +33,16 @@ def test_no_output_leaves_the_range_of_the_servo() -> None:
     assert min(without) < 1390 or max(without) > 1605
 
 
-def test_no_output_is_further_from_trim_than_allowed() -> None:
-    wrong_wave = sent(mutant(FIVEFOLD))
-    assert min(wrong_wave) == 1250 and max(wrong_wave) == 1750
-    without = sent(mutant(FIVEFOLD, NO_LIMIT))
+@pytest.mark.parametrize("kind", ["sweep", "multisine", "bias sweep"])
+def test_no_output_is_further_from_trim_than_allowed(kind: str) -> None:
+    wrong_wave = sent(mutant(FIVEFOLD), kind)
+    assert min(wrong_wave) == (1500 if kind == "bias sweep" else 1250) and max(wrong_wave) == 1750
+    without = sent(mutant(FIVEFOLD, NO_LIMIT), kind)
     assert max(without) > 1750 or min(without) < 1250
 
 
-def paused_in_a_sweep(seconds: float, source: str) -> Bench:
-    bench = moving(trec=20, still=0)
+def paused_in_a_run(seconds: float, source: str, kind: str = "sweep") -> Bench:
+    bench = moving(trec=20, still=0, **KINDS[kind])
     drive = Drive(bench, source)
     throw_switch(drive)
     drive.run_until(6)
@@ -51,17 +52,18 @@ def paused_in_a_sweep(seconds: float, source: str) -> Bench:
     return bench
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seconds", [0.101, 0.454, 5.0])
-def test_pause_in_which_the_override_ran_out_ends_the_run(seconds: float) -> None:
-    bench = paused_in_a_sweep(seconds, applet_source())
+def test_pause_in_which_the_override_ran_out_ends_the_run(seconds: float, kind: str) -> None:
+    bench = paused_in_a_run(seconds, applet_source(), kind)
     assert bench.texts[-1] == f"SWP: run 1 stopped: script paused {1000 * seconds:.0f} ms"
     assert bench.state == 10 and bench.overrides[-1][2] == 0 and bench.servo_pwm(0) == 1444
-    assert paused_in_a_sweep(seconds, mutant(NO_PAUSE)).state == 6
+    assert paused_in_a_run(seconds, mutant(NO_PAUSE), kind).state == 6
 
 
 @pytest.mark.parametrize("seconds", [0.072, 0.099])
 def test_pause_that_the_override_outlasts_does_not(seconds: float) -> None:
-    assert paused_in_a_sweep(seconds, applet_source()).state == 6
+    assert paused_in_a_run(seconds, applet_source()).state == 6
 
 
 def test_pause_before_the_override_ends_nothing() -> None:

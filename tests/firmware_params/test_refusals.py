@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from applet_bench import LOW, Bench, Drive, moving, throw_switch
+from applet_bench import LOW, Bench, Drive, moving, mutant, throw_switch
 
 from firmware_params.parameters import applet_source
 
@@ -46,9 +46,24 @@ def no_velocity(bench: Bench) -> None:
         (vehicle(SWP_WMIN=-1), "SWP_WMIN -1 outside 0.05 to 50"),
         (vehicle(SWP_TREC=0), "SWP_TREC 0 outside 1 to 600"),
         (vehicle(SWP_FADE=-2), "SWP_FADE -2 outside 0 to 20"),
-        (vehicle(SWP_TYPE=2), "SWP_TYPE 2 outside 0 to 1"),
+        (vehicle(SWP_TYPE=4), "SWP_TYPE 4 outside 0 to 3"),
         (vehicle(SWP_TYPE=0.5), "SWP_TYPE 0.5 is unknown"),
         (vehicle(SWP_V_MIN=4), "SWP_V_MIN 4 >= SWP_V_MAX 4"),
+        (vehicle(SWP_TYPE=2.5), "SWP_TYPE 2.5 is unknown"),
+        (vehicle(SWP_BIAS=450), "SWP_BIAS 450 outside -400 to 400"),
+        (vehicle(SWP_TYPE=3, SWP_BIAS=float("nan")), "SWP_BIAS nan outside -400 to 400"),
+        (vehicle(SWP_TYPE=3, SWP_BIAS=101), "AMP + BIAS 251 > SWP_PWM_MAX 250"),
+        (vehicle(SWP_TYPE=3, SWP_BIAS=-101), "AMP + BIAS 251 > SWP_PWM_MAX 250"),
+        (vehicle(SWP_TYPE=3, SWP_BIAS=90, SERVO1_MAX=1739), "PWM 1590+-150 not in 1100..1739"),
+        (vehicle(SWP_TYPE=3, SWP_BIAS=-90, SERVO1_MIN=1261), "PWM 1410+-150 not in 1261..1900"),
+        (vehicle(SWP_TYPE=3, SWP_BIAS=80, SWP_AMP=30, SERVO1_MIN=1510), "PWM 1580+-30 not in 1510..1900"),
+        (vehicle(SWP_TYPE=3, SWP_BIAS=-80, SWP_AMP=30, SERVO1_MAX=1490), "PWM 1420+-30 not in 1100..1490"),
+        (vehicle(SWP_TYPE=2, SWP_COUNT=1), "SWP_COUNT 1 is not 2, 3.."),
+        (vehicle(SWP_TYPE=2, SWP_COUNT=2.5), "SWP_COUNT 2.5 is not 2, 3.."),
+        (vehicle(SWP_TYPE=2, SWP_TREC=2), "2 odd lines, not 4 to 128"),
+        (vehicle(SWP_TYPE=2, SWP_TREC=1, SWP_WMAX=1), "0 odd lines, not 4 to 128"),
+        (vehicle(SWP_TYPE=2, SWP_TREC=600), "590 odd lines, not 4 to 128"),
+        (vehicle(SWP_TYPE=2, SWP_AMP=251), "SWP_AMP 251 > SWP_PWM_MAX 250"),
         (vehicle(SERVO1_MAX=1640), "PWM 1500+-150 not in 1100..1640"),
         (vehicle(SERVO1_MIN=1360), "PWM 1500+-150 not in 1360..1900"),
         (vehicle(RCMAP_ROLL=0), "RCMAP_ROLL outside 1 to 16"),
@@ -69,6 +84,26 @@ def test_refused_at_the_switch(spoil: Callable[[Bench], None], said: str) -> Non
     assert bench.texts[1:] == [f"SWP: refused: {said}"]
     assert bench.overrides == [] and bench.log == [] and bench.parameters["SWP_RUN"] == 0
     assert drive.host.running
+
+
+@pytest.mark.parametrize("bias", [101, -101])
+def test_bias_counts_for_the_steering_limit_by_its_own_line(bias: float) -> None:
+    bench = moving(type=3, bias=bias, still=0)
+    throw_switch(
+        Drive(bench, mutant(("elseif v.AMP + math.abs(middle(v)) > v.PWM_MAX then", "elseif false then")))
+    )
+    assert bench.state == 3
+
+
+def test_bias_counts_for_the_range_of_the_servo_by_its_own_line() -> None:
+    def started(source: str) -> bool:
+        bench = moving(type=3, bias=90, still=0)
+        bench.parameters["SERVO1_MAX"] = 1739
+        throw_switch(Drive(bench, source))
+        return bench.state == 3
+
+    assert not started(applet_source())
+    assert started(mutant(("local centre = trim + middle(v)", "local centre = trim")))
 
 
 def test_refused_run_starts_once_put_right_and_thrown_again() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
-from applet_bench import HIGH, LOW, Bench, Drive, moving, throw_switch
+from applet_bench import HIGH, KINDS, LOW, Bench, Drive, moving, throw_switch
 
 from firmware_params.parameters import applet_source
 
@@ -90,6 +90,7 @@ CONDITIONS = (
     ),
 )
 UNKNOWN_OUTPUT = "not (off <= v.PWM_MAX)"
+COURSE = {"straight": 1, "fade": 1, "dwell": 1, "trec": 20}
 SOONEST_S = 0.09  # one update, the longest gap of the real firmware included
 
 
@@ -105,11 +106,10 @@ def without(line: str) -> str:
     return "\n".join(lines[: hits[0]] + lines[hits[0] + 1 :])
 
 
-def swept(condition: Condition, source: str | None = None, state: int = 6) -> Drive:
-    """A drive that was in the middle of a sweep (or in `state`) when the condition came up."""
-    bench = moving(
-        speed=0.0 if state < 3 else 2.0, straight=1, fade=1, dwell=1, trec=20, **dict(condition.settings)
-    )
+def swept(condition: Condition, source: str | None = None, state: int = 6, kind: str = "sweep") -> Drive:
+    """A drive that was in the middle of a run of this kind (or in `state`) when the condition came up."""
+    settings = COURSE | KINDS[kind] | dict(condition.settings)
+    bench = moving(speed=0.0 if state < 3 else 2.0, **settings)
     drive = Drive(bench, source)
     throw_switch(drive)
     drive.run_until(state)
@@ -123,9 +123,10 @@ def ids(condition: Condition) -> str:
     return condition.name
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("condition", CONDITIONS, ids=ids)
-def test_stops_at_once_and_gives_steering_back(condition: Condition) -> None:
-    drive = swept(condition)
+def test_stops_at_once_and_gives_steering_back(condition: Condition, kind: str) -> None:
+    drive = swept(condition, kind=kind)
     bench = drive.bench
     bench.pilot_pwm, moved = 1444, bench.now
     drive.run(SOONEST_S)
@@ -140,39 +141,44 @@ def test_stops_at_once_and_gives_steering_back(condition: Condition) -> None:
         assert bench.overrides[-1][2] == 0 and bench.overrides[-1][0] - moved <= SOONEST_S * 1e6
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("condition", CONDITIONS, ids=ids)
-def test_does_not_stop_with_the_condition_taken_out(condition: Condition) -> None:
+def test_does_not_stop_with_the_condition_taken_out(condition: Condition, kind: str) -> None:
     source = without(condition.line)
     if condition.line.startswith("~= v.channel"):  # its output is unknown then, which is a limit passed
         assert source.count(UNKNOWN_OUTPUT) == 1
         source = source.replace(UNKNOWN_OUTPUT, "off > v.PWM_MAX")
-    drive = swept(condition, source)
+    drive = swept(condition, source, kind=kind)
     drive.run(1)
     assert drive.host.error is None
     assert drive.bench.state == 6 and "stopped" not in drive.bench.said
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("condition", [c for c in CONDITIONS if not c.steering_only], ids=ids)
-def test_stops_before_the_override_too(condition: Condition) -> None:
-    drive = swept(condition, state=1)
+def test_stops_before_the_override_too(condition: Condition, kind: str) -> None:
+    drive = swept(condition, state=1, kind=kind)
     drive.run(SOONEST_S)
     assert drive.bench.log[-1]["St"] == 10 and not drive.bench.overrides
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("condition", [c for c in CONDITIONS if c.steering_only], ids=ids)
-def test_limits_mean_nothing_while_the_pilot_steers(condition: Condition) -> None:
-    drive = swept(condition, state=2 if condition.name == "too slow" else 1)
+def test_limits_mean_nothing_while_the_pilot_steers(condition: Condition, kind: str) -> None:
+    drive = swept(condition, state=2 if condition.name == "too slow" else 1, kind=kind)
     drive.run(1)
     assert drive.bench.state in (1, 2, 3) and "stopped" not in drive.bench.said
 
 
-def test_end_of_record_ends_the_override_and_only_it_does() -> None:
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "doublet"])
+def test_end_of_record_ends_the_override_and_only_it_does(kind: str) -> None:
     def overridden_to(source: str) -> float:
-        bench = moving(straight=1, fade=1, dwell=0, trec=5, still=0)
+        bench = moving(**COURSE | KINDS[kind] | {"dwell": 0, "trec": 5, "still": 0})
         drive = Drive(bench, source)
         throw_switch(drive)
-        drive.run(12)
-        return bench.overrides[-1][0] * 1e-6 - bench.log[0]["t"]
+        drive.run(13)
+        begun = next(row["t"] for row in bench.log if row["St"] == 3)
+        return bench.overrides[-1][0] * 1e-6 - begun
 
     source = applet_source()
     end = "left > -run.STRAIGHT and STRAIGHT_AFTER or nil"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from applet_bench import Bench, Drive, moving, mutant, throw_switch
+from applet_bench import KINDS, Bench, Drive, moving, mutant, throw_switch
 
 from firmware_params.parameters import applet_source
 
@@ -61,8 +61,8 @@ UNKNOWN = (
 IDS = [spoil.__name__ for spoil, _, _ in UNKNOWN]
 
 
-def spoilt_in_a_sweep(spoil: Callable[[Bench], None], source: str) -> Drive:
-    bench = moving(straight=1, fade=1, dwell=1, trec=20, still=0)
+def spoilt_in_a_run(spoil: Callable[[Bench], None], source: str, kind: str) -> Drive:
+    bench = moving(straight=1, fade=1, dwell=1, trec=20, still=0, **KINDS[kind])
     drive = Drive(bench, source)
     throw_switch(drive)
     drive.run_until(6)
@@ -71,14 +71,15 @@ def spoilt_in_a_sweep(spoil: Callable[[Bench], None], source: str) -> Drive:
     return drive
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("spoil", "said", "changes"), UNKNOWN, ids=IDS)
 def test_unknown_value_stops_the_run(
-    spoil: Callable[[Bench], None], said: str, changes: tuple[tuple[str, str], ...]
+    spoil: Callable[[Bench], None], said: str, changes: tuple[tuple[str, str], ...], kind: str
 ) -> None:
-    drive = spoilt_in_a_sweep(spoil, applet_source())
+    drive = spoilt_in_a_run(spoil, applet_source(), kind)
     assert drive.bench.state == 10 and drive.bench.texts[-1] == f"SWP: run 1 stopped: {said}"
     assert drive.bench.overrides[-1][2] == 0 and drive.host.running
-    assert spoilt_in_a_sweep(spoil, mutant(*changes)).bench.state == 6
+    assert spoilt_in_a_run(spoil, mutant(*changes), kind).bench.state == 6
 
 
 @pytest.mark.parametrize("spoil", [velocity_north, velocity_east])
