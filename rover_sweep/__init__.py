@@ -8,8 +8,9 @@ From logs to models in Python:
     result.models["roll-yaw"]
     result.report("report")
 
-`read`, `identify`, `load_result`, `to_control` and `to_scipy` are described where they are defined, in
-`rover_sweep.api` and `rover_sweep.conversion`; nothing heavy is imported before one of them is used.
+`read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `to_control` and `to_scipy` are described
+where they are defined, in `rover_sweep.api`, `rover_sweep.diagnosis_api` and `rover_sweep.conversion`;
+nothing heavy is imported before one of them is used.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from rover_sweep.api import read as read
     from rover_sweep.conversion import to_control as to_control
     from rover_sweep.conversion import to_scipy as to_scipy
+    from rover_sweep.diagnosis_api import FullDiagnosis as FullDiagnosis
+    from rover_sweep.diagnosis_api import diagnose as diagnose
+    from rover_sweep.diagnosis_api import load_diagnosis as load_diagnosis
     from rover_sweep.errors import DataRefused as DataRefused
     from rover_sweep.errors import RoverSweepError as RoverSweepError
     from rover_sweep.errors import UsageError as UsageError
@@ -36,6 +40,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Result": "api", "Runs": "api", "load_result": "api", "read": "api",
     "to_control": "conversion", "to_scipy": "conversion",
+    "FullDiagnosis": "diagnosis_api", "diagnose": "diagnosis_api", "load_diagnosis": "diagnosis_api",
     "DataRefused": "errors", "RoverSweepError": "errors", "UsageError": "errors",
 }  # fmt: skip
 __all__ = ["__version__", "identify", *_HOMES]

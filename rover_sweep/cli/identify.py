@@ -24,7 +24,7 @@ from rover_sweep.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rich.console import Console, RenderableType
+    from rich.console import RenderableType
 
     from rover_sweep.identify.grouping import Settings
     from rover_sweep.identify.identification import Identification
@@ -134,7 +134,7 @@ def identified(
     """
     from datetime import datetime
 
-    from rover_sweep.cli.output import narration, results
+    from rover_sweep.cli.output import narration, results, tell_warnings
     from rover_sweep.identify.identification import identify as run_identification
     from rover_sweep.preparation import geometry_of
     from rover_sweep.report.provenance import provenance
@@ -142,7 +142,7 @@ def identified(
     from rover_sweep.report.write import write_report
 
     console, shown = narration(), results(as_json)
-    _warn(console, (*sweeps, *checks))
+    tell_warnings(console, (*sweeps, *checks))
     vehicle, vehicle_file = rover
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     origin = provenance(vehicle, vehicle_file, checks, command, datetime.now().astimezone())
@@ -158,10 +158,3 @@ def identified(
     shown.print(f"report: {files.page}", soft_wrap=True, markup=False)
     if as_json:
         click.echo(files.document.read_text(encoding="utf-8"), nl=False)
-
-
-def _warn(console: Console, runs: tuple[Recording, ...]) -> None:
-    """What spoils a recording, once for all runs of the same file."""
-    texts = dict.fromkeys(f"{r.name}: {n.text}" for r in runs for n in r.notes if n.level == "warning")
-    for text in texts:
-        console.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)

@@ -30,6 +30,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "rover_sweep.cli.identify:identify",
         "Recorded runs in, identified models and a report out.",
     ),
+    "diagnose": ("rover_sweep.cli.diagnose:diagnose", "What the model leaves out: where, what, how much."),
+    "plan": ("rover_sweep.cli.plan:plan", "Which runs tell which effects apart, before they are driven."),
     "coherence": ("rover_sweep.cli.coherence:coherence", "Is this run good enough? The verdict alone."),
     "study": ("rover_sweep.cli.study:study", "The paper's comparison, repeated on a virtual rover."),
     "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),

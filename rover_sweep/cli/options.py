@@ -71,6 +71,24 @@ class ChoicesType(click.ParamType):
         return names
 
 
+class NamesType(click.ParamType):
+    """Names joined by commas; whether they exist is for the command to say."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        """The names, in the order given."""
+        if isinstance(value, tuple):
+            return value
+        return tuple(part.strip() for part in str(value).split(",") if part.strip())
+
+
+EFFECTS = NamesType("ID,ID,...")
+
+
 def vehicle_path(given: str | None) -> str:
     """The vehicle file: as given, else rover.toml here."""
     if given:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from rover_sweep.identify.recording import Recording
 
 PLAIN_WIDTH = 120  # columns where nobody's window sets a limit
 
@@ -18,6 +21,13 @@ def results(as_json: bool = False) -> Console:
 def narration() -> Console:
     """For progress and warnings."""
     return _console(stderr=True)
+
+
+def tell_warnings(console: Console, runs: Sequence[Recording]) -> None:
+    """What spoils a recording, once for all runs of the same file."""
+    texts = dict.fromkeys(f"{r.name}: {n.text}" for r in runs for n in r.notes if n.level == "warning")
+    for text in texts:
+        console.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
 
 
 def _console(stderr: bool) -> Console:

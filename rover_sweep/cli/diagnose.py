@@ -1,0 +1,146 @@
+"""`rover-sweep diagnose`: what the model leaves out of the recorded runs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rover_sweep.cli.folders import check_writable
+from rover_sweep.cli.options import EFFECTS, filter_overrides, reading_options, vehicle_path
+from rover_sweep.errors import DataRefused, UsageError
+
+if TYPE_CHECKING:
+    from rover_sweep.diagnosing import Material
+    from rover_sweep.diagnosis.result import Diagnosis
+    from rover_sweep.diagnosis.settings import Baseline, DiagnosisSettings
+    from rover_sweep.identify.recording import Recording
+    from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
+    from rover_sweep.vehicle_file import Vehicle
+
+BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
+
+
+@click.command()
+@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
+@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Vehicle file (default: rover.toml here).")  # fmt: skip
+@click.option("--baseline", type=click.Choice(BASELINES),
+              help="The model that something may be left out of (default: roll-yaw).")  # fmt: skip
+@click.option("--model", "model_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="An identified model as the baseline: the identification.json of a report.")  # fmt: skip
+@click.option("--simulation", "simulated", multiple=True, metavar="RUN",
+              help="A recording of a simulation that was driven as the RUNs; may be repeated.")  # fmt: skip
+@click.option("--hold-out", "held_out", multiple=True, metavar="RUN",
+              help="A run that fit and choice must not see; may be repeated (default: doublets).")  # fmt: skip
+@click.option("--only", type=EFFECTS, default="", help="The only candidates to try.")
+@click.option("--without", type=EFFECTS, default="", help="Candidates to leave out.")
+@click.option("--time-limit", type=click.FloatRange(1), metavar="S",
+              help="End after this time with what was found until then.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the bootstrap.")
+@reading_options
+@click.option("--out", required=True, type=click.Path(file_okay=False), metavar="DIR",
+              help="Folder of the report; made if it is not there.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True,
+              help="diagnosis.json on stdout; the tables then go to stderr.")  # fmt: skip
+def diagnose(
+    runs: tuple[str, ...], vehicle_file: str | None, baseline: Baseline | None, model_file: str | None,
+    simulated: tuple[str, ...], held_out: tuple[str, ...], only: tuple[str, ...], without: tuple[str, ...],
+    time_limit: float | None, seed: int, columns: str | None, gyro_filter: float | None,
+    accel_filter: float | None, out: str, as_json: bool,
+) -> None:  # fmt: skip
+    """Say what the model leaves out of the recorded RUNs: where, what, how much, and on what evidence.
+
+    RUN is a .BIN, a .tlog, a .csv (with --columns), or log.BIN+log.tlog. Two amplitudes and two speeds
+    tell most effects apart; `rover-sweep plan` says which. Ctrl-C ends with what was found until then.
+    """
+    from rover_sweep.diagnosing import material
+    from rover_sweep.preparation import Reading, load
+    from rover_sweep.vehicle_file import load as load_vehicle
+
+    settings = _settings(baseline, model_file, simulated, only, without, time_limit, seed)
+    check_writable(Path(out))
+    path = Path(vehicle_path(vehicle_file))
+    vehicle = load_vehicle(path)
+    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
+    sources = (*runs, *held_out, *simulated)
+
+    def read(some: tuple[str, ...]) -> tuple[Recording, ...]:
+        return load(some, vehicle, reading, [s for s in sources if s not in some]) if some else ()
+
+    given = material(read(runs), read(held_out), read(simulated))
+    _diagnosed(given, (vehicle, path), settings, Path(out), as_json)
+
+
+def _settings(
+    baseline: Baseline | None,
+    model_file: str | None,
+    simulated: tuple[str, ...],
+    only: tuple[str, ...],
+    without: tuple[str, ...],
+    time_limit: float | None,
+    seed: int,
+) -> DiagnosisSettings:
+    from rover_sweep.diagnosing import candidates_left, nominal_of
+    from rover_sweep.diagnosis.settings import DiagnosisSettings
+
+    if model_file and simulated:
+        raise UsageError("--model and --simulation are two simulations; give one of them")
+    chosen, left_out = candidates_left(only, without)
+    name, values = nominal_of(Path(model_file), baseline) if model_file else (baseline or "roll-yaw", {})
+    return DiagnosisSettings(name, chosen, left_out, time_limit, seed, values)
+
+
+def _diagnosed(
+    given: Material, rover: tuple[Vehicle, Path], settings: DiagnosisSettings, out: Path, as_json: bool
+) -> None:
+    """Diagnoses, writes the report into `out` and prints summary and path; DataRefused for that verdict."""
+    from datetime import datetime
+
+    from rover_sweep.cli.output import narration, results, tell_warnings
+    from rover_sweep.report.diagnosis_terminal import WIDTH, summary
+    from rover_sweep.report.provenance import provenance
+
+    console, shown = narration(), results(as_json)
+    tell_warnings(console, (*given.runs, *given.held_out))
+    command = " ".join(["rover-sweep", *sys.argv[1:]])
+    origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
+    found, page, document = _computed(given, rover[0], settings, origin, out)
+    shown.print(summary(found), width=min(shown.width, WIDTH))
+    shown.print(f"\nreport: {page}", soft_wrap=True, markup=False)
+    if as_json:
+        click.echo(document.read_text(encoding="utf-8"), nl=False)
+    if found.verdict == "refused":
+        raise DataRefused("the data were refused, see above; the report says why as well")
+
+
+def _computed(
+    given: Material, vehicle: Vehicle, settings: DiagnosisSettings, origin: DiagnosisOrigin, out: Path
+) -> tuple[Diagnosis, Path, Path]:
+    """(diagnosis, page, document), behind a progress bar; Ctrl-C once ends the search, twice the program."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from rover_sweep.cli.interruption import Interruption
+    from rover_sweep.cli.output import narration
+    from rover_sweep.diagnosing import diagnosed
+    from rover_sweep.report.diagnosis_write import write_diagnosis
+
+    console = narration()
+    columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(), TimeElapsedColumn())
+    words = "stopping with what was found until now; Ctrl-C again gives up"
+    with (
+        Progress(*columns, console=console, transient=True) as progress,
+        Interruption(lambda: console.print(words, style="yellow")) as asked,
+    ):
+        bar = progress.add_task("", total=1.0)
+
+        def told(what: str, share: float) -> None:
+            progress.update(bar, completed=0.9 * share, description=what)
+
+        found = diagnosed(given, vehicle, settings, told, asked.to_stop)
+        files = write_diagnosis(
+            found, out, origin, lambda share, what: progress.update(bar, completed=0.9 + 0.1 * share)
+        )
+    return found, files.page, files.document

@@ -1,0 +1,107 @@
+"""`rover-sweep plan`: which effects a set of runs can tell apart, before or after it is driven."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rover_sweep.cli.options import EFFECTS, filter_overrides, reading_options, vehicle_path
+
+if TYPE_CHECKING:
+    from rover_sweep.diagnosis.plan_types import PlannedRun
+
+_NUMBER = r"[0-9]+\.?[0-9]*"
+_RUN = re.compile(rf"({_NUMBER})(?:([+-]{_NUMBER}))?@({_NUMBER})(?:@(-?{_NUMBER}))?")
+
+
+class PlannedRunType(click.ParamType):
+    """A run as AMPLITUDE@SPEED, us and m/s; with a heading 150@2.4@90; about a bias 100+150@2.4."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self.name = f"AMPLITUDE{'+BIAS' if self.biased else ''}@SPEED"
+
+    @property
+    def biased(self) -> bool:
+        """Does the run need a bias."""
+        return self.kind == "bias_sweep"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> PlannedRun:
+        """The run; a usage error that says how it is written."""
+        from rover_sweep.diagnosis.plan_types import PlannedRun
+
+        if isinstance(value, PlannedRun):
+            return value
+        found = _RUN.fullmatch(str(value).strip())
+        example = "100+150@2.4" if self.biased else "150@2.4"
+        if not found or (found[2] is not None) != self.biased:
+            self.fail(
+                f"{value!r} is no run; write it as {example}, us and m/s (@90 for a heading)", param, ctx
+            )
+        amplitude, speed = float(found[1]), float(found[3])
+        if not (0 < amplitude <= 500 and 0 < speed <= 30 and math.isfinite(speed)):
+            self.fail(f"{value!r}: an amplitude is 1..500 us and a speed up to 30 m/s", param, ctx)
+        heading = float(found[4]) % 360.0 if found[4] else None
+        return PlannedRun(self.kind, amplitude, speed, heading, float(found[2] or 0.0))  # type: ignore[arg-type]
+
+
+def _run_option(name: str, kind: str, words: str) -> Any:
+    return click.option(name, multiple=True, type=PlannedRunType(kind), help=f"{words}; may be repeated.")
+
+
+@click.command()
+@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Vehicle file (default: rover.toml here).")  # fmt: skip
+@click.option("--have", multiple=True, metavar="RUN", help="A run that was driven; may be repeated.")
+@_run_option("--sweep", "sweep", "A sweep of this peak and speed, us and m/s")
+@_run_option("--doublet", "doublet", "A doublet")
+@_run_option("--bias-sweep", "bias_sweep", "A sweep about a steering bias, as 100+150@2.4")
+@_run_option("--multisine", "multisine", "An odd/even multisine, which shows harmonics")
+@click.option("--want", type=EFFECTS, default="", help="Only these effects must be told apart.")
+@reading_options
+@click.option("--json", "as_json", is_flag=True, help="The plan as JSON on stdout.")
+def plan(
+    vehicle_file: str | None, have: tuple[str, ...], sweep: tuple[PlannedRun, ...],
+    doublet: tuple[PlannedRun, ...], bias_sweep: tuple[PlannedRun, ...], multisine: tuple[PlannedRun, ...],
+    want: tuple[str, ...], columns: str | None, gyro_filter: float | None, accel_filter: float | None,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Say which effects a set of runs tells apart, and propose the fewest runs that do.
+
+    \b
+    rover-sweep plan --vehicle rover.toml --sweep 120@2.4 --sweep 240@2.4 --doublet 150@2.4
+    rover-sweep plan --vehicle rover.toml --have run1.BIN --have run2.BIN --want tyre_saturation,load_transfer
+
+    Equal runs are repeats, which tell noise from distortion. Without any run it proposes a first set.
+    """
+    from rover_sweep.cli.output import narration
+    from rover_sweep.diagnosing import effects_named
+    from rover_sweep.planning import as_planned, merged, planned
+    from rover_sweep.preparation import Reading, load
+    from rover_sweep.vehicle_file import load as load_vehicle
+
+    wanted = effects_named(want)
+    vehicle = load_vehicle(Path(vehicle_path(vehicle_file)))
+    vehicle.steering()  # refuses in words before anything is read
+    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
+    driven = [as_planned(run, vehicle) for run in load(have, vehicle, reading)] if have else []
+    with narration().status("looking at what these runs can tell apart"):
+        found = planned(merged([*driven, *sweep, *doublet, *bias_sweep, *multisine]), vehicle, wanted)
+    _show(found, as_json)
+
+
+def _show(found: Any, as_json: bool) -> None:
+    from rover_sweep.cli.output import results
+    from rover_sweep.report.diagnosis_terminal import WIDTH
+    from rover_sweep.report.plan_table import plan_document, plan_summary
+    from rover_sweep.report.strict_json import dumps
+
+    if as_json:
+        click.echo(dumps(plan_document(found)), nl=False)
+        return
+    console = results()
+    console.print(plan_summary(found), width=min(console.width, WIDTH))
