@@ -1,0 +1,142 @@
+"""One answer against its truth, by the rules of the proof: any extra wrong name makes a set wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from tests.concealed.effects import table
+
+Mark = Literal[
+    "exact", "look-alike", "wrong", "missed", "none", "false alarm", "both", "one", "unknown", "nearest"
+]
+INSTANTS = ("t", "psi0")  # parameters whose size is no scale for their error
+
+
+@dataclass(frozen=True)
+class Graded:
+    """mark: see the functions. look_alikes: sizes of the look-alike sets named. errors: relative errors of the
+    parameters of rightly named effects; covered: whether their 90 % intervals held the truth. share: share_removed.
+    """
+
+    name: str
+    kind: str
+    truth: tuple[str, ...]
+    named: tuple[str, ...]
+    mark: Mark
+    verdict: str
+    look_alikes: tuple[int, ...]
+    errors: tuple[float, ...]
+    covered: tuple[bool, ...]
+    share: float | None
+    seconds: float
+
+
+def grade(name: str, truth: Mapping[str, Any], answer: Mapping[str, Any], seconds: float) -> Graded:
+    """Marks one answer; parameters are judged where the effect itself was named."""
+    hidden = [one["effect"] for one in truth["effects"]]
+    findings = answer["findings"]
+    named = [one["effect"] for one in findings]
+    sets = [len(one["look_alikes"]) + 1 for one in findings]
+    errors, covered = _parameters(truth["effects"], findings)
+    return Graded(
+        name, truth["kind"], tuple(hidden), tuple(named), _mark(truth["kind"], hidden, findings, answer),
+        answer["verdict"], tuple(sets), tuple(errors), tuple(covered), _share(findings), seconds,
+    )  # fmt: skip
+
+
+def _mark(kind: str, hidden: list[str], findings: list[Mapping[str, Any]], answer: Mapping[str, Any]) -> Mark:
+    if answer["verdict"] == "failed":
+        return "wrong"
+    if kind == "none":
+        return "false alarm" if findings else "none"
+    if kind == "unknown":
+        return _mark_unknown(hidden[0], [one["effect"] for one in findings], answer["unknown"])
+    right, alike = _matched(hidden, findings)
+    if len(right | alike) < len(findings) or any(len(one["look_alikes"]) > 2 for one in findings):
+        return "wrong"  # a name too many, or a set of look-alikes above three
+    return _mark_double(len(right | alike)) if kind == "double" else _mark_single(hidden, right, alike)
+
+
+def _mark_single(hidden: list[str], right: set[int], alike: set[int]) -> Mark:
+    if len(right) == len(hidden):
+        return "exact"
+    return "look-alike" if len(right | alike) == len(hidden) else "missed"
+
+
+def _mark_double(found: int) -> Mark:
+    return ("missed", "one", "both")[found]  # type: ignore[return-value]
+
+
+def _mark_unknown(hidden: str, named: list[str], unknown: Any) -> Mark:
+    nearest = table()["unknown"][hidden]["nearest"]
+    if any(name not in nearest for name in named):
+        return "wrong"
+    if named:
+        return "nearest"
+    return "unknown" if unknown else "missed"
+
+
+def _matched(hidden: list[str], findings: list[Mapping[str, Any]]) -> tuple[set[int], set[int]]:
+    """Indices of `hidden` named exactly, and named by a declared look-alike, each by a finding of its own."""
+    free = dict(enumerate(findings))
+    right, alike = set(), set()
+    for k, effect in enumerate(hidden):
+        hit = next((j for j, one in free.items() if one["effect"] == effect), None)
+        if hit is not None:
+            right.add(k)
+            del free[hit]
+    for k, effect in enumerate(hidden):
+        hit = next((j for j, one in free.items() if k not in right and _stands_for(effect, one)), None)
+        if hit is not None:
+            alike.add(k)
+            del free[hit]
+    return right, alike
+
+
+def _stands_for(effect: str, finding: Mapping[str, Any]) -> bool:
+    """The finding names the effect among its look-alikes, or is one that was declared beforehand."""
+    return effect in finding["look_alikes"] or finding["effect"] in table()["look_alikes"].get(effect, [])
+
+
+def _parameters(
+    hidden: list[Mapping[str, Any]], findings: list[Mapping[str, Any]]
+) -> tuple[list[float], list[bool]]:
+    errors: list[float] = []
+    covered: list[bool] = []
+    for one in hidden:
+        for finding in (f for f in findings if f["effect"] == one["effect"]):
+            error, inside = _one_effect(one["parameters"], finding["parameters"])
+            errors += error
+            covered += inside
+    return errors, covered
+
+
+def _one_effect(
+    true: Mapping[str, float], found: Mapping[str, Mapping[str, Any]]
+) -> tuple[list[float], list[bool]]:
+    """Relative error of the parameters (of a mix of like units together), and coverage of each."""
+    names = [name for name in true if name in found and name not in INSTANTS and np.isfinite(true[name])]
+    inside = [found[name]["low"] <= true[name] <= found[name]["high"] for name in names
+              if found[name].get("low") is not None and found[name].get("high") is not None]  # fmt: skip
+    errors = [abs(found[name]["value"] - true[name]) / abs(true[name]) for name in names if true[name] != 0]
+    if set(names) >= {"x", "z"}:  # an offset in a plane: one length
+        gap = np.hypot(*(found[name]["value"] - true[name] for name in ("x", "z")))
+        errors = [float(gap / np.hypot(true["x"], true["z"]))]
+    return errors, inside
+
+
+def _share(findings: list[Mapping[str, Any]]) -> float | None:
+    """Share of the explainable held-out error that the findings removed: of the largest single one."""
+    shares = [row.get("share_removed") for one in findings for row in _held_out(one)]
+    known = [float(share) for share in shares if share is not None]
+    return max(known) if known else None
+
+
+def _held_out(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The issue's contract has one run here; several may be listed."""
+    held = finding.get("held_out") or []
+    return [held] if isinstance(held, Mapping) else list(held)

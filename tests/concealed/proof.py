@@ -1,0 +1,69 @@
+"""The experiment: sets written, each diagnosed with its truth unopened, then all of them graded.
+
+Folder: sets/NNNN (runs, rover.toml, task.json), answers/NNNN (diagnosis.json, seconds.json), truth/NNNN.json.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import shutil
+import time
+from functools import partial
+from pathlib import Path
+
+from tests.concealed.answer import diagnose
+from tests.concealed.grade import Graded, grade
+from tests.concealed.sets import Kind, draw_case, kinds, write_set
+from tests.concealed.summary import print_summary
+
+
+def generate(
+    out: Path, count: int, seed: int, kind: str, factor: float, effect: str | None, jobs: int
+) -> list[Path]:
+    """Writes `count` sets of `seed` below `out`; returns their folders."""
+    tasks = [(number, of) for number, of in enumerate(kinds(count, seed, kind, effect), start=1)]
+    write = partial(_write, out, seed, factor, effect)
+    if jobs == 1:
+        return [write(task) for task in tasks]
+    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+        return pool.map(write, tasks, chunksize=1)
+
+
+def _write(out: Path, seed: int, factor: float, effect: str | None, task: tuple[int, Kind]) -> Path:
+    number, kind = task
+    folder = out / "sets" / f"{number:04d}"
+    write_set(draw_case(seed, number, kind, factor, effect), folder, out / "truth" / f"{number:04d}.json")
+    return folder
+
+
+def diagnose_sets(out: Path, folders: list[Path], jobs: int, keep: bool) -> None:
+    """Lets the tool answer each set into answers/; removes the logs afterwards unless they are kept."""
+    answer = partial(_answer, out / "answers", keep)
+    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+        for k, line in enumerate(pool.imap_unordered(answer, folders, chunksize=1), start=1):
+            print(f"[{k}/{len(folders)}] {line}", flush=True)
+
+
+def _answer(answers: Path, keep: bool, folder: Path) -> str:
+    target = answers / folder.name
+    target.mkdir(parents=True, exist_ok=True)
+    began = time.monotonic()
+    said = diagnose(folder, json.loads((folder / "task.json").read_text(encoding="utf-8")), target)
+    seconds = time.monotonic() - began
+    (target / "seconds.json").write_text(json.dumps(seconds), encoding="utf-8")
+    if not keep:
+        shutil.rmtree(folder)
+    return f"{folder.name} {seconds:5.1f} s  {said}"
+
+
+def report(out: Path) -> list[Graded]:
+    """Opens the truth of every answered set, grades and prints."""
+    graded = []
+    for answer in sorted((out / "answers").glob("*/diagnosis.json")):
+        name = answer.parent.name
+        truth = json.loads((out / "truth" / f"{name}.json").read_text(encoding="utf-8"))
+        seconds = json.loads((answer.parent / "seconds.json").read_text(encoding="utf-8"))
+        graded.append(grade(name, truth, json.loads(answer.read_text(encoding="utf-8")), seconds))
+    print_summary(graded)
+    return graded
