@@ -34,7 +34,7 @@ BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
 @click.option("--simulation", "simulated", multiple=True, metavar="RUN",
               help="A recording of a simulation that was driven as the RUNs; may be repeated.")  # fmt: skip
 @click.option("--hold-out", "held_out", multiple=True, metavar="RUN",
-              help="A run that fit and choice must not see; may be repeated (default: doublets).")  # fmt: skip
+              help="A run that fit and choice must not see; may be repeated (else: doublets).")  # fmt: skip
 @click.option("--only", type=EFFECTS, default="", help="The only candidates to try.")
 @click.option("--without", type=EFFECTS, default="", help="Candidates to leave out.")
 @click.option("--time-limit", type=click.FloatRange(1), metavar="S",

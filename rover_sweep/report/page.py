@@ -26,7 +26,7 @@ from rover_sweep.report.comparison import (
 from rover_sweep.report.document import AXES
 from rover_sweep.report.handling_table import handling_table
 from rover_sweep.report.provenance import Provenance
-from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
+from rover_sweep.report.remarks import diagnosis_remark, filters_known, filters_remark, finding, to_do
 from rover_sweep.report.standing import TITLES, judged_runs, ordered, rejection
 from rover_sweep.report.wording import SHORT_NAMES, number
 
@@ -58,6 +58,7 @@ def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str
             filters=filters_table(result),
             filters_known=filters_known(result),
             filters_remark=filters_remark(result),
+            diagnosis_remark=diagnosis_remark(result),
             recordings=_recordings(result, provenance),
             pictures=by_section(pictures),
         )

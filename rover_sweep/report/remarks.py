@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rover_sweep.identify.fit import FitResult
 from rover_sweep.identify.identification import Identification
-from rover_sweep.identify.verdicts import J_GOOD
-from rover_sweep.report.comparison import IGNORED
+from rover_sweep.identify.verdicts import J_ACCEPTABLE, J_GOOD
+from rover_sweep.report.comparison import IGNORED, TIC_GUIDE
 from rover_sweep.report.handling_table import handling_notes
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.standing import identified_runs, known_filters, usable
@@ -82,6 +82,24 @@ def finding(result: Identification) -> str | None:
         v = model.verification[0]
         text += f"; on {v.run}, which it had not seen, J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}"
     return text + "."
+
+
+def diagnosis_remark(result: Identification) -> str | None:
+    """Where a diagnosis is worth its while: the model in use misses a response, or a run it had not seen."""
+    models = usable(result)
+    name = result.recommended if result.recommended in models else next(reversed(models), None)
+    if name is None:
+        return None
+    model = models[name]
+    output, cost = max(model.fit.costs.items(), key=lambda item: item[1], default=("", 0.0))
+    unseen = [v for v in model.verification if v.tic > TIC_GUIDE]
+    if model.fit.average > J_GOOD or cost > J_ACCEPTABLE:
+        misses = f"J of {SHORT_NAMES.get(output, output)} is {cost:.0f}"
+    elif unseen:
+        misses = f"TIC on {unseen[0].run} is {unseen[0].tic:.2f}"
+    else:
+        return None
+    return f"{misses}: `rover-sweep diagnose` with the same runs says what the {name} model leaves out."
 
 
 def filters_known(result: Identification) -> str:

@@ -25,6 +25,7 @@ from rover_sweep.report.handling_table import handling_table
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.remarks import (
     SMALL_CHANGE,
+    diagnosis_remark,
     filters_known,
     filters_moved,
     filters_remark,
@@ -70,6 +71,8 @@ def conclusion(result: Identification, provenance: Provenance) -> Group:
     if words := finding(result):
         lines.append(Sentence(words))
     lines += [Sentence(f"- {sentence}") for sentence in to_do(result, provenance)]
+    if words := diagnosis_remark(result):
+        lines.append(Sentence(words))
     return Group(*lines)
 
 
