@@ -1,0 +1,21 @@
+"""Steering stamped by another clock than the motion."""
+
+from __future__ import annotations
+
+from rover_sweep.identify.effects.effect import Effect, EffectParameter
+
+EFFECT = Effect(
+    id="clock_offset",
+    title="clocks of steering and motion disagree",
+    equation="u(t - T), the vehicle has no part in it",
+    source="left_out_physics",
+    parameters=(EffectParameter("T", "s", 0.06, -0.5, 0.5, "the steering's stamps are early by T"),),
+    stage="servo",
+    shows="as a transport delay, also a negative one",
+    apart="only when two clocks stamped the streams; it may change from run to run, a delay does not",
+    needs="streams of two clocks",
+    excites="high frequency",
+    next_run="the DataFlash log of the same run, in which one clock stamps everything",
+    reads={"T": "delay"},
+    releases={"delay": (-0.5, 0.5)},
+)

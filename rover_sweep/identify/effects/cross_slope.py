@@ -1,0 +1,35 @@
+"""Ground that falls to one side."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rover_sweep.identify.geometry import GRAVITY
+from rover_sweep.identify.recording import Array
+from rover_sweep.identify.effects.effect import Effect, EffectParameter, Motion, Values
+
+
+def downhill(motion: Motion, q: Values, mass: float) -> tuple[Array, float, float]:
+    """Side force m g b cos(psi - psi0) [N], given by its two components east and north of the heading."""
+    side = q["b_cos"] * np.cos(motion["psi"]) + q["b_sin"] * np.sin(motion["psi"])
+    return mass * GRAVITY * side, 0.0, 0.0
+
+
+EFFECT = Effect(
+    id="cross_slope",
+    title="the ground slopes",
+    equation="a_y + g b cos(psi - psi0)",
+    source="left_out_physics",
+    parameters=(
+        EffectParameter("b_cos", "rad", 0.04, -0.4, 0.4, "b cos(psi0)", tiny=0.008),
+        EffectParameter("b_sin", "rad", 0.04, -0.4, 0.4, "b sin(psi0)", tiny=0.008),
+    ),
+    stage="force",
+    shows="means of r and a_y locked to the heading",
+    apart="a tilted IMU and a trim do not turn with the heading",
+    needs="headings",
+    excites="runs to and fro",
+    next_run="the same run in the opposite direction",
+    act=downhill,
+    material={"b_cos": 0.02, "b_sin": 0.02},
+)

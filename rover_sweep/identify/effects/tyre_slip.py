@@ -1,0 +1,23 @@
+"""Tyres with slip angles, where the kinematic model was asked for."""
+
+from __future__ import annotations
+
+from rover_sweep.identify.effects.effect import Effect, EffectParameter
+
+EFFECT = Effect(
+    id="tyre_slip",
+    title="tyres that slip sideways, and yaw inertia",
+    equation="F = -C alpha, Izz r' = a Ff - b Fr",
+    source="bicycle model, equation (17) of the paper",
+    parameters=(
+        EffectParameter("C", "N/rad", 0.0, 0.0, 0.0, "cornering stiffness of an axle, mean of both"),
+        EffectParameter("Izz", "kg m^2", 0.0, 0.0, 0.0, "yaw inertia about the CG"),
+    ),
+    stage="vehicle",
+    shows="r lags and V_y is not zero, more with speed",
+    apart="a servo lags at every speed alike; slip lags with V and bends the steady gain",
+    needs="one sweep",
+    excites="high frequency, high speed",
+    next_run="the same sweep at a second speed",
+    baselines=("kinematic",),
+)
