@@ -221,11 +221,9 @@ class Plant:
         state = self.state
         state.vx = state.vy = state.r = state.p = 0.0
         state.r_dot = state.p_dot = 0.0
-        state.vx_dot, state.vy_dot = state.ax, state.ay = (
-            _LEVEL if self._slope is None else self._slope.hold(state.psi)
-        )
-        state.az = GRAVITY
-        state.phi = self._lean * state.ay
+        state.vx_dot, state.vy_dot = _LEVEL if self._slope is None else self._slope.hold(state.psi)
+        state.phi = self._lean * state.vy_dot
+        state.ax, state.ay, state.az = state.vx_dot, state.vy_dot + GRAVITY * sin(state.phi), GRAVITY
         if self._relaxation is not None:
             self._relaxation.rest()
         state.delta, state.t = delta, t

@@ -1,0 +1,254 @@
+"""Effects in tyres, suspension, resistance and road, against their definitions; none of them: as before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import cos, pi, sin, tanh
+
+import numpy as np
+import pytest
+
+from sitl.parameters import PlantParameters, load_variant
+from sitl.plant import GRAVITY, Plant
+from sitl.sensors import Sensors
+
+NOMINAL = load_variant("nominal")
+SMOOTH = replace(
+    NOMINAL, road_force=0.0, road_yaw_moment=0.0, road_roll_moment=0.0, friction=50.0, rolling_resistance=0.0
+)
+DT = 0.0025
+Effects = Mapping[str, Mapping[str, float]]
+
+# x, y, psi, r, phi, delta half-way and at the end of `motion`
+GOLDEN_MIDDLE = (
+    12.457764252549719,
+    -0.4537778908091289,
+    0.03520653929416928,
+    0.8846899538214996,
+    0.025412745482896994,
+    0.09779098389517615,
+)
+GOLDEN_END = (
+    19.88832291444417,
+    -0.5573719731035037,
+    -0.029469353802528332,
+    0.12520179122359998,
+    0.003593313325199203,
+    0.1712416682533223,
+)
+
+ABSENT: Effects = {
+    "steering_deadband": {"w": 0.0},
+    "steering_backlash": {"b": 0.0},
+    "steering_nonlinearity": {"c3": 0.0},
+    "steering_asymmetry": {"e": 0.0},
+    "steering_trim": {"u0": 0.0},
+    "tyre_relaxation": {"sigma": 0.0},
+    "load_transfer": {"k": 0.0},
+    "roll_steer": {"e": 0.0},
+    "suspension_friction": {"T": 0.0},
+    "speed_variation": {"D": 0.0},
+    "imu_offset": {"x": 0.0, "z": 0.0},
+    "imu_tilt": {"roll": 0.0},
+    "surface_change": {"ratio": 1.0, "t": 3.0},
+    "cross_slope": {"b": 0.0, "psi0": 1.0},
+}
+
+
+def with_effects(effects: Effects, base: PlantParameters = SMOOTH) -> PlantParameters:
+    return replace(base, effects=effects)
+
+
+def driven(plant: Plant, seconds: float, steer_us: float = 1500, throttle_us: float = 1700) -> Plant:
+    for _ in range(round(seconds / DT)):
+        plant.step(steer_us, throttle_us, DT)
+    return plant
+
+
+def motion(parameters: PlantParameters) -> list[tuple[float, ...]]:
+    plant, sensors = Plant(parameters, 3), Sensors(parameters, 3)
+    rows: list[tuple[float, ...]] = []
+    for k in range(4000):
+        plant.step(1500 + 200 * sin(0.02 * k) * (k > 1000), 1710 if 200 < k < 3500 else 1500, DT)
+        sensors.update(plant.state)
+        s = plant.state
+        rows.append((s.x, s.y, s.psi, s.r, s.phi, s.delta, *sensors.gyro, *sensors.accel, *sensors.velocity))
+    return rows
+
+
+def test_without_effects_the_nominal_rover_moves_as_it_did_before_there_were_any() -> None:
+    """Numbers of the plant as it was when it knew of no effects (1e-9: libraries differ in the last bit)."""
+    rows = motion(NOMINAL)
+    assert rows[2500][:6] == pytest.approx(GOLDEN_MIDDLE, rel=1e-9)
+    assert rows[-1][:6] == pytest.approx(GOLDEN_END, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", [*ABSENT, "all"])
+def test_an_effect_of_no_size_changes_not_one_bit(name: str) -> None:
+    effects = ABSENT if name == "all" else {name: ABSENT[name]}
+    assert motion(with_effects(effects, NOMINAL)) == motion(NOMINAL)
+
+
+def steady_turn(effects: Effects, steer_us: float = 1440, throttle_us: float = 1690) -> Plant:
+    return driven(driven(Plant(with_effects(effects)), 4.0, 1500, throttle_us), 8.0, steer_us, throttle_us)
+
+
+def axle_slips(plant: Plant) -> tuple[float, float]:
+    q, s = plant.parameters, plant.state
+    return (
+        np.arctan2(s.vy + q.cg_to_front_axle * s.r, s.vx) - s.delta,
+        np.arctan2(s.vy - q.cg_to_rear_axle * s.r, s.vx),
+    )
+
+
+def axle_forces(plant: Plant) -> tuple[float, float]:
+    """From the balance of a steady turn: F_f cos(delta) + F_r = m V r, a F_f cos(delta) = b F_r."""
+    q, s = plant.parameters, plant.state
+    total, wheelbase = q.mass * s.vx * s.r, q.cg_to_front_axle + q.cg_to_rear_axle
+    return total * q.cg_to_rear_axle / wheelbase / cos(s.delta), total * q.cg_to_front_axle / wheelbase
+
+
+def test_tyre_saturation_follows_the_hyperbolic_tangent_of_the_static_load() -> None:
+    mu = 0.5
+    plant = steady_turn({"tyre_saturation": {"mu": mu}}, 1340)
+    q = plant.parameters
+    wheelbase = q.cg_to_front_axle + q.cg_to_rear_axle
+    loads = (
+        q.mass * GRAVITY * q.cg_to_rear_axle / wheelbase,
+        q.mass * GRAVITY * q.cg_to_front_axle / wheelbase,
+    )
+    stiffnesses = (q.front_cornering_stiffness, q.rear_cornering_stiffness)
+    for force, slip, c, load in zip(axle_forces(plant), axle_slips(plant), stiffnesses, loads, strict=True):
+        assert force == pytest.approx(-mu * load * tanh(c * slip / (mu * load)), rel=0.01)
+        assert abs(force) < 0.95 * abs(c * slip)
+
+
+def test_load_transfer_takes_its_share_of_both_axles() -> None:
+    plant = steady_turn({"load_transfer": {"k": 2.0}}, 1340)
+    q, s = plant.parameters, plant.state
+    share = 1 - 2.0 * (s.vx * s.r / GRAVITY) ** 2
+    assert share < 0.95
+    front, rear = axle_forces(plant)
+    alpha_front, alpha_rear = axle_slips(plant)
+    assert front == pytest.approx(-share * q.front_cornering_stiffness * alpha_front, rel=0.01)
+    assert rear == pytest.approx(-share * q.rear_cornering_stiffness * alpha_rear, rel=0.01)
+
+
+@pytest.mark.parametrize("change", [{"t": 8.0}, {"distance": 15.0}])
+def test_surface_changes_at_its_instant(change: dict[str, float]) -> None:
+    plant = driven(Plant(with_effects({"surface_change": {"ratio": 0.7, **change}})), 4.0)
+    driven_m, rows = plant.state.x, []
+    while plant.state.t < 12.0:
+        plant.step(1450, 1700, DT)
+        driven_m += plant.state.vx * DT
+        rows.append((plant.state.t, driven_m, axle_forces(plant)[1], axle_slips(plant)[1]))
+    t, s, force, slip = np.array(rows)[1000:].T
+    stiffness = force / slip
+    at = t if "t" in change else s
+    limit = next(iter(change.values()))
+    before, after = stiffness[at < limit][-1], stiffness[-1]
+    assert -before == pytest.approx(NOMINAL.rear_cornering_stiffness, rel=0.02)
+    assert after / before == pytest.approx(0.7, rel=0.02)
+
+
+def response(effects: Effects, w: float, amplitude_us: float = 10.0) -> tuple[np.ndarray, float]:
+    """(r, p, phi, vy) per road-wheel angle at w [rad/s], complex, and the mean speed."""
+    plant = driven(Plant(with_effects(effects)), 6.0)
+    rows, step = [], 2 * pi / w / round(2 * pi / w / DT)
+    turns = max(1, round(3.5 * w / (2 * pi)))
+    settled, start = round(2 * pi / w / step) * turns, plant.state.t
+    for _ in range(2 * settled):
+        plant.step(1500 - amplitude_us * sin(w * (plant.state.t - start)), 1700, step)
+        s = plant.state
+        rows.append((s.r, s.p, s.phi, s.vy, s.delta, s.vx, s.t))
+    values = np.array(rows[settled:])
+    first = np.mean(values[:, :5] * np.exp(-1j * w * (values[:, 6] - start))[:, None], axis=0)
+    return first[:4] / first[4], float(np.mean(values[:, 5]))
+
+
+def bicycle(sigma: float, roll_steer: float, w: float, speed: float) -> np.ndarray:
+    """(r, p, phi, vy) per delta of equation (18) with relaxing axle forces and roll steer, by hand."""
+    q, s = NOMINAL, 1j * w
+    a, b, sh = q.cg_to_front_axle, q.cg_to_rear_axle, q.sprung_mass * q.cg_height_above_roll_centre
+    relaxed = 1 / (1 + s * sigma / speed)
+    cf, cr = q.front_cornering_stiffness * relaxed, q.rear_cornering_stiffness * relaxed
+    # unknowns vy, r, phi
+    matrix = np.array(
+        [
+            [s * q.mass + (cf + cr) / speed, q.mass * speed + (a * cf - b * cr) / speed, -sh * s * s],
+            [(a * cf - b * cr) / speed, s * q.yaw_inertia + (a * a * cf + b * b * cr) / speed, 0],
+            [
+                -sh * s,
+                -sh * speed,
+                (q.roll_inertia + sh * q.cg_height_above_roll_centre) * s * s
+                + s * q.roll_damping
+                + q.roll_stiffness
+                - sh * GRAVITY,
+            ],
+        ],
+        dtype=complex,
+    )
+    matrix[:2, 2] -= roll_steer * np.array([cf, a * cf])
+    vy, r, phi = np.linalg.solve(matrix, np.array([cf, a * cf, 0], dtype=complex))
+    return np.array([r, s * phi, phi, vy])
+
+
+@pytest.mark.parametrize("w", [2.0, 8.0, 20.0])
+@pytest.mark.parametrize(("sigma", "e"), [(0.0, 0.0), (0.25, 0.0), (0.03, 0.0), (0.0, 0.3), (0.1, -0.2)])
+def test_relaxation_and_roll_steer_in_the_frequency_domain(sigma: float, e: float, w: float) -> None:
+    effects = {"tyre_relaxation": {"sigma": sigma}, "roll_steer": {"e": e}}
+    found, speed = response(effects, w)
+    assert found == pytest.approx(bicycle(sigma, e, w, speed), rel=0.012)
+
+
+def test_suspension_friction_holds_and_then_drags() -> None:
+    """While the rover leans further out, its roll angle stays behind by T/(k - S h g)."""
+    plant = Plant(with_effects({"suspension_friction": {"T": 0.05}}))
+    driven(plant, 4.0)
+    free = driven(Plant(with_effects({})), 4.0)
+    for k in range(400):
+        plant.step(1500 - 0.2 * k, 1700, DT)
+        free.step(1500 - 0.2 * k, 1700, DT)
+    moment = NOMINAL.sprung_mass * NOMINAL.cg_height_above_roll_centre
+    lost = 0.05 / (NOMINAL.roll_stiffness - moment * GRAVITY)
+    assert free.state.phi - plant.state.phi == pytest.approx(lost, rel=0.15)
+
+
+def test_speed_variation_brakes_with_the_square_of_lateral_acceleration() -> None:
+    plain, braked = steady_turn({}), steady_turn({"speed_variation": {"D": 0.05}})
+    lateral = braked.state.vx * braked.state.r
+    lost = 0.05 * lateral**2 * NOMINAL.speed_lag
+    # the turned wheels brake less at the lower speed: between the two their share differs
+    own = 1 - (braked.state.vx * braked.state.r / (plain.state.vx * plain.state.r)) ** 2
+    assert plain.state.vx - braked.state.vx == pytest.approx(lost, rel=own + 0.02)
+
+
+@pytest.mark.parametrize("heading", [0.0, pi / 2, pi, 4.0])
+def test_cross_slope_turns_with_the_heading(heading: float) -> None:
+    q = with_effects({"cross_slope": {"b": 0.03, "psi0": 0.5}})
+    plant = Plant(q)
+    plant.state.psi = heading
+    plant.step(1500, 1500, DT)
+    assert (plant.state.vx, plant.state.vy) == (0.0, 0.0), "it stands on its brakes"
+    assert plant.state.ay == pytest.approx(GRAVITY * (0.03 * cos(heading - 0.5) + plant.state.phi))
+    for _ in range(1200):  # held on its heading by hand
+        plant.state.psi = heading
+        plant.step(1500, 1700, DT)
+    s = plant.state
+    wanted = GRAVITY * (0.03 * cos(s.psi - 0.5) + s.phi)
+    assert s.ay - s.vx * s.r == pytest.approx(wanted, abs=0.01)
+    held = -sum(axle_slips(plant)) * 32.25 / NOMINAL.mass + GRAVITY * s.phi
+    assert s.ay == pytest.approx(held, abs=0.01), "the tyres hold it"
+
+
+def test_imu_offset_moves_the_accelerometer() -> None:
+    """a_y + x r' - z p'."""
+    plants = [Plant(with_effects(e)) for e in ({}, {"imu_offset": {"x": 0.06}}, {"imu_offset": {"z": 0.04}})]
+    for k in range(3000):
+        for plant in plants:
+            plant.step(1500 - 30 * sin(12 * k * DT), 1700, DT)
+        nominal, ahead, above = (plant.state for plant in plants)
+        assert ahead.ay - nominal.ay == pytest.approx(0.06 * nominal.r_dot, abs=1e-3)
+        assert above.ay - nominal.ay == pytest.approx(-0.04 * nominal.p_dot, abs=0.02)
+    assert nominal.r == ahead.r == above.r

@@ -1,0 +1,105 @@
+"""The table [effects] of a variant: read, inherited, refused in words; numbers that take others' places."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sitl.effects.nominal import resolved
+from sitl.effects.table import PARAMETERS
+from sitl.parameters import PlantParameters, load_variant, variant_names
+from sitl.rover_file import rover_file
+
+
+def variant(folder: Path, text: str) -> PlantParameters:
+    path = folder / "rover.toml"
+    path.write_text('base = "nominal"\n[effects]\n' + text)
+    return load_variant(path)
+
+
+def test_no_variant_of_the_project_has_effects() -> None:
+    assert {name for name in variant_names() if load_variant(name).effects} == set()
+
+
+def test_ids_and_parameters_of_the_contract() -> None:
+    assert {name: set(rules) for name, rules in PARAMETERS.items()} == {
+        "servo_lag": {"T"},
+        "servo_rate_limit": {"R"},
+        "steering_deadband": {"w"},
+        "steering_backlash": {"b"},
+        "steering_nonlinearity": {"c3"},
+        "steering_asymmetry": {"e"},
+        "steering_trim": {"u0"},
+        "transport_delay": {"T"},
+        "clock_offset": {"T"},
+        "tyre_relaxation": {"sigma"},
+        "tyre_saturation": {"mu"},
+        "load_transfer": {"k"},
+        "front_rear_stiffness": {"ratio"},
+        "tyre_slip": {"C", "Izz"},
+        "roll_dof": {"k_phi", "b_phi"},
+        "roll_steer": {"e"},
+        "suspension_friction": {"T"},
+        "speed_variation": {"D"},
+        "imu_offset": {"x", "z"},
+        "imu_tilt": {"roll", "pitch", "yaw"},
+        "sensor_filter": {"gyro_hz", "accel_hz"},
+        "velocity_lag": {"T"},
+        "surface_change": {"ratio", "t", "distance"},
+        "cross_slope": {"b", "psi0"},
+    }
+
+
+def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) -> None:
+    (tmp_path / "loose.toml").write_text(
+        'base = "nominal"\nmass = 3\n[effects]\nsteering_backlash = { b = 0.012 }\nroll_steer = { e = 0.1 }\n'
+    )
+    (tmp_path / "looser.toml").write_text(
+        'base = "loose.toml"\n[effects]\nsteering_backlash = { b = 0.02 }\n'
+    )
+    assert load_variant(tmp_path / "loose.toml").mass == 3.0
+    assert load_variant(tmp_path / "looser.toml").effects == {
+        "steering_backlash": {"b": 0.02},
+        "roll_steer": {"e": 0.1},
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("steering_slack = { b = 1 }", "no effect steering_slack; there are servo_lag"),
+        ("steering_backlash = 0.012", r"steering_backlash = 0.012 must be a table, as in: .*\{ b = \.\. \}"),
+        ("steering_backlash = { w = 1 }", "steering_backlash has no parameter w; it has b"),
+        ("tyre_slip = { C = 30 }", "tyre_slip lacks Izz"),
+        ("steering_backlash = { b = -0.1 }", "b = -0.1 must be at least 0"),
+        ("servo_rate_limit = { R = 0 }", "R = 0 must be greater than 0"),
+        ("servo_rate_limit = { R = inf }", "R = inf must be a finite number"),
+        ("imu_tilt = {}", "imu_tilt is empty: give at least one of roll, pitch, yaw"),
+        ("surface_change = { ratio = 0.8 }", r"needs either t \[s\] or distance"),
+        ('clock_offset = { T = 0.1, stream = "gyro" }', "stream = 'gyro' must be one of steering, velocity"),
+    ],
+)
+def test_a_wrong_effect_is_named(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ValueError, match=f"variant rover.toml: .*{said}"):
+        variant(tmp_path, text)
+
+
+def test_effects_that_are_numbers_take_their_places_once(tmp_path: Path) -> None:
+    q = variant(
+        tmp_path,
+        "servo_lag = { T = 0.06 }\ntransport_delay = { T = 0.07 }\nvelocity_lag = { T = 0.1 }\n"
+        "tyre_slip = { C = 40, Izz = 0.08 }\nfront_rear_stiffness = { ratio = 1.5 }\n"
+        "imu_offset = { x = 0.05, z = 0.02 }\nroll_dof = { k_phi = 9, b_phi = 0.5 }\n",
+    )
+    acting = resolved(q)
+    assert (acting.servo_lag, acting.servo_delay, acting.velocity_lag) == (0.06, 0.07, 0.1)
+    assert (acting.front_cornering_stiffness, acting.rear_cornering_stiffness) == pytest.approx((48, 32))
+    assert (acting.yaw_inertia, acting.roll_stiffness, acting.roll_damping) == (0.08, 9.0, 0.5)
+    assert acting.imu_position == pytest.approx((0.05, 0.0, 0.038))
+    assert resolved(acting) == acting
+
+
+def test_the_owner_does_not_know_of_effects(tmp_path: Path) -> None:
+    q = variant(tmp_path, "imu_offset = { x = 0.05 }\nsteering_trim = { u0 = 0.05 }\n")
+    assert rover_file(q, "r") == rover_file(load_variant("nominal"), "r")
