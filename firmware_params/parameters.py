@@ -68,7 +68,7 @@ PARAMETERS: tuple[AppletParameter, ...] = (
     AppletParameter("SWP_BIAS", "us", 0, -400, 400, "bias sweep: offset from trim about which it steers"),
 )
 
-TYPES: Mapping[str, int] = MappingProxyType({"sweep": 0, "doublet": 1, "multisine": 2, "bias sweep": 3})
+TYPES: Mapping[str, int] = MappingProxyType({"sweep": 0, "doublet": 1, "multisine": 2, "bias_sweep": 3})
 
 STATES: Mapping[int, str] = MappingProxyType(
     {

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.recording import Array, LowPass, Note
 from rover_sweep.identify.response import default_windows
 from rover_sweep.identify.sweep import Manoeuvre, Sweep, long_periods
@@ -159,6 +160,7 @@ def plan(
     vehicle) and the vehicle file has no steering.
     """
     sweep = manoeuvre if isinstance(manoeuvre, Sweep) else None
+    banded = manoeuvre if isinstance(manoeuvre, Sweep | Multisine) else None
     top = highest_frequency(manoeuvre)
     return Design(
         manoeuvre=manoeuvre,
@@ -166,7 +168,7 @@ def plan(
         duration=manoeuvre.duration,
         w_top=top,
         long_periods=long_periods(sweep) if sweep else None,
-        windows=windows(sweep, runs) if sweep else None,
+        windows=windows(banded, runs) if banded else None,
         servo=servo_demand(manoeuvre, vehicle),
         space=space(manoeuvre, vehicle, speed) if vehicle and speed else None,
         rates=rates(top, loop_rate),
@@ -178,9 +180,11 @@ def plan(
 
 
 def highest_frequency(manoeuvre: Manoeuvre) -> float:
-    """Where the sweep ends, or the end of the main lobe of a doublet's spectrum, 2 pi/pulse; rad/s."""
+    """Where a sweep ends, a multisine's highest line, a doublet's main lobe (2 pi/pulse); rad/s."""
     if isinstance(manoeuvre, Sweep):
         return float(manoeuvre.rate(manoeuvre.t_rec))
+    if isinstance(manoeuvre, Multisine):
+        return manoeuvre.base * float(manoeuvre.lines[-1])
     return 2 * math.pi / manoeuvre.pulse
 
 
@@ -198,14 +202,15 @@ def spectrum(manoeuvre: Manoeuvre, w: Array) -> Array:
 
 
 def spectrum_grid(design: Design, points: int) -> Array:
-    """Log-spaced frequencies [rad/s] worth looking at: a little beyond a sweep's band, a doublet's lobes."""
+    """Log-spaced frequencies [rad/s] worth looking at: a little beyond a swept band, a doublet's lobes."""
     m = design.manoeuvre
-    low, high = (m.w_min / 1.5, m.w_max * 1.5) if isinstance(m, Sweep) else (0.2 / m.pulse, 8 / m.pulse)
-    return np.geomspace(low, high, points)
+    if isinstance(m, Sweep | Multisine):
+        return np.geomspace(m.w_min / 1.5, m.w_max * 1.5, points)
+    return np.geomspace(0.2 / m.pulse, 8 / m.pulse, points)
 
 
-def windows(sweep: Sweep, runs: int) -> Windows:
-    """Window lengths for `runs` such sweeps identified together."""
+def windows(sweep: Sweep | Multisine, runs: int) -> Windows:
+    """Window lengths for `runs` such sweeps or multisines identified together."""
     driven = sweep.duration - 2 * sweep.straight
     t_max = min(sweep.t_rec / 2, runs * driven / 5)
     lengths = default_windows(sweep.w_min, sweep.w_max, runs * driven, sweep.t_rec)
@@ -214,14 +219,14 @@ def windows(sweep: Sweep, runs: int) -> Windows:
 
 def servo_demand(manoeuvre: Manoeuvre, vehicle: Vehicle | None) -> ServoDemand:
     """Peak rates of the manoeuvre at servo, horn and wheel."""
-    slew = manoeuvre.peak_slew if isinstance(manoeuvre, Sweep) else None
+    slew = manoeuvre.peak_slew if isinstance(manoeuvre, Sweep | Multisine) else None
     swing = 2 * manoeuvre.amplitude * HORN_DEG_PER_US / 60
     scale = math.degrees(abs(vehicle.rad_per_us.value)) if vehicle and vehicle.rad_per_us else None
     return ServoDemand(
         us_s=slew,
         horn_deg_s=slew and slew * HORN_DEG_PER_US,
         step_s=(swing * SERVO_60_DEG[0], swing * SERVO_60_DEG[1]),
-        wheel_deg=scale and scale * manoeuvre.amplitude,
+        wheel_deg=scale and scale * manoeuvre.peak,
         wheel_deg_s=scale and slew and scale * slew,
     )
 

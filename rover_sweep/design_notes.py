@@ -20,7 +20,7 @@ from rover_sweep.design import (
 )
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.recording import Note
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.identify.sweep import BiasSweep, Sweep
 
 LEAST_PERIODS = 4.0  # long periods in T_rec, Tischler & Remple 2012
 WEAK_AMPLITUDE, LARGE_AMPLITUDE = 50.0, 350.0  # us
@@ -41,7 +41,7 @@ def refuse_nonsense(design: Design) -> None:
     space, wheel = design.space, design.servo.wheel_deg
     if wheel is not None and wheel > NONSENSE_WHEEL:
         raise UsageError(
-            f"{design.manoeuvre.amplitude:g} us would turn the road wheels by {wheel:.0f} deg, which no "
+            f"{design.manoeuvre.peak:g} us would turn the road wheels by {wheel:.0f} deg, which no "
             "steering does; check rad_per_us in the vehicle file, or take less"
         )
     if space is not None and space.ay > NONSENSE_G * GRAVITY:
@@ -99,8 +99,8 @@ def _runs(runs: int) -> str:
 
 
 def _amplitude(design: Design) -> list[Note]:
-    amplitude = design.manoeuvre.amplitude
-    if amplitude < WEAK_AMPLITUDE:
+    if design.manoeuvre.amplitude < WEAK_AMPLITUDE:
+        amplitude = design.manoeuvre.amplitude
         return [
             _warning(
                 f"{amplitude:g} us is little: play in the steering and the servo's dead band (2..8 us) "
@@ -108,6 +108,7 @@ def _amplitude(design: Design) -> list[Note]:
                 f"what is measured; try {WEAK_AMPLITUDE:g} us or more."
             )
         ]
+    amplitude = design.manoeuvre.peak
     if amplitude > LARGE_AMPLITUDE:
         return [
             _warning(
@@ -189,7 +190,10 @@ def _space(design: Design) -> list[Note]:
                 f"about {more:.0f} us would give {GOOD_YAW_RATE:g}."
             )
         )
-    if space.heading_deg > 180:
+    if isinstance(design.manoeuvre, BiasSweep):
+        circle = f"the bias takes the rover round in circles, {space.length:.0f} x {space.width:.0f} m."
+        notes.append(Note("info", circle))
+    elif space.heading_deg > 180:
         text = (
             f"the slow part turns the rover through {space.heading_deg:.0f} deg and the rest goes off at "
             f"{abs(space.heading_end_deg):.0f} deg to the "

@@ -1,4 +1,4 @@
-"""`rover-sweep design`: a sweep or doublet on paper, before it is driven."""
+"""`rover-sweep design`: a sweep, doublet or multisine on paper, before it is driven."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from click.core import ParameterSource
 if TYPE_CHECKING:
     from rover_sweep.identify.sweep import Manoeuvre
 
+_SWEPT = ("wmin", "wmax", "trec", "fade", "dwell", "runs")
 ONLY_FOR = {
-    "sweep": ("wmin", "wmax", "trec", "fade", "dwell", "runs"),
+    "sweep": _SWEPT,
     "doublet": ("pulse", "pause", "count"),
+    "multisine": (*_SWEPT, "periods"),
+    "bias-sweep": (*_SWEPT, "bias"),
 }
 POSITIVE = click.FloatRange(0, min_open=True)
 
 
 @click.command()
-@click.option("--type", "kind", type=click.Choice(["sweep", "doublet"]), default="sweep", show_default=True)
+@click.option("--type", "kind", type=click.Choice(list(ONLY_FOR)), default="sweep", show_default=True)
 @click.option("--amplitude", type=POSITIVE, default=150.0, show_default=True, help="Steering offset, us.")
 @click.option("--wmin", type=POSITIVE, default=0.3, show_default=True, help="Sweep: lowest frequency, rad/s.")
 @click.option(
@@ -39,6 +42,10 @@ POSITIVE = click.FloatRange(0, min_open=True)
     show_default=True,
     help="Sweep: runs identified together.",
 )
+@click.option("--periods", type=click.IntRange(2, 20), default=3, show_default=True,
+              help="Multisine: periods in T_rec.")  # fmt: skip
+@click.option("--bias", type=float, default=100.0, show_default=True,
+              help="Bias sweep: steering offset about which it steers, us.")  # fmt: skip
 @click.option("--pulse", type=POSITIVE, default=1.0, show_default=True, help="Doublet: length of a step, s.")
 @click.option(
     "--pause", type=click.FloatRange(0), default=2.0, show_default=True, help="Doublet: pause after each, s."
@@ -124,12 +131,14 @@ def design(
 
 
 def _manoeuvre(ctx: click.Context, options: dict[str, Any]) -> Manoeuvre:
-    from rover_sweep.identify.sweep import Doublet, Sweep
+    from rover_sweep.identify.multisine import Multisine
+    from rover_sweep.identify.sweep import BiasSweep, Doublet, Sweep
 
-    kind, other = options["kind"], "doublet" if options["kind"] == "sweep" else "sweep"
-    for name in ONLY_FOR[other]:
-        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"--{name} belongs to --type {other}, not to a {kind}", ctx)
+    kind = options["kind"]
+    for other, names in ONLY_FOR.items():
+        for name in set(names) - set(ONLY_FOR[kind]):
+            if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+                raise click.UsageError(f"--{name} belongs to --type {other}, not to a {kind}", ctx)
     amplitude, straight = options["amplitude"], options["straight"]
     if kind == "doublet":
         return Doublet(amplitude, options["pulse"], options["pause"], options["count"], straight)
@@ -139,12 +148,13 @@ def _manoeuvre(ctx: click.Context, options: dict[str, Any]) -> Manoeuvre:
             f"a span",
             ctx,
         )
-    return Sweep(
-        amplitude,
-        options["wmin"],
-        options["wmax"],
-        options["trec"],
-        options["fade"],
-        options["dwell"],
-        straight,
-    )
+    band = amplitude, options["wmin"], options["wmax"], options["trec"]
+    ends = {name: options[name] for name in ("fade", "dwell", "straight")}
+    try:
+        if kind == "multisine":
+            return Multisine(*band, options["periods"], **ends)
+    except ValueError as error:
+        raise click.UsageError(str(error), ctx) from error
+    if kind == "bias-sweep":
+        return BiasSweep(*band, **ends, bias=options["bias"])
+    return Sweep(*band, **ends)

@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_sweep.design import TRIM_ERROR, Design, drive, spectrum, spectrum_grid, wave
 from rover_sweep.errors import UsageError
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.identify.sweep import Doublet, Sweep
 from rover_sweep.vehicle_file import Vehicle
 
 
@@ -43,7 +43,7 @@ def _draw_wave(axes: Any, design: Design) -> None:
     t, x = wave(design.manoeuvre)
     axes.plot(t, x, linewidth=0.8)
     axes.set(xlabel="time of the override, s", ylabel="steering offset, us", xlim=(0, t[-1]))
-    axes.set_title(f"{design.manoeuvre.kind}, {design.manoeuvre.amplitude:g} us")
+    axes.set_title(f"{design.manoeuvre.kind.replace('_', ' ')}, {design.manoeuvre.amplitude:g} us")
     axes.grid(alpha=0.3)
 
 
@@ -61,7 +61,7 @@ def _draw_frequency(axes: Any, design: Design) -> None:
 def _draw_spectrum(axes: Any, design: Design) -> None:
     w = spectrum_grid(design, 400)
     axes.semilogx(w, 20 * np.log10(spectrum(design.manoeuvre, w)))
-    if isinstance(design.manoeuvre, Sweep):
+    if not isinstance(design.manoeuvre, Doublet):
         axes.axvspan(design.manoeuvre.w_min, design.manoeuvre.w_max, alpha=0.1)
     axes.set(xlabel="frequency, rad/s", ylabel="spectrum, dB")
     axes.grid(alpha=0.3, which="both")

@@ -24,6 +24,7 @@ from rover_sweep.design import (
     spectrum_grid,
     wave,
 )
+from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import Doublet, Sweep
 from rover_sweep.vehicle_file import Vehicle
 
@@ -64,13 +65,15 @@ def _title(design: Design) -> str:
     if isinstance(m, Doublet):
         return f"{m.count} doublets, {m.amplitude:g} us, steps of {m.pulse:g} s"
     hertz = f"{m.w_min / 2 / math.pi:.2g}..{m.w_max / 2 / math.pi:.2g} Hz"
-    return f"Sweep, {m.amplitude:g} us, {m.w_min:g}..{m.w_max:g} rad/s ({hertz}) in {m.t_rec:g} s"
+    what = "Multisine, peak" if isinstance(m, Multisine) else "Sweep,"
+    about = f" about {m.middle:+g} us" if isinstance(m, Sweep) and m.middle else ""
+    return f"{what} {m.amplitude:g} us{about}, {m.w_min:g}..{m.w_max:g} rad/s ({hertz}) in {m.t_rec:g} s"
 
 
 def _wave_lines(design: Design) -> list[str]:
     m = design.manoeuvre
     _, x = wave(m)
-    names = [f"{m.amplitude:+g} us", "", "", "", "", f"{-m.amplitude:+g} us"]
+    names = [f"{m.peak:+g} us", "", "", "", "", f"{-m.peak:+g} us"]
     lines = [f"  {name:>8} {line}" for name, line in zip(names, braille(x, WIDTH, 6), strict=True)]
     step = 10 if m.duration > 30 else 2 if m.duration > 8 else 1
     ticks = [(t / m.duration, f"{t:g}") for t in np.arange(0, m.duration, step)]
@@ -110,6 +113,9 @@ def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
                 f"{design.long_periods:.1f} of {design.manoeuvre.w_min:g} rad/s in T_rec (4..5 advised)",
             )
         )
+    if isinstance(design.manoeuvre, Multisine):
+        facts += _line_facts(design.manoeuvre)
+    if design.windows:
         facts += _window_facts(design.windows, design.runs)
     if isinstance(design.manoeuvre, Doublet):
         pulse = design.manoeuvre.pulse
@@ -132,6 +138,15 @@ def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
         text = f"{effect.parameter} {effect.cutoff_hz:g} Hz: {lag}"
         facts.append(("" if number else f"at {design.w_top:.3g} rad/s", text))
     return facts
+
+
+def _line_facts(m: Multisine) -> list[tuple[str, str]]:
+    lines = (
+        f"{m.lines.size} excited, odd multiples of {m.base:.3g} rad/s, {m.periods} periods of "
+        f"{m.t_rec / m.periods:.3g} s; crest factor {m.crest_factor:.1f}"
+    )
+    kept = f"{m.even.size} even lines show 2nd, {m.odd_left_out.size} odd ones left out 3rd harmonics"
+    return [("lines", lines), ("", kept)]
 
 
 def _duration(design: Design) -> str:

@@ -181,7 +181,11 @@ def interrupted_words(event: e.Interrupted) -> str:
 
 
 def _title(event: e.RunStarted) -> str:
-    return f"{event.name}: {event.manoeuvre.kind}, +-{event.manoeuvre.amplitude:g} us"
+    from rover_sweep.identify.sweep import Sweep
+
+    m = event.manoeuvre
+    about = f" about {m.middle:+g} us" if isinstance(m, Sweep) and m.middle else ""
+    return f"{event.name}: {m.kind.replace('_', ' ')}, +-{m.amplitude:g} us{about}"
 
 
 def _coherence(event: e.RunFinished) -> str | None:
@@ -195,4 +199,4 @@ def _coherence(event: e.RunFinished) -> str | None:
     except RoverSweepError as error:  # the vehicle's own log may still do
         return f"its telemetry cannot be judged: {error}"
     runs = [r for r in found if r.span[0] < event.span[1] and r.span[1] > event.span[0]]
-    return assess(runs[-1]).sentence if runs and runs[-1].kind == "sweep" else None
+    return assess(runs[-1]).sentence if runs and runs[-1].kind not in ("doublet", "other") else None

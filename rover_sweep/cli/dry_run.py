@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rover_sweep.cli.manoeuvres import ManoeuvreType
 from rover_sweep.cli.options import output_options
 from rover_sweep.errors import UsageError
+from rover_sweep.identify.multisine import Multisine
+from rover_sweep.identify.sweep import BiasSweep
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,12 +55,17 @@ def _variants() -> tuple[str, ...]:
 )
 @click.option("--trec", type=click.FloatRange(0, min_open=True), default=55.0, show_default=True,
               metavar="S", help="Length of the law between the two.")  # fmt: skip
+@click.option("--multisine", "multisines", type=ManoeuvreType(Multisine), multiple=True,
+              help="A further run: peak in us, rad/s, s; shows 2nd and 3rd harmonics at once.")  # fmt: skip
+@click.option("--bias-sweep", "bias_sweeps", type=ManoeuvreType(BiasSweep), multiple=True,
+              help="A further run: a sweep about a steering offset in us, e.g. 80,100.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True,
               help="Of noise and road; the timing of messages still varies from run to run.")  # fmt: skip
 @output_options
 def dry_run(
     out: str | None, simulator: str, ardurover: str | None, connect: str | None, arm_and_drive: bool,
-    rover_file: str | None, variant: str, amplitude: float, wmin: float, wmax: float, trec: float, seed: int,
+    rover_file: str | None, variant: str, amplitude: float, wmin: float, wmax: float, trec: float,
+    multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...], seed: int,
     as_json: bool, verbose: bool,
 ) -> None:  # fmt: skip
     """Do the whole job on a simulated rover: no hardware, about half a minute.
@@ -76,6 +84,8 @@ def dry_run(
         raise UsageError("--connect needs --rover-file: the masses and lengths of that vehicle")
     settings = DryRun(
         sweeps=tuple(_sweep(factor * amplitude, wmin, wmax, trec) for factor in (1, 2)),
+        multisines=multisines,
+        bias_sweeps=bias_sweeps,
         simulator="ardurover" if simulator == "ardurover" else "embedded",
         ardurover=Path(ardurover) if ardurover else None,
         variant=variant,

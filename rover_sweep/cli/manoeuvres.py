@@ -6,25 +6,33 @@ import math
 
 import click
 
-from rover_sweep.identify.sweep import Doublet, Manoeuvre, Sweep
+from rover_sweep.identify.multisine import Multisine
+from rover_sweep.identify.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 
 _SWEEP = {"amplitude": "amplitude", "wmin": "w_min", "wmax": "w_max", "trec": "t_rec", "fade": "fade",
           "dwell": "dwell", "straight": "straight"}  # fmt: skip
 _DOUBLET = {name: name for name in ("amplitude", "pulse", "pause", "count", "straight")}
+_MULTISINE = dict(list(_SWEEP.items())[:4]) | {"periods": "periods"} | dict(list(_SWEEP.items())[4:])
+_BIAS_SWEEP = {"amplitude": "amplitude", "bias": "bias"} | _SWEEP
+_KEYS: dict[type[Manoeuvre], tuple[dict[str, str], int]] = {  # names in order, how many are shown in --help
+    Sweep: (_SWEEP, 4), Doublet: (_DOUBLET, 3), Multisine: (_MULTISINE, 5), BiasSweep: (_BIAS_SWEEP, 5),
+}  # fmt: skip
+_WHOLE = ("count", "periods")
 LIMITS = ("pwm_max", "roll_max", "p_max", "r_max", "v_min", "v_max", "still", "gcs")
 
 
 class ManoeuvreType(click.ParamType):
-    """A sweep or doublet: its numbers in their order, or by name, joined by commas."""
+    """A manoeuvre: its numbers in their order, or by name, joined by commas."""
 
-    def __init__(self, kind: type[Sweep] | type[Doublet]) -> None:
-        self.kind, self.keys = kind, _SWEEP if kind is Sweep else _DOUBLET
-        first = ("AMPLITUDE", "WMIN", "WMAX", "TREC") if kind is Sweep else ("AMPLITUDE", "PULSE", "PAUSE")
+    def __init__(self, kind: type[Manoeuvre]) -> None:
+        self.kind = kind
+        self.keys, shown = _KEYS[kind]
+        first = [name.upper() for name in list(self.keys)[:shown]]
         self.name = f"{first[0]}[,{','.join(first[1:])}]"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Manoeuvre:
         """The manoeuvre; a usage error that names what is wrong."""
-        if isinstance(value, Sweep | Doublet):
+        if isinstance(value, Manoeuvre):
             return value
         numbers: dict[str, float] = {}
         for key, part in zip(self.keys, str(value).split(","), strict=False):
@@ -35,8 +43,10 @@ class ManoeuvreType(click.ParamType):
             numbers[self.keys[name]] = self._number(text, str(value), param, ctx)
         if len(str(value).split(",")) > len(self.keys):
             self.fail(f"{value!r} has more numbers than {', '.join(self.keys)}", param, ctx)
-        if not numbers.get("count", 1.0).is_integer():
-            self.fail(f"{value!r}: count must be a whole number", param, ctx)
+        for name in (name for name in _WHOLE if name in numbers):
+            if not numbers[name].is_integer():
+                self.fail(f"{value!r}: {name} must be a whole number", param, ctx)
+            numbers[name] = int(numbers[name])
         try:
             return self.kind(**numbers)  # type: ignore[arg-type]
         except ValueError as error:

@@ -10,7 +10,8 @@ import click
 
 from rover_sweep.cli.manoeuvres import LimitType, ManoeuvreType
 from rover_sweep.cli.options import output_options, vehicle_path
-from rover_sweep.identify.sweep import Doublet, Sweep
+from rover_sweep.identify.multisine import Multisine
+from rover_sweep.identify.sweep import BiasSweep, Doublet, Sweep
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,6 +33,10 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disar
               help="In us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.")  # fmt: skip
 @click.option("--doublet", "doublets", type=ManoeuvreType(Doublet), multiple=True,
               help="In us and s; the models are verified on it. May be repeated.")  # fmt: skip
+@click.option("--multisine", "multisines", type=ManoeuvreType(Multisine), multiple=True,
+              help="Peak in us, rad/s, s; shows 2nd and 3rd harmonics at once. May be repeated.")  # fmt: skip
+@click.option("--bias-sweep", "bias_sweeps", type=ManoeuvreType(BiasSweep), multiple=True,
+              help="A sweep about a steering offset in us, e.g. 80,100. May be repeated.")  # fmt: skip
 @click.option("--limit", "limits", type=LimitType(), multiple=True,
               help="A limit of the applet, e.g. v_max=3; the rover's own if not said.")  # fmt: skip
 @click.option("--arm", is_flag=True, help="Let this program arm and disarm the rover.")
@@ -45,6 +50,7 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disar
 @output_options
 def run(
     connect: str, vehicle_file: str | None, sweeps: tuple[Sweep, ...], doublets: tuple[Doublet, ...],
+    multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...],
     limits: tuple[tuple[str, float], ...], arm: bool, throttle: int | None, throw_switch: bool, no_log: bool,
     out: str | None, as_json: bool, verbose: bool,
 ) -> None:  # fmt: skip
@@ -53,7 +59,7 @@ def run(
     The pilot arms, drives and throws the switch (RC6_OPTION 300); this program sets the applet's
     parameters, records, and moves nothing unless --arm, --throttle or --throw-switch say so. Switch low
     ends a run at once, without the laptop; Ctrl-C does too, and goes on to log and report with the runs
-    that are whole. Without --sweep and --doublet: two sweeps and a doublet of 150 us.
+    that are whole. Without any manoeuvre: two sweeps and a doublet of 150 us.
 
     \b
     rover-sweep run --connect /dev/ttyUSB0,57600 --vehicle rover.toml \\
@@ -76,9 +82,8 @@ def run(
     settings = RunSettings(
         arm, throttle, "override" if throw_switch else "pilot", extra, patience=_PILOT_PATIENCE
     )
-    plan = Plan(
-        _planned(sweeps, doublets), settings, checked=read(shipped("identification")), logs=not no_log
-    )
+    runs = _planned(sweeps, multisines, bias_sweeps, doublets)
+    plan = Plan(runs, settings, checked=read(shipped("identification")), logs=not no_log)
     for planned in plan.runs:
         parameters_of(planned.manoeuvre, **extra)
     folder = session_folder(out, "run")
@@ -87,13 +92,21 @@ def run(
     identified_session(session, (vehicle, path), as_json, verbose)
 
 
-def _planned(sweeps: tuple[Sweep, ...], doublets: tuple[Doublet, ...]) -> tuple[PlannedRun, ...]:
+def _planned(
+    sweeps: tuple[Sweep, ...],
+    multisines: tuple[Multisine, ...],
+    bias_sweeps: tuple[BiasSweep, ...],
+    doublets: tuple[Doublet, ...],
+) -> tuple[PlannedRun, ...]:
+    """Named runs in the order in which they are driven; two sweeps and a doublet if there are none."""
     from rover_sweep.vehicle.session import PlannedRun
 
-    if not sweeps and not doublets:
+    if not (sweeps or multisines or bias_sweeps or doublets):
         sweeps, doublets = (Sweep(), Sweep()), (Doublet(),)
     return (
         *(PlannedRun(f"sweep{n}", sweep) for n, sweep in enumerate(sweeps, 1)),
+        *(PlannedRun(f"multisine{n}", multisine) for n, multisine in enumerate(multisines, 1)),
+        *(PlannedRun(f"bias-sweep{n}", sweep) for n, sweep in enumerate(bias_sweeps, 1)),
         *(PlannedRun(f"doublet{n}" if n > 1 else "doublet", d) for n, d in enumerate(doublets, 1)),
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_sweep.identify.conditioned import conditioned_responses
 from rover_sweep.identify.recording import Array, Recording
@@ -28,6 +29,7 @@ RISING_FROM = (
     4.0  # of the lowest frequency: where p and V_y' are judged from (the paper used p from twice w_min)
 )
 SERVO_TRAVEL = 500.0  # us from the trim
+LINE_GAP = 3.0  # rad/s
 LATERAL_LIMIT = 6.0  # m/s^2, above which a rover on asphalt slides or rolls over
 
 
@@ -71,7 +73,8 @@ class CoherenceVerdict(Shown):
 def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | None = None) -> Band:
     """Frequencies [rad/s] around its strongest that the steering excites: power within 20 dB of the median.
 
-    From 2 pi/(half the longest run) to `top` or to .8 of the slowest Nyquist frequency, at most 60 rad/s.
+    It goes on between the lines of a multisine. From 2 pi/(half the longest run) to `top` or to .8 of the
+    slowest Nyquist frequency, at most 60 rad/s.
     """
     longest = max(run.span[1] - run.span[0] for run in runs)
     nyquist = np.pi * min(run[c].rate for run in runs for c in (input, "r") if c in run)
@@ -79,10 +82,20 @@ def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | 
     power = np.sum([_power(run, input, w, longest / 4) for run in runs], axis=0)
     strong = power > 1e-2 * np.median(power[power > 1e-3 * power.max()])
     peak = int(np.argmax(power))
+    if any(run.kind == "multisine" for run in runs):
+        strong = _bridged(w, strong)
     below, above = np.flatnonzero(~strong[:peak]), np.flatnonzero(~strong[peak:])
     low = int(below[-1]) + 1 if below.size else 0
     high = peak + int(above[0]) - 1 if above.size else w.size - 1
     return float(w[low]), float(w[high])
+
+
+def _bridged(w: Array, strong: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """With weak stretches up to `LINE_GAP` rad/s between strong ones filled: the lines that are left out."""
+    filled, k = strong.copy(), np.flatnonzero(strong)
+    for a, b in zip(k[:-1], k[1:], strict=True):
+        filled[a:b] |= w[b] - w[a] <= LINE_GAP
+    return filled
 
 
 def _power(run: Recording, input: str, w: Array, length: float) -> Array:

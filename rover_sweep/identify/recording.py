@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Kind = Literal["sweep", "doublet", "other"]
+Kind = Literal["sweep", "bias_sweep", "doublet", "multisine", "other"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ class Sweep:
     fade: float = 2.0
     dwell: float = 2.0
     straight: float = 3.0
-    kind: Literal["sweep", "bias sweep"] = "sweep"
+    kind: Literal["sweep", "bias_sweep"] = "sweep"
 
     def __post_init__(self) -> None:
         if not 0 < self.w_min < self.w_max:
@@ -110,7 +110,7 @@ class BiasSweep(Sweep):
     """
 
     bias: float = 100.0
-    kind: Literal["sweep", "bias sweep"] = "bias sweep"
+    kind: Literal["sweep", "bias_sweep"] = "bias_sweep"
 
     @property
     def middle(self) -> float:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
 
+from rover_sweep.identify.recording import Kind
 from rover_sweep.logs.log import AppletRows, Log
 
 WAVE_STATES = {4, 5, 6, 7}  # fade-in, dwell, law or doublet, fade-out
 OVERRIDE_STATES = {3, 8} | WAVE_STATES
 STOPPED = 10
 OLD_STATE = 2  # the only state that the applet of 2025 logged
+TOLD_KINDS: Mapping[str, Kind] = {"start multisine": "multisine", "start bias sweep": "bias_sweep"}
 START = re.compile(r"^SW[PX]\b.*\bstart\b", re.IGNORECASE)
 END = re.compile(r"^SW[PX]\b.*\b(done|stop|stopped|abort|aborted)\b", re.IGNORECASE)
 
@@ -45,6 +47,12 @@ def is_old(rows: AppletRows) -> bool:
 def starts(log: Log) -> list[float]:
     """Times [s] of the applet's messages that a run starts."""
     return [t for t, text in log.marks if START.match(text)]
+
+
+def told_kind(log: Log, start: float) -> Kind | None:
+    """What the applet called the run that is excited from `start` [s]; None where its wave must tell."""
+    said = [text for t, text in log.marks if t <= start + 1.0 and (START.match(text) or END.match(text))]
+    return next((kind for name, kind in TOLD_KINDS.items() if said and said[-1].endswith(name)), None)
 
 
 def ends(log: Log) -> list[float]:

@@ -19,11 +19,20 @@ from rover_sweep.logs.applet import (
     ends,
     is_old,
     starts,
+    told_kind,
 )
 from rover_sweep.logs.completeness import completeness_notes, refuse_stump
 from rover_sweep.logs.log import AppletRows, Array, Log
 from rover_sweep.logs.screen import without_dead_channels
-from rover_sweep.logs.wave import CONSTANT, active_intervals, active_threshold, excitation, kind_of
+from rover_sweep.logs.wave import (
+    CONSTANT,
+    HALF_WAVES,
+    active_intervals,
+    active_threshold,
+    excitation,
+    half_waves,
+    kind_of,
+)
 
 Bool = NDArray[np.bool_]
 Interval = tuple[float, float]
@@ -167,6 +176,8 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
     first = max(s.t[0] for s in signals.values() if s.t.size)
     last = min(s.t[-1] for s in signals.values() if s.t.size)
     kind = kind_of(steering, window.start, window.end)
+    if half_waves(steering.between(window.start, window.end)) >= HALF_WAVES:
+        kind = told_kind(log, window.start) or kind
     name = f"{log.name} {window.label}" if count > 1 else log.name
     refuse_stump(log, name, kind, window.start, window.end)
     straight = straight_intervals(log, window)

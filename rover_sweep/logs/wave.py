@@ -1,4 +1,4 @@
-"""What a steering signal does: where it is active, and whether it is a sweep or a doublet."""
+"""What a steering signal does: where it is active, and whether it is a sweep, a doublet or a multisine."""
 
 from __future__ import annotations
 
@@ -17,6 +17,12 @@ SHORTEST_RUN = 4.0  # s
 REVERSALS = 2  # a run steers to both sides and back
 HALT = 1.0  # s
 HALF_WAVES = 6  # fewer tell nothing of how a wave goes on
+TAIL = 8  # percent of a run at either end of its values
+BIASED = 0.25  # of the amplitude: farther from rest the middle of a sweep is a bias
+REPEAT_EDGE, REPEAT_SHARE = 0.1, 0.6  # of a run: left out at both ends; the longest period, of what is left
+REPEAT_STEP = 0.02  # s
+REPEAT_ALIKE = 0.98  # correlation with itself a period later; by hand it is far less
+ONE_LINE = 0.6  # of the power
 PLATEAU = 7  # samples of 0.05 s in which a step signal keeps its value
 
 
@@ -83,21 +89,45 @@ def half_waves(steering: Signal) -> int:
 
 
 def kind_of(whole: Signal, start: float, end: float) -> Kind:
-    """What lies in start..end: 'sweep' if the half periods shrink throughout, 'doublet' if it goes in
-    steps that leave no net steering, else 'other'."""
+    """What lies in start..end: a 'sweep' if the half periods shrink throughout, about the steering before it
+    or else a 'bias_sweep'; a 'doublet' if it goes in steps that leave no net steering; a 'multisine' if it
+    repeats itself and is no mere sine; else 'other'."""
     steering = whole.between(start, end)
     if steering.t.size < 8 or np.ptp(steering.x) <= active_threshold(steering):
         return "other"
+    rest = whole.x[max(int(np.searchsorted(whole.t, start)) - 1, 0)]
     if _goes_in_steps(steering):
-        rest = whole.x[max(int(np.searchsorted(whole.t, start)) - 1, 0)]
         return "doublet" if abs(_mean(steering) - rest) < 0.1 * np.ptp(steering.x) / 2 else "other"
-    middle = (np.min(steering.x) + np.max(steering.x)) / 2
-    halves = np.diff(_crossings(steering, float(middle)))
+    low, high = np.percentile(steering.x, (TAIL, 100 - TAIL))  # without the way from rest to a bias and back
+    halves = np.diff(_crossings(steering, float(low + high) / 2))
     if halves.size < HALF_WAVES:
         return "other"
     third = halves.size // 3
     shrinks = np.median(halves[:third]) > 2 * np.median(halves[-third:])
-    return "sweep" if shrinks and _rank_correlation(halves) < -0.6 else "other"
+    if shrinks and _rank_correlation(halves) < -0.6:
+        return "sweep" if abs((low + high) / 2 - rest) < BIASED * (high - low) / 2 else "bias_sweep"
+    return "multisine" if _repeats(steering) else "other"
+
+
+def _repeats(steering: Signal) -> bool:
+    """Whether the signal repeats itself after a period that holds many half waves, as long as it is there.
+
+    Of the middle of the run, without fades: the autocorrelation at the best period is next to 1.
+    """
+    fade = REPEAT_EDGE * (steering.t[-1] - steering.t[0])
+    grid = np.arange(steering.t[0] + fade, steering.t[-1] - fade, REPEAT_STEP)
+    x = steering.on(grid)
+    shortest = HALF_WAVES * (grid[-1] - grid[0]) / max(half_waves(steering), 1)  # a mere sine repeats sooner
+    lags = np.arange(max(int(shortest / REPEAT_STEP), 1), int(REPEAT_SHARE * grid.size))
+    alike = [float(np.corrcoef(x[lag:], x[: x.size - lag])[0, 1]) for lag in lags]
+    return bool(alike) and max(alike) > REPEAT_ALIKE and _is_no_sine(x)
+
+
+def _is_no_sine(x: Array) -> bool:
+    """Whether no one line of the spectrum holds most of the power."""
+    power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) ** 2
+    peak = int(np.argmax(power))
+    return bool(np.sum(power[max(peak - 2, 0) : peak + 3]) < ONE_LINE * np.sum(power))
 
 
 def _mean(signal: Signal) -> float:

@@ -1,4 +1,5 @@
-"""The dry run up to the recordings: two sweeps and a doublet on a simulated rover, or on any that runs.
+"""The dry run up to the recordings: two sweeps, a doublet and what else is asked for on a simulated rover, or
+on any that runs.
 
 It arms and drives by itself, which is what a simulated rover is for. On a vehicle behind `url` it
 does so only when told that this is wanted (`consent`).
@@ -6,7 +7,7 @@ does so only when told that this is wanted (`consent`).
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,8 @@ from typing import Any, Literal
 from firmware_params.check import WantedParameter, read, shipped
 from firmware_params.parameters import applet_path
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.identify.sweep import Doublet, Sweep
+from rover_sweep.identify.multisine import Multisine
+from rover_sweep.identify.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.manoeuvre import parameters_of, refuse_undersampled
 from rover_sweep.vehicle.run import RunSettings
@@ -36,11 +38,14 @@ class DryRun:
 
     simulator: the embedded rover or the real firmware (`ardurover`: its path, else environment or
     PATH). url: a vehicle that runs already, instead; it is armed and driven only with `consent`.
-    sweeps, doublet: the manoeuvres; the doublet is for verification. limits: of the applet.
+    sweeps, multisines, bias_sweeps, doublet: the manoeuvres in this order; the doublet is for verification.
+    limits: of the applet.
     parameters: set on the vehicle beforehand where they differ.
     """
 
     sweeps: tuple[Sweep, ...] = (Sweep(amplitude=120.0), Sweep(amplitude=240.0))
+    multisines: tuple[Multisine, ...] = ()
+    bias_sweeps: tuple[BiasSweep, ...] = ()
     doublet: Doublet = field(default_factory=Doublet)
     simulator: Simulator = "embedded"
     ardurover: Path | None = None
@@ -64,11 +69,15 @@ class DryRun:
                 f"the dry run arms and drives the vehicle on {self.url} by itself; say so if that is wanted "
                 "(--arm-and-drive), with its wheels off the ground or on a free field"
             )
-        sweeps = (PlannedRun(f"sweep{n}", sweep) for n, sweep in enumerate(self.sweeps, 1))
-        runs = (*sweeps, PlannedRun("doublet", self.doublet))
+        runs = (
+            *_numbered("sweep", self.sweeps),
+            *_numbered("multisine", self.multisines),
+            *_numbered("bias-sweep", self.bias_sweeps),
+            PlannedRun("doublet", self.doublet),
+        )
         limits = self.limits
         if self.url is None:
-            amplitude = max(run.manoeuvre.amplitude for run in runs)
+            amplitude = max(run.manoeuvre.peak for run in runs)
             _refuse_amplitude(amplitude)
             limits = {"pwm_max": max(_PWM_MAX, amplitude)} | limits
         for run in runs:
@@ -90,10 +99,14 @@ def dry_run(settings: DryRun, folder: Path) -> Generator[Event, None, None]:
         yield from drive(url, folder, plan)
 
 
+def _numbered(name: str, manoeuvres: Sequence[Manoeuvre]) -> Iterator[PlannedRun]:
+    return (PlannedRun(f"{name}{n}", manoeuvre) for n, manoeuvre in enumerate(manoeuvres, 1))
+
+
 def _refuse_amplitude(amplitude: float) -> None:
     if amplitude > STEERING_US:
         raise UsageError(
-            f"a sweep of {amplitude:g} us is past the {STEERING_US:g} us that the simulated steering turns "
+            f"a run of {amplitude:g} us is past the {STEERING_US:g} us that the simulated steering turns "
             "to each side; take less"
         )
 

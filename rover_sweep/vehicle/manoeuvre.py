@@ -1,4 +1,4 @@
-"""A Sweep or Doublet as the parameters of the applet."""
+"""A manoeuvre as the parameters of the applet."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import asdict
 
 from firmware_params.parameters import for_manoeuvre
 from rover_sweep.errors import UsageError
+from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import Manoeuvre, Sweep
 
 LEAST_SAMPLES = 10  # per period of the highest frequency
@@ -26,9 +27,9 @@ def parameters_of(manoeuvre: Manoeuvre, **others: float) -> dict[str, float]:
 
 
 def refuse_undersampled(manoeuvre: Manoeuvre, loop_rate: float) -> None:
-    """UsageError for a sweep too fast for a vehicle of this SCHED_LOOP_RATE [Hz] to steer and record."""
+    """UsageError for what is too fast for a vehicle of this SCHED_LOOP_RATE [Hz] to steer and record."""
     top = 2 * math.pi * loop_rate / LEAST_SAMPLES
-    if isinstance(manoeuvre, Sweep) and manoeuvre.w_max > top:
+    if isinstance(manoeuvre, Sweep | Multisine) and manoeuvre.w_max > top:
         samples = 2 * math.pi * loop_rate / manoeuvre.w_max
         raise UsageError(
             f"w_max {manoeuvre.w_max:g} rad/s has {samples:.1f} samples a period at the loop rate of "

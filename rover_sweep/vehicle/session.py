@@ -103,9 +103,9 @@ def _refuse_amplitudes(present: Mapping[str, float], plan: Plan) -> None:
     """Before anything moves: the applet would refuse these at the switch."""
     limit = plan.settings.extra.get("pwm_max", present["SWP_PWM_MAX"])
     for planned in plan.runs:
-        if planned.manoeuvre.amplitude > limit:
+        if planned.manoeuvre.peak > limit:
             raise UsageError(
-                f"{planned.name} asks for {planned.manoeuvre.amplitude:g} us, but the rover's SWP_PWM_MAX "
+                f"{planned.name} asks for {planned.manoeuvre.peak:g} us, but the rover's SWP_PWM_MAX "
                 f"allows {limit:g} us; take less, or raise SWP_PWM_MAX if the steering moves freely that far"
             )
 

@@ -88,7 +88,7 @@ def test_states_of_the_faded_types_are_those_of_the_sweep(manoeuvre: Manoeuvre) 
     t = np.array([row["T"] for row in bench.log if row["St"] >= 3])
     expected = 3 + np.searchsorted(np.cumsum([3, 2, 2, 12, 2]), t, side="right")
     np.testing.assert_array_equal([row["St"] for row in bench.log if row["St"] >= 3], expected)
-    assert f"SWP: run 1 start {manoeuvre.kind}" in bench.texts
+    assert f"SWP: run 1 start {manoeuvre.kind.replace('_', ' ')}" in bench.texts
 
 
 def test_lines_left_out_are_those_of_the_closed_form() -> None:
