@@ -23,7 +23,7 @@ def mismatch_table(found: Diagnosis) -> Table:
         for m in found.mismatch
     )
     headings = ("", "where", "rad/s", "residual / noise")
-    return Table("Where they differ", headings, rows, text_columns=2)
+    return Table("Where simulation and recording differ", headings, rows, text_columns=2)
 
 
 def _size(ratio: float) -> Cell:

@@ -78,14 +78,14 @@ def conclusion(result: Identification, provenance: Provenance) -> Group:
 
 def rich_table(table: Table) -> RenderableType:
     """One table with its title above and its note below."""
-    shown = RichTable(title=table.title, title_justify="left", title_style="bold", box=None,
-                      padding=(0, 2, 0, 0), header_style="dim", pad_edge=False)  # fmt: skip
+    shown = RichTable(box=None, padding=(0, 2, 0, 0), header_style="dim", pad_edge=False)
     for k, heading in enumerate(table.headings):
         words = k < table.text_columns
         shown.add_column(heading, justify="left" if words else "right", no_wrap=not words or k == 0)
     for row in table.rows:
         shown.add_row(*(Text(cell.text, STYLES[cell.tone]) for cell in row))
-    return Group(shown, Sentence(table.note, "dim")) if table.note else shown
+    note = (Sentence(table.note, "dim"),) if table.note else ()
+    return Group(Sentence(table.title, "bold"), shown, *note)  # a title of its own, not broken by the table
 
 
 def _parts(result: Identification, provenance: Provenance, verbose: bool) -> Iterator[RenderableType]:

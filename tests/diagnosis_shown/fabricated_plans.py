@@ -1,0 +1,26 @@
+"""A plan made by hand."""
+
+from __future__ import annotations
+
+from rover_sweep.diagnosis.plan_types import Apart, DetectableSize, Plan, PlannedRun
+from rover_sweep.diagnosis.result import Unseen
+
+PLAN = Plan(
+    runs=(PlannedRun("sweep", 150.0, 2.4, repeat=2), PlannedRun("doublet", 150.0, 2.4, 90.0)),
+    detectable={
+        "steering_backlash": DetectableSize("b", "rad", 0.0021, 0.003),
+        "tyre_saturation": DetectableSize("mu", "-", 0.62, 0.9),
+        "servo_rate_limit": DetectableSize("R", "rad/s", None),
+    },
+    apart=(
+        Apart("tyre_relaxation", "transport_delay", 0.991),
+        Apart("tyre_saturation", "load_transfer", 0.94),
+    ),
+    cannot_see=(Unseen("cross_slope", "one heading"),),
+    proposal=(PlannedRun("sweep", 240.0, 2.4), PlannedRun("bias_sweep", 100.0, 1.6, 180.0, 150.0)),
+    proposed_apart=(Apart("tyre_saturation", "load_transfer", 0.93),),
+    sentences=(
+        "these runs cannot tell tyre relaxation from a delay, nor see the rate limit of the servo",
+        "two more runs would",
+    ),
+)

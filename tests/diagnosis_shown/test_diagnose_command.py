@@ -1,0 +1,166 @@
+"""`rover-sweep diagnose`: what the engine is given, what comes out, what ends with a sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import Engine, Told
+from fabricated_diagnoses import EXPLAINED, NONE, REFUSED
+
+from rover_sweep.errors import DataRefused
+
+DATA = Path(__file__).parents[1] / "data"
+NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
+SWEEP, DOUBLET = NOMINAL / "run1.BIN", NOMINAL / "run4.BIN"
+Tell = Callable[..., Told]
+
+
+@pytest.fixture
+def asked(told: Tell, tmp_path: Path) -> Tell:
+    """`diagnose` with the vehicle file, into the test's folder."""
+
+    def call(*arguments: object) -> Told:
+        return told("diagnose", *arguments, "--vehicle", DATA / "rover.toml", "--out", tmp_path / "out")
+
+    return call
+
+
+def test_the_report_is_written_and_the_summary_printed(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+    code, out, _ = asked(SWEEP, DOUBLET)
+    assert code == 0
+    assert out.startswith("EXPLAINED\nPlay in the steering")
+    assert out.rstrip().endswith(f"report: {tmp_path}/out/diagnosis.html")
+    document = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert [(r["role"], r["name"]) for r in document["recordings"]] == [("fit", "run1"), ("held out", "run4")]
+    assert all(len(r["sources"][0]["sha256"]) == 64 for r in document["recordings"])
+    assert document["vehicle"]["file"] == "rover.toml" and document["settings"]["baseline"] == "roll-yaw"
+
+
+def test_doublets_are_held_out_unless_other_runs_are(engine: Engine, asked: Tell) -> None:
+    asked(SWEEP, DOUBLET)
+    assert [r.name for r in engine.given["runs"]] == ["run1"]
+    assert [r.name for r in engine.given["held_out"]] == ["run4"]
+    asked(SWEEP, DOUBLET, "--hold-out", NOMINAL / "run2.BIN")
+    assert [r.name for r in engine.given["runs"]] == ["run1", "run4"]
+    assert [r.name for r in engine.given["held_out"]] == ["run2"]
+    assert all("delta" in r for r in (*engine.given["runs"], *engine.given["held_out"]))
+
+
+def test_what_is_missing_is_said_where_nothing_was_held_out(engine: Engine, asked: Tell) -> None:
+    assert "- No run was held out" in asked(SWEEP).out
+    assert "No run was held out" not in asked(SWEEP, DOUBLET).out
+
+
+def test_options_become_settings(engine: Engine, asked: Tell) -> None:
+    asked(SWEEP, "--baseline", "bicycle", "--only", "servo_lag,tyre_relaxation", "--without", "servo_lag",
+          "--time-limit", "12", "--seed", "7")  # fmt: skip
+    settings = engine.given["settings"]
+    assert (settings.baseline, settings.time_limit, settings.seed) == ("bicycle", 12.0, 7)
+    assert settings.candidates(("roll_steer", "servo_lag", "tyre_relaxation")) == ("tyre_relaxation",)
+    assert engine.given["rover"].mass == pytest.approx(2.66)
+
+
+def test_json_leaves_stdout_to_the_document(engine: Engine, asked: Tell) -> None:
+    code, out, err = asked(SWEEP, DOUBLET, "--json")
+    assert code == 0 and json.loads(out)["findings"][0]["effect"] == "steering_backlash"
+    assert "EXPLAINED" in err
+
+
+def test_a_simulation_stands_beside_the_recording(engine: Engine, asked: Tell) -> None:
+    asked(SWEEP, "--simulation", DATA / "ardurover-4.6.3" / "stock" / "run1.BIN")
+    assert [r.name for r in engine.given["simulated"]] == ["stock/run1"]
+    code, _, err = asked(SWEEP, "--simulation", SWEEP)
+    assert code == 2 and "both the recording and the simulation" in err
+
+
+def identification(path: Path, **changes: Any) -> Path:
+    values = {"C": {"value": 32.0}, "Izz": {"value": 0.071}, "V": {"value": 2.4}}
+    models = {"roll-yaw": {"parameters": values}, "bicycle": {"parameters": {"C": {"value": None}}}}
+    document = {"format": "rover-sweep identification", "recommended": "roll-yaw", "models": models}
+    path.write_text(json.dumps(document | changes))
+    return path
+
+
+def test_an_identified_model_is_the_baseline(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+    asked(SWEEP, "--model", identification(tmp_path / "identification.json"))
+    assert engine.given["settings"].baseline == "roll-yaw"
+    assert engine.given["settings"].parameters == {"C": 32.0, "Izz": 0.071, "V": 2.4}
+
+
+@pytest.mark.parametrize(("changes", "more", "words"), [
+    ({}, ("--baseline", "lumped"), "has no model 'lumped'; it has roll-yaw, bicycle"),
+    ({}, ("--baseline", "bicycle"), "C of its bicycle model could not be identified"),
+    ({"recommended": None}, (), "has no model None"),
+    ({"format": "something"}, (), "is no identification.json"),
+    ({}, ("--simulation", str(SWEEP)), "--model and --simulation are two simulations"),
+])  # fmt: skip
+def test_a_model_that_cannot_be_used_ends_with_a_sentence(
+    changes: dict[str, Any], more: tuple[str, ...], words: str, engine: Engine, asked: Tell, tmp_path: Path
+) -> None:
+    code, _, err = asked(SWEEP, "--model", identification(tmp_path / "i.json", **changes), *more)
+    assert code == 2 and words in err and not engine.given
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (("--only", "tyre_relax"), "there is no effect 'tyre_relax'; did you mean tyre_relaxation?"),
+    (("--only", "servo_lag", "--without", "servo_lag"), "no candidate is left"),
+    (("--hold-out", SWEEP), "run1 is both identified from and verified on"),
+    (("--baseline", "tricycle"), "'tricycle' is not one of"),
+    (("--hold-out", "absent.BIN"), "absent.BIN"),
+])  # fmt: skip
+def test_mistakes_end_with_a_sentence(
+    arguments: tuple[Any, ...], words: str, engine: Engine, asked: Tell
+) -> None:
+    code, out, err = asked(SWEEP, *arguments)
+    assert code == 2 and words in err and not out and not engine.given
+
+
+def test_ctrl_c_once_ends_with_what_is_there(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+    seen: list[bool] = []
+
+    def pressed(stop: Callable[[], bool]) -> None:
+        seen.append(stop())
+        os.kill(os.getpid(), signal.SIGINT)
+        seen.append(stop())
+
+    engine.before, before = pressed, signal.getsignal(signal.SIGINT)
+    code, out, err = asked(SWEEP, DOUBLET)
+    assert seen == [False, True]
+    assert code == 0 and "- Stopped by hand after" in out and "Ctrl-C again gives up" in err
+    assert "stopped by hand" in (tmp_path / "out" / "diagnosis.json").read_text()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_twice_gives_up(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+    def pressed(stop: Callable[[], bool]) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    engine.before = pressed
+    assert asked(SWEEP, DOUBLET).code == 130
+    assert not (tmp_path / "out" / "diagnosis.json").exists()
+
+
+@pytest.mark.parametrize("answer", [REFUSED, DataRefused("run1 has no steering to speak of: 3 us")])
+def test_refused_data_leave_a_report_and_say_so(
+    answer: Any, engine: Engine, asked: Tell, tmp_path: Path
+) -> None:
+    engine.answer = answer
+    code, out, err = asked(SWEEP)
+    assert code == 3 and "REFUSED\nRun1 has no steering" in out and "the data were refused" in err
+    document = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert document["verdict"] == "refused" and "no steering" in document["sentence"]
+
+
+def test_an_older_report_does_not_outlive_a_new_one(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+    asked(SWEEP, DOUBLET)
+    engine.answer = NONE
+    asked(SWEEP, DOUBLET)
+    assert json.loads((tmp_path / "out" / "diagnosis.json").read_text())["verdict"] == "none"
+    assert EXPLAINED.findings[0].equation not in (tmp_path / "out" / "diagnosis.html").read_text()

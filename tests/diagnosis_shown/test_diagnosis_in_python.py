@@ -1,0 +1,57 @@
+"""`rs.diagnose`: shown as a table, reported, saved and read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Engine
+from fabricated_diagnoses import PARTLY
+
+import rover_sweep as rs
+
+DATA = Path(__file__).parents[1] / "data"
+NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
+
+
+@pytest.fixture(scope="module")
+def runs() -> rs.Runs:
+    return rs.read(NOMINAL / "run1.BIN", NOMINAL / "run4.BIN", vehicle=DATA / "rover.toml")
+
+
+def test_it_shows_itself_as_a_table(engine: Engine, runs: rs.Runs) -> None:
+    engine.answer = PARTLY
+    found = rs.diagnose(runs, baseline="bicycle", only="steering_backlash")
+    text = repr(found)
+    assert text.startswith("partly explained: play in the steering")
+    assert "0.0071 .. 0.0094" in text and "steering_deadband" in text and "87 %" in text
+    assert "unknown in p" in text and "<table>" in found._repr_html_()
+    assert engine.given["settings"].baseline == "bicycle"
+    assert engine.given["settings"].with_effects == ("steering_backlash",)
+    assert [r.name for r in engine.given["held_out"]] == ["run4"]
+    rs.diagnose(runs[:1], held_out=runs[1:])
+    assert [r.name for r in engine.given["held_out"]] == ["run4"]
+
+
+def test_it_is_reported_and_saved(engine: Engine, runs: rs.Runs, tmp_path: Path) -> None:
+    found = rs.diagnose(runs)
+    files = found.report(tmp_path / "report")
+    assert "steering_backlash" in files.page.read_text() and files.document.is_file()
+    again = rs.load_diagnosis(found.save(tmp_path / "found.json"))
+    assert repr(again) == repr(found)
+    np.testing.assert_array_equal(again.overlays[0].measured, found.overlays[0].measured)
+    assert [role for role, _ in again.origin.recordings] == ["fit", "held out"]
+    again.report(tmp_path / "again")
+    documents = [(tmp_path / name / "diagnosis.json").read_text() for name in ("report", "again")]
+    assert documents[0] == documents[1]
+
+
+def test_mistakes_end_with_a_sentence(engine: Engine, runs: rs.Runs, tmp_path: Path) -> None:
+    with pytest.raises(rs.UsageError, match="the vehicle is not known"):
+        rs.diagnose(rs.read(NOMINAL / "run4.BIN"))
+    with pytest.raises(rs.UsageError, match="no baseline 'tricycle'"):
+        rs.diagnose(runs, baseline="tricycle")
+    with pytest.raises(rs.UsageError, match="is no saved result"):
+        (tmp_path / "x.json").write_text("{}")
+        rs.load_diagnosis(tmp_path / "x.json")

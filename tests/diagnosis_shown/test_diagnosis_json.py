@@ -1,0 +1,101 @@
+"""diagnosis.json against the contract of the issue."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
+
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.report.diagnosis_document import diagnosis_document
+from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
+from rover_sweep.report.strict_json import dumps
+
+NUMBER = (int, float)
+MAYBE = (int, float, type(None))
+FIT = {"j_rms": NUMBER, "tic": NUMBER}
+SCHEMA: dict[str, Any] = {
+    "verdict": {"none", "explained", "partly explained", "unexplained", "refused"},
+    "mismatch": [{
+        "channel": {"r", "ay", "p", "vy"}, "band_rad_s": [NUMBER], "condition": str,
+        "residual_over_noise": NUMBER, "sentence": str,
+    }],
+    "findings": [{
+        "effect": str, "look_alikes": [str], "evidence": (dict, NUMBER), "next_run": str,
+        "parameters": (dict, {"value": NUMBER, "unit": str, "low": MAYBE, "high": MAYBE}),
+        "held_out": (None, {"run": str, "before": FIT, "after": FIT, "share_removed": MAYBE}),
+    }],
+    "unknown": (None, {"channel": str, "depends_on": str, "residual_over_noise": NUMBER, "sentence": str}),
+    "cannot_see": [{"effect": str, "why": str}],
+}  # fmt: skip
+
+
+def check(value: Any, schema: Any, where: str) -> None:
+    """Every key of the schema is there with its type; (dict, s): any keys with s; (None, s): null or s."""
+    match schema:
+        case dict():
+            assert isinstance(value, dict) and set(schema) <= set(value), where
+            for key, part in schema.items():
+                check(value[key], part, f"{where}.{key}")
+        case list():
+            assert isinstance(value, list), where
+            for k, item in enumerate(value):
+                check(item, schema[0], f"{where}[{k}]")
+        case set():
+            assert value in schema, where
+        case (first, part) if first is dict:
+            assert isinstance(value, dict), where
+            for key, item in value.items():
+                check(item, part, f"{where}.{key}")
+        case (None, part):
+            if value is not None:
+                check(value, part, where)
+        case _:
+            assert isinstance(value, schema) and not isinstance(value, bool), where
+
+
+def written(found: Diagnosis) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(dumps(diagnosis_document(found, DiagnosisOrigin())))
+    return document
+
+
+@pytest.mark.parametrize("verdict", ALL)
+def test_every_verdict_keeps_the_contract(verdict: str) -> None:
+    document = written(ALL[verdict])
+    check(document, SCHEMA, "diagnosis")
+    assert document["verdict"] == verdict
+    assert all(len(m["band_rad_s"]) == 2 for m in document["mismatch"])
+
+
+def test_the_schema_of_this_test_can_fail() -> None:
+    broken = written(EXPLAINED)
+    broken["findings"][0]["parameters"]["b"]["unit"] = None
+    with pytest.raises(AssertionError, match="findings.0..parameters.b.unit"):
+        check(broken, SCHEMA, "diagnosis")
+
+
+def test_the_numbers_are_those_of_the_diagnosis() -> None:
+    finding = written(EXPLAINED)["findings"][0]
+    assert finding["parameters"]["b"] == {
+        "value": 0.0083, "unit": "rad", "low": 0.0071, "high": 0.0094, "meaning": "half the gap of the play"
+    }  # fmt: skip
+    assert finding["evidence"] == {"gain": 412.0, "threshold": 21.4, "cosine:steering_deadband": 0.953}
+    assert [h["run"] for h in finding["held_out_all"]] == ["run4", "run5"]
+    open_ended = written(PARTLY)["findings"][1]["parameters"]["sigma"]
+    assert open_ended["low"] == 0.24 and open_ended["high"] is None
+
+
+def test_held_out_is_that_of_the_run_with_the_most_data() -> None:
+    """run4 has overlays, run5 has none; and the other way round."""
+    assert written(EXPLAINED)["findings"][0]["held_out"]["run"] == "run4"
+    from dataclasses import replace
+
+    renamed = tuple(replace(o, run="run5") for o in EXPLAINED.overlays)
+    assert written(replace(EXPLAINED, overlays=renamed))["findings"][0]["held_out"]["run"] == "run5"
+
+
+def test_nothing_to_remove_is_null() -> None:
+    assert written(NONE)["held_out"][0]["share_removed"] is None
+    assert written(NONE)["unknown"] is None and written(NONE)["findings"] == []

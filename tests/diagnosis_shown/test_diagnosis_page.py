@@ -1,0 +1,93 @@
+"""diagnosis.html: the answer first, every finding, nothing from elsewhere; the pictures."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
+
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
+from rover_sweep.report.diagnosis_page import diagnosis_page
+from rover_sweep.report.diagnosis_pictures import planned
+from rover_sweep.report.diagnosis_write import write_diagnosis
+from rover_sweep.report.overlay_picture import overlays
+
+
+def page(found: Diagnosis) -> str:
+    return unescape(diagnosis_page(found, DiagnosisOrigin(), ()))
+
+
+@pytest.mark.parametrize("verdict", ALL)
+def test_the_answer_comes_first_and_everything_after_it(verdict: str) -> None:
+    found, html = ALL[verdict], page(ALL[verdict])
+    body = html[html.index('class="answer"') :]
+    assert found.sentence[1:] in body and body.index(found.sentence[1:]) < body.index("<h2")
+    for f in found.findings:
+        assert f.effect in body and f.equation in body and f.sentence[1:] in body and f.next_run[1:] in body
+        assert all(e in body for e in f.look_alikes) and all(v.meaning in body for v in f.parameters)
+        assert all(h.run in body for h in f.held_out)
+    assert all(m.sentence[1:] in body for m in found.mismatch)
+    assert all(u.effect in body and u.why in body for u in found.cannot_see)
+    assert all(remark[1:] in body for remark in found.remarks)
+    if found.unknown:
+        assert found.unknown.depends_on in body and found.unknown.law in body
+
+
+def test_what_was_falsified_stands_in_words() -> None:
+    row = re.search(r"I_zz</td>.*?</tr>", page(EXPLAINED))
+    assert row and "0.0921" in row[0] and "0.0702" in row[0] and "+31.2" in row[0]
+
+
+def test_without_a_held_out_run_it_says_so() -> None:
+    bare = replace(EXPLAINED, held_out=(), held_out_runs=())
+    assert "No run was held out" in page(bare)
+    assert "No run was held out" not in page(EXPLAINED)
+
+
+def test_text_from_elsewhere_is_no_markup() -> None:
+    nasty = replace(NONE, sentence="<script>x</script>", remarks=("<b>bold</b>",))
+    html = diagnosis_page(nasty, DiagnosisOrigin(), ())
+    assert "<script>" not in html and "<b>" not in html
+
+
+def test_the_page_needs_no_other_file(tmp_path: Path) -> None:
+    files = write_diagnosis(EXPLAINED, tmp_path, DiagnosisOrigin())
+    html = files.page.read_text()
+    sources = re.findall(r'src="([^"]{0,30})', html)
+    assert len(sources) == len(planned(EXPLAINED)) and all(s.startswith("data:image/png") for s in sources)
+    assert "http" not in re.sub(r"base64,[^\"]+", "", html)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["diagnosis.html", "diagnosis.json"]
+
+
+def test_the_pictures_are_those_that_can_be_drawn() -> None:
+    names = [p.name for p in planned(EXPLAINED)]
+    assert names == ["mismatch-0", "mismatch-1", "mismatch-2", "overlay-0", "overlay-1", "scores"]
+    assert [p.section for p in planned(EXPLAINED)][3:5] == ["held-out", "fitted"]
+    undrawable = replace(EXPLAINED, overlays=(), scores={})  # the second mismatch has no profile of its own
+    assert [p.name for p in planned(undrawable)] == ["mismatch-0", "mismatch-2"]
+
+
+@pytest.mark.parametrize("found", [EXPLAINED, PARTLY, NONE], ids=lambda d: d.verdict)
+def test_every_picture_draws(found: Diagnosis, tmp_path: Path) -> None:
+    for picture in planned(found):
+        path = tmp_path / f"{picture.name}.png"
+        path.write_bytes(picture.png())
+        image = matplotlib.image.imread(path)
+        assert image.shape[1] > 500 and float(np.std(image[..., :3])) > 0.05
+
+
+def test_the_close_up_is_where_before_and_after_differ_most() -> None:
+    o = EXPLAINED.overlays[0]
+    after = o.before.copy()
+    apart = (o.t > 12.0) & (o.t < 13.0)
+    after[apart] += 1.0
+    figure = overlays((replace(o, after=after),))
+    low, high = figure.axes[2].get_xlim()
+    assert low <= 12.0 and high >= 13.0 and high - low < 6.0

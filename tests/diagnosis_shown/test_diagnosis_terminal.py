@@ -1,0 +1,106 @@
+"""The terminal's text at 80 columns."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from fabricated_diagnoses import ALL, PARTLY
+from fabricated_plans import PLAN
+from rich.console import Console, RenderableType
+
+from rover_sweep.report.diagnosis_terminal import summary
+from rover_sweep.report.plan_table import plan_summary
+
+EXPECTED = """\
+PARTLY EXPLAINED
+Play in the steering and tyre relaxation explain most of it, something in p
+remains.
+
+Where simulation and recording differ
+     where         rad/s  residual / noise
+r    120 us      0.5–3.1             6.3 ×
+a_y  throughout     4–14             4.1 ×
+
+Findings
+what was left out           value       90 % interval  unit
+steering_backlash  b      0.00830  0.00710 to 0.00940   rad
+tyre_relaxation    sigma    0.310          from 0.240     m
+
+steering_backlash
+  The steering has play of 0.017 rad from end to end (0.95 deg at the road
+  wheels).
+  These runs cannot tell it from: deadband of the steering (steering_deadband,
+  cosine 0.95).
+  Next run: a servo test on blocks: 40 us at 0.5 rad/s, wheels off the ground.
+
+tyre_relaxation
+  Side force builds up over 0.31 m of rolling.
+
+On runs that nothing was fitted to
+run   J_rms before  after  TIC before  after  share removed
+run4          4.21   1.01        0.21  0.055           89 %
+
+unknown
+  The roll rate keeps 2.4 noise floors that the roll state predicts.
+  2.4 × the noise in p, depends on phi and p.
+  It looks like -0.31 phi^3 (explains 62 % of it on held-out data).
+"""
+EXPECTED_PLAN = """\
+These runs cannot tell tyre relaxation from a delay, nor see the rate limit of
+the servo.
+Two more runs would.
+
+These runs
+         amplitude, us  speed, m/s  heading, deg  times
+sweep              150         2.4           any      2
+doublet            150         2.4            90      1
+
+What they would show
+effect                 found in  counts from   unit
+steering_backlash  b     0.0021       0.0030    rad
+tyre_saturation    mu      0.62         0.90      -
+servo_rate_limit   R          –            –  rad/s
+found in: half of such sets of runs would show that much. counts from: below it,
+a nuisance.
+
+Effects that they do not tell apart
+                                  cosine
+tyre_relaxation  transport_delay   0.991
+tyre_saturation  load_transfer     0.940
+
+Effects that they cannot show
+effect       why
+cross_slope  one heading
+
+Drive these as well
+                     amplitude, us  speed, m/s  heading, deg  times
+sweep                          240         2.4           any      1
+sweep about a bias  100 about +150         1.6           180      1
+
+With them, still not told apart
+                                cosine
+tyre_saturation  load_transfer   0.930
+"""
+
+
+def shown(what: RenderableType, width: int = 80) -> str:
+    out = io.StringIO()
+    Console(file=out, width=width).print(what)
+    return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
+
+
+def test_the_summary_is_this_text() -> None:
+    assert shown(summary(PARTLY)) == EXPECTED
+
+
+def test_the_plan_is_this_text() -> None:
+    assert shown(plan_summary(PLAN)) == EXPECTED_PLAN
+
+
+@pytest.mark.parametrize("verdict", ALL)
+def test_nothing_is_wider_than_the_terminal(verdict: str) -> None:
+    text = shown(summary(ALL[verdict]))
+    assert max(map(len, text.splitlines())) <= 80
+    assert text.startswith(verdict.upper())
+    assert "…" not in text  # nothing cut off either
