@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import Engine, Told
 from fabricated_diagnoses import EXPLAINED, NONE, REFUSED
+from fabricated_engine import Engine, Told
 
 from rover_sweep.errors import DataRefused
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Engine
 from fabricated_diagnoses import PARTLY
+from fabricated_engine import Engine
 
 import rover_sweep as rs
 

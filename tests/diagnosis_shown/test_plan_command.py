@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from conftest import Engine, Told
+from fabricated_engine import Engine, Told
 
 from rover_sweep.diagnosis.plan_types import PlannedRun
 
