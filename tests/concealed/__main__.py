@@ -1,4 +1,9 @@
-"""`python -m tests.concealed`: draws fresh sets, conceals, diagnoses, opens the truth and grades."""
+"""`python -m tests.concealed`: draws fresh sets, conceals, diagnoses, opens the truth and grades.
+
+A simulated rover of its own (another integrator, tyre law, servo and log writer than the project has; it
+shares no code with the tool or with `sitl`) hides an effect in field-like `.BIN` logs. Axes inside are ISO
+8855, SI units; FRD and microseconds begin in `messages`. Sizes and look-alikes: sizes.toml.
+"""
 
 from __future__ import annotations
 

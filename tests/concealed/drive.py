@@ -19,7 +19,7 @@ PULSE, PAUSE, COUNT = 1.0, 2.0, 3  # s, s, doublets
 
 @dataclass(frozen=True)
 class Drive:
-    """One run: kind, amplitude [us], speed [m/s], heading at the start [rad, left of north], stretches [s]."""
+    """One run: amplitude [us], speed [m/s], heading at the start [rad, left of north], stretches [s]."""
 
     name: str
     kind: Literal["sweep", "doublet"]
@@ -106,7 +106,7 @@ def _doublets(t: Array) -> Array:
 
 
 def states(drive: Drive, t: Array) -> NDArray[np.int64]:
-    """State of the applet at times t [s] of the log: 0 idle, 1 still, 2 waiting, 3 straight .. 9 still after."""
+    """State of the applet at log times t [s]: 0 idle, 1 still, 2 waiting, 3 straight .. 9 still after."""
     w = drive.start + drive.straight
     if drive.kind == "sweep":
         edges = [drive.parked, drive.parked + drive.still, drive.start, w, w + FADE, w + FADE + DWELL,

@@ -13,7 +13,8 @@ HEAD = b"\xa3\x95"
 
 # Format characters as in ArduPilot's LogStructure.h; c, C, e hold hundredths, L 1e-7 degrees.
 PACKED = {
-    "b": "<i1", "B": "<u1", "M": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "Q": "<u8", "f": "<f4", "d": "<f8",
+    "b": "<i1", "B": "<u1", "M": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4",
+    "Q": "<u8", "f": "<f4", "d": "<f8",
     "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4",
 }  # fmt: skip
 SCALE = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}

@@ -18,8 +18,11 @@ INSTANTS = ("t", "psi0")  # parameters whose size is no scale for their error
 
 @dataclass(frozen=True)
 class Graded:
-    """mark: see the functions. look_alikes: sizes of the look-alike sets named. errors: relative errors of the
-    parameters of rightly named effects; covered: whether their 90 % intervals held the truth. share: share_removed.
+    """One answer, judged.
+
+    mark: see the functions. look_alikes: sizes of the look-alike sets named. errors: relative errors of the
+    parameters of rightly named effects; covered: whether their 90 % intervals held the truth.
+    share: of the explainable held-out error removed.
     """
 
     name: str
@@ -68,7 +71,7 @@ def _mark_single(hidden: list[str], right: set[int], alike: set[int]) -> Mark:
 
 
 def _mark_double(found: int) -> Mark:
-    return ("missed", "one", "both")[found]  # type: ignore[return-value]
+    return ("missed", "one", "both")[found]
 
 
 def _mark_unknown(hidden: str, named: list[str], unknown: Any) -> Mark:

@@ -59,7 +59,7 @@ def tyre(stiffness: float, slip: float, load: float, friction: float, mu: float)
 def _rates(
     x: Array, q: Array, t: float, delta: float, ay: float, push: Array, speed_set: float, out: Array
 ) -> float:
-    """Fills `out` with the derivatives of x; returns V_y' + V r. push: front, rear force, roll moment, throttle."""
+    """Fills `out` with x'; returns V_y' + V r. push: front force, rear force, roll moment, throttle."""
     vy, r, phi, p, v = x[0], x[1], x[2], x[3], x[4]
     wheelbase = q[A] + q[B]
     scale = 1.0 - q[TRANSFER] * (ay / G) ** 2
@@ -139,7 +139,7 @@ def drive(q: Array, delta: Array, speed_set: Array, push: Array, heading: float)
 def servo(
     u: Array, lag: float, second: float, rate: float, deadband: float, gap: float, cubic: float, uneven: float
 ) -> Array:
-    """Road-wheel angle (n,) [rad] behind servo and linkage from the command u (n,) [rad] on the clock of STEP.
+    """Road-wheel angle (n,) [rad] behind servo and linkage, from the command u (n,) [rad].
 
     Two real lags in a row, lag + second [s] in all (the second only smooths); rate [rad/s] bounds the
     slope; then the linkage: deadband half width, backlash half gap, cubic term, left/right unevenness.

@@ -11,6 +11,7 @@ import shutil
 import time
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from tests.concealed.answer import diagnose
 from tests.concealed.grade import Graded, grade
@@ -19,7 +20,13 @@ from tests.concealed.summary import print_summary
 
 
 def generate(
-    out: Path, count: int, seed: int, kind: str, factor: float, effect: str | None, jobs: int
+    out: Path,
+    count: int,
+    seed: int,
+    kind: Kind | Literal["all"],
+    factor: float,
+    effect: str | None,
+    jobs: int,
 ) -> list[Path]:
     """Writes `count` sets of `seed` below `out`; returns their folders."""
     tasks = [(number, of) for number, of in enumerate(kinds(count, seed, kind, effect), start=1)]

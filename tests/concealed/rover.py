@@ -112,7 +112,7 @@ def _normal(rng: Rng, sd: float, limit: float) -> float:
 
 
 def draw_nuisance(rng: Rng) -> Nuisance:
-    """Spreads of the brief: lag and delay at most 40 ms each and 70 ms together, CG sd 6 mm, h 10 %, Ixx 15 %."""
+    """Lag and delay within 40 ms each and 70 ms together, CG 10 mm, h 10 %, Ixx 15 %, steering 3 %."""
     lag, delay = rng.uniform(0.010, 0.040), rng.uniform(0.008, 0.040)
     shrink = min(1.0, 0.068 / (lag + delay))
     return Nuisance(

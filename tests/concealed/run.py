@@ -19,8 +19,10 @@ LOOP = 0.010  # s: main loop of the firmware, SCHED_LOOP_RATE 100
 
 @dataclass(frozen=True)
 class Roughness:
-    """Disturbances on this ground and in this rover, rms: side force over weight, roll moment over weight h,
-    throttle [m/s^2], vibration [m/s^2], gyro [rad/s at 1 kHz], and of the EKF velocity wander [m/s] and heading [rad].
+    """Disturbances on this ground and in this rover, rms.
+
+    side force over weight, roll moment over weight x h, throttle [m/s^2], vibration [m/s^2], gyro [rad/s at
+    1 kHz]; of the EKF: wander of the velocity [m/s], heading [rad].
     """
 
     side: float
@@ -40,7 +42,7 @@ def draw_roughness(rng: Rng) -> Roughness:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """True motion of a run: t (n,) s of the log, states and derivatives (n, 24) as `motion.drive`, delta (n,) rad."""
+    """True motion: t (n,) s of the log, x (n, 24) states and rates of `motion.drive`, delta (n,) rad."""
 
     t: Array
     x: Array
@@ -61,7 +63,7 @@ def move(
 ) -> Motion:
     """Drives the run: servo and linkage, then the motion with the road's disturbances."""
     n = int(drive.length / motion.STEP)
-    t = np.arange(n) * motion.STEP
+    t: Array = np.arange(n, dtype=np.float64) * motion.STEP
     delta = road_wheel(rover, off, t, steering, hidden)
     speed = speed_wanted(drive, t)
     weight = rover.m * GRAVITY
@@ -81,7 +83,7 @@ def _rover_numbers(rover: Rover) -> dict[str, float]:
 
 
 def _effect_numbers(rover: Rover, hidden: Hidden, drive: Drive) -> dict[str, float]:
-    """What the motion needs of the concealed effects; moments out of the library are in sizes of the rover."""
+    """What the motion needs of the concealed effects; moments out of the library scale with the rover."""
     ratio = part(hidden, "front_rear_stiffness", "ratio", rover.cf / rover.cr)
     total = rover.cf + rover.cr
     here = [one for one in hidden if one.id == "surface_change" and one.run == drive.name]
@@ -97,7 +99,8 @@ def _effect_numbers(rover: Rover, hidden: Hidden, drive: Drive) -> dict[str, flo
         "drag": part(hidden, "speed_variation", "D", 0.0),
         "change_ratio": here[0].parameters["ratio"] if here else 1.0,
         "change_time": change_instant(drive, here[0].detail["fraction"]) if here else 0.0,
-        "slope": part(hidden, "cross_slope", "b", 0.0), "slope_heading": part(hidden, "cross_slope", "psi0", 0.0),
+        "slope": part(hidden, "cross_slope", "b", 0.0),
+        "slope_heading": part(hidden, "cross_slope", "psi0", 0.0),
         "scrub": part(hidden, "locked_differential", "scrub", 0.0) * base * total / 10,
         "scrub_threshold": part(hidden, "locked_differential", "threshold", 0.0),
         "flex_gain": part(hidden, "flexing_chassis", "flex", 0.0) * rover.m * base,

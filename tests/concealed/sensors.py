@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """On the 1 kHz clock t (n,) s: gyro, accel (n, 3) filtered; velocity, position (n, 2) north, west; phi, psi (n,)."""
+    """At 1 kHz: t (n,) s; gyro, accel (n, 3); velocity, position (n, 2) north, west; phi, psi (n,) rad."""
 
     t: Array
     gyro: Array
@@ -70,7 +70,7 @@ def kinematics(
 
 
 def turned(roll: float, pitch: float, yaw: float) -> Array:
-    """Matrix from vehicle axes to those of an IMU mounted with these ISO angles (yaw, then pitch, then roll)."""
+    """Matrix from vehicle axes to those of an IMU mounted at these ISO angles (yaw, pitch, then roll)."""
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(q), np.sin(q)) for q in (roll, pitch, yaw))
     about_x = np.array([[1, 0, 0], [0, cr, sr], [0, -sr, cr]])
     about_y = np.array([[cp, 0, -sp], [0, 1, 0], [sp, 0, cp]])

@@ -42,7 +42,7 @@ class Case:
 
 def draw_case(seed: int, number: int, kind: Kind, factor: float = 2.0, effect: str | None = None) -> Case:
     """Set `number` of a seed. The rover, its plan and its noise do not depend on what is concealed."""
-    rover_rng, plan_rng, effect_rng = (_rng(seed, number, stream) for stream in range(3))
+    rover_rng, plan_rng, effect_rng = (stream(seed, number, k) for k in range(3))
     rover, off, rough = draw_rover(rover_rng), draw_nuisance(rover_rng), draw_roughness(rover_rng)
     plan = draw_plan(plan_rng, rover)
     filters = [(20.0, 20.0), (20.0, 20.0), (20.0, 20.0), (20.0, 10.0), (10.0, 20.0)][
@@ -53,8 +53,9 @@ def draw_case(seed: int, number: int, kind: Kind, factor: float = 2.0, effect: s
     return Case((seed, number), kind, rover, off, plan, rough, filters, drawn, _baseline(names))
 
 
-def _rng(seed: int, number: int, stream: int) -> Rng:
-    return np.random.default_rng([seed, number, stream])
+def stream(seed: int, number: int, which: int) -> Rng:
+    """The random numbers number `which` of a set; streams do not touch one another."""
+    return np.random.default_rng([seed, number, which])
 
 
 def _names(kind: Kind, effect: str | None, rng: Rng) -> tuple[str, ...]:
@@ -96,7 +97,7 @@ def _with_instant(effect: Effect, plan: tuple[Drive, ...]) -> Effect:
 
 def run_bytes(case: Case, drive: Drive) -> bytes:
     """The .BIN of one run."""
-    rng = _rng(*case.seed, 10 + drive.number)
+    rng = stream(*case.seed, 10 + drive.number)
     steering = steer(drive, rng)
     motion = move(case.rover, case.off, drive, steering, case.hidden, case.rough, rng)
     seen = measure(motion, case.rover, case.off, case.hidden, case.rough, case.filters, rng)
@@ -109,7 +110,7 @@ def run_bytes(case: Case, drive: Drive) -> bytes:
 
 
 def write_set(case: Case, folder: Path, truth: Path) -> None:
-    """Runs, vehicle file and task into `folder`; the truth into the file `truth`, which must lie elsewhere."""
+    """Runs, vehicle file and task into `folder`; the truth into `truth`, which must lie elsewhere."""
     if folder in truth.parents:
         raise ValueError(f"the truth may not lie beside the runs: {truth}")
     folder.mkdir(parents=True, exist_ok=True)
@@ -125,19 +126,18 @@ def write_set(case: Case, folder: Path, truth: Path) -> None:
 
 def truth_of(case: Case) -> dict[str, Any]:
     """What was concealed, and the rover with its mismatches."""
-    effects = [{"effect": one.id, "parameters": dict(one.parameters), "detail": dict(one.detail), "run": one.run}
-               for one in case.hidden]  # fmt: skip
+    effects = [{"effect": one.id, "parameters": dict(one.parameters), "detail": dict(one.detail),
+                "run": one.run} for one in case.hidden]  # fmt: skip
     return {"seed": list(case.seed), "kind": case.kind, "effects": effects, "baseline": case.baseline,
             "rover": vars(case.rover), "nuisance": vars(case.off), "filters": list(case.filters)}  # fmt: skip
 
 
-def kinds(count: int, seed: int, kind: str, effect: str | None = None) -> list[Kind]:
+def kinds(count: int, seed: int, kind: Kind | Literal["all"], effect: str | None = None) -> list[Kind]:
     """The kind of each set; "all" hides nothing in about 30 % of them."""
     if kind != "all":
-        return [kind] * count  # type: ignore[list-item]
+        return [kind] * count
     if effect:
-        return ["single"] * count
-    rng = _rng(seed, 0, 99)
-    return [
-        str(k) for k in rng.choice(["none", "single", "double", "unknown"], count, p=[0.3, 0.45, 0.15, 0.1])
-    ]  # type: ignore[misc]
+        return ["unknown" if effect in UNKNOWN else "single"] * count
+    rng = stream(seed, 0, 99)
+    names: list[Kind] = ["none", "single", "double", "unknown"]
+    return [names[k] for k in rng.choice(4, count, p=[0.3, 0.45, 0.15, 0.1])]

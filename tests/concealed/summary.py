@@ -34,14 +34,14 @@ def print_summary(graded: Sequence[Graded]) -> None:
 
 def _line(text: str, hits: int, total: int) -> None:
     low, high = wilson(hits, total)
-    print(
-        f"  {text:<46} {hits:4d}/{total:<4d} {100 * hits / max(total, 1):5.1f} %  ({100 * low:.1f} .. {100 * high:.1f})"
-    )
+    rate, span = 100 * hits / max(total, 1), f"({100 * low:.1f} .. {100 * high:.1f})"
+    print(f"  {text:<46} {hits:4d}/{total:<4d} {rate:5.1f} %  {span}")
 
 
-RULES = {
+RULES: dict[str, list[tuple[str, tuple[str, ...]]]] = {
     "none": [("false alarm", ("false alarm",)), ("nothing named", ("none",))],
-    "single": [("exact", ("exact",)), ("exact or look-alike", ("exact", "look-alike")), ("wrong name", ("wrong",)),
+    "single": [("exact", ("exact",)),
+               ("exact or look-alike", ("exact", "look-alike")), ("wrong name", ("wrong",)),
                ("nothing or unknown said", ("missed",))],
     "double": [("both", ("both",)), ("at least one", ("both", "one")), ("wrong name", ("wrong",))],
     "unknown": [("unknown or nearest equivalent", ("unknown", "nearest")), ("unknown", ("unknown",)),
@@ -73,9 +73,8 @@ def _confusion(graded: Sequence[Graded]) -> None:
         print(f"  {truth:<46} {', '.join(f'{name} {n}' for name, n in rows[truth].most_common())}")
     for one in graded:
         if one.mark in ("wrong", "false alarm", "missed"):
-            print(
-                f"  {one.name}: {one.mark}: {' + '.join(one.truth) or 'none'} -> {' + '.join(one.named) or one.verdict}"
-            )
+            hidden, said = " + ".join(one.truth) or "none", " + ".join(one.named) or one.verdict
+            print(f"  {one.name}: {one.mark}: {hidden} -> {said}")
 
 
 def _numbers(graded: Sequence[Graded]) -> None:
@@ -92,9 +91,8 @@ def _numbers(graded: Sequence[Graded]) -> None:
     if covered:
         _line("90 % intervals that hold the truth", sum(covered), len(covered))
     if shares:
-        print(
-            f"  median share of the explainable held-out error removed {100 * np.median(shares):.0f} % ({len(shares)} sets)"
-        )
+        share = 100 * np.median(shares)
+        print(f"  median share of the explainable held-out error removed {share:.0f} % ({len(shares)} sets)")
     if sizes:
         print(f"  look-alike sets: mean size {np.mean(sizes):.2f}, largest {max(sizes)}")
     seconds = [one.seconds for one in graded]
