@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fabricated_diagnoses import PARTLY
+from fabricated_diagnoses import EXPLAINED, OVERLAYS, PARTLY
 from fabricated_engine import Engine
 
 import rover_sweep as rs
@@ -35,6 +36,7 @@ def test_it_shows_itself_as_a_table(engine: Engine, runs: rs.Runs) -> None:
 
 
 def test_it_is_reported_and_saved(engine: Engine, runs: rs.Runs, tmp_path: Path) -> None:
+    engine.answer = replace(EXPLAINED, overlays=OVERLAYS[:1], mismatch=(), scores={})
     found = rs.diagnose(runs)
     files = found.report(tmp_path / "report")
     assert "steering_backlash" in files.page.read_text() and files.document.is_file()
