@@ -65,10 +65,6 @@ local STICK_CENTRED_US, STICK_MOVED_US = 100, 200
 local REPORT_US, IDLE_REPORT_US = 200000, 1000000
 local CRITICAL, WARNING, INFO = 2, 4, 6
 local UNKNOWN = 0.0 / 0.0
-local C1, C2 = 4.0, 0.0187 -- Tischler & Remple 2012
-local LEFT_OUT = { 2, 1, 3, 2, 1, 2, 3, 1, 1, 3, 2, 2, 3, 1, 2, 1 } -- which of four odd lines is not excited
-local LEAST_LINES, MOST_LINES = 4, 128 -- odd lines of a multisine; each excited one costs a sine an update
-local SINES = 250 -- in an update of the search for the peak: a third of SCR_VM_I_COUNT's default
 
 local IDLE, STILL_BEFORE, WAITING, STRAIGHT_BEFORE, FADE_IN = 0, 1, 2, 3, 4
 local DWELL, LAW, FADE_OUT, STRAIGHT_AFTER, STILL_AFTER, STOPPED = 5, 6, 7, 8, 9, 10
@@ -127,137 +123,146 @@ end
 
 ---------------------------------------------------------------- the wave
 
--- Frequency [rad/s] at s seconds into the law.
-local function sweep_rate(run, s)
-    return run.WMIN + C2 * (math.exp(C1 * s / run.TREC) - 1.0) * (run.WMAX - run.WMIN)
-end
+-- In a block of its own: ArduPilot's Lua allows 100 local names at a time in the main chunk (source: lparser.c).
+local SWEEP, DOUBLET, MULTISINE, BIAS_SWEEP = 0, 1, 2, 3
+local LEAST_LINES, MOST_LINES = 4, 128 -- odd lines of a multisine; each excited one costs a sine an update
+local MANOEUVRES, odd_lines
+do
+    local C1, C2 = 4.0, 0.0187 -- Tischler & Remple 2012
+    local LEFT_OUT = { 2, 1, 3, 2, 1, 2, 3, 1, 1, 3, 2, 2, 3, 1, 2, 1 } -- which of four odd lines is not excited
+    local SINES = 250 -- in an update of the search for the peak: a third of SCR_VM_I_COUNT's default
 
--- Phase [rad] at law time t, in closed form; linear before the law and after it.
-local function sweep_phase(run, t)
-    local s = math.max(0.0, math.min(t, run.TREC))
-    local law = (run.WMAX - run.WMIN) * C2 * (run.TREC / C1 * (math.exp(C1 * s / run.TREC) - 1.0) - s)
-    local after = sweep_rate(run, run.TREC) * math.max(t - run.TREC, 0.0)
-    return run.WMIN * (s + math.min(t, 0.0)) + law + after
-end
-
--- State, envelope and law time [s] at t seconds of override, for what fades in and out; a nil state: it is over.
-local function course(run, t)
-    local lead = run.FADE + run.DWELL
-    local since = t - run.STRAIGHT
-    local left = lead + run.TREC + run.FADE - since
-    local state, envelope = LAW, 1.0
-    if since < 0 then
-        state, envelope = STRAIGHT_BEFORE, 0.0
-    elseif left <= 0 then
-        state, envelope = left > -run.STRAIGHT and STRAIGHT_AFTER or nil, 0.0
-    elseif since < run.FADE then
-        state, envelope = FADE_IN, since / run.FADE
-    elseif since < lead then
-        state = DWELL
-    elseif left < run.FADE then
-        state, envelope = FADE_OUT, left / run.FADE
+    -- Frequency [rad/s] at s seconds into the law.
+    local function sweep_rate(run, s)
+        return run.WMIN + C2 * (math.exp(C1 * s / run.TREC) - 1.0) * (run.WMAX - run.WMIN)
     end
-    return state, envelope, since - lead
-end
 
--- Offset [us] at full envelope and frequency [rad/s] of a sweep, s seconds into the law or before it.
-local function sweep(run, s)
-    local phase = sweep_phase(run, s) + run.WMIN * (run.FADE + run.DWELL)
-    return run.AMP * math.sin(phase), sweep_rate(run, math.max(0.0, math.min(s, run.TREC)))
-end
+    -- Phase [rad] at law time t, in closed form; linear before the law and after it.
+    local function sweep_phase(run, t)
+        local s = math.max(0.0, math.min(t, run.TREC))
+        local law = (run.WMAX - run.WMIN) * C2 * (run.TREC / C1 * (math.exp(C1 * s / run.TREC) - 1.0) - s)
+        local after = sweep_rate(run, run.TREC) * math.max(t - run.TREC, 0.0)
+        return run.WMIN * (s + math.min(t, 0.0)) + law + after
+    end
 
--- The same about a bias, which fades in and out with it.
-local function bias_sweep(run, s)
-    local offset, rate = sweep(run, s)
-    return run.BIAS + offset, rate
-end
+    -- State, envelope and law time [s] at t seconds of override, for what fades in and out; a nil state: it is over.
+    local function course(run, t)
+        local lead = run.FADE + run.DWELL
+        local since = t - run.STRAIGHT
+        local left = lead + run.TREC + run.FADE - since
+        local state, envelope = LAW, 1.0
+        if since < 0 then
+            state, envelope = STRAIGHT_BEFORE, 0.0
+        elseif left <= 0 then
+            state, envelope = left > -run.STRAIGHT and STRAIGHT_AFTER or nil, 0.0
+        elseif since < run.FADE then
+            state, envelope = FADE_IN, since / run.FADE
+        elseif since < lead then
+            state = DWELL
+        elseif left < run.FADE then
+            state, envelope = FADE_OUT, left / run.FADE
+        end
+        return state, envelope, since - lead
+    end
 
--- The lowest and highest odd multiple of 2 pi COUNT / TREC from WMIN to WMAX, or a hundredth of it beyond.
-local function odd_lines(v)
-    local base = 2.0 * math.pi * v.COUNT / v.TREC
-    local low, high = math.ceil(v.WMIN / base - 0.01), math.floor(v.WMAX / base + 0.01)
-    return low + 1 - low % 2, high - 1 + high % 2
-end
+    -- Offset [us] at full envelope and frequency [rad/s] of a sweep, s seconds into the law or before it.
+    local function sweep(run, s)
+        local phase = sweep_phase(run, s) + run.WMIN * (run.FADE + run.DWELL)
+        return run.AMP * math.sin(phase), sweep_rate(run, math.max(0.0, math.min(s, run.TREC)))
+    end
 
--- The excited lines, three of each four odd ones, and their phases [rad] (Schroeder 1970), added to the run.
-local function choose_lines(run)
-    local low, high = odd_lines(run)
-    local count = (high - low) // 2 + 1
-    run.lines, run.phases, run.looked, run.peak = {}, {}, 0, 0.0
-    for j = 0, count - 1 do
-        if j % 4 ~= LEFT_OUT[j // 4 % #LEFT_OUT + 1] then
-            run.lines[#run.lines + 1] = low + 2 * j
-            run.phases[#run.phases + 1] = -math.pi * (j * j % (2 * count)) / count
+    -- The same about a bias, which fades in and out with it.
+    local function bias_sweep(run, s)
+        local offset, rate = sweep(run, s)
+        return run.BIAS + offset, rate
+    end
+
+    -- The lowest and highest odd multiple of 2 pi COUNT / TREC from WMIN to WMAX, or a hundredth of it beyond.
+    function odd_lines(v)
+        local base = 2.0 * math.pi * v.COUNT / v.TREC
+        local low, high = math.ceil(v.WMIN / base - 0.01), math.floor(v.WMAX / base + 0.01)
+        return low + 1 - low % 2, high - 1 + high % 2
+    end
+
+    -- The excited lines, three of each four odd ones, and their phases [rad] (Schroeder 1970), added to the run.
+    local function choose_lines(run)
+        local low, high = odd_lines(run)
+        local count = (high - low) // 2 + 1
+        run.lines, run.phases, run.looked, run.peak = {}, {}, 0, 0.0
+        for j = 0, count - 1 do
+            if j % 4 ~= LEFT_OUT[j // 4 % #LEFT_OUT + 1] then
+                run.lines[#run.lines + 1] = low + 2 * j
+                run.phases[#run.phases + 1] = -math.pi * (j * j % (2 * count)) / count
+            end
         end
     end
-end
 
--- Whether the peak of the sum of sines is known; looks at some more of the half period that repeats with its
--- sign changed. 16 points a period of the highest line miss the peak by 2 % at most.
-local function find_peak(run)
-    if not run.lines then
-        choose_lines(run)
+    -- Whether the peak of the sum of sines is known; looks at some more of the half period that repeats with its
+    -- sign changed. 16 points a period of the highest line miss the peak by 2 % at most.
+    local function find_peak(run)
+        if not run.lines then
+            choose_lines(run)
+        end
+        local half = 8 * run.lines[#run.lines]
+        local stop = math.min(half, run.looked + SINES // #run.lines)
+        for i = run.looked, stop - 1 do
+            local sum = 0.0
+            for n = 1, #run.lines do
+                sum = sum + math.sin(math.pi * (run.lines[n] * i % (2 * half)) / half + run.phases[n])
+            end
+            run.peak = math.max(run.peak, math.abs(sum))
+        end
+        run.looked = stop
+        return stop == half
     end
-    local half = 8 * run.lines[#run.lines]
-    local stop = math.min(half, run.looked + SINES // #run.lines)
-    for i = run.looked, stop - 1 do
+
+    -- Offset [us] at full envelope of a multisine of peak AMP and COUNT periods in TREC; it has no one frequency.
+    local function multisine(run, s)
+        local turned = 2.0 * math.pi * (s * run.COUNT / run.TREC % 1.0)
         local sum = 0.0
         for n = 1, #run.lines do
-            sum = sum + math.sin(math.pi * (run.lines[n] * i % (2 * half)) / half + run.phases[n])
+            sum = sum + math.sin(run.lines[n] * turned + run.phases[n])
         end
-        run.peak = math.max(run.peak, math.abs(sum))
+        return run.AMP * sum / run.peak, 0.0
     end
-    run.looked = stop
-    return stop == half
-end
 
--- Offset [us] at full envelope of a multisine of peak AMP and COUNT periods in TREC; it has no one frequency.
-local function multisine(run, s)
-    local turned = 2.0 * math.pi * (s * run.COUNT / run.TREC % 1.0)
-    local sum = 0.0
-    for n = 1, #run.lines do
-        sum = sum + math.sin(run.lines[n] * turned + run.phases[n])
-    end
-    return run.AMP * sum / run.peak, 0.0
-end
-
--- State, offset [us] and frequency [rad/s] at t seconds of override of such a law; a nil state: it is over.
-local function faded(law)
-    return function(run, t)
-        local state, envelope, s = course(run, t)
-        if envelope == 0.0 then
-            return state, 0.0, 0.0
+    -- State, offset [us] and frequency [rad/s] at t seconds of override of such a law; a nil state: it is over.
+    local function faded(law)
+        return function(run, t)
+            local state, envelope, s = course(run, t)
+            if envelope == 0.0 then
+                return state, 0.0, 0.0
+            end
+            local offset, rate = law(run, s)
+            return state, envelope * offset, rate
         end
-        local offset, rate = law(run, s)
-        return state, envelope * offset, rate
     end
-end
 
--- The same for doublets: +AMP and -AMP for PULSE s each, PAUSE s apart, COUNT times.
-local function doublet(run, t)
-    local since = t - run.STRAIGHT
-    local period = 2.0 * run.PULSE + run.PAUSE
-    if since < 0 then
-        return STRAIGHT_BEFORE, 0.0, 0.0
-    elseif since >= run.COUNT * period then
-        return since < run.COUNT * period + run.STRAIGHT and STRAIGHT_AFTER or nil, 0.0, 0.0
+    -- The same for doublets: +AMP and -AMP for PULSE s each, PAUSE s apart, COUNT times.
+    local function doublet(run, t)
+        local since = t - run.STRAIGHT
+        local period = 2.0 * run.PULSE + run.PAUSE
+        if since < 0 then
+            return STRAIGHT_BEFORE, 0.0, 0.0
+        elseif since >= run.COUNT * period then
+            return since < run.COUNT * period + run.STRAIGHT and STRAIGHT_AFTER or nil, 0.0, 0.0
+        end
+        local into = since % period
+        if into < run.PULSE then
+            return LAW, run.AMP, 0.0
+        elseif into < 2.0 * run.PULSE then
+            return LAW, -run.AMP, 0.0
+        end
+        return LAW, 0.0, 0.0
     end
-    local into = since % period
-    if into < run.PULSE then
-        return LAW, run.AMP, 0.0
-    elseif into < 2.0 * run.PULSE then
-        return LAW, -run.AMP, 0.0
-    end
-    return LAW, 0.0, 0.0
-end
 
-local MULTISINE, BIAS_SWEEP = 2, 3
-local MANOEUVRES = {
-    [0] = { name = "sweep", at = faded(sweep) },
-    [1] = { name = "doublet", at = doublet },
-    [MULTISINE] = { name = "multisine", at = faded(multisine), prepared = find_peak },
-    [BIAS_SWEEP] = { name = "bias sweep", at = faded(bias_sweep) },
-}
+    MANOEUVRES = {
+        [SWEEP] = { name = "sweep", at = faded(sweep) },
+        [DOUBLET] = { name = "doublet", at = doublet },
+        [MULTISINE] = { name = "multisine", at = faded(multisine), prepared = find_peak },
+        [BIAS_SWEEP] = { name = "bias sweep", at = faded(bias_sweep) },
+    }
+end
 
 ---------------------------------------------------------------- what is seen
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from applet_bench import Bench, Drive
+from lupa.lua53 import LuaRuntime
 
 from firmware_params import check, parameters
 from firmware_params.parameters import PARAMETERS, STATES, applet_path, applet_source, for_manoeuvre
@@ -34,6 +35,18 @@ def test_constants_shared_with_the_applet() -> None:
     assert f"local TABLE_KEY = {parameters.TABLE_KEY} " in source
     assert f"local AUX_FUNCTION = {parameters.AUX_FUNCTION} " in source
     assert applet_path().name == "rover_sweep.lua" and len(STATES) == 11
+
+
+def test_main_chunk_has_no_more_locals_than_the_autopilot_allows() -> None:
+    """ArduPilot's Lua allows 100, a desktop Lua 200; a local more and the script does not load there."""
+    load = LuaRuntime(register_eval=False).globals().load
+
+    def loads_beside(others: int) -> bool:
+        names = ", ".join(f"_{k}" for k in range(others))
+        return not isinstance(load(f"local {names}\n{applet_source()}"), tuple)
+
+    assert loads_beside(100)
+    assert not loads_beside(200 - 40)  # and the test can tell
 
 
 def test_values_for_a_manoeuvre() -> None:
