@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from rover_sweep.identify.effects import library
 from rover_sweep.report.wording import SHORT_NAMES
 
@@ -24,8 +26,8 @@ def channel(name: str) -> str:
 
 
 def capital(text: str) -> str:
-    """With a capital letter at the beginning."""
-    return text[:1].upper() + text[1:]
+    """With a capital letter at the beginning, unless that is a name such as a_y, r or run1."""
+    return text[:1].upper() + text[1:] if re.match(r"(a |[a-z]{2,}\b(?![_\d]))", text) else text
 
 
 def sentence(text: str) -> str:

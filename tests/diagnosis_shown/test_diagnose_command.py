@@ -153,7 +153,7 @@ def test_refused_data_leave_a_report_and_say_so(
 ) -> None:
     engine.answer = answer
     code, out, err = asked(SWEEP)
-    assert code == 3 and "REFUSED\nRun1 has no steering" in out and "the data were refused" in err
+    assert code == 3 and "REFUSED\nrun1 has no steering" in out and "the data were refused" in err
     document = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert document["verdict"] == "refused" and "no steering" in document["sentence"]
 

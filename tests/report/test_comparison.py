@@ -21,7 +21,8 @@ from rover_sweep.report.comparison import (
     variants_table,
     verification_tables,
 )
-from rover_sweep.report.remarks import filters_known, filters_remark, finding, to_do
+from rover_sweep.report.page import page
+from rover_sweep.report.remarks import diagnosis_remark, filters_known, filters_remark, finding, to_do
 from rover_sweep.report.tables import comparison, conclusion
 from rover_sweep.report.wording import band, change, number, percent, symbol
 
@@ -196,3 +197,18 @@ def test_the_terminal_is_short_unless_asked(nominal: Any, defaults: Any) -> None
     assert "Model structure reduction" not in text and "If the sensors' filters" not in text
     assert "ignores the sensors' low-passes costs the same" in " ".join(text.split())
     assert "If the sensors' filters" in terminal(defaults, 80)  # a parameter moves by more than 3 %
+
+
+def test_a_diagnosis_is_proposed_where_a_response_is_missed_and_only_there(nominal: Any) -> None:
+    result = nominal.result
+    assert diagnosis_remark(result) is None
+    model = result.models["roll-yaw"]
+    missed = replace(model, fit=replace(model.fit, costs={"r": 20.0, "ay": 130.0, "p": 30.0}))
+    poor = replace(result, models={**result.models, "roll-yaw": missed})
+    assert diagnosis_remark(poor) == (
+        "J of a_y is 130: `rover-sweep diagnose` with the same runs says what the roll-yaw model leaves out."
+    )
+    astray = replace(model, verification=tuple(replace(v, tic=0.41) for v in model.verification))
+    other = replace(result, models={**result.models, "roll-yaw": astray})
+    assert (diagnosis_remark(other) or "").startswith("TIC on run4 is 0.41: ")
+    assert "rover-sweep diagnose" in page(poor, nominal.provenance, ())
