@@ -17,7 +17,8 @@ ends, and the main loop gives steering back to the pilot. If this script dies, t
 itself after OVERRIDE_MS. After a stop the switch must go low first; so it must after boot, after arming
 and after a change of SWP_CHAN. A disarm and arm between two updates cannot be seen from Lua.
 
-The waves are those of rover_sweep/identify/sweep.py and multisine.py. Numbers here are 32-bit integers and single floats.
+The waves are those of rover_sweep/identify/sweep.py and multisine.py. Numbers here are 32-bit integers and
+single floats.
 "Source" below is ArduPilot at Rover-4.6.3, with Rover-4.5.7 compared.
 ]]
 
@@ -124,7 +125,7 @@ end
 ---------------------------------------------------------------- the wave
 
 -- In a block of its own: ArduPilot's Lua allows 100 local names at a time in the main chunk (source: lparser.c).
-local SWEEP, DOUBLET, MULTISINE, BIAS_SWEEP = 0, 1, 2, 3
+local MULTISINE, BIAS_SWEEP = 2, 3
 local LEAST_LINES, MOST_LINES = 4, 128 -- odd lines of a multisine; each excited one costs a sine an update
 local MANOEUVRES, odd_lines
 do
@@ -257,8 +258,8 @@ do
     end
 
     MANOEUVRES = {
-        [SWEEP] = { name = "sweep", at = faded(sweep) },
-        [DOUBLET] = { name = "doublet", at = doublet },
+        [0] = { name = "sweep", at = faded(sweep) },
+        [1] = { name = "doublet", at = doublet },
         [MULTISINE] = { name = "multisine", at = faded(multisine), prepared = find_peak },
         [BIAS_SWEEP] = { name = "bias sweep", at = faded(bias_sweep) },
     }
