@@ -42,7 +42,7 @@ def _mismatches(found: Diagnosis) -> Iterator[Picture]:
 
 def _runs(found: Diagnosis) -> Iterator[Picture]:
     by_run: dict[tuple[str, bool], list[Overlay]] = {}
-    for o in found.overlays:
+    for o in (o for o in found.overlays if o.t.size > 1):
         by_run.setdefault((o.run, o.held_out), []).append(o)
     changed = bool(found.findings)
     for k, ((run, held_out), channels) in enumerate(by_run.items()):

@@ -29,7 +29,7 @@ def mismatch(m: Mismatch, overlays: Sequence[Overlay]) -> Figure:
     else:
         _profile(axes, m.profile)
         if m.profile.over == "frequency":
-            axes.axvspan(*m.band, color=SHADE, linewidth=0, zorder=0)
+            _shade(axes, m.band)
     axes.axhline(1.0, color="#555555", linewidth=1.0, linestyle=(0, (4, 2)))
     axes.set_ylim(bottom=0)
     axes.set_ylabel("residual / noise")
@@ -62,7 +62,12 @@ def _frequency(axes: Axes, m: Mismatch, spectra: Sequence[Overlay]) -> None:
     for k, o in enumerate(spectra):
         colour = BEFORE["color"] if k == 0 else AFTER["color"] if k == 1 else OUTSIDE
         axes.plot(o.w, np.sqrt(o.residual_before), color=colour, label=o.run, alpha=0.9)
-    axes.axvspan(*m.band, color=SHADE, linewidth=0, zorder=0)
+    _shade(axes, m.band)
     log_frequency(axes, 0.95 * float(low), 1.05 * float(high), labelled=True)
     if len(spectra) > 1:
         axes.legend(fontsize=8)
+
+
+def _shade(axes: Axes, band: tuple[float, float]) -> None:
+    """Marks a band of frequencies; from 0 rad/s on means from the left end of the logarithmic axis."""
+    axes.axvspan(max(band[0], 1e-3), band[1], color=SHADE, linewidth=0, zorder=0)

@@ -95,7 +95,7 @@ def _close_up(channels: Sequence[Overlay], changed: bool) -> tuple[float, float]
     power = np.zeros(t.size)
     for c in channels:
         gap = (c.before - c.after) if changed else (c.before - c.measured)
-        power += np.interp(t, c.t - c.t[0], gap / max(c.noise, 1e-12)) ** 2
+        power += np.interp(t, c.t - c.t[0], np.nan_to_num(gap) / max(c.noise, 1e-12)) ** 2
     start = float(t[_busiest(power, t, length)])
     return start, start + length
 

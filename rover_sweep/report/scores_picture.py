@@ -16,10 +16,11 @@ NAMED, ALIKE, OTHER = "#D55E00", "#56B4E9", "#BDBDBD"
 
 def scores(found: Diagnosis) -> Figure:
     """Gain of each candidate in the first round, largest on top; named and look-alikes marked."""
-    order = sorted(found.scores, key=lambda e: found.scores[e])
+    known = {e: float(s) if np.isfinite(s) else 0.0 for e, s in found.scores.items()}
+    order = sorted(known, key=lambda e: known[e])
     named = {f.effect for f in found.findings}
     alike = {e for f in found.findings for e in f.look_alikes} - named
-    values = [max(float(found.scores[e]), 0.0) for e in order]
+    values = [max(known[e], 0.0) for e in order]
     height = 0.75 + 0.235 * len(order)
     figure = Figure(figsize=(WIDTH, height))
     axes = figure.add_axes((0.19, 0.5 / height, 0.79, 1 - 0.58 / height))

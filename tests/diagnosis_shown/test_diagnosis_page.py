@@ -91,3 +91,20 @@ def test_the_close_up_is_where_before_and_after_differ_most() -> None:
     figure = overlays((replace(o, after=after),))
     low, high = figure.axes[2].get_xlim()
     assert low <= 12.0 and high >= 13.0 and high - low < 6.0
+
+
+def test_gaps_and_missing_spectra_draw_as_well() -> None:
+    whole, none = EXPLAINED.overlays[0], np.empty(0)
+    gap = whole.before.copy()
+    gap[100:120] = np.nan
+    holed = replace(whole, before=gap, residual_before=whole.residual_before * np.nan)
+    bare = replace(whole, channel="vy", w=none, residual_before=none, residual_after=none, noise=0.0)
+    empty = replace(whole, run="run9", t=none, measured=none, before=none, after=none)
+    low = replace(EXPLAINED.mismatch[1], band=(0.0, 3.0))
+    scores = {"servo_lag": float("nan"), "roll_steer": -2.0, "imu_offset": float("inf")}
+    found = replace(EXPLAINED, overlays=(holed, bare, empty), mismatch=(low,), scores=scores)
+    assert [p.name for p in planned(found)] == ["overlay-0", "scores"]  # no spectrum of a_y is there
+    drawn = [picture.png() for picture in planned(found)]
+    assert all(data.startswith(b"\x89PNG") for data in drawn)
+    shaded = replace(EXPLAINED, mismatch=(replace(low, channel="r"),))
+    assert planned(shaded)[0].png().startswith(b"\x89PNG")
