@@ -130,16 +130,14 @@ def _computed(
     console = narration()
     columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(), TimeElapsedColumn())
     words = "stopping with what was found until now; Ctrl-C again gives up"
-    with (
-        Progress(*columns, console=console, transient=True) as progress,
-        Interruption(lambda: console.print(words, style="yellow")) as asked,
-    ):
+    with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task("", total=1.0)
 
         def told(what: str, share: float) -> None:
             progress.update(bar, completed=0.9 * share, description=what)
 
-        found = diagnosed(given, vehicle, settings, told, asked.to_stop)
+        with Interruption(lambda: console.print(words, style="yellow")) as asked:
+            found = diagnosed(given, vehicle, settings, told, asked.to_stop)
         files = write_diagnosis(
             found, out, origin, lambda share, what: progress.update(bar, completed=0.9 + 0.1 * share)
         )
