@@ -1,0 +1,108 @@
+"""`rover-sweep redrive`: a log's own steering and speed through a simulation, recorded like a drive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rover_sweep.errors import UsageError
+
+if TYPE_CHECKING:
+    from rover_sweep.logs.log import Log
+
+
+@click.command()
+@click.argument("log", metavar="LOG")
+@click.option("--vehicle", "simulator", default="plant", show_default=True,
+              type=click.Choice(("plant", "embedded", "ardurover")),
+              help="The physics alone, the embedded rover, or the real firmware in SITL before the same "
+              "physics.")  # fmt: skip
+@click.option("--variant", default="nominal", show_default=True, metavar="NAME|FILE",
+              help="Physics of the simulated rover: a name as in dry-run, or a TOML file; its table "
+              "[effects] switches physics on that is not nominal.")  # fmt: skip
+@click.option("--rover-file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="rover.toml, whose masses, lengths and steering replace the variant's.")  # fmt: skip
+@click.option("--ardurover", type=click.Path(dir_okay=False), metavar="FILE",
+              help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).")  # fmt: skip
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of noise and road.")
+@click.option("--out", type=click.Path(dir_okay=False), metavar="FILE", required=True,
+              help="The recording to write (.BIN).")  # fmt: skip
+def redrive(
+    log: str, simulator: str, variant: str, rover_file: str | None, ardurover: str | None, seed: int, out: str
+) -> None:
+    """Drive LOG once more in a simulation: its steering PWM at its times, its speed followed.
+
+    What comes out is a recording that every command reads like LOG, on LOG's clock, so that
+    `rover-sweep diagnose LOG --simulation OUT` can tell where field and simulation differ. The plant
+    takes about a second a drive; the firmware drives in real time.
+    """
+    from rover_sweep.cli.output import narration
+    from rover_sweep.redrive.course import course_of
+    from rover_sweep.redrive.rover import described, simulated_rover
+
+    target = _target(out, log)
+    parameters = simulated_rover(variant, rover_file)
+    course = course_of(_one_log(log))
+    console = narration()
+    console.print(
+        f"{simulator}, {described(parameters, variant, rover_file)}", highlight=False, soft_wrap=True
+    )
+    if simulator == "plant":
+        from sitl.redrive.open_loop import redrive as drive
+
+        drive(course, parameters, target, seed)
+    else:
+        from rover_sweep.redrive.played import played
+
+        binary = Path(ardurover) if ardurover else None
+        for line in played(course, parameters, target, simulator, binary, seed):
+            console.print(line, highlight=False, soft_wrap=True, markup=False)
+    _tell(log, target)
+
+
+def _target(out: str, log: str) -> Path:
+    path = Path(out)
+    if path.suffix.lower() != ".bin":
+        raise UsageError(f"--out {out}: the recording is a DataFlash log; give a name that ends in .BIN")
+    if path.exists():
+        raise UsageError(f"--out {out} is there already; give another name")
+    if not path.parent.is_dir():
+        raise UsageError(f"--out {out}: there is no folder {path.parent}")
+    return path
+
+
+def _one_log(source: str) -> Log:
+    """The drive to repeat. Refused in words where the source holds several logs or no rover."""
+    from rover_sweep.logs.judge import refuse_useless
+    from rover_sweep.logs.read import read_logs
+    from rover_sweep.logs.screen import screened
+
+    logs = read_logs(source)
+    if len(logs) != 1:
+        raise UsageError(f"{source} holds {len(logs)} logs; part them and give one")
+    log = screened(logs[0])
+    refuse_useless(log)
+    return log
+
+
+def _tell(log: str, target: Path) -> None:
+    """How the speeds of both recordings agree, read back as every command will read them."""
+    import numpy as np
+
+    from rover_sweep.cli.output import results
+    from rover_sweep.logs.read import read_runs
+
+    console = results()
+    simulated = read_runs(str(target))
+    for run, again in zip(read_runs(log), simulated, strict=False):
+        speed = run.manoeuvre("speed")
+        off = again["speed"].on(speed.t) - speed.x
+        console.print(
+            f"{run.name}: {run.span[1] - run.span[0]:.1f} s at {run.mean_speed:.2f} m/s; the simulated speed "
+            f"is off by {np.mean(off):+.3f} m/s, rms {np.sqrt(np.mean(off**2)):.3f} m/s",
+            highlight=False,
+            soft_wrap=True,
+        )
+    console.print(f"{target}: {len(simulated)} run(s)", highlight=False, soft_wrap=True)

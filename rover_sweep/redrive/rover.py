@@ -1,0 +1,63 @@
+"""The rover that is simulated: a variant of the plant, with what a vehicle file says put in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.errors import UsageError
+from rover_sweep.vehicle_file import Vehicle, load
+from sitl.parameters import PlantParameters, load_variant
+
+_MEASURED = (
+    "mass",
+    "sprung_mass",
+    "cg_to_front_axle",
+    "cg_to_rear_axle",
+    "cg_height_above_roll_centre",
+    "yaw_inertia",
+    "roll_inertia",
+    "roll_yaw_inertia",
+    "friction",
+)
+
+
+def simulated_rover(variant: str, rover_file: str | None) -> PlantParameters:
+    """The parameters to simulate. UsageError where the variant or the file cannot be used."""
+    try:
+        parameters = load_variant(_path(variant))
+        return parameters if rover_file is None else _as_measured(parameters, load(rover_file))
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def described(parameters: PlantParameters, variant: str, rover_file: str | None) -> str:
+    """One line: whose numbers these are."""
+    effects = ", ".join(
+        f"{name} ({', '.join(f'{p} {v}' for p, v in values.items())})"
+        for name, values in parameters.effects.items()
+    )
+    origin = f"variant {variant}" + (f", masses and lengths of {rover_file}" if rover_file else "")
+    return (
+        f"{origin}: m {parameters.mass:g} kg, a {parameters.cg_to_front_axle:g} m, "
+        f"b {parameters.cg_to_rear_axle:g} m, Izz {parameters.yaw_inertia:g} kg m², "
+        f"Cf {parameters.front_cornering_stiffness:g} N/rad, Cr {parameters.rear_cornering_stiffness:g} N/rad"
+        + (f"; effects: {effects}" if effects else "; no effects")
+    )
+
+
+def _path(variant: str) -> str | Path:
+    """A file beats a variant of the same name only where it says that it is a file."""
+    return Path(variant).resolve() if variant.endswith(".toml") and Path(variant).is_file() else variant
+
+
+def _as_measured(parameters: PlantParameters, vehicle: Vehicle) -> PlantParameters:
+    changes: dict[str, Any] = {
+        name: number.value for name in _MEASURED if (number := getattr(vehicle, name)) is not None
+    }
+    if vehicle.trim_us is not None and vehicle.rad_per_us is not None:
+        changes |= {"steering_trim_us": vehicle.trim_us.value, "rad_per_us": vehicle.rad_per_us.value}
+    if vehicle.imu_position is not None:
+        changes["imu_position"] = tuple(number.value for number in vehicle.imu_position)
+    return replace(parameters, **changes)
