@@ -33,6 +33,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "diagnose": ("rover_sweep.cli.diagnose:diagnose", "What the model leaves out: where, what, how much."),
     "plan": ("rover_sweep.cli.plan:plan", "Which runs tell which effects apart, before they are driven."),
     "coherence": ("rover_sweep.cli.coherence:coherence", "Is this run good enough? The verdict alone."),
+    "redrive": ("rover_sweep.cli.redrive:redrive", "A log's own steering and speed through a simulation."),
     "study": ("rover_sweep.cli.study:study", "The paper's comparison, repeated on a virtual rover."),
     "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),
     "inertia": ("rover_sweep.cli.inertia:inertia", "Moment of inertia from a swing test."),
