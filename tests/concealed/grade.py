@@ -53,7 +53,7 @@ def grade(name: str, truth: Mapping[str, Any], answer: Mapping[str, Any], second
 
 def _mark(kind: str, hidden: list[str], findings: list[Mapping[str, Any]], answer: Mapping[str, Any]) -> Mark:
     if answer["verdict"] == "failed":
-        return "wrong"
+        return "failed"
     if kind == "none":
         return "false alarm" if findings else "none"
     if kind == "unknown":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -49,7 +49,7 @@ def draw_case(seed: int, number: int, kind: Kind, factor: float = 2.0, effect: s
         int(plan_rng.integers(5))
     ]
     names = _names(kind, effect, effect_rng)
-    drawn = tuple(_with_instant(draw_effect(name, factor, rover, effect_rng), plan) for name in names)
+    drawn = tuple(_settled(draw_effect(name, factor, rover, effect_rng), rover, plan) for name in names)
     return Case((seed, number), kind, rover, off, plan, rough, filters, drawn, _baseline(names))
 
 
@@ -86,13 +86,18 @@ def _baseline(names: tuple[str, ...]) -> str:
     return "bicycle" if "roll_dof" in names else "roll-yaw"
 
 
-def _with_instant(effect: Effect, plan: tuple[Drive, ...]) -> Effect:
-    """A surface change with its instant on the log's clock [s]."""
-    if effect.id != "surface_change":
-        return effect
-    run = next(drive for drive in plan if drive.name == effect.run)
-    t = run.boot + change_instant(run, effect.detail["fraction"])
-    return Effect(effect.id, {**effect.parameters, "t": t}, effect.detail, effect.run)
+def _settled(effect: Effect, rover: Rover, plan: tuple[Drive, ...]) -> Effect:
+    """A surface change with its instant on the log's clock [s]; a stiffness ratio at which the rover is stable."""
+    if effect.id == "surface_change":
+        run = next(drive for drive in plan if drive.name == effect.run)
+        t = run.boot + change_instant(run, effect.detail["fraction"])
+        return replace(effect, parameters={**effect.parameters, "t": t})
+    if effect.id == "front_rear_stiffness":
+        ratio = effect.parameters["ratio"]
+        uneven = replace(rover, cf=rover.cr * ratio)
+        if uneven.critical_speed() < 1.5 * max(drive.speed for drive in plan):
+            return replace(effect, parameters={"ratio": 1 / ratio})
+    return effect
 
 
 def run_bytes(case: Case, drive: Drive) -> bytes:

@@ -55,7 +55,7 @@ def _rates(graded: Sequence[Graded]) -> None:
         if not marks:
             continue
         print(f"{kind}: {len(marks)} sets")
-        for text, good in rules:
+        for text, good in [*rules, ("no answer", ("failed",))]:
             _line(text, sum(mark in good for mark in marks), len(marks))
     said = [one for one in graded if one.kind == "none" and one.verdict not in ("none",)]
     if any(one.kind == "none" for one in graded):
@@ -72,7 +72,7 @@ def _confusion(graded: Sequence[Graded]) -> None:
     for truth in sorted(rows):
         print(f"  {truth:<46} {', '.join(f'{name} {n}' for name, n in rows[truth].most_common())}")
     for one in graded:
-        if one.mark in ("wrong", "false alarm", "missed"):
+        if one.mark in ("wrong", "false alarm", "missed", "failed"):
             hidden, said = " + ".join(one.truth) or "none", " + ".join(one.named) or one.verdict
             print(f"  {one.name}: {one.mark}: {hidden} -> {said}")
 

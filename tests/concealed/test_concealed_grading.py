@@ -42,11 +42,11 @@ BACKLASH, RELAXATION = finding("steering_backlash"), finding("tyre_relaxation")
     ("missed", ("tyre_slip", "roll_dof"), (finding("tyre_slip"),)),
     ("exact", ("tyre_slip", "roll_dof"), (finding("roll_dof"), finding("tyre_slip"))),
 ])  # fmt: skip
-def test_one_effect(expected: str, hidden: tuple[str, ...], found: tuple[dict[str, Any], ...]):
+def test_one_effect(expected: str, hidden: tuple[str, ...], found: tuple[dict[str, Any], ...]) -> None:
     assert mark("single", hidden, *found) == expected
 
 
-def test_other_kinds():
+def test_other_kinds() -> None:
     two = ("steering_backlash", "tyre_relaxation")
     assert mark("double", two, RELAXATION, BACKLASH) == "both"
     assert mark("double", two, RELAXATION) == "one"
@@ -59,7 +59,7 @@ def test_other_kinds():
     assert mark("unknown", ("side_wind",)) == "missed"
 
 
-def test_parameters_and_share_are_judged_where_the_name_is_right():
+def test_parameters_and_share_are_judged_where_the_name_is_right() -> None:
     truth = {"kind": "single", "effects": [{"effect": "steering_backlash", "parameters": {"b": 0.8}}]}
     answer = {"verdict": "explained", "findings": [BACKLASH], "unknown": None}
     one = grade("0001", truth, answer, 1.0)
@@ -73,13 +73,13 @@ def test_parameters_and_share_are_judged_where_the_name_is_right():
     assert judged.errors == (pytest.approx(0.2),) and judged.covered == (True, True)
 
 
-def test_wilson_interval_is_the_published_one():
+def test_wilson_interval_is_the_published_one() -> None:
     low, high = wilson(8, 10)  # Wilson 1927, as in any table: 0.490 to 0.943
     assert (low, high) == (pytest.approx(0.490, abs=5e-4), pytest.approx(0.943, abs=5e-4))
     assert wilson(0, 50)[0] == 0.0 and wilson(0, 50)[1] == pytest.approx(0.071, abs=1e-3)
 
 
-def test_summary_counts_every_set_once(capsys: pytest.CaptureFixture[str]):
+def test_summary_counts_every_set_once(capsys: pytest.CaptureFixture[str]) -> None:
     truth = {"kind": "single", "effects": [{"effect": "steering_backlash", "parameters": {"b": 1.0}}]}
     answers = [[BACKLASH], [finding("steering_deadband")], [RELAXATION], []]
     said = [{"verdict": "explained", "findings": found, "unknown": None} for found in answers]
@@ -90,14 +90,14 @@ def test_summary_counts_every_set_once(capsys: pytest.CaptureFixture[str]):
     assert "steering_backlash 1, steering_deadband 1, tyre_relaxation 1, explained 1" in text
 
 
-def test_kinds_hide_nothing_in_about_a_third():
+def test_kinds_hide_nothing_in_about_a_third() -> None:
     drawn = kinds(2000, 5, "all")
     assert 0.27 < drawn.count("none") / 2000 < 0.33
     assert {"none", "single", "double", "unknown"} == set(drawn)
     assert kinds(3, 5, "all", "side_wind") == ["unknown"] * 3
 
 
-def test_doubles_are_two_effects_that_can_be_told_apart():
+def test_doubles_are_two_effects_that_can_be_told_apart() -> None:
     for number in range(1, 60):
         case = draw_case(8, number, "double")
         names = [one.id for one in case.hidden]
@@ -105,7 +105,7 @@ def test_doubles_are_two_effects_that_can_be_told_apart():
         assert names[1] not in table()["look_alikes"].get(names[0], [])
 
 
-def test_factor_makes_an_effect_stronger_in_its_own_direction():
+def test_factor_makes_an_effect_stronger_in_its_own_direction() -> None:
     rover = draw_case(8, 1, "none").rover
     for effect in (*ids(), *UNKNOWN):
         weak, strong = (draw_effect(effect, k, rover, stream(1, 1, 1)).parameters for k in (1.0, 2.0))

@@ -22,7 +22,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Case, Path, Path]
     return case, root / "sets" / "0001", root / "truth" / "0001.json"
 
 
-def test_runs_read_like_field_logs(written: tuple[Case, Path, Path]):
+def test_runs_read_like_field_logs(written: tuple[Case, Path, Path]) -> None:
     from rover_sweep.logs import read_runs
 
     case, folder, _ = written
@@ -41,7 +41,7 @@ def test_runs_read_like_field_logs(written: tuple[Case, Path, Path]):
         assert np.ptp(run.manoeuvre("pwm").x) == pytest.approx(2 * drive.amplitude_us, rel=0.02)
 
 
-def test_a_left_turn_is_a_left_turn_in_every_signal(written: tuple[Case, Path, Path]):
+def test_a_left_turn_is_a_left_turn_in_every_signal(written: tuple[Case, Path, Path]) -> None:
     from rover_sweep.identify.recording import steered
     from rover_sweep.logs import read_runs
 
@@ -56,7 +56,7 @@ def test_a_left_turn_is_a_left_turn_in_every_signal(written: tuple[Case, Path, P
     assert run["psi"].on(t)[-1] > run["psi"].on(t)[0]
 
 
-def test_truth_is_not_beside_the_runs(written: tuple[Case, Path, Path]):
+def test_truth_is_not_beside_the_runs(written: tuple[Case, Path, Path]) -> None:
     _, folder, truth = written
     assert {path.name for path in folder.iterdir()} == {
         "run1.BIN", "run2.BIN", "run3.BIN", "run4.BIN", "rover.toml", "task.json",
@@ -66,7 +66,7 @@ def test_truth_is_not_beside_the_runs(written: tuple[Case, Path, Path]):
         write_set(draw_case(3, 1, "none"), folder, folder / "truth.json")
 
 
-def test_the_folder_says_nothing_of_what_it_conceals(written: tuple[Case, Path, Path]):
+def test_the_folder_says_nothing_of_what_it_conceals(written: tuple[Case, Path, Path]) -> None:
     """Same names, lengths, metadata and vehicle file, whatever is in the motion."""
     case = draw_case(3, 1, "single", effect="steering_backlash")
     _, folder, _ = written
@@ -78,7 +78,7 @@ def test_the_folder_says_nothing_of_what_it_conceals(written: tuple[Case, Path, 
         assert not any(name.encode() in hidden for name in (*ids(), *UNKNOWN))
 
 
-def test_same_seed_same_bytes_another_set_another_rover(written: tuple[Case, Path, Path]):
+def test_same_seed_same_bytes_another_set_another_rover(written: tuple[Case, Path, Path]) -> None:
     case, folder, _ = written
     assert run_bytes(draw_case(3, 1, "none"), case.plan[3]) == (folder / "run4.BIN").read_bytes()
     assert draw_case(3, 2, "none").rover != case.rover != draw_case(4, 1, "none").rover
@@ -86,7 +86,7 @@ def test_same_seed_same_bytes_another_set_another_rover(written: tuple[Case, Pat
 
 def test_identify_finds_the_true_rover_where_nothing_is_concealed(
     written: tuple[Case, Path, Path], tmp_path: Path
-):
+) -> None:
     """Through the command a user has; the vehicle file is off by the nuisances, so 20 % can be asked."""
     case, folder, _ = written
     command = [sys.executable, "-m", "rover_sweep.cli.main", "identify", str(folder / "run1.BIN"),
