@@ -174,7 +174,7 @@ def _lines(multisine: Multisine) -> tuple[NDArray[np.int64], ...]:
 
 
 def _staircase_lines(steps: Signal, w: Array, start: float, length: float) -> Complex:
-    """Complex amplitudes (n_w,) of a staircase over `length` s from `start`: 2/T times its Fourier integral."""
+    """Complex amplitudes (n_w,) of a staircase over `length` s from `start`, by its Fourier integral."""
     edges = np.append(steps.t, start + length)
     turned = np.exp(-1j * np.outer(w, edges - start))
     held = (turned[:, :-1] - turned[:, 1:]) / (1j * w[:, None])
@@ -182,7 +182,7 @@ def _staircase_lines(steps: Signal, w: Array, start: float, length: float) -> Co
 
 
 def _sampled_lines(samples: Signal, w: Array) -> Complex:
-    """Complex amplitudes (n_w,) of sines at w [rad/s], fitted to the samples all at once and beside a line."""
+    """Complex amplitudes (n_w,) of sines at w [rad/s] fitted to the samples all at once, beside a line."""
     t, x = _thinned(samples, float(w[-1]))
     t = t - t[0]
     turned = np.outer(t, w)
