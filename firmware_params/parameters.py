@@ -99,9 +99,9 @@ _FIELDS = {
 def for_manoeuvre(kind: str, **numbers: float) -> dict[str, float]:
     """SWP_ values of a manoeuvre: kind of TYPES, and any of its numbers.
 
-    Numbers are named amplitude, bias [us], w_min, w_max [rad/s], t_rec, fade, dwell, straight, pulse, pause
-    [s], count or periods, or as a parameter in lower case without prefix (still, v_min, pwm_max, gcs...). Raises
-    ValueError for an unknown name or kind, or a number that the applet would refuse.
+    Numbers are named amplitude, bias [us], w_min, w_max [rad/s], t_rec, fade, dwell, straight, pulse,
+    pause [s], count or periods, or as a parameter in lower case without prefix (still, v_min, pwm_max,
+    gcs...). Raises ValueError for an unknown name or kind, or a number that the applet would refuse.
     """
     if kind not in TYPES:
         raise ValueError(f"the applet has no manoeuvre {kind!r}, only {', '.join(TYPES)}")

@@ -35,7 +35,7 @@ def fading(since: Array, full: float, fade: float) -> Array:
 
 @dataclass(frozen=True)
 class Multisine:
-    """Equal sines at odd multiples of w0 = 2 pi periods/t_rec, three of each four, from w_min to w_max [rad/s].
+    """Equal sines at three of each four odd multiples of w0 = 2 pi periods/t_rec, w_min to w_max [rad/s].
 
     amplitude: the peak of their sum [us], met within 2 %. On the clock of the override: straight, fade-in,
     dwell (the rover settles), t_rec with a whole number of periods, fade-out, straight [s]; the wave repeats
