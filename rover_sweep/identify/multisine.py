@@ -66,7 +66,7 @@ class Multisine:
         if not LEAST_LINES <= self.odd.size <= MOST_LINES:
             raise ValueError(
                 f"{self.w_min:g} to {self.w_max:g} rad/s hold {self.odd.size} odd lines of "
-                f"{self.base:.3g} rad/s, and {LEAST_LINES} to {MOST_LINES} are possible; change t_rec or periods"
+                f"{self.base:.3g} rad/s, and {LEAST_LINES} to {MOST_LINES} will do; change t_rec or periods"
             )
 
     @property

@@ -1,0 +1,61 @@
+"""Multisine and bias sweep on the command line, and as the parameters that make the applet drive them."""
+
+from __future__ import annotations
+
+import click
+import pytest
+
+from rover_sweep.cli.manoeuvres import ManoeuvreType
+from rover_sweep.errors import UsageError
+from rover_sweep.identify.multisine import Multisine
+from rover_sweep.identify.sweep import BiasSweep, Manoeuvre
+from rover_sweep.vehicle.dry_run import DryRun
+from rover_sweep.vehicle.manoeuvre import parameters_of, refuse_undersampled
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("240", Multisine(amplitude=240)),
+        ("200,0.5,20,40,4", Multisine(amplitude=200, w_min=0.5, w_max=20, t_rec=40, periods=4)),
+        ("200,trec=40,periods=4,fade=1", Multisine(amplitude=200, t_rec=40, periods=4, fade=1)),
+        ("80,-100", BiasSweep(amplitude=80, bias=-100)),
+        ("80,100,0.5,20,40", BiasSweep(amplitude=80, bias=100, w_min=0.5, w_max=20, t_rec=40)),
+    ],
+)
+def test_numbers_in_order_or_by_name(text: str, meant: Manoeuvre) -> None:
+    assert ManoeuvreType(type(meant)).convert(text, None, None) == meant
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "said"),
+    [
+        (Multisine, "200,periods=2.5", "periods must be a whole number"),
+        (Multisine, "200,periods=1", "2, 3 .. whole periods"),
+        (Multisine, "200,bias=50", "there is no 'bias'"),
+        (BiasSweep, "80,100,5,2", "need 0 < w_min < w_max"),
+        (BiasSweep, "80,,", "is no number"),
+    ],
+)
+def test_nonsense_is_refused(kind: type[Manoeuvre], text: str, said: str) -> None:
+    with pytest.raises(click.BadParameter, match=said):
+        ManoeuvreType(kind).convert(text, None, None)
+
+
+def test_parameters_of_the_applet() -> None:
+    values = parameters_of(Multisine(amplitude=200, periods=4))
+    assert (values["SWP_TYPE"], values["SWP_AMP"], values["SWP_COUNT"]) == (2, 200, 4)
+    values = parameters_of(BiasSweep(amplitude=80, bias=-100))
+    assert (values["SWP_TYPE"], values["SWP_AMP"], values["SWP_BIAS"]) == (3, 80, -100)
+    with pytest.raises(UsageError, match="SWP_COUNT 21"):
+        parameters_of(Multisine(periods=21))
+
+
+def test_what_is_too_fast_or_too_far_is_refused_before_anything_starts() -> None:
+    with pytest.raises(UsageError, match="samples a period"):
+        refuse_undersampled(Multisine(w_max=40, periods=4), 50.0)
+    with pytest.raises(UsageError, match="a run of 420 us is past the 400 us"):
+        _ = DryRun(bias_sweeps=(BiasSweep(amplitude=220, bias=-200),)).plan
+    plan = DryRun(bias_sweeps=(BiasSweep(amplitude=180, bias=200),), multisines=(Multisine(),)).plan
+    assert [run.name for run in plan.runs] == ["sweep1", "sweep2", "multisine1", "bias-sweep1", "doublet"]
+    assert plan.settings.extra["pwm_max"] == 380
