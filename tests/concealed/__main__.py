@@ -33,7 +33,10 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--keep", action="store_true", help="keep the logs after they were diagnosed")
     parser.add_argument("--generate-only", action="store_true", help="write sets and truth, diagnose nothing")
     parser.add_argument("--grade-only", type=Path, metavar="DIR", help="grade the answers in DIR again")
-    return parser.parse_args()
+    args = parser.parse_args()
+    if args.effect and args.kind != "all" and (args.effect in UNKNOWN) != (args.kind == "unknown"):
+        parser.error(f"{args.effect} is not of the kind {args.kind}")
+    return args
 
 
 def main() -> None:

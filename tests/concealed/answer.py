@@ -14,7 +14,7 @@ from typing import Any
 def diagnose(folder: Path, task: dict[str, Any], target: Path) -> str:
     """Diagnoses the runs of `folder` as `task` says and leaves target/diagnosis.json; a line on the answer.
 
-    The command runs inside this process, one of the workers, so that imports and compiled code are loaded once.
+    The command runs inside this process, one of the workers: imports and compiled code are loaded once.
     An answer that the tool failed to give is written down as such, with the reason.
     """
     from rover_sweep.cli.main import run
@@ -33,7 +33,7 @@ def diagnose(folder: Path, task: dict[str, Any], target: Path) -> str:
     answer = target / "diagnosis.json"
     if not answer.exists():
         last = (said.getvalue().strip().splitlines() or ["no word"])[-1]
-        failed = {"verdict": "failed", "findings": [], "unknown": None, "reason": last}
+        failed: dict[str, Any] = {"verdict": "failed", "findings": [], "unknown": None, "reason": last}
         answer.write_text(json.dumps(failed), encoding="utf-8")
     (target / "stderr.txt").write_text(said.getvalue(), encoding="utf-8")
     return summary(json.loads(answer.read_text(encoding="utf-8")))
@@ -44,6 +44,5 @@ def summary(answer: dict[str, Any]) -> str:
     names = [f"{one['effect']} ({', '.join(one['look_alikes'])})" if one["look_alikes"] else one["effect"]
              for one in answer["findings"]]  # fmt: skip
     unknown = ["+ unknown"] if answer["unknown"] else []
-    return " ".join(
-        [answer["verdict"], *names, *unknown, *([answer["reason"]] if "reason" in answer else [])]
-    )
+    reason = [answer["reason"]] if "reason" in answer else []
+    return " ".join([answer["verdict"], *names, *unknown, *reason])

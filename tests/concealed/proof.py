@@ -47,7 +47,7 @@ def _write(out: Path, seed: int, factor: float, effect: str | None, task: tuple[
 def diagnose_sets(out: Path, folders: list[Path], jobs: int, keep: bool) -> None:
     """Lets the tool answer each set into answers/; removes the logs afterwards unless they are kept."""
     answer = partial(_answer, out / "answers", keep)
-    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+    with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=40) as pool:
         for k, line in enumerate(pool.imap_unordered(answer, folders, chunksize=1), start=1):
             print(f"[{k}/{len(folders)}] {line}", flush=True)
 

@@ -49,7 +49,8 @@ def draw_case(seed: int, number: int, kind: Kind, factor: float = 2.0, effect: s
         int(plan_rng.integers(5))
     ]
     names = _names(kind, effect, effect_rng)
-    drawn = tuple(_settled(draw_effect(name, factor, rover, effect_rng), rover, plan) for name in names)
+    effects = (draw_effect(name, factor, rover, effect_rng) for name in names)
+    drawn = tuple(_settled(one, rover, plan) for one in effects)
     return Case((seed, number), kind, rover, off, plan, rough, filters, drawn, _baseline(names))
 
 
@@ -87,7 +88,7 @@ def _baseline(names: tuple[str, ...]) -> str:
 
 
 def _settled(effect: Effect, rover: Rover, plan: tuple[Drive, ...]) -> Effect:
-    """A surface change with its instant on the log's clock [s]; a stiffness ratio at which the rover is stable."""
+    """A surface change with its instant on the log's clock [s]; a stiffness ratio that keeps stable."""
     if effect.id == "surface_change":
         run = next(drive for drive in plan if drive.name == effect.run)
         t = run.boot + change_instant(run, effect.detail["fraction"])

@@ -57,6 +57,8 @@ def test_other_kinds() -> None:
     assert mark("unknown", ("side_wind",), finding("cross_slope")) == "nearest"
     assert mark("unknown", ("side_wind",), finding("cross_slope"), BACKLASH) == "wrong"
     assert mark("unknown", ("side_wind",)) == "missed"
+    truth = {"kind": "none", "effects": []}
+    assert grade("1", truth, {"verdict": "failed", "findings": [], "unknown": None}, 1.0).mark == "failed"
 
 
 def test_parameters_and_share_are_judged_where_the_name_is_right() -> None:

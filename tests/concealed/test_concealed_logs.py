@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import subprocess
 import sys
@@ -76,6 +77,19 @@ def test_the_folder_says_nothing_of_what_it_conceals(written: tuple[Case, Path, 
         head = plain.index(b"\xa3\x95\x48")  # the first ATT
         assert hidden[:head] == plain[:head]
         assert not any(name.encode() in hidden for name in (*ids(), *UNKNOWN))
+
+
+def test_the_generator_shares_no_code_with_what_it_tests() -> None:
+    here = Path(__file__).parent
+    for path in here.glob("*.py"):
+        if not path.name.startswith("test_") and path.name != "answer.py":  # the one that asks the tool
+            names = [node.module or "" for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                     if isinstance(node, ast.ImportFrom)]  # fmt: skip
+            names += [alias.name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                      if isinstance(node, ast.Import) for alias in node.names]  # fmt: skip
+            assert not [
+                name for name in names if name.split(".")[0] in ("rover_sweep", "sitl", "firmware_params")
+            ]
 
 
 def test_same_seed_same_bytes_another_set_another_rover(written: tuple[Case, Path, Path]) -> None:
