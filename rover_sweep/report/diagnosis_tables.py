@@ -65,15 +65,24 @@ def finding_table(found: Diagnosis) -> Table:
     return Table("Findings", headings, tuple(rows), text_columns=2)
 
 
-def held_out_table(held_out: Sequence[HeldOut], heading: str, note: bool = True) -> Table:
-    """J_rms and TIC before and after on each held-out run, and the share of the explainable error removed."""
+def held_out_table(
+    held_out: Sequence[HeldOut], heading: str, note: bool = True, room: int | None = None
+) -> Table:
+    """J_rms and TIC before and after on each held-out run, and the share of the explainable error removed.
+
+    room: characters for the name of a run, whose end tells more than its beginning.
+    """
     headings = ("run", "J_rms before", "after", "TIC before", "after", "share removed")
     rows = tuple(
-        (Cell(h.run), *_pair(h.before.j_rms, h.after.j_rms, 3), *_pair(h.before.tic, h.after.tic, 2),
+        (Cell(_ending(h.run, room)), *_pair(h.before.j_rms, h.after.j_rms, 3), *_pair(h.before.tic, h.after.tic, 2),
          Cell(share(h.share_removed)))
         for h in held_out
     )  # fmt: skip
     return Table(heading, headings, rows, FLOOR if note else "")
+
+
+def _ending(name: str, room: int | None) -> str:
+    return name if room is None or len(name) <= room else f"…{name[1 - room :]}"
 
 
 def _pair(before: float, after: float, digits: int) -> tuple[Cell, Cell]:
@@ -83,7 +92,7 @@ def _pair(before: float, after: float, digits: int) -> tuple[Cell, Cell]:
 
 def share(value: float | None) -> str:
     """A share as a percentage; words where there was nothing to remove."""
-    return "at the floor already" if value is None else f"{100 * value:.0f} %"
+    return "at the floor" if value is None else f"{100 * value:.0f} %"
 
 
 def cost_table(held_out: Sequence[HeldOut]) -> Table | None:

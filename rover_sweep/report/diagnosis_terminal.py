@@ -20,6 +20,7 @@ from rover_sweep.report.tables import Sentence, rich_table
 from rover_sweep.report.wording import number
 
 WIDTH = 80
+ROOM = 24  # characters of a run's name that leave the numbers beside it whole
 STYLES = {
     "none": "bold green", "explained": "bold", "partly explained": "bold", "unexplained": "bold yellow",
     "refused": "bold red",
@@ -48,7 +49,7 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
         yield rich_table(finding_table(found))
         yield from (_explained(f) for f in found.findings)
     if found.held_out:
-        yield rich_table(held_out_table(found.held_out, "On runs that nothing was fitted to", note=False))
+        yield rich_table(held_out_table(found.held_out, "On runs that nothing was fitted to", False, ROOM))
     if found.unknown:
         yield _unknown(found.unknown)
     if unseen := unseen_table(found):

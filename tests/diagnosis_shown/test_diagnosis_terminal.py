@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import pytest
-from fabricated_diagnoses import ALL, PARTLY
+from fabricated_diagnoses import ALL, EXPLAINED, PARTLY
 from fabricated_plans import PLAN
 from rich.console import Console, RenderableType
 
@@ -114,3 +115,10 @@ def test_nothing_is_wider_than_the_terminal(verdict: str) -> None:
     assert max(map(len, text.splitlines())) <= 80
     assert text.startswith(verdict.upper())
     assert "…" not in text  # nothing cut off either
+
+
+def test_a_long_name_leaves_the_numbers_whole() -> None:
+    name = "2025-05-01-afternoon/run4_doublet_150us_gravel"
+    text = shown(summary(replace(EXPLAINED, held_out=(replace(EXPLAINED.held_out[0], run=name),))))
+    assert "J_rms before  after  TIC before  after  share removed" in text
+    assert "…doublet_150us_gravel" in text and "87 %" in text
