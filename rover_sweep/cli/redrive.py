@@ -10,6 +10,9 @@ import click
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rover_sweep.identify.recording import Recording
     from rover_sweep.logs.log import Log
 
 
@@ -44,6 +47,7 @@ def redrive(
 
     target = _target(out, log)
     parameters = simulated_rover(variant, rover_file)
+    runs = _runs(log)
     course = course_of(_one_log(log))
     console = narration()
     console.print(
@@ -58,8 +62,8 @@ def redrive(
 
         binary = Path(ardurover) if ardurover else None
         for line in played(course, parameters, target, simulator, binary, seed):
-            console.print(line, highlight=False, soft_wrap=True, markup=False)
-    _tell(log, target)
+            console.print(line, soft_wrap=True, markup=False)
+    _tell(runs, target)
 
 
 def _target(out: str, log: str) -> Path:
@@ -73,21 +77,25 @@ def _target(out: str, log: str) -> Path:
     return path
 
 
+def _runs(source: str) -> Sequence[Recording]:
+    """The runs of the log; DataRefused, as everywhere, where there is none."""
+    from rover_sweep.logs.read import read_runs
+
+    return read_runs(source)
+
+
 def _one_log(source: str) -> Log:
-    """The drive to repeat. Refused in words where the source holds several logs or no rover."""
-    from rover_sweep.logs.judge import refuse_useless
+    """The drive to repeat; refused where the source holds several."""
     from rover_sweep.logs.read import read_logs
     from rover_sweep.logs.screen import screened
 
     logs = read_logs(source)
     if len(logs) != 1:
         raise UsageError(f"{source} holds {len(logs)} logs; part them and give one")
-    log = screened(logs[0])
-    refuse_useless(log)
-    return log
+    return screened(logs[0])
 
 
-def _tell(log: str, target: Path) -> None:
+def _tell(runs: Sequence[Recording], target: Path) -> None:
     """How the speeds of both recordings agree, read back as every command will read them."""
     import numpy as np
 
@@ -96,13 +104,13 @@ def _tell(log: str, target: Path) -> None:
 
     console = results()
     simulated = read_runs(str(target))
-    for run, again in zip(read_runs(log), simulated, strict=False):
+    for run, again in zip(runs, simulated, strict=False):
         speed = run.manoeuvre("speed")
         off = again["speed"].on(speed.t) - speed.x
         console.print(
             f"{run.name}: {run.span[1] - run.span[0]:.1f} s at {run.mean_speed:.2f} m/s; the simulated speed "
             f"is off by {np.mean(off):+.3f} m/s, rms {np.sqrt(np.mean(off**2)):.3f} m/s",
-            highlight=False,
             soft_wrap=True,
+            markup=False,
         )
-    console.print(f"{target}: {len(simulated)} run(s)", highlight=False, soft_wrap=True)
+    console.print(f"{target}: {len(simulated)} run(s)", soft_wrap=True, markup=False)

@@ -27,10 +27,12 @@ def course_of(log: Log) -> Course:
     t = _loops(log, pwm)
     if t.size < 100:
         raise DataRefused(f"{log.name}: steering, gyro and speed overlap in {t.size} main loops: too short")
-    psi = log.signals.get("psi")
+    psi, steering = log.signals.get("psi"), _staircase(pwm, t)
     return Course(
         t=t,
-        steering=_staircase(pwm, t),
+        steering=steering,
+        asked_t=pwm.t if pwm.hold else t,
+        asked=pwm.x if pwm.hold else steering,
         speed=_smooth(np.interp(t, log.signals["speed"].t, log.signals["speed"].x), t),
         heading=float(np.interp(t[0], psi.t, psi.x)) if psi is not None else 0.0,
         applet=_applet(log, pwm, t),

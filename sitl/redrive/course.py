@@ -26,6 +26,7 @@ class AppletState:
 class Course:
     """t (n,) s: main loops of the recorded drive, increasing; steering (n,) us on the servo and speed (n,)
     m/s from each loop on; heading [rad] at the first, left positive from north.
+    asked_t (k,) s, asked (k,) us: the steering staircase as it was set, before it waited for a main loop.
 
     applet: its rows, None where none was logged. marks: (t [s], text) of messages to the user. parameters:
     those of the vehicle, by name.
@@ -34,6 +35,8 @@ class Course:
     t: Array
     steering: Array
     speed: Array
+    asked_t: Array
+    asked: Array
     heading: float = 0.0
     applet: AppletState | None = None
     marks: tuple[tuple[float, str], ...] = ()

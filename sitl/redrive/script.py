@@ -38,9 +38,11 @@ def script(course: Course, parameters: PlantParameters) -> str:
 
 def _means(course: Course, edges: Array) -> Array:
     """Mean steering (n,) us over the cells: the script holds a value until its next turn."""
-    area = np.concatenate(([0.0], np.cumsum(course.steering[:-1] * np.diff(course.t))))
+    t, x = course.asked_t, course.asked
+    area = np.concatenate(([0.0], np.cumsum(x[:-1] * np.diff(t))))
     ends = np.append(edges, edges[-1] + CELL_S)
-    return np.diff(np.interp(ends, course.t, area)) / np.diff(np.clip(ends, None, course.t[-1]))
+    k = np.clip(np.searchsorted(t, ends, "right") - 1, 0, t.size - 1)
+    return np.diff(area[k] + x[k] * (ends - t[k])) / CELL_S
 
 
 def _digits(values: Array) -> str:

@@ -1,0 +1,74 @@
+"""What `redrive` refuses, and whose numbers it says that it takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rover_sweep.cli.main import run
+from rover_sweep.redrive.rover import simulated_rover
+from sitl.parameters import load_variant
+from sitl.variant_text import variant_text
+
+RUN = "ardurover-4.6.3/applet/run2.BIN"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("{log}", "--out", "{tmp}/again.csv"), 2, "give a name that ends in .BIN"),
+        (("{log}", "--out", "{tmp}/none/again.BIN"), 2, "there is no folder"),
+        (("{log}", "--out", "{tmp}/old.BIN"), 2, "is there already; give another name"),
+        (("{tmp}/none.BIN", "--out", "{tmp}/again.BIN"), 2, "there is no such file"),
+        (("{log}", "--out", "{tmp}/again.BIN", "--variant", "icy"), 2, "no variant icy: give one of"),
+        (("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/bad.toml"), 2, "there is no effect slack"),
+        (("{log}", "--out", "{tmp}/again.BIN", "--rover-file", "no.toml"), 2, "there is no vehicle file"),
+        (("{tmp}/old.BIN", "--out", "{tmp}/again.BIN"), 3, "is empty"),
+        (
+            ("{log}", "--out", "{tmp}/again.BIN", "--vehicle", "ardurover", "--ardurover", "{tmp}/no"),
+            4,
+            "is no program that can be run",
+        ),
+    ],
+)
+def test_refusals_are_one_sentence_and_leave_nothing(
+    data: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    code: int,
+    said: str,
+) -> None:
+    (tmp_path / "old.BIN").write_bytes(b"")
+    (tmp_path / "bad.toml").write_text('base = "nominal"\n[effects]\nslack = { b = 1 }\n')
+    given = [a.format(log=data / RUN, tmp=tmp_path) for a in arguments]
+    assert run(["redrive", *given]) == code
+    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("rover-sweep: ")]
+    assert len(told) == 1 and said in told[0]
+    assert not (tmp_path / "again.BIN").exists()
+
+
+def test_says_whose_numbers_it_takes(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "loose.toml").write_text('base = "nominal"\n[effects]\nsteering_backlash = { b = 0.012 }\n')
+    out = tmp_path / "again.BIN"
+    options = ["--variant", str(tmp_path / "loose.toml"), "--rover-file", str(data / "rover.toml")]
+    assert run(["redrive", str(data / RUN), *options, "--out", str(out)]) == 0
+    told = capsys.readouterr()
+    assert "loose.toml" in told.err and "rover.toml" in told.err and "Izz 0.069" in told.err
+    assert "steering_backlash (b 0.012)" in told.err
+    assert "the simulated speed is off by" in told.out
+
+
+def test_a_vehicle_file_replaces_what_it_measured_and_nothing_else(data: Path) -> None:
+    rover, nominal = simulated_rover("nominal", str(data / "rover.toml")), load_variant("nominal")
+    assert rover.yaw_inertia == 0.069
+    assert (rover.front_cornering_stiffness, rover.servo_lag) == (31.0, nominal.servo_lag)
+
+
+def test_a_variant_comes_back_from_its_text(tmp_path: Path) -> None:
+    source, copy = tmp_path / "a.toml", tmp_path / "b.toml"
+    source.write_text('base = "paper"\n[effects]\nimu_offset = { x = 0.1 }\n'
+                      'clock_offset = { T = 0.1, stream = "velocity" }\n')  # fmt: skip
+    copy.write_text(variant_text(load_variant(source)))
+    assert load_variant(copy) == load_variant(source)
