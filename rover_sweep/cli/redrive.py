@@ -43,10 +43,12 @@ def redrive(
     """
     from rover_sweep.cli.output import narration
     from rover_sweep.redrive.course import course_of
-    from rover_sweep.redrive.rover import described, simulated_rover
+    from rover_sweep.redrive.rover import described, on_the_clock, refuse_instant, simulated_rover
 
     target = _target(out, log)
     parameters = simulated_rover(variant, rover_file)
+    if simulator != "plant":
+        refuse_instant(parameters, simulator)
     runs = _runs(log)
     course = course_of(_one_log(log))
     console = narration()
@@ -56,7 +58,7 @@ def redrive(
     if simulator == "plant":
         from sitl.redrive.open_loop import redrive as drive
 
-        drive(course, parameters, target, seed)
+        drive(course, on_the_clock(parameters, runs), target, seed)
     else:
         from rover_sweep.redrive.played import played
 

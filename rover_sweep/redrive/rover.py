@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rover_sweep.errors import UsageError
+from rover_sweep.identify.recording import Recording
 from rover_sweep.vehicle_file import Vehicle, load
 from sitl.parameters import PlantParameters, load_variant
 
@@ -45,6 +47,31 @@ def described(parameters: PlantParameters, variant: str, rover_file: str | None)
         f"Cf {parameters.front_cornering_stiffness:g} N/rad, Cr {parameters.rear_cornering_stiffness:g} N/rad"
         + (f"; effects: {effects}" if effects else "; no effects")
     )
+
+
+def on_the_clock(parameters: PlantParameters, runs: Sequence[Recording]) -> PlantParameters:
+    """With the instant of a `surface_change` on the clock of the log: it counts from the start of a run.
+
+    That is the run which the effect names, else the first; a change in a run that this log does not hold is
+    left out, and the surface stays as it was before.
+    """
+    change = parameters.effects.get("surface_change", {})
+    if "t" not in change:
+        return parameters
+    effects = {name: values for name, values in parameters.effects.items() if name != "surface_change"}
+    meant = [run for run in runs if change.get("run", run.name) == run.name]
+    if meant:
+        effects["surface_change"] = {**change, "t": float(change["t"]) + meant[0].span[0]}
+    return replace(parameters, effects=effects)
+
+
+def refuse_instant(parameters: PlantParameters, simulator: str) -> None:
+    """UsageError for an instant on a vehicle whose clock is not that of the log."""
+    if "t" in parameters.effects.get("surface_change", {}):
+        raise UsageError(
+            f"surface_change at a time cannot be placed on the clock of --vehicle {simulator}; give its "
+            "distance [m] instead of t, or take --vehicle plant"
+        )
 
 
 def _path(variant: str) -> str | Path:

@@ -10,13 +10,11 @@ RECORDS = {"steering": ("SWEP", "RCOU", "RCIN"), "velocity": ("XKF1",)}
 """DataFlash messages of each stream."""
 
 
-def late_us(effects: Effects) -> tuple[str, int]:
-    """(stream, microseconds that its stamps are late by)."""
-    stream = str(effects.get("clock_offset", {}).get("stream", STREAMS[0]))
-    return stream, round(1e6 * number(effects, "clock_offset", "T"))
-
-
 def late_records(effects: Effects) -> Mapping[str, int]:
-    """DataFlash message -> microseconds that its stamps are late by; nothing where the clocks agree."""
-    stream, late = late_us(effects)
+    """DataFlash message -> microseconds that its stamps are late by; nothing where the clocks agree.
+
+    Whichever stream it is, what the rover does appears late against the steering by a positive T.
+    """
+    stream = str(effects.get("clock_offset", {}).get("stream", STREAMS[0]))
+    late = round(1e6 * number(effects, "clock_offset", "T")) * (-1 if stream == "steering" else 1)
     return dict.fromkeys(RECORDS[stream], late) if late else {}

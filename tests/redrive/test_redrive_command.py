@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.cli.main import run
-from rover_sweep.redrive.rover import simulated_rover
+from rover_sweep.logs.read import read_runs
+from rover_sweep.redrive.rover import on_the_clock, simulated_rover
 from sitl.parameters import load_variant
 from sitl.variant_text import variant_text
 
@@ -24,6 +25,11 @@ RUN = "ardurover-4.6.3/applet/run2.BIN"
         (("{log}", "--out", "{tmp}/again.BIN", "--variant", "icy"), 2, "no variant icy: give one of"),
         (("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/bad.toml"), 2, "there is no effect slack"),
         (("{log}", "--out", "{tmp}/again.BIN", "--rover-file", "no.toml"), 2, "there is no vehicle file"),
+        (
+            ("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/ice.toml", "--vehicle", "embedded"),
+            2,
+            "surface_change at a time cannot be placed on the clock of --vehicle embedded",
+        ),
         (("{tmp}/old.BIN", "--out", "{tmp}/again.BIN"), 3, "is empty"),
         (
             ("{log}", "--out", "{tmp}/again.BIN", "--vehicle", "ardurover", "--ardurover", "{tmp}/no"),
@@ -42,6 +48,8 @@ def test_refusals_are_one_sentence_and_leave_nothing(
 ) -> None:
     (tmp_path / "old.BIN").write_bytes(b"")
     (tmp_path / "bad.toml").write_text('base = "nominal"\n[effects]\nslack = { b = 1 }\n')
+    ice = 'base = "nominal"\n[effects]\nsurface_change = { ratio = 0.5, t = 3 }\n'
+    (tmp_path / "ice.toml").write_text(ice)
     given = [a.format(log=data / RUN, tmp=tmp_path) for a in arguments]
     assert run(["redrive", *given]) == code
     told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("rover-sweep: ")]
@@ -64,6 +72,24 @@ def test_a_vehicle_file_replaces_what_it_measured_and_nothing_else(data: Path) -
     rover, nominal = simulated_rover("nominal", str(data / "rover.toml")), load_variant("nominal")
     assert rover.yaw_inertia == 0.069
     assert (rover.front_cornering_stiffness, rover.servo_lag) == (31.0, nominal.servo_lag)
+
+
+def test_an_instant_counts_from_the_start_of_its_run(data: Path, tmp_path: Path) -> None:
+    runs = read_runs(str(data / RUN))
+
+    def changed(text: str) -> object:
+        (tmp_path / "v.toml").write_text(f'base = "nominal"\n[effects]\nsurface_change = {{ {text} }}\n')
+        return on_the_clock(load_variant(tmp_path / "v.toml"), runs).effects.get("surface_change")
+
+    at = runs[0].span[0] + 3.0
+    assert changed("ratio = 0.8, t = 3.0") == {"ratio": 0.8, "t": at}
+    assert changed(f'ratio = 0.8, t = 3.0, run = "{runs[0].name}"') == {
+        "ratio": 0.8,
+        "t": at,
+        "run": runs[0].name,
+    }
+    assert changed('ratio = 0.8, t = 3.0, run = "another"') is None
+    assert changed("ratio = 0.8, distance = 9.0") == {"ratio": 0.8, "distance": 9.0}
 
 
 def test_a_variant_comes_back_from_its_text(tmp_path: Path) -> None:
