@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rover_sweep.diagnosis.experiment import Experiment
@@ -27,6 +27,7 @@ class Model:
     spread: Spread
     effects: tuple[str, ...] = ()
     happened_in: str = ""
+    two_clocks: bool = False
 
     @property
     def slip(self) -> bool:
@@ -48,7 +49,7 @@ class Model:
     def free(self) -> tuple[Coordinate, ...]:
         """What is fitted: the nominal coordinates, those that an effect releases without prior, its own."""
         nominal = coordinates(self.baseline, self.rover, self.spread, self.slip, self.roll)
-        released = {k: v for e in self.effects for k, v in library()[e].releases.items()}
+        released = {k: v for e in self.effects for k, v in self._released(library()[e]).items()}
         out = [
             replace(c, low=released[c.name][0], high=released[c.name][1], prior=None)
             if c.name in released
@@ -58,6 +59,12 @@ class Model:
         for name in self.effects:
             out += own(library()[name])
         return tuple(out)
+
+    def _released(self, effect: Effect) -> Mapping[str, tuple[float, float]]:
+        """With one clock an offset is told from a delay only where the answer comes before the command."""
+        if effect.id == "clock_offset" and not self.two_clocks:
+            return {"delay": (effect.releases["delay"][0], self.spread.delay)}
+        return effect.releases
 
     def with_effect(self, effect: str, run: str = "") -> Model:
         """This model and one effect more; run: where it happened."""
@@ -106,8 +113,6 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
         return f"acts in {' or '.join(effect.baselines)} models, the baseline is {has}"
     if not recorded & set(effect.channels):
         return f"none of {', '.join(effect.channels)} was recorded"
-    if effect.id == "clock_offset" and not any(run.two_clocks for run in runs):
-        return "one clock stamped steering and motion"
     if effect.id == "cross_slope" and not any(run.has_heading for run in runs):
         return "no heading was recorded"
     if effect.id == "roll_dof" and not (

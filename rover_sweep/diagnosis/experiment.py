@@ -23,7 +23,7 @@ class Experiment:
     forward velocity, smoothed over .25 s; heading (n,) rad, left positive, zero where none was recorded.
     measured: {channel: (n,)} of r, ay, p, vy. at_rest: {channel: mean at standstill}. filters: known
     low-passes. taper (n,): 0 at both ends, 1 between. rates: {channel: sampling rate, Hz}.
-    two_clocks: steering and motion were stamped by different clocks.
+    begin: of t, on the recording's clock [s]. two_clocks: steering and motion were stamped by different clocks.
     """
 
     name: str
@@ -40,6 +40,7 @@ class Experiment:
     has_heading: bool = False
     two_clocks: bool = False
     steer_rate: float = 0.0
+    begin: float = 0.0
 
     @property
     def mean_speed(self) -> float:
@@ -75,6 +76,7 @@ def experiment(run: Recording) -> Experiment:
         "psi" in run,
         len({_clock(run, c) for c in ("delta", "r")}) > 1,
         run["delta"].rate,
+        float(grid[0]),
     )
 
 

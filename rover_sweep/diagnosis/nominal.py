@@ -52,7 +52,7 @@ class Spread:
     imu: float = 0.005
     sensor_lag: float = 0.003
     velocity_gain: float = 0.10
-    velocity_lag: float = 0.030
+    velocity_lag: float = 0.010
 
 
 def coordinates(
@@ -71,7 +71,7 @@ def coordinates(
         Coordinate("imu_z", 0.0, -3 * s.imu, 3 * s.imu, 0.01, s.imu),
         Coordinate("ay_lag", 0.0, -3 * s.sensor_lag, 3 * s.sensor_lag, 0.005, s.sensor_lag),
         Coordinate("p_lag", 0.0, -s.sensor_lag, s.sensor_lag, 0.005, s.sensor_lag / 3),
-        Coordinate("vy_lag", 0.0, -s.velocity_lag, s.velocity_lag, 0.02),
+        Coordinate("vy_lag", 0.003, 0.0, s.velocity_lag, 0.02),
         Coordinate("vy_gain", 0.0, -3 * s.velocity_gain, 3 * s.velocity_gain, 0.05, s.velocity_gain),
     ]
     if slip:

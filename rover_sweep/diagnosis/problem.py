@@ -126,13 +126,13 @@ def with_floors(runs: Sequence[Experiment], floors: Sequence[Floor]) -> Problem:
             found = _rows(run, k, channel, floors[k], start)
             rows.append(found)
             start += found.size
-    data = [_centred(run) for run in runs]
+    data = [centred(run) for run in runs]
     sensors = tuple(Sensors.of(run) for run in runs)
     measured = whitened(tuple(rows), runs, data)
     return Problem(tuple(runs), sensors, tuple(floors), tuple(rows), measured, measured)
 
 
-def _centred(run: Experiment) -> dict[str, Array]:
+def centred(run: Experiment) -> dict[str, Array]:
     """Measurements less the gyros' biases at standstill; that of the accelerometer is a coordinate."""
     return {c: x - (run.at_rest.get(c, 0.0) if c in ("r", "p") else 0.0) for c, x in run.measured.items()}
 

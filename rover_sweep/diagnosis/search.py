@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,9 @@ from rover_sweep.identify.recording import Array
 
 SIZES = (0.25, 0.5, 1.0, 2.0)  # of an effect's plain size, at which the first look is taken
 INSTANTS = 9
-WORTH_A_FIT = 4.0
+HOPELESS = 2.0  # of the gain that a first look promises, below which no fit is made
+POLISHED = 5
+NEAR = 0.4  # of what matters, from which a trial is fitted again
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +65,10 @@ def tangent(fitted: Fitted) -> Tangent:
 
 def first_look(problem: Problem, base: Fitted, model: Model, effect: Effect) -> list[dict[str, float]]:
     """Coordinates of the effect to begin a fit from, {name: coordinate}; none where it explains nothing."""
-    if effect.id in WHOLE or not own(effect):
+    if effect.id in WHOLE:
         return [{}]
-    starts = _starts(effect, problem, model)
-    structure = model.structure
-    seen = problem.models(structure, [{**base.x, **s} for s in starts])
+    starts = _starts(effect, problem, base, model)
+    seen = problem.models(model.structure, [{**base.x, **s} for s in starts])
     now = problem.measured - base.rows
     tang = tangent(base)
     outside = tang.outside(base.rows)
@@ -78,30 +79,41 @@ def first_look(problem: Problem, base: Fitted, model: Model, effect: Effect) -> 
         if power < 1e-6:
             continue
         amount = float(signature @ outside) / power
-        if amount <= 0 and not effect.signed:
-            continue
-        scored.append((amount * amount * power, amount, start))
+        if amount > 0 or effect.signed:
+            # what a step of the whole length would leave, unless the better length is known to be linear
+            scored.append((amount * amount * power, amount, start))
     if not scored:
         return []
-    scored.sort(key=lambda s: -s[0])
+    promise, amount, start = max(scored, key=lambda s: s[0])
+    if promise < HOPELESS and own(effect):
+        return []
+    factor = float(np.sign(amount) * np.clip(abs(amount), 0.5, 2.0))
     return [
-        {k: v * float(np.sign(a) * np.clip(abs(a), 0.5, 2.0)) if not k.endswith(".t") else v for k, v in start.items()}
-        for _, a, start in scored[:1]
+        {
+            k: v if k.endswith(".t") else base.x.get(k, 0.0) + (v - base.x.get(k, 0.0)) * factor
+            for k, v in start.items()
+        }
     ]
 
 
-def _starts(effect: Effect, problem: Problem, model: Model) -> list[dict[str, float]]:
+def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> list[dict[str, float]]:
     if effect.id == "surface_change":
         run = next(r for r in problem.runs if r.name == model.happened_in)
         instants = np.linspace(0.12, 0.88, INSTANTS) * run.t[-1]
         size = effect.parameters[0].size
         return [{effect.key("ratio"): size, effect.key("t"): float(t)} for t in instants]
-    names = [effect.key(name) for name in effect.adds]
-    sizes = {effect.key(p.name): p.size for p in effect.parameters}
-    whole = [{n: f * sizes[n] for n in names} for f in SIZES]
-    if len(names) == 1:
-        return whole
-    return [{n: (f * sizes[n] if n == one else 0.0) for n in names} for one in names for f in SIZES]
+    sizes = {
+        effect.reads.get(p.name, effect.key(p.name)): p.size * effect.per.get(p.name, 1.0)
+        for p in effect.parameters
+    }
+    limits = {c.name: (c.low, c.high) for c in model.free}
+    out = []
+    for one, size in sizes.items():
+        low, high = limits[one]
+        now = base.x.get(one, 0.0)
+        ends = [float(np.clip(now + f * size, low, high)) for f in SIZES]
+        out += [{n: (end if n == one else base.x.get(n, 0.0)) for n in sizes} for end in ends]
+    return out
 
 
 def tried(problem: Problem, base: Fitted, model: Model, effect: Effect) -> Trial | None:
@@ -127,7 +139,10 @@ def all_tried(
     progress: Callable[[str, float], None],
     stop: Callable[[], bool],
 ) -> list[Trial]:
-    """Every effect tried on its own beside a model, the best first; fewer when stopped."""
+    """Every effect tried on its own beside a model, the best first; fewer when stopped.
+
+    These fits take the nominal's sensitivities from the base.
+    """
     out = []
     for k, effect in enumerate(effects):
         if stop():
@@ -139,4 +154,26 @@ def all_tried(
     return sorted(out, key=lambda t: -t.gain)
 
 
-__all__ = ["Trial", "all_tried", "first_look", "tangent", "tried"]
+def all_polished(
+    problem: Problem,
+    base: Fitted,
+    trials: Sequence[Trial],
+    needed: Mapping[str, float],
+    stop: Callable[[], bool],
+) -> list[Trial]:
+    """The best trials fitted again with their own sensitivities; needed: gain of each that would matter."""
+    best = max((t.gain for t in trials), default=0.0)
+    out = []
+    for rank, trial in enumerate(trials):
+        near = trial.gain > NEAR * max(needed.get(trial.effect, 0.0), 0.1 * best)
+        out.append(polished(problem, base, trial) if near and rank < POLISHED and not stop() else trial)
+    return sorted(out, key=lambda t: -t.gain)
+
+
+def polished(problem: Problem, base: Fitted, trial: Trial) -> Trial:
+    """The trial fitted on with its own sensitivities."""
+    found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x)
+    return Trial(trial.effect, trial.model, found, base.cost - found.cost)
+
+
+__all__ = ["Tangent", "Trial", "all_polished", "all_tried", "first_look", "polished", "tangent", "tried"]

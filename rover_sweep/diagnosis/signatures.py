@@ -44,7 +44,9 @@ def signatures(
     have one.
     """
     now = problem.model(model.structure, base.x)
-    wanted = [w for e in effects if e.id not in WHOLE for w in _wanted(problem, base, model, e, at or {}, tiny)]
+    wanted = [
+        w for e in effects if e.id not in WHOLE for w in _wanted(problem, base, model, e, at or {}, tiny)
+    ]
     rows = [problem.model(structure, x) - now for _, _, _, structure, x in wanted]
     return [
         Signature(e.id, p.name, size, 0.0 if p.name in e.reads else p.tiny, e.signed, r)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import lfilter
 
 from rover_sweep.diagnosis.experiment import RATE, Experiment
 from rover_sweep.diagnosis.kernel import SLOT, SLOTS, roll_only, servo, single_track
@@ -88,7 +89,14 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
         y = single_track(delta, speed, grip, *pushed, q, structure.roll, q[SLOT["sigma"]] > 1e-6, STEP)
         names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
         found = base | {name: y[:, k] for k, name in enumerate(names)}
-    return found
+    return found | {"weight": _weight(structure, found, x)}
+
+
+def _weight(structure: Structure, found: Mapping[str, Array], x: Values) -> Array:
+    """Side force per mass (n,) m/s^2 that an accelerometer does not feel."""
+    zero = np.zeros(found["t"].size)
+    heavy = tuple(e for e in structure.of("force") if e.weight)
+    return _pushed(heavy, found, x, structure.rover.mass, zero)[0] / structure.rover.mass if heavy else zero
 
 
 def _pushed(
@@ -109,12 +117,10 @@ def _without_slip(
     r_dot = np.gradient(r, STEP)
     v = rover.b * r
     across = np.gradient(v, STEP) + base["V"] * r
-    for effect in structure.of("force"):
-        if effect.act:
-            across = across + np.asarray(effect.act(base, effect.coordinates(x), rover.mass)[0]) / rover.mass
     y = roll_only(across, r_dot, zero, q, STEP) if structure.roll else np.zeros((r.size, 3))
     return base | {
         "v": v, "r": r, "r_dot": r_dot, "across": across, "phi": y[:, 0], "p": y[:, 1], "p_dot": y[:, 2],
+        "weight": _weight(structure, base, x),
     }  # fmt: skip
 
 
@@ -145,14 +151,27 @@ def sensed(run: Experiment, structure: Structure, x: Values, moved: Mapping[str,
     out = {
         "r": moved["r"],
         "p": moved["p"],
-        "ay": moved["across"] + ahead * moved["r_dot"] - above * moved["p_dot"]
+        "ay": moved["across"] - moved["weight"] + ahead * moved["r_dot"] - above * moved["p_dot"]
         + GRAVITY * np.sin(moved["phi"]) + x.get("bias_ay", 0.0),
-        "vy": (moved["v"] + ahead * moved["r"] - above * moved["p"]) * (1.0 + x.get("vy_gain", 0.0)),
+        "vy": _lagged_velocity(moved, moved["v"] + ahead * moved["r"] - above * moved["p"], x)
+        * (1.0 + x.get("vy_gain", 0.0)),
     }  # fmt: skip
     for effect in structure.of("sensor"):
         if effect.act:
             out = effect.act(out, moved, effect.coordinates(x))
     return out
+
+
+def _lagged_velocity(moved: Mapping[str, Array], across: Array, x: Values) -> Array:
+    """V_y (n,) of a velocity that lags over ground: in a turn the heading runs away from it, T V r."""
+    lag = x.get("vy_lag", 0.0)
+    if lag <= 1e-5:
+        return across
+    turned = np.exp(1j * np.cumsum(moved["r"]) * STEP)
+    keep = exp(-STEP / lag)
+    ground = (moved["V"] + 1j * across) * turned
+    slow = lfilter([1.0 - keep], [1.0, -keep], ground, zi=[keep * ground[0]])[0]
+    return np.asarray((slow * np.conj(turned)).imag)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,12 +205,10 @@ class Sensors:
         return out
 
     def _lag(self, channel: str, x: Values) -> Any:
-        lag = {"ay": "ay_lag", "vy": "vy_lag", "p": "p_lag"}.get(channel)
+        lag = {"ay": "ay_lag", "p": "p_lag"}.get(channel)
         lag_s = x.get(lag, 0.0) if lag else 0.0
         if lag_s == 0.0:
             return 1.0
-        if channel == "vy" and lag_s > 0:
-            return 1.0 / (1.0 + 1j * self.w * lag_s)
         return np.exp(-1j * self.w * lag_s)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_sweep.diagnosis.search import Tangent
+from rover_sweep.diagnosis.search import INSTANTS, Tangent
 from rover_sweep.diagnosis.signatures import Signature
 from rover_sweep.identify.recording import Array
 
@@ -52,6 +52,8 @@ def null(
     for effect in dict.fromkeys(s.effect for s in found):
         members = [k for k, s in enumerate(found) if s.effect == effect]
         gains[effect] = _gain(seen, gram, members, found)
+        if effect == "surface_change":  # signed at one instant of each run, while the search tries several
+            gains[effect] = gains[effect] + overdispersion * 2 * np.log(INSTANTS)
     return Null(gains, _thresholds(gains))
 
 

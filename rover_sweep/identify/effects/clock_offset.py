@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from rover_sweep.identify.effects.effect import Effect, EffectParameter
+from rover_sweep.identify.effects.effect import Effect, EffectParameter, Values
+
+USUAL_DELAY = 0.02  # s; an offset of the clocks cannot be told from the delay that every steering has
+
+
+def stamped(found: Values) -> dict[str, tuple[float, str, str]]:
+    """The offset, taking the usual delay for the rover's own."""
+    return {"T": (USUAL_DELAY - found["T"], "s", "the steering is stamped late by T")}
+
 
 EFFECT = Effect(
     id="clock_offset",
@@ -17,5 +25,6 @@ EFFECT = Effect(
     excites="high frequency",
     next_run="the DataFlash log of the same run, in which one clock stamps everything",
     reads={"T": "delay"},
+    shown=stamped,
     releases={"delay": (-0.5, 0.5)},
 )

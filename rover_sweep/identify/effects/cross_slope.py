@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from rover_sweep.identify.effects.effect import Effect, EffectParameter, Motion, Values
 from rover_sweep.identify.geometry import GRAVITY
 from rover_sweep.identify.recording import Array
-from rover_sweep.identify.effects.effect import Effect, EffectParameter, Motion, Values
 
 
 def downhill(motion: Motion, q: Values, mass: float) -> tuple[Array, float, float]:
-    """Side force m g b cos(psi - psi0) [N], given by its two components east and north of the heading."""
+    """Weight across the rover [N]: the ground pushes back, so the accelerometer shows + g b cos(psi - psi0)."""
     side = q["b_cos"] * np.cos(motion["psi"]) + q["b_sin"] * np.sin(motion["psi"])
-    return mass * GRAVITY * side, 0.0, 0.0
+    return -mass * GRAVITY * side, 0.0, 0.0
+
+
+def slope(found: Values) -> dict[str, tuple[float, str, str]]:
+    """Slope b and the heading psi0 at which it shows most."""
+    c, s = found["b_cos"], found["b_sin"]
+    return {
+        "b": (float(np.hypot(c, s)), "rad", "slope of the ground"),
+        "psi0": (float(np.arctan2(s, c)), "rad", "heading, left positive from north, of the largest +a_y"),
+    }
 
 
 EFFECT = Effect(
@@ -31,5 +40,7 @@ EFFECT = Effect(
     excites="runs to and fro",
     next_run="the same run in the opposite direction",
     act=downhill,
+    weight=True,
+    shown=slope,
     material={"b_cos": 0.02, "b_sin": 0.02},
 )

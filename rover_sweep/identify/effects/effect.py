@@ -67,7 +67,9 @@ class Effect:
       grip: (t (n,), q) -> (n,) factor of both axles' stiffness
       speed: (speed (n,), motion, q) -> speed (n,) as the effect predicts it
       vehicle: no function; the coordinates fill slots of the compiled kernel
-    slots: {parameter: slot}. iterate: a force that depends on the motion it makes.
+    slots: {parameter: slot}. iterate: a force that depends on the motion it makes;
+    weight: a force that an accelerometer does not feel. shown: ({parameter: value}) -> {name: (value,
+    unit, convention)} where the parameters that a user reads are others than the fitted ones.
     q: {parameter: coordinate}. releases: coordinates of the nominal model that the effect sets free beyond
     the material size, {name: (low, high)}. material: what a number of this effect must exceed to be more
     than a nuisance, {parameter: coordinate}. baselines: the models it can be missing from. channels: at
@@ -88,6 +90,7 @@ class Effect:
     act: Callable[..., Any] | None = None
     slots: Mapping[str, str] = field(default_factory=dict)
     reads: Mapping[str, str] = field(default_factory=dict)
+    per: Mapping[str, float] = field(default_factory=dict)
     releases: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     material: Mapping[str, float] = field(default_factory=dict)
     baselines: tuple[str, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")
@@ -95,6 +98,8 @@ class Effect:
     speeds: int = 1
     signed: bool = True
     iterate: bool = False
+    weight: bool = False
+    shown: Callable[[Values], dict[str, tuple[float, str, str]]] | None = None
 
     def key(self, parameter: str) -> str:
         """Name of a coordinate in the whole model: "<id>.<parameter>"."""
@@ -104,6 +109,26 @@ class Effect:
     def adds(self) -> tuple[str, ...]:
         """The parameters with a coordinate of their own; the others are read off a released one."""
         return tuple(p.name for p in self.parameters if p.name not in self.reads)
+
+    def values(self, x: Values) -> dict[str, float]:
+        """{parameter: physical value} out of the whole model's coordinates."""
+        return {
+            p.name: p.value(x.get(self.reads.get(p.name, self.key(p.name)), 0.0) / self.per.get(p.name, 1.0))
+            for p in self.parameters
+        }
+
+    def reported(self, x: Values) -> dict[str, tuple[float, str, str]]:
+        """What a user reads: {name: (value, unit, convention)}."""
+        found = self.values(x)
+        if self.shown:
+            return self.shown(found)
+        return {p.name: (found[p.name], p.unit, p.convention) for p in self.parameters}
+
+    def counts(self, x: Values) -> bool:
+        """True where any parameter reaches its material size (always, for an effect without one)."""
+        found = self.values(x)
+        sizes = {p.name: abs(p.coordinate(found[p.name])) for p in self.parameters if p.name in self.material}
+        return not sizes or any(size >= self.material[name] for name, size in sizes.items())
 
     def coordinates(self, values: Values) -> dict[str, float]:
         """{parameter: coordinate} out of the whole model's values, 0 where absent."""

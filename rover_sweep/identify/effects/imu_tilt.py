@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rover_sweep.identify.recording import Array
 from rover_sweep.identify.effects.effect import Effect, EffectParameter, Motion, Values
+from rover_sweep.identify.geometry import GRAVITY
+from rover_sweep.identify.recording import Array
 
 
 def tilted(measured: Motion, motion: Motion, q: Values) -> dict[str, Array]:
@@ -47,6 +48,7 @@ EFFECT = Effect(
     next_run="standing still on a level floor at two headings: a_y",
     act=tilted,
     reads={"roll": "bias_ay"},
+    per={"roll": GRAVITY},
     releases={"bias_ay": (-6.0, 6.0)},
     material={"roll": 0.0306, "pitch": 0.02, "yaw": 0.05},
 )

@@ -10,8 +10,8 @@ EFFECT = Effect(
     equation="(Ixx + ms h^2) p' + b_phi p + (k_phi - ms g h) phi = ms h (V_y' + V r)",
     source="roll-yaw model, equation (18) of the paper",
     parameters=(
-        EffectParameter("k_phi", "N m/rad", 0.0, 0.0, 0.0, "roll stiffness"),
-        EffectParameter("b_phi", "N m s/rad", 0.0, 0.0, 0.0, "roll damping"),
+        EffectParameter("k_phi", "N m/rad", 0.1, -9, 9, "roll stiffness", form="ratio"),
+        EffectParameter("b_phi", "N m s/rad", 0.1, -9, 9, "roll damping", form="ratio"),
     ),
     stage="vehicle",
     shows="a_y, V_y' and p jointly, never r alone",
@@ -19,6 +19,7 @@ EFFECT = Effect(
     needs="a_y or p",
     excites="the roll mode, 15 to 30 rad/s",
     next_run="a sweep across the roll mode with p recorded",
+    reads={"k_phi": "ln_k_phi", "b_phi": "ln_b_phi"},
     baselines=("kinematic", "bicycle"),
     channels=("ay", "p"),
 )

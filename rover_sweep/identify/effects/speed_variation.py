@@ -9,7 +9,7 @@ EFFECT = Effect(
     title="cornering drag takes speed",
     equation="V' = (V_set - V)/tau_V - D a_y^2",
     source="Rajamani 2012, chapter 2; left_out_physics",
-    parameters=(EffectParameter("D", "s/m", 0.02, 0.0, 2.0, "loss of speed per a_y squared", tiny=0.002),),
+    parameters=(EffectParameter("D", "s^2/m", 0.02, 0.0, 2.0, "loss of speed per a_y squared", tiny=0.002),),
     stage="speed",
     shows="the measured speed itself: even in the steering, at low frequency",
     apart="nothing else moves the speed with the square of a_y",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rover_sweep.identify.recording import Array
 from rover_sweep.identify.effects.effect import Effect, EffectParameter, Values
+from rover_sweep.identify.recording import Array
 
 
 def cubic(steer: Array, q: Values) -> Array:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rover_sweep.identify.recording import Array
 from rover_sweep.identify.effects.effect import Effect, EffectParameter, Values
+from rover_sweep.identify.recording import Array
 
 
 def changed(t: Array, q: Values) -> Array:
@@ -29,5 +29,6 @@ EFFECT = Effect(
     excites="any",
     next_run="repeat the run on one ground",
     act=changed,
+    material={"ratio": 0.08},
     baselines=("roll-yaw", "bicycle"),
 )

@@ -10,8 +10,10 @@ EFFECT = Effect(
     equation="F = -C alpha, Izz r' = a Ff - b Fr",
     source="bicycle model, equation (17) of the paper",
     parameters=(
-        EffectParameter("C", "N/rad", 0.0, 0.0, 0.0, "cornering stiffness of an axle, mean of both"),
-        EffectParameter("Izz", "kg m^2", 0.0, 0.0, 0.0, "yaw inertia about the CG"),
+        EffectParameter(
+            "C", "N/rad", 0.1, -9, 9, "cornering stiffness of an axle, mean of both", form="ratio"
+        ),
+        EffectParameter("Izz", "kg m^2", 0.1, -9, 9, "yaw inertia about the CG", form="ratio"),
     ),
     stage="vehicle",
     shows="r lags and V_y is not zero, more with speed",
@@ -19,5 +21,6 @@ EFFECT = Effect(
     needs="one sweep",
     excites="high frequency, high speed",
     next_run="the same sweep at a second speed",
+    reads={"C": "ln_C", "Izz": "ln_Izz"},
     baselines=("kinematic",),
 )

@@ -18,7 +18,7 @@ EFFECT = Effect(
     next_run="read EK3_VEL_DELAY or the GPS delay; compare with a_y integrated",
     reads={"T": "vy_lag"},
     releases={"vy_lag": (0.0, 1.0)},
-    material={"T": 0.03},
+    material={"T": 0.01},
     channels=("vy",),
     signed=False,
 )

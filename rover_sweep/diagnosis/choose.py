@@ -1,0 +1,198 @@
+"""Effects are added until none helps, each is then tried without, and what would do as well is named.
+
+Every round has its own noise floor and its own metric, since both depend on the model of that round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rover_sweep.diagnosis.alike import Alike, look_alikes
+from rover_sweep.diagnosis.candidates import WHOLE, Model, possible
+from rover_sweep.diagnosis.experiment import Experiment
+from rover_sweep.diagnosis.fitting import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem import Problem, centred, problem
+from rover_sweep.diagnosis.search import Tangent, Trial, all_polished, all_tried, tangent, tried
+from rover_sweep.diagnosis.signatures import Signature, columns, signatures
+from rover_sweep.diagnosis.simulate import Sensors, logged
+from rover_sweep.diagnosis.threshold import Null, null
+from rover_sweep.identify.effects import Effect, library
+
+MOST = 4  # effects at once
+LAGS = ("servo_lag", "transport_delay")
+TOGETHER = 0.072  # s, of lag and delay, from which they are a finding
+
+
+@dataclass(frozen=True, eq=False)
+class Options:
+    """Which candidates, where the bootstrap starts, and how to report and stop."""
+
+    only: tuple[str, ...]
+    without: tuple[str, ...]
+    seed: int
+    progress: Callable[[str, float], None]
+    stop: Callable[[], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A model fitted in the metric of an ordinary rover, and every effect tried beside it."""
+
+    model: Model
+    problem: Problem
+    fitted: Fitted
+    trials: tuple[Trial, ...]
+    thresholds: Null
+    tangent: Tangent
+    tiny: tuple[Signature, ...]
+    unseen: Mapping[str, str]
+
+    @property
+    def overdispersion(self) -> float:
+        """Variance of a row that is left, at least 1."""
+        return max(1.0, self.fitted.data_cost / self.problem.size)
+
+    def significant(self) -> list[Trial]:
+        """Trials beyond their thresholds and their material size, the best first."""
+        return [t for t in self.trials if self.passes(t)]
+
+    def passes(self, trial: Trial) -> bool:
+        """True for a trial that is a finding."""
+        over = self.after(trial)
+        return trial.gain > over * self.thresholds.thresholds.get(trial.effect, 0.0) and material(trial)
+
+    def after(self, trial: Trial) -> float:
+        """Variance of a row that the trial leaves over that of the round's own bootstrap, at least 1."""
+        left = max(1.0, trial.fitted.data_cost / self.problem.size)
+        return left / self.overdispersion if left > self.overdispersion else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """An effect that stays: its trial beside the model without it, threshold and look-alikes."""
+
+    trial: Trial
+    base: Fitted
+    threshold: float
+    alike: tuple[Alike, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What was chosen. first: the round of the nominal model; last: that of the model with all effects."""
+
+    first: Round
+    last: Round
+    named: tuple[Named, ...]
+
+
+def material(trial: Trial) -> bool:
+    """False where the effect came out below the size from which it is a finding."""
+    effect, x = library()[trial.effect], trial.fitted.x
+    if trial.effect in LAGS:
+        return x["lag"] + x["delay"] > TOGETHER
+    if trial.effect == "clock_offset" and not trial.model.two_clocks:
+        return x["delay"] < -0.008
+    return effect.counts(x)
+
+
+def begun(runs: Sequence[Experiment], model: Model, start: Mapping[str, float]) -> tuple[Problem, Fitted]:
+    """The model fitted with the noise floor of its own residual."""
+    x = {**{c.name: c.start for c in model.free}, **start}
+    for _ in range(2):
+        found = with_floor_of(runs, model, x)
+        fitted = fit(found, model.structure, model.free, x)
+        x = dict(fitted.x)
+    return found, fitted
+
+
+def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, float]) -> Problem:
+    """The problem of the runs with the noise floor of what a model leaves."""
+    residuals = []
+    for run in runs:
+        model_log = logged(run, model.structure, x, Sensors.of(run))
+        residuals.append({c: y - model_log[c] for c, y in centred(run).items()})
+    return problem(runs, residuals)
+
+
+def round_of(
+    runs: Sequence[Experiment],
+    model: Model,
+    start: Mapping[str, float],
+    options: Options,
+    search: bool = True,
+) -> Round:
+    """One round: the model fitted, in the metric of what every rover has, and each candidate tried."""
+    options.progress("fitting the model", 0.0)
+    plain, fitted = begun(runs, model, start)
+    ordinary = [e for e in library().values() if e.id not in model.effects and not _absent(e, model, runs)]
+    tiny = signatures(plain, fitted, model, ordinary, tiny=True)
+    metric = plain.in_metric(columns(tiny, plain.size))
+    fitted = sensitivities(metric, fit(metric, model.structure, model.free, fitted.x))
+    effects, unseen = possible(model, runs, options.only, options.without)
+    tang = tangent(fitted)
+    seen = signatures(metric, fitted, model, effects)
+    in_metric = signatures(metric, fitted, model, ordinary, tiny=True)
+    over = max(1.0, fitted.data_cost / metric.size)
+    # what is left may be the effect that is looked for, so a large residual is no large noise
+    thresholds = null(seen, in_metric, tang, min(over, 1.5), options.seed)
+    trials = all_tried(metric, fitted, model, effects, options.progress, options.stop) if search else []
+    trials = all_polished(metric, fitted, trials, thresholds.thresholds, options.stop)
+    return Round(model, metric, fitted, tuple(trials), thresholds, tang, tuple(in_metric), unseen)
+
+
+def _absent(effect: Effect, model: Model, runs: Sequence[Experiment]) -> bool:
+    return effect.id in possible(model, runs)[1]
+
+
+def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options) -> Choice:
+    """Adds and removes effects until neither helps."""
+    first = current = round_of(runs, model, start, options)
+    named: list[Named] = []
+    while len(named) < MOST and not options.stop():
+        found = current.significant()
+        if not found:
+            break
+        best = found[0]
+        alike = look_alikes(
+            current.fitted, best, [t for t in found if _rival(t, best)], current.tangent, current.tiny,
+            max(1.0, best.fitted.data_cost / current.problem.size), options.seed,
+        )  # fmt: skip
+        threshold = current.thresholds.thresholds.get(best.effect, 0.0)
+        named.append(Named(best, current.fitted, threshold, alike))
+        current = round_of(runs, best.model, best.fitted.x, options)
+        named = _kept(named, current, options)
+        if [n.trial.effect for n in named] != list(current.model.effects):
+            effects = tuple(n.trial.effect for n in named)
+            current = round_of(runs, replace(current.model, effects=effects), current.fitted.x, options)
+    return Choice(first, current, tuple(named))
+
+
+def _rival(trial: Trial, best: Trial) -> bool:
+    """A whole degree of freedom and a term are no rivals."""
+    return trial.effect != best.effect and (trial.effect in WHOLE) == (best.effect in WHOLE)
+
+
+def _kept(named: Sequence[Named], current: Round, options: Options) -> list[Named]:
+    """The named effects without those that are not needed any more, or that another now does better."""
+    out = list(named)
+    if len(out) < 2:
+        return out
+    for one in named[:-1]:
+        if options.stop() or one.trial.effect in WHOLE:
+            continue
+        rest = current.model.without(one.trial.effect)
+        less = fit(current.problem, rest.structure, rest.free, current.fitted.x)
+        trial = Trial(one.trial.effect, current.model, current.fitted, less.cost - current.fitted.cost)
+        if trial.gain < max(one.threshold, 9.0) or not material(trial):
+            out.remove(one)
+            continue
+        again = [
+            t
+            for a in one.alike
+            if (t := tried(current.problem, less, rest, library()[a.effect])) and t.gain > 0.8 * trial.gain
+        ]
+        alike = tuple(a for a in one.alike if a.effect in {t.effect for t in again})
+        out[out.index(one)] = replace(one, alike=alike)
+    return out
