@@ -74,10 +74,14 @@ def held_out_table(
     """
     headings = ("run", "J_rms before", "after", "TIC before", "after", "share removed")
     rows = tuple(
-        (Cell(_ending(h.run, room)), *_pair(h.before.j_rms, h.after.j_rms, 3), *_pair(h.before.tic, h.after.tic, 2),
-         Cell(share(h.share_removed)))
+        (
+            Cell(_ending(h.run, room)),
+            *_pair(h.before.j_rms, h.after.j_rms, 3),
+            *_pair(h.before.tic, h.after.tic, 2),
+            Cell(share(h.share_removed)),
+        )
         for h in held_out
-    )  # fmt: skip
+    )
     return Table(heading, headings, rows, FLOOR if note else "")
 
 

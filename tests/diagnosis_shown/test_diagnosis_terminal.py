@@ -121,4 +121,4 @@ def test_a_long_name_leaves_the_numbers_whole() -> None:
     name = "2025-05-01-afternoon/run4_doublet_150us_gravel"
     text = shown(summary(replace(EXPLAINED, held_out=(replace(EXPLAINED.held_out[0], run=name),))))
     assert "J_rms before  after  TIC before  after  share removed" in text
-    assert "…doublet_150us_gravel" in text and "87 %" in text
+    assert "…n4_doublet_150us_gravel" in text and "87 %" in text
