@@ -20,7 +20,8 @@ NOISE = "#C8C8C8"
 SHADE = "#FBE9C6"
 DEG = 180 / np.pi
 ROW, HEAD, FOOT = 2.5, 0.45, 0.5  # in
-CLOSE_UP = 5.0  # s, at least a quarter of the slowest motion that matters
+CLOSE_UP, SHORTEST = 5.0, 1.2  # s, a quarter of the slowest motion that matters, and that of a quick one
+SWINGS = 5.0  # that a close-up still shows apart
 
 
 def overlays(channels: Sequence[Overlay], changed: bool = True) -> Figure:
@@ -91,13 +92,22 @@ def _close_up(channels: Sequence[Overlay], changed: bool) -> tuple[float, float]
     """The seconds of the run in which what is compared differs most, in sizes of the noise."""
     o = channels[0]
     t = o.t - o.t[0]
-    length = min(CLOSE_UP, float(t[-1]))
     power = np.zeros(t.size)
     for c in channels:
         gap = (c.before - c.after) if changed else (c.before - c.measured)
         power += np.interp(t, c.t - c.t[0], np.nan_to_num(gap) / max(c.noise, 1e-12)) ** 2
+    start = float(t[_busiest(power, t, min(CLOSE_UP, float(t[-1])))])
+    length = min(float(t[-1]), max(SHORTEST, min(CLOSE_UP, SWINGS * _period(o, t, start))))
     start = float(t[_busiest(power, t, length)])
     return start, start + length
+
+
+def _period(o: Overlay, t: Array, start: float) -> float:
+    """Mean period of the simulated motion over the seconds from `start` on; long where it hardly swings."""
+    inside = (t >= start) & (t <= start + CLOSE_UP)
+    x = np.nan_to_num(o.before[inside])
+    crossings = int(np.count_nonzero(np.diff(np.signbit(x - x.mean())))) if x.size else 0
+    return 2 * CLOSE_UP / max(crossings, 1)
 
 
 def _busiest(power: Array, t: Array, length: float) -> int:
