@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from rover_sweep.identify.recording import Array, LowPass, Recording
 
@@ -56,7 +57,7 @@ class Experiment:
 def experiment(run: Recording) -> Experiment:
     """The run between `MARGIN` before and after its manoeuvre, as far as the rover was driving there."""
     start, end = _driven(run)
-    grid = start + np.arange(int((end - start) * RATE) + 1) / RATE
+    grid = start + np.arange(_fast(int((end - start) * RATE) + 1)) / RATE
     measured = {c: run[c].on(grid) for c in CHANNELS if c in run}
     speed = _smooth(run["speed"].on(grid), 0.25)
     heading = np.unwrap(run["psi"].on(grid)) if "psi" in run else np.zeros(grid.size)
@@ -78,6 +79,13 @@ def experiment(run: Recording) -> Experiment:
         run["delta"].rate,
         float(grid[0]),
     )
+
+
+def _fast(n: int) -> int:
+    """The largest length up to n whose transform is quick."""
+    while n > 16 and next_fast_len(n, real=True) != n:
+        n -= 1
+    return n
 
 
 def _clock(run: Recording, channel: str) -> str:

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import rfft
 
 from rover_sweep.diagnosis.experiment import RATE, Experiment
 from rover_sweep.diagnosis.floor import Floor, floor_of
@@ -154,6 +155,6 @@ def whitened(rows: Sequence[Rows], runs: Sequence[Experiment], logs: Sequence[Ma
     parts = []
     for row in rows:
         run = runs[row.run]
-        lines = np.fft.rfft(logs[row.run][row.channel] * run.taper)[row.bins] * row.weight
+        lines = rfft(logs[row.run][row.channel] * run.taper)[row.bins] * row.weight
         parts += [lines.real, lines.imag]
     return np.concatenate(parts)

@@ -15,7 +15,7 @@ from rover_sweep.identify.effects import Effect
 from rover_sweep.identify.recording import Array
 
 SIZES = (0.25, 0.5, 1.0, 2.0)  # of an effect's plain size, at which the first look is taken
-INSTANTS = 9
+INSTANTS = 7
 HOPELESS = 2.0  # of the gain that a first look promises, below which no fit is made
 POLISHED = 5
 NEAR = 0.4  # of what matters, from which a trial is fitted again
@@ -63,37 +63,33 @@ def tangent(fitted: Fitted) -> Tangent:
     return Tangent(q, fitted.rows.size)
 
 
-def first_look(problem: Problem, base: Fitted, model: Model, effect: Effect) -> list[dict[str, float]]:
-    """Coordinates of the effect to begin a fit from, {name: coordinate}; none where it explains nothing."""
-    if effect.id in WHOLE:
-        return [{}]
+def first_look(
+    problem: Problem, base: Fitted, model: Model, effect: Effect
+) -> tuple[float, dict[str, float]] | None:
+    """(gain it promises, coordinates {name: coordinate} to begin a fit from); None: it explains nothing."""
     starts = _starts(effect, problem, base, model)
     seen = problem.models(model.structure, [{**base.x, **s} for s in starts])
     now = problem.measured - base.rows
     tang = tangent(base)
     outside = tang.outside(base.rows)
-    scored = []
+    best: tuple[float, float, dict[str, float]] | None = None
     for start, rows in zip(starts, seen, strict=True):
         signature = tang.outside(rows - now)
         power = float(signature @ signature)
         if power < 1e-6:
             continue
         amount = float(signature @ outside) / power
-        if amount > 0 or effect.signed:
-            # what a step of the whole length would leave, unless the better length is known to be linear
-            scored.append((amount * amount * power, amount, start))
-    if not scored:
-        return []
-    promise, amount, start = max(scored, key=lambda s: s[0])
-    if promise < HOPELESS and own(effect):
-        return []
+        promise = amount * amount * power
+        if (amount > 0 or effect.signed) and (best is None or promise > best[0]):
+            best = promise, amount, start
+    if best is None or (best[0] < HOPELESS and own(effect)):
+        return None
+    promise, amount, start = best
     factor = float(np.sign(amount) * np.clip(abs(amount), 0.5, 2.0))
-    return [
-        {
-            k: v if k.endswith(".t") else base.x.get(k, 0.0) + (v - base.x.get(k, 0.0)) * factor
-            for k, v in start.items()
-        }
-    ]
+    return promise, {
+        k: v if k.endswith(".t") else base.x.get(k, 0.0) + (v - base.x.get(k, 0.0)) * factor
+        for k, v in start.items()
+    }
 
 
 def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> list[dict[str, float]]:
@@ -118,17 +114,19 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
 
 def tried(problem: Problem, base: Fitted, model: Model, effect: Effect) -> Trial | None:
     """The model with the effect, fitted from the best first look; None where it explains nothing."""
-    runs = [r.name for r in problem.runs] if effect.stage == "grip" else [""]
-    best: Trial | None = None
-    for run in runs:
-        extended = model.with_effect(effect.id, run)
-        for start in first_look(problem, base, extended, effect):
-            known = None if effect.id in WHOLE else base
-            found = fit(problem, extended.structure, extended.free, {**base.x, **start}, known=known)
-            trial = Trial(effect.id, extended, found, base.cost - found.cost)
-            if best is None or trial.gain > best.gain:
-                best = trial
-    return best
+    if effect.id in WHOLE:
+        looks = [(model.with_effect(effect.id), (0.0, {}))]
+    else:
+        runs = [r.name for r in problem.runs] if effect.stage == "grip" else [""]
+        extended = [model.with_effect(effect.id, run) for run in runs]
+        found = [(m, first_look(problem, base, m, effect)) for m in extended]
+        looks = [(m, look) for m, look in found if look is not None]
+    if not looks:
+        return None
+    with_it, (_, start) = max(looks, key=lambda x: x[1][0])
+    known = None if effect.id in WHOLE else base
+    fitted = fit(problem, with_it.structure, with_it.free, {**base.x, **start}, known=known)
+    return Trial(effect.id, with_it, fitted, base.cost - fitted.cost)
 
 
 def all_tried(
