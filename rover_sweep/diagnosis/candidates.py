@@ -113,6 +113,8 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
         return f"acts in {' or '.join(effect.baselines)} models, the baseline is {has}"
     if not recorded & set(effect.channels):
         return f"none of {', '.join(effect.channels)} was recorded"
+    if effect.stage == "speed":
+        return "the measured speed is taken as it is and not yet judged itself"
     if effect.id == "cross_slope" and not any(run.has_heading for run in runs):
         return "no heading was recorded"
     if effect.id == "roll_dof" and not (

@@ -125,10 +125,12 @@ class Effect:
         return {p.name: (found[p.name], p.unit, p.convention) for p in self.parameters}
 
     def counts(self, x: Values) -> bool:
-        """True where any parameter reaches its material size (always, for an effect without one)."""
+        """True where any parameter reaches its material size, twice the tiny one where none is stated."""
         found = self.values(x)
-        sizes = {p.name: abs(p.coordinate(found[p.name])) for p in self.parameters if p.name in self.material}
-        return not sizes or any(size >= self.material[name] for name, size in sizes.items())
+        sizes = {p.name: self.material.get(p.name, 2.0 * p.tiny) for p in self.parameters}
+        sizes = {name: size for name, size in sizes.items() if size > 0}
+        coordinates = {p.name: abs(p.coordinate(found[p.name])) for p in self.parameters}
+        return not sizes or any(coordinates[name] >= size for name, size in sizes.items())
 
     def coordinates(self, values: Values) -> dict[str, float]:
         """{parameter: coordinate} out of the whole model's values, 0 where absent."""

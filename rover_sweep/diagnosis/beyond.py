@@ -1,0 +1,95 @@
+"""What no candidate explains: a residual that the state predicts on a run that the regression has not seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rover_sweep.diagnosis.choose import Round
+from rover_sweep.diagnosis.experiment import RATE
+from rover_sweep.diagnosis.problem import Problem
+from rover_sweep.diagnosis.result import Unknown
+from rover_sweep.diagnosis.simulate import Sensors, Structure, motion
+from rover_sweep.identify.recording import Array
+
+ABOVE = 1.6  # mean square of the rows, from which a residual is worth a question
+PREDICTED = 0.3  # share of the residual above the floor that the state must predict on the other runs
+KEPT = 3  # terms of the sketch of a law
+
+
+def unknown(last: Round) -> Unknown | None:
+    """The answer on what the final model leaves, None where it is at the noise floor or only noise.
+
+    The residual of each channel is regressed on functions of the model's state, terms taken one at a
+    time (a SINDy-type sketch); it counts where it predicts the runs left out of the regression.
+    """
+    problem, rows = last.problem, last.fitted.rows
+    best: Unknown | None = None
+    for channel in ("r", "ay", "p"):
+        mean = problem.part(rows, channel=channel)
+        if mean.size == 0 or float(np.mean(mean**2)) < ABOVE:
+            continue
+        terms = _terms(problem, last.model.structure, dict(last.fitted.x), channel)
+        chosen, gain = _sketch(problem, rows, channel, terms)
+        if gain < PREDICTED:
+            continue
+        ratio = float(np.sqrt(np.mean(mean**2)))
+        if best is None or ratio > best.residual_over_noise:
+            on = ", ".join(chosen)
+            best = Unknown(
+                channel, on, ratio,
+                f"{channel} still differs by {ratio:.1f} times the noise; it follows {on}, and no candidate explains it",
+                f"residual of {channel} ~ " + " + ".join(chosen), gain,
+            )  # fmt: skip
+    return best
+
+
+def _terms(problem: Problem, structure: Structure, x: dict[str, float], channel: str) -> dict[str, Array]:
+    """Rows (size of the channel's,) of functions of the state, scaled to unit length."""
+    columns: dict[str, list[Array]] = {}
+    for k, run in enumerate(problem.runs):
+        m = motion(run, structure, x)
+        base = {
+            "v": m["v"],
+            "r": m["r"],
+            "p": m["p"],
+            "phi": m["phi"],
+            "delta": m["delta"],
+            "a_y": m["across"],
+        }
+        functions = dict(base)
+        for name, s in base.items():
+            functions[f"{name}^3"] = s**3
+            functions[f"abs({name})"] = np.abs(s)
+            functions[f"sgn({name})"] = np.tanh(s / (0.1 * np.std(s) + 1e-9))
+            functions[f"d{name}/dt"] = np.gradient(s, 1 / RATE)
+        logs = Sensors.of(run).through({n: y for n, y in functions.items()}, structure, x)
+        row = next(r for r in problem.rows if r.run == k and r.channel == channel)
+        for name, y in logs.items():
+            lines = np.fft.rfft(y * run.taper)[row.bins] * row.weight
+            columns.setdefault(name, []).append(np.concatenate((lines.real, lines.imag)))
+    return {n: np.concatenate(parts) for n, parts in columns.items()}
+
+
+def _sketch(problem: Problem, rows: Array, channel: str, terms: dict[str, Array]) -> tuple[list[str], float]:
+    """(terms chosen on all runs but one, share of the last run's residual above the floor they predict)."""
+    sizes = [r.size for r in problem.rows if r.channel == channel]
+    if len(sizes) < 2:
+        return [], 0.0
+    target = problem.part(rows, channel=channel)
+    test = np.zeros(target.size, bool)
+    test[-sizes[-1] :] = True
+    left, chosen = target[~test], []
+    fitted = np.zeros(0)
+    for _ in range(KEPT):
+        scores = {
+            n: abs(float(c[~test] @ left)) / (np.linalg.norm(c[~test]) + 1e-12) for n, c in terms.items()
+        }
+        best = max((n for n in scores if n not in chosen), key=lambda n: scores[n])
+        chosen.append(best)
+        a = np.column_stack([terms[n] for n in chosen])
+        fitted = np.linalg.lstsq(a[~test], target[~test], rcond=None)[0]
+        left = target[~test] - a[~test] @ fitted
+    a = np.column_stack([terms[n] for n in chosen])
+    before, after = float(np.sum(target[test] ** 2)), float(np.sum((target[test] - a[test] @ fitted) ** 2))
+    above = before - test.sum()
+    return chosen, (before - after) / above if above > 0.1 * test.sum() else 0.0

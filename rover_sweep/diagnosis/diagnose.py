@@ -1,0 +1,199 @@
+"""From runs to a diagnosis: locate, name, model, show."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from math import exp, log
+
+from rover_sweep.diagnosis.alike import Alike
+from rover_sweep.diagnosis.beyond import unknown
+from rover_sweep.diagnosis.candidates import Model, speeds_of
+from rover_sweep.diagnosis.choose import Choice, Named, Options, choose
+from rover_sweep.diagnosis.experiment import Experiment, experiment
+from rover_sweep.diagnosis.held_out import Modelled, held_out, overlays
+from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
+from rover_sweep.diagnosis.locate import mismatches
+from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.result import (
+    Diagnosis,
+    EffectValue,
+    Falsified,
+    Finding,
+    HeldOut,
+    Unknown,
+    Unseen,
+    Verdict,
+)
+from rover_sweep.diagnosis.settings import DiagnosisSettings
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.identify.effects import library
+from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.grouping import Settings, grouped
+from rover_sweep.identify.recording import Recording
+
+Progress = Callable[[str, float], None]
+MATERIAL_CHANGE = 0.03  # of a nominal parameter, from which it is told as falsified
+
+
+def diagnose(
+    runs: Sequence[Recording],
+    rover: Geometry,
+    settings: DiagnosisSettings,
+    held_out_runs: Sequence[Recording] = (),
+    simulated: Sequence[Recording] = (),
+    progress: Progress | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Diagnosis:
+    """What was left out of a baseline, from recordings with steering angles.
+
+    DataRefused where nothing can be identified from the runs; UsageError for what is not offered.
+    """
+    begun = time.monotonic()
+    limit = settings.time_limit
+
+    def stopped() -> bool:
+        late = limit is not None and time.monotonic() - begun > limit
+        return late or (stop is not None and stop())
+
+    _refuse(runs, rover, settings, simulated)
+    used = [experiment(run) for run in runs]
+    fresh = [experiment(run) for run in held_out_runs]
+    model = Model(settings.baseline, rover, Spread(), two_clocks=any(r.two_clocks for r in used))
+    options = Options(
+        settings.with_effects,
+        settings.without_effects,
+        settings.seed,
+        progress or (lambda what, share: None),
+        stopped,
+    )
+    choice = choose(used, model, _start(settings.parameters), options)
+    found = _answer(choice, used, fresh, settings)
+    return _timed(found, time.monotonic() - begun)
+
+
+def _timed(found: Diagnosis, seconds: float) -> Diagnosis:
+    from dataclasses import replace
+
+    return replace(found, seconds=seconds)
+
+
+def _refuse(
+    runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings, simulated: Sequence[Recording]
+) -> None:
+    if settings.baseline == "lumped":
+        raise UsageError(
+            "the lumped model has no physics to add an effect to; diagnose against roll-yaw, bicycle or kinematic"
+        )
+    if simulated:
+        raise UsageError(
+            "--simulation is not offered yet; name the model that the simulation follows with --baseline"
+        )
+    if settings.baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
+        raise UsageError(
+            "the roll-yaw model needs sprung_mass, cg_height_above_roll_centre and roll_inertia in the vehicle "
+            "file; add them or take --baseline bicycle"
+        )
+    if not runs:
+        raise DataRefused("no run is left to diagnose; give a run beside those that are held out")
+    for group in grouped(runs, Settings()):
+        if why := group.why_not():
+            raise DataRefused(why)
+
+
+def _start(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Coordinates to begin from, out of an identified model's parameters."""
+    out = {f"ln_{n}": log(v) for n in ("Izz", "k_phi", "b_phi", "C") if (v := parameters.get(n, 0.0)) > 0}
+    cf, cr = parameters.get("Cf", 0.0), parameters.get("Cr", 0.0)
+    if cf > 0 and cr > 0:
+        out |= {"ln_C": 0.5 * log(cf * cr), "ln_ratio": log(cf / cr)}
+    return out
+
+
+def _answer(
+    choice: Choice, used: Sequence[Experiment], fresh: Sequence[Experiment], settings: DiagnosisSettings
+) -> Diagnosis:
+    first, last = choice.first, choice.last
+    plain = first.problem.plain
+    rows = plain.measured - plain.model(first.model.structure, first.fitted.x)
+    drawn = draws(last, settings.seed)
+    whole = Modelled(first.model, first.fitted.x), Modelled(last.model, last.fitted.x)
+    floor = last.problem.floors[0]
+    shown = tuple(held_out(run, *whole, floor, 1.0) for run in fresh)
+    findings = tuple(_finding(n, choice, drawn, fresh) for n in choice.named)
+    left = unknown(last)
+    verdict = _verdict(findings, left)
+    pictures = fresh or used[:1]
+    return Diagnosis(
+        verdict,
+        _sentence(findings, left),
+        settings.baseline,
+        mismatches(plain, rows),
+        findings,
+        left,
+        tuple(Unseen(e, why) for e, why in last.unseen.items()),
+        _falsified(choice) if findings else (),
+        nominal_values(last, drawn),
+        {t.effect: max(t.gain, 0.0) for t in first.trials},
+        overlays(pictures, bool(fresh), *whole, floor),
+        shown,
+        _remarks(used),
+        0.0,
+        tuple(r.name for r in used),
+        tuple(r.name for r in fresh),
+    )
+
+
+def _verdict(findings: Sequence[Finding], left: Unknown | None) -> Verdict:
+    if findings:
+        return "partly explained" if left else "explained"
+    return "unexplained" if left else "none"
+
+
+def _sentence(findings: Sequence[Finding], left: Unknown | None) -> str:
+    if not findings and not left:
+        return "nothing is missing: what is left of the recordings is at the noise floor"
+    parts = [f.sentence for f in findings]
+    return "; ".join([*parts, left.sentence] if left else parts)
+
+
+def _finding(
+    named: Named, choice: Choice, drawn: list[dict[str, float]], fresh: Sequence[Experiment]
+) -> Finding:
+    effect, last = library()[named.trial.effect], choice.last
+    values = effect_values(effect, last, drawn)
+    base = Modelled(named.trial.model.without(effect.id), named.base.x)
+    with_it = Modelled(named.trial.model, named.trial.fitted.x)
+    floor = last.problem.floors[0]
+    shown: tuple[HeldOut, ...] = tuple(held_out(run, base, with_it, floor, 1.0) for run in fresh)
+    evidence = {"gain": named.trial.gain, "threshold": named.threshold}
+    evidence |= {f"cosine:{a.effect}": a.cosine for a in named.alike}
+    return Finding(
+        effect.id, tuple(a.effect for a in named.alike), values, evidence, shown, effect.next_run,
+        _told(effect.title, values, named.alike), effect.equation,
+    )  # fmt: skip
+
+
+def _told(title: str, values: Sequence[EffectValue], alike: Sequence[Alike]) -> str:
+    numbers = ", ".join(f"{v.name} = {v.value:.3g} {v.unit}".rstrip(" -") for v in values if v.value < 1e9)
+    other = f" (or {', '.join(library()[a.effect].title for a in alike)})" if alike else ""
+    return f"{title}{other}, {numbers}"
+
+
+def _falsified(choice: Choice) -> tuple[Falsified, ...]:
+    """Nominal parameters that moved when the effects were taken in."""
+    before, after = choice.first.fitted.x, choice.last.fitted.x
+    return tuple(
+        Falsified(c.parameter, c.unit, exp(before[c.name]), exp(after[c.name]))
+        for c in choice.last.fitted.free
+        if c.parameter and c.name in before and abs(before[c.name] - after[c.name]) > MATERIAL_CHANGE
+    )
+
+
+def _remarks(used: Sequence[Experiment]) -> tuple[str, ...]:
+    out = []
+    if len(speeds_of(used)) < 2:
+        out.append("all runs have one speed: what lags as 1/V is not told from what lags in time")
+    if len({round(run.amplitude, 2) for run in used}) < 2:
+        out.append("all runs have one amplitude: what saturates is not told from what is linear")
+    return tuple(out)
