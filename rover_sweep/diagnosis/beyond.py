@@ -1,4 +1,4 @@
-"""What no candidate explains: a residual that the state predicts on a run that the regression has not seen."""
+"""What no candidate explains: a residual that the state predicts on a run the regression did not see."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def unknown(last: Round) -> Unknown | None:
             on = ", ".join(chosen)
             best = Unknown(
                 channel, on, ratio,
-                f"{channel} still differs by {ratio:.1f} times the noise; it follows {on}, and no candidate explains it",
+                f"{channel} still differs by {ratio:.1f} times the noise; it follows {on}, "
+                "and no candidate explains it",
                 f"residual of {channel} ~ " + " + ".join(chosen), gain,
             )  # fmt: skip
     return best
@@ -62,7 +63,7 @@ def _terms(problem: Problem, structure: Structure, x: dict[str, float], channel:
             functions[f"abs({name})"] = np.abs(s)
             functions[f"sgn({name})"] = np.tanh(s / (0.1 * np.std(s) + 1e-9))
             functions[f"d{name}/dt"] = np.gradient(s, 1 / RATE)
-        logs = Sensors.of(run).through({n: y for n, y in functions.items()}, structure, x)
+        logs = Sensors.of(run).through(functions, structure, x)
         row = next(r for r in problem.rows if r.run == k and r.channel == channel)
         for name, y in logs.items():
             lines = np.fft.rfft(y * run.taper)[row.bins] * row.weight
@@ -79,7 +80,7 @@ def _sketch(problem: Problem, rows: Array, channel: str, terms: dict[str, Array]
     test = np.zeros(target.size, bool)
     test[-sizes[-1] :] = True
     left, chosen = target[~test], []
-    fitted = np.zeros(0)
+    fitted: Array = np.zeros(0)
     for _ in range(KEPT):
         scores = {
             n: abs(float(c[~test] @ left)) / (np.linalg.norm(c[~test]) + 1e-12) for n, c in terms.items()
@@ -87,7 +88,7 @@ def _sketch(problem: Problem, rows: Array, channel: str, terms: dict[str, Array]
         best = max((n for n in scores if n not in chosen), key=lambda n: scores[n])
         chosen.append(best)
         a = np.column_stack([terms[n] for n in chosen])
-        fitted = np.linalg.lstsq(a[~test], target[~test], rcond=None)[0]
+        fitted = np.asarray(np.linalg.lstsq(a[~test], target[~test], rcond=None)[0], np.float64)
         left = target[~test] - a[~test] @ fitted
     a = np.column_stack([terms[n] for n in chosen])
     before, after = float(np.sum(target[test] ** 2)), float(np.sum((target[test] - a[test] @ fitted) ** 2))

@@ -83,7 +83,8 @@ def _refuse(
 ) -> None:
     if settings.baseline == "lumped":
         raise UsageError(
-            "the lumped model has no physics to add an effect to; diagnose against roll-yaw, bicycle or kinematic"
+            "the lumped model has no physics to add an effect to; "
+            "diagnose against roll-yaw, bicycle or kinematic"
         )
     if simulated:
         raise UsageError(
@@ -91,8 +92,8 @@ def _refuse(
         )
     if settings.baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
         raise UsageError(
-            "the roll-yaw model needs sprung_mass, cg_height_above_roll_centre and roll_inertia in the vehicle "
-            "file; add them or take --baseline bicycle"
+            "the roll-yaw model needs sprung_mass, cg_height_above_roll_centre and roll_inertia in the "
+            "vehicle file; add them or take --baseline bicycle"
         )
     if not runs:
         raise DataRefused("no run is left to diagnose; give a run beside those that are held out")

@@ -24,7 +24,7 @@ class Experiment:
     forward velocity, smoothed over .25 s; heading (n,) rad, left positive, zero where none was recorded.
     measured: {channel: (n,)} of r, ay, p, vy. at_rest: {channel: mean at standstill}. filters: known
     low-passes. taper (n,): 0 at both ends, 1 between. rates: {channel: sampling rate, Hz}.
-    begin: of t, on the recording's clock [s]. two_clocks: steering and motion were stamped by different clocks.
+    begin: of t, on the recording's clock [s]. two_clocks: steering and motion come from different clocks.
     """
 
     name: str

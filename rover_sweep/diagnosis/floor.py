@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_sweep.diagnosis.experiment import RATE, Experiment
 from rover_sweep.identify.recording import Array
@@ -41,7 +42,7 @@ class Floor:
 def floor_of(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Floor:
     """The floor of runs whose residuals {channel: (n,)} are given, pooled over the runs."""
     size = int(WINDOW * RATE)
-    f = np.fft.rfftfreq(size, 1 / RATE)
+    f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
     channels = sorted({c for r in residuals for c in r})
     quiet = [_quiet(run, f, size) for run in runs]
     density = {}
@@ -70,7 +71,7 @@ def _power(x: Array, size: int) -> Array:
     return np.abs(np.fft.rfft(flat * window, axis=1)) ** 2 * (2 / (RATE * np.sum(window**2)))
 
 
-def _quiet(run: Experiment, f: Array, size: int) -> Array:
+def _quiet(run: Experiment, f: Array, size: int) -> NDArray[np.bool_]:
     """(m, k) True where the run excites neither that frequency nor one of which it is a multiple."""
     frames = _frames(run.steer, size)
     flat = frames - frames.mean(axis=1, keepdims=True)

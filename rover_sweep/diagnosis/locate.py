@@ -21,8 +21,7 @@ def mismatches(problem: Problem, rows: Array) -> tuple[Mismatch, ...]:
     """
     out = []
     for channel in dict.fromkeys(r.channel for r in problem.rows):
-        ratios = {band: _ratio(problem, rows, channel, band) for band in BANDS}
-        ratios = {b: v for b, v in ratios.items() if v is not None}
+        ratios = {b: v for b in BANDS if (v := _ratio(problem, rows, channel, b)) is not None}
         worst = max(ratios, key=lambda b: ratios[b], default=None)
         if worst is None or ratios[worst] < PLAIN:
             continue
@@ -52,8 +51,8 @@ def _by_run(problem: Problem, rows: Array, channel: str, band: tuple[float, floa
     others = [v for k, v in enumerate(each) if k != worst]
     apart = bool(others) and each[worst] > 1.5 * max(others)
     condition = f"most in {labels[worst]}" if apart else "throughout"
-    sentence = f"{channel} differs between {band[0]:g} and {band[1]:g} rad/s by {ratio:.1f} times the noise, {condition}"
-    names = tuple(run.name for run in problem.runs)
+    between = f"between {band[0]:g} and {band[1]:g} rad/s"
+    sentence = f"{channel} differs {between} by {ratio:.1f} times the noise, {condition}"names = tuple(run.name for run in problem.runs)
     return Mismatch(channel, band, condition, ratio, sentence, Profile("run", "", names, tuple(each)))
 
 
@@ -81,7 +80,9 @@ def _by_turn(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
     left, right = (float(np.sqrt(s[0] / s[1])) if s[1] else 0.0 for s in sums)
     if max(left, right) < PLAIN or max(left, right) < 1.3 * max(min(left, right), 1e-9):
         return None
-    side, ratio = ("left turns", left) if left > right else ("right turns", right)
-    sentence = f"{channel} differs more in {side}: {ratio:.1f} times the noise against {min(left, right):.1f}"
+    where, ratio = ("left turns", left) if left > right else ("right turns", right)
+    sentence = (
+        f"{channel} differs more in {where}: {ratio:.1f} times the noise against {min(left, right):.1f}"
+    )
     profile = Profile("turn", "", ("left", "right"), (left, right))
-    return Mismatch(channel, (0.5, 2 * np.pi * 0.25 * RATE / 4), side, ratio, sentence, profile)
+    return Mismatch(channel, (0.5, 2 * np.pi * 0.25 * RATE / 4), where, ratio, sentence, profile)

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import rfft
 
 from rover_sweep.diagnosis.experiment import RATE, Experiment
@@ -30,7 +31,7 @@ class Rows:
 
     run: int
     channel: str
-    bins: Array
+    bins: NDArray[np.intp]
     f: Array
     weight: Array
     start: int
@@ -139,7 +140,7 @@ def centred(run: Experiment) -> dict[str, Array]:
 
 
 def _rows(run: Experiment, index: int, channel: str, floor: Floor, start: int) -> Rows:
-    f = np.fft.rfftfreq(run.t.size, 1 / RATE)
+    f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
     top = min(TOP, 0.4 * run.rates.get(channel, RATE), HIGHEST.get(channel, TOP), 0.5 * run.steer_rate + 2.0)
     chosen = np.flatnonzero((f >= max(LOWEST[channel], 0.6 / run.t[-1])) & (f <= top))
     energy = np.sum(run.taper**2)

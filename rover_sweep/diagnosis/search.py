@@ -115,7 +115,9 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
 def tried(problem: Problem, base: Fitted, model: Model, effect: Effect) -> Trial | None:
     """The model with the effect, fitted from the best first look; None where it explains nothing."""
     if effect.id in WHOLE:
-        looks = [(model.with_effect(effect.id), (0.0, {}))]
+        looks: list[tuple[Model, tuple[float, dict[str, float]]]] = [
+            (model.with_effect(effect.id), (0.0, {}))
+        ]
     else:
         runs = [r.name for r in problem.runs] if effect.stage == "grip" else [""]
         extended = [model.with_effect(effect.id, run) for run in runs]

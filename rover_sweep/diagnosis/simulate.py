@@ -186,7 +186,7 @@ class Sensors:
     def of(run: Experiment) -> Sensors:
         """Those of a run, with two seconds of padding."""
         size = next_fast_len(run.t.size + int(2 * RATE), real=True)
-        w = 2 * pi * np.fft.rfftfreq(size, STEP)
+        w: Array = np.asarray(2 * pi * np.fft.rfftfreq(size, STEP), np.float64)
         return Sensors(size, w, {c: run.filters[c].response(w) for c in run.measured if c in run.filters})
 
     def through(self, signals: Mapping[str, Array], structure: Structure, x: Values) -> dict[str, Array]:

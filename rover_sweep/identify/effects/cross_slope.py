@@ -10,7 +10,7 @@ from rover_sweep.identify.recording import Array
 
 
 def downhill(motion: Motion, q: Values, mass: float) -> tuple[Array, float, float]:
-    """Weight across the rover [N]: the ground pushes back, so the accelerometer shows + g b cos(psi - psi0)."""
+    """Weight across the rover [N]; the ground pushes back, which the accelerometer shows."""
     side = q["b_cos"] * np.cos(motion["psi"]) + q["b_sin"] * np.sin(motion["psi"])
     return -mass * GRAVITY * side, 0.0, 0.0
 

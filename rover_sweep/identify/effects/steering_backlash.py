@@ -37,7 +37,7 @@ EFFECT = Effect(
         EffectParameter("b", "rad", 0.01, 0.0, 0.15, "half of the gap, road-wheel angle", tiny=0.0015),
     ),
     stage="linkage",
-    shows="third harmonic and phase lag at all frequencies; residual grows only x1.6 when the amplitude doubles",
+    shows="third harmonic and phase lag at all frequencies; grows only x1.6 with twice the amplitude",
     apart="has memory: the wheel lags by the gap at every reversal, where a deadband does not",
     needs="one sweep; servo on blocks",
     excites="reversals, small amplitude",

@@ -23,7 +23,7 @@ EFFECT = Effect(
     ),
     stage="linkage",
     shows="third harmonic at every frequency, residual power grows x23 when the amplitude doubles",
-    apart="does not depend on frequency, where a rate limit does; tyres saturate with a_y, not with the angle",
+    apart="does not depend on frequency, where a rate limit does; tyres saturate with a_y",
     needs="two amplitudes",
     excites="large amplitude",
     next_run="servo on blocks: angle of the wheel at five commands from lock to lock",
