@@ -52,7 +52,8 @@ def _by_run(problem: Problem, rows: Array, channel: str, band: tuple[float, floa
     apart = bool(others) and each[worst] > 1.5 * max(others)
     condition = f"most in {labels[worst]}" if apart else "throughout"
     between = f"between {band[0]:g} and {band[1]:g} rad/s"
-    sentence = f"{channel} differs {between} by {ratio:.1f} times the noise, {condition}"names = tuple(run.name for run in problem.runs)
+    sentence = f"{channel} differs {between} by {ratio:.1f} times the noise, {condition}"
+    names = tuple(run.name for run in problem.runs)
     return Mismatch(channel, band, condition, ratio, sentence, Profile("run", "", names, tuple(each)))
 
 

@@ -152,7 +152,8 @@ def _sizes(
                 blind[s.effect] = "these runs hardly excite it"
             continue
         blind.pop(s.effect, None)
-        value = parameter.value(float(size))
+        size = max(float(size), effect.material.get(parameter.name, 2.0 * parameter.tiny))
+        value = parameter.value(size)
         material = effect.material.get(parameter.name)
         sizes.setdefault(
             s.effect,

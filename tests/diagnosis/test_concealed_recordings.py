@@ -1,0 +1,29 @@
+"""Recordings of the real firmware that conceal an effect: named without its name anywhere near the data."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from rover_sweep.cli.main import run
+
+DATA = Path(__file__).parents[1] / "data"
+SETS = DATA / "concealed-ardurover"
+TRUTH = DATA / "concealed-ardurover-truth"
+
+
+@pytest.mark.parametrize("name", ["a", "c", "f"])
+def test_the_concealed_effect_is_named_and_pays_on_the_fresh_run(name, tmp_path):
+    folder = SETS / name
+    runs = [str(folder / f"run{k}.BIN") for k in (1, 2, 3)]
+    out = tmp_path / "out"
+    fresh, rover = str(folder / "run4.BIN"), str(folder / "rover.toml")
+    assert run(["diagnose", *runs, "--hold-out", fresh, "--vehicle", rover, "--out", str(out)]) == 0
+    answer = json.loads((out / "diagnosis.json").read_text())
+    hidden = tomllib.loads((TRUTH / f"{name}.toml").read_text())["concealed"]
+    assert [f["effect"] for f in answer["findings"]] == hidden
+    assert answer["verdict"] == ("explained" if hidden else "none")
+    for finding in answer["findings"]:
+        assert finding["held_out"]["share_removed"] > 0.4
+        assert finding["look_alikes"] == []

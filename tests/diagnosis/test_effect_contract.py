@@ -1,0 +1,89 @@
+"""One contract for all effects: they vanish at their absent value, move something, and say what they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rover_sweep.diagnosis.candidates import WHOLE, Model
+from rover_sweep.diagnosis.experiment import RATE, Experiment
+from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.simulate import Sensors, logged
+from rover_sweep.identify.effects import library
+from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.sweep import Sweep
+
+ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.07, 0.02, 0.03)
+MODEL = Model("roll-yaw", ROVER, Spread())
+NOMINAL = {c.name: c.start for c in MODEL.free}
+TERMS = [e for e in library().values() if e.id not in WHOLE and e.stage != "speed"]
+
+
+def driven() -> Experiment:
+    law = Sweep(240.0, t_rec=20.0)
+    t = np.arange(int(law.duration * RATE)) / RATE
+    steer = -0.00095 * np.asarray(law.wave(t))
+    speed = 2.4 + 0.1 * np.sin(0.5 * t)
+    return Experiment(
+        "run1", "sweep", t, steer, speed, 0.3 + 0.02 * t, dict.fromkeys(("r", "ay", "p", "vy"), t), {}, {},
+        np.ones(t.size),
+    )  # fmt: skip
+
+
+RUN = driven()
+SENSORS = Sensors.of(RUN)
+
+
+def log_with(effect, coordinates):
+    model = replace(MODEL, effects=(effect.id,), happened_in="run1")
+    return logged(RUN, model.structure, {**NOMINAL, **coordinates}, SENSORS)
+
+
+PLAIN = logged(RUN, MODEL.structure, NOMINAL, SENSORS)
+
+
+def coordinates_of(effect, factor):
+    out = {}
+    for p in effect.parameters:
+        name = effect.reads.get(p.name, effect.key(p.name))
+        out[name] = NOMINAL.get(name, 0.0) + factor * p.size * effect.per.get(p.name, 1.0)
+    if effect.stage == "grip":
+        out[effect.key("t")] = 10.0
+    return out
+
+
+@pytest.mark.parametrize("effect", TERMS, ids=lambda e: e.id)
+def test_vanishes_at_its_absent_value(effect):
+    found = log_with(effect, coordinates_of(effect, 0.0))
+    for channel, y in found.items():
+        assert y == pytest.approx(PLAIN[channel], abs=1e-9)
+
+
+@pytest.mark.parametrize("effect", TERMS, ids=lambda e: e.id)
+def test_moves_a_channel_that_it_names(effect):
+    found = log_with(effect, coordinates_of(effect, 1.0))
+    moved = {c for c in found if np.std(found[c] - PLAIN[c]) + abs(np.mean(found[c] - PLAIN[c])) > 1e-4}
+    assert moved & set(effect.channels)
+
+
+@pytest.mark.parametrize("effect", library().values(), ids=lambda e: e.id)
+def test_says_what_it_is(effect):
+    for text in (effect.title, effect.equation, effect.source, effect.shows, effect.apart, effect.next_run):
+        assert text.strip()
+    for p in effect.parameters:
+        assert p.unit and p.convention and p.low <= 0 <= p.high
+        assert p.coordinate(p.value(0.3 * p.high)) == pytest.approx(0.3 * p.high)
+
+
+@pytest.mark.parametrize(("effect", "growth"), [("steering_nonlinearity", 64.0), ("steering_backlash", 1.3)])
+def test_residual_power_grows_as_the_vocabulary_says(effect, growth):
+    """When the amplitude doubles: a cubic by 2^6, the first order of a play hardly."""
+    e = library()[effect]
+    model = replace(MODEL, effects=(e.id,))
+    power = []
+    for scale in (0.5, 1.0):
+        run = replace(RUN, steer=scale * RUN.steer)
+        with_it = logged(run, model.structure, {**NOMINAL, **coordinates_of(e, 1.0)}, SENSORS)
+        without = logged(run, MODEL.structure, NOMINAL, SENSORS)
+        power.append(np.mean((with_it["r"] - without["r"]) ** 2))
+    assert power[1] / power[0] == pytest.approx(growth, rel=0.35)
