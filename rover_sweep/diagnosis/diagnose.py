@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import exp, log
 
 from rover_sweep.diagnosis.alike import Alike
@@ -25,6 +26,7 @@ from rover_sweep.diagnosis.result import (
     Unseen,
     Verdict,
 )
+from rover_sweep.diagnosis.rung import followed
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
@@ -47,6 +49,7 @@ def diagnose(
 ) -> Diagnosis:
     """What was left out of a baseline, from recordings with steering angles.
 
+    simulated: recordings of a simulation; the plainest model that it follows is then the baseline.
     DataRefused where nothing can be identified from the runs; UsageError for what is not offered.
     """
     begun = time.monotonic()
@@ -56,7 +59,9 @@ def diagnose(
         late = limit is not None and time.monotonic() - begun > limit
         return late or (stop is not None and stop())
 
-    _refuse(runs, rover, settings, simulated)
+    _refuse(runs, rover, settings)
+    if simulated:
+        settings = replace(settings, baseline=followed([experiment(run) for run in simulated], rover))
     used = [experiment(run) for run in runs]
     fresh = [experiment(run) for run in held_out_runs]
     model = Model(settings.baseline, rover, Spread(), two_clocks=any(r.two_clocks for r in used))
@@ -69,26 +74,15 @@ def diagnose(
     )
     choice = choose(used, model, _start(settings.parameters), options)
     found = _answer(choice, used, fresh, settings)
-    return _timed(found, time.monotonic() - begun)
+    told = (f"the simulation follows the {settings.baseline} model",) if simulated else ()
+    return replace(found, seconds=time.monotonic() - begun, remarks=(*told, *found.remarks))
 
 
-def _timed(found: Diagnosis, seconds: float) -> Diagnosis:
-    from dataclasses import replace
-
-    return replace(found, seconds=seconds)
-
-
-def _refuse(
-    runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings, simulated: Sequence[Recording]
-) -> None:
+def _refuse(runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings) -> None:
     if settings.baseline == "lumped":
         raise UsageError(
             "the lumped model has no physics to add an effect to; "
             "diagnose against roll-yaw, bicycle or kinematic"
-        )
-    if simulated:
-        raise UsageError(
-            "--simulation is not offered yet; name the model that the simulation follows with --baseline"
         )
     if settings.baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
         raise UsageError(

@@ -13,8 +13,6 @@ from math import log, pi
 
 from rover_sweep.identify.geometry import GRAVITY, Geometry
 
-LADDER = ("kinematic", "bicycle", "roll-yaw")
-
 
 @dataclass(frozen=True)
 class Coordinate:

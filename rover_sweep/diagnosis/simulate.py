@@ -110,16 +110,15 @@ def _pushed(
 def _without_slip(
     base: dict[str, Array], structure: Structure, x: Values, q: Array, zero: Array
 ) -> dict[str, Array]:
-    """r = V tan(d)/L, no slip at the rear axle, so v = b r at the CG."""
+    """r = V tan(d)/L and no sideslip at the CG, as ArduPilot's own rover: a_y = V r."""
     rover = structure.rover
     length = exp(x["ln_L_eff"]) if "ln_L_eff" in x else rover.wheelbase
     r = base["V"] * np.tan(base["delta"]) / length
     r_dot = np.gradient(r, STEP)
-    v = rover.b * r
-    across = np.gradient(v, STEP) + base["V"] * r
+    across = base["V"] * r
     y = roll_only(across, r_dot, zero, q, STEP) if structure.roll else np.zeros((r.size, 3))
     return base | {
-        "v": v, "r": r, "r_dot": r_dot, "across": across, "phi": y[:, 0], "p": y[:, 1], "p_dot": y[:, 2],
+        "v": zero, "r": r, "r_dot": r_dot, "across": across, "phi": y[:, 0], "p": y[:, 1], "p_dot": y[:, 2],
         "weight": _weight(structure, base, x),
     }  # fmt: skip
 

@@ -1,0 +1,30 @@
+"""Which model a simulation follows: the plainest of the ladder that fits its recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rover_sweep.diagnosis.candidates import Model
+from rover_sweep.diagnosis.choose import begun
+from rover_sweep.diagnosis.experiment import Experiment
+from rover_sweep.diagnosis.fitting import fit
+from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.problem import with_floors
+from rover_sweep.diagnosis.settings import Baseline
+from rover_sweep.identify.geometry import Geometry
+
+AS_GOOD = 1.3  # of the fullest model's cost
+
+
+def followed(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
+    """The baseline of a simulation, judged in the noise floor that the fullest model leaves of it."""
+    whole = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
+    ladder: Sequence[Baseline] = [b for b in ("kinematic", "bicycle", "roll-yaw") if whole or b != "roll-yaw"]
+    fullest, found = begun(runs, Model(ladder[-1], rover, Spread()), {})
+    problem = with_floors(runs, fullest.floors)
+    for baseline in ladder[:-1]:
+        model = Model(baseline, rover, Spread())
+        start = {c.name: c.start for c in model.free}
+        if fit(problem, model.structure, model.free, start).data_cost < AS_GOOD * found.data_cost:
+            return baseline
+    return ladder[-1]
