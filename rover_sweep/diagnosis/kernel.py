@@ -158,18 +158,21 @@ def linear_states(a, b, u, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def servo(u, lag, inv_rate, dt):  # type: ignore[no-untyped-def]
-    """First-order lag [s] with a limited rate 1/inv_rate [rad/s]; exact for a held input."""
+def servo(u, lag, shape, inv_rate, dt):  # type: ignore[no-untyped-def]
+    """Angle (n,) of 1/(1 + lag s + shape lag^2 s^2) with a limited rate 1/inv_rate [rad/s]; stable at any lag.
+
+    shape 0 is a first-order lag, 1/4 two equal ones, 1/2 a servo that is damped by .71. Implicit Euler in
+    half steps, the input linear between samples.
+    """
     d = np.empty(u.size)
-    gain = 1.0 - exp(-dt / lag) if lag > 1e-5 else 1.0
-    top = dt / inv_rate if inv_rate > 1e-9 else 1e9
-    x = u[0]
+    h = 0.5 * dt
+    inertia = shape * lag * lag / h
+    top = 1.0 / inv_rate if inv_rate > 1e-9 else 1e9
+    x, w, before = u[0], 0.0, u[0]
     for k in range(u.size):
-        step = gain * (u[k] - x)
-        if step > top:
-            step = top
-        elif step < -top:
-            step = -top
-        x += step
+        for wanted in (0.5 * (before + u[k]), u[k]):
+            w = min(max((wanted - x + inertia * w) / (inertia + lag + h), -top), top)
+            x += h * w
+        before = u[k]
         d[k] = x
     return d

@@ -50,7 +50,7 @@ def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
     d = late(run.steer * (1.0 + x.get("scale", 0.0)), run.t, x.get("delay", 0.0))
     for effect in structure.of("command"):
         d = effect.act(d, effect.coordinates(x)) if effect.act else d
-    d = servo(d, max(x.get("lag", 0.0), 0.0), slots.get("inv_rate", 0.0), STEP)
+    d = servo(d, max(x.get("lag", 0.0), 0.0), x.get("lag_shape", 0.0), slots.get("inv_rate", 0.0), STEP)
     for effect in structure.of("linkage"):
         d = effect.act(d, effect.coordinates(x)) if effect.act else d
     return d - x.get("trim", 0.0)

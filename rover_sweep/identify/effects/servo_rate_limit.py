@@ -21,5 +21,6 @@ EFFECT = Effect(
     excites="large amplitude at high frequency",
     next_run="a second sweep at half the amplitude, or the servo on blocks with a large step",
     slots={"R": "inv_rate"},
+    material={"R": 0.25},  # servos are sold with .10 to .20 s per 60 deg, 5 to 10 rad/s
     signed=False,
 )
