@@ -14,7 +14,7 @@ from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSetting
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Recording
-from rover_sweep.preparation import divided, geometry_of, refuse_overlap
+from rover_sweep.preparation import doublets_apart, geometry_of, refuse_overlap
 from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.vehicle_file import Vehicle
@@ -55,7 +55,7 @@ def material(
     if held_out:
         fitted, kept = tuple(runs), tuple(held_out)
     else:
-        fitted, kept = divided(runs)
+        fitted, kept = doublets_apart(runs)
     refuse_overlap(fitted, kept)
     for run in simulated:
         if any(run.sources and run.sources == other.sources for other in (*fitted, *kept)):

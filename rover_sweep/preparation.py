@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import Settings
 from rover_sweep.identify.models.lumped import COLUMNS, ROWS
-from rover_sweep.identify.recording import Recording, steered
+from rover_sweep.identify.recording import Note, Recording, steered
 from rover_sweep.logs import read_runs
 from rover_sweep.run_names import named, source_names
 from rover_sweep.vehicle_file import Vehicle
 
 STEERED = ("delta", "pwm", "r", "p", "phi", "psi", "ay", "vy")
+LEFT_OUT = (
+    "is no part of the fit: a sweep about a steering offset is linear about a turn, and the other runs about "
+    "straight driving; identify it alone, or give it to diagnose"
+)
 MODEL_NAMES = {
     "roll_inertia": "Ixx", "roll_yaw_inertia": "Ixz", "cg_height_above_roll_centre": "h",
     "sprung_mass": "ms", "mass": "m", "cg_to_front_axle": "a", "cg_to_rear_axle": "b", "yaw_inertia": "Izz",
@@ -100,7 +104,24 @@ def parameter_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """(runs to identify from, doublets to verify on); doublets alone are identified from."""
+    """(runs to identify from, doublets to verify on); doublets alone are identified from.
+
+    A linear model holds about one way of driving: sweeps about a steering offset are left out where there
+    are straight runs, and a note on the first of these says so.
+    """
+    others, doublets = doublets_apart(runs)
+    biased = [run.name for run in others if run.kind == "bias_sweep"]
+    straight = tuple(run for run in others if run.kind != "bias_sweep")
+    if not biased or not straight:
+        return others, doublets
+    note = Note("warning", f"{', '.join(biased)} {LEFT_OUT}")
+    return (replace(straight[0], notes=(*straight[0].notes, note)), *straight[1:]), doublets
+
+
+def doublets_apart(
+    runs: Sequence[Recording],
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """(all other runs, doublets); doublets alone are the runs."""
     doublets = tuple(r for r in runs if r.kind == "doublet")
     others = tuple(r for r in runs if r.kind != "doublet")
     return (others, doublets) if others else (doublets, ())

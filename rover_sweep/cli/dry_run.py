@@ -137,9 +137,10 @@ def _truth(variant: str) -> Callable[[Identification], RenderableType]:
     def shown(result: Identification) -> RenderableType:
         from rover_sweep.cli.truth import truth_table
         from rover_sweep.report.tables import rich_table
+        from sitl.effects.nominal import resolved
         from sitl.parameters import load_variant
 
-        table = truth_table(result, load_variant(variant))
+        table = truth_table(result, resolved(load_variant(variant)))
         return rich_table(table) if table else ""
 
     return shown

@@ -13,8 +13,8 @@ RECORDS = {"steering": ("SWEP", "RCOU", "RCIN"), "velocity": ("XKF1",)}
 def late_records(effects: Effects) -> Mapping[str, int]:
     """DataFlash message -> microseconds that its stamps are late by; nothing where the clocks agree.
 
-    Whichever stream it is, what the rover does appears late against the steering by a positive T.
+    A positive T stamps the stream late by T: the motion then appears early against a late steering.
     """
     stream = str(effects.get("clock_offset", {}).get("stream", STREAMS[0]))
-    late = round(1e6 * number(effects, "clock_offset", "T")) * (-1 if stream == "steering" else 1)
+    late = round(1e6 * number(effects, "clock_offset", "T"))
     return dict.fromkeys(RECORDS[stream], late) if late else {}

@@ -16,8 +16,8 @@ steering_nonlinearity c3 [1/rad2]: u (1 + c3 u2)
 steering_asymmetry    e [-]: (1 + e) u to the left, (1 - e) u to the right
 steering_trim         u0 [rad]: d = u - u0
 transport_delay       T [s]: d(t) = u(t - T), the whole delay
-clock_offset          T [s]: the motion appears late by T against the steering, whose records are stamped
-                      early by T; with stream = "velocity" those of the velocity are stamped late by T
+clock_offset          T [s]: the records of the steering are stamped late by T, so the motion appears early
+                      against it; with stream = "velocity" those of the velocity are stamped late by T
 tyre_relaxation       sigma [m]: (sigma/V) F' + F = F0, both axles
 tyre_saturation       mu [-]: F = mu Fz tanh(C alpha/(mu Fz)), both axles
 load_transfer         k [-]: C (1 - k (a_y/g)2), both axles

@@ -63,12 +63,12 @@ def test_trim_turns_the_mean_path(driven: Mapping[str, Mapping[str, np.ndarray]]
     assert more == pytest.approx(-0.03 * np.mean(plain["speed"]) / 0.391, rel=0.06)
 
 
-def test_another_clock_moves_the_steering_alone(
+def test_another_clock_stamps_the_steering_late_and_nothing_else(
     driven: Mapping[str, Mapping[str, np.ndarray]],
 ) -> None:
     plain, late = driven["plain"], driven["late"]
     assert late["r"] == pytest.approx(plain["r"], abs=1e-9)
-    assert late["pwm"][:-4] == pytest.approx(plain["pwm"][4:], abs=1e-6)
+    assert late["pwm"][4:] == pytest.approx(plain["pwm"][:-4], abs=1e-6)
 
 
 def test_a_late_velocity_stream_moves_the_velocity_alone(

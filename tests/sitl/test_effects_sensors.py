@@ -99,11 +99,11 @@ def test_tilt_mixes_axes_about_the_axis_it_turns_about() -> None:
 @pytest.mark.parametrize(
     ("effect", "late"),
     [
-        ({"T": 0.04}, {"SWEP": -40_000, "RCOU": -40_000, "XKF1": 0, "IMU": 0}),
+        ({"T": 0.04}, {"SWEP": 40_000, "RCOU": 40_000, "XKF1": 0, "IMU": 0}),
         ({"T": -0.02, "stream": "velocity"}, {"SWEP": 0, "RCOU": 0, "XKF1": -20_000, "IMU": 0}),
     ],
 )
-def test_a_positive_offset_lets_the_motion_appear_late(
+def test_a_positive_offset_stamps_its_stream_late(
     tmp_path: Path, effect: Mapping[str, float | str], late: Mapping[str, int]
 ) -> None:
     plant: PlantParameters = replace(CLEAN, effects={"clock_offset": effect})

@@ -1,0 +1,44 @@
+"""Which runs are identified from, and which are kept for verification."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rover_sweep.diagnosing import material
+from rover_sweep.identify.recording import Kind, Recording, Signal
+from rover_sweep.preparation import divided
+
+
+def recording(name: str, kind: Kind) -> Recording:
+    t = np.arange(0.0, 10.0, 0.01)
+    channels = {"r": Signal(t, np.zeros(t.size), "rad/s", "test")}
+    return Recording(name, channels, (0.0, 10.0), kind, sources=((name, name),))
+
+
+def names(runs: tuple[Recording, ...]) -> list[str]:
+    return [run.name for run in runs]
+
+
+def test_a_sweep_about_an_offset_is_not_mixed_with_straight_ones_and_that_is_said() -> None:
+    runs = [recording("bent", "bias_sweep"), recording("a", "sweep"), recording("b", "multisine"),
+            recording("d", "doublet")]  # fmt: skip
+    fitted, checks = divided(runs)
+    assert (names(fitted), names(checks)) == (["a", "b"], ["d"])
+    (note,) = fitted[0].notes
+    assert note.level == "warning" and note.text.startswith("bent is no part of the fit")
+    assert fitted[1].notes == ()
+
+
+@pytest.mark.parametrize("kind", ["sweep", "bias_sweep", "doublet"])
+def test_runs_of_one_kind_are_all_identified_from(kind: Kind) -> None:
+    fitted, checks = divided([recording("a", kind), recording("b", kind)])
+    assert (names(fitted), checks) == (["a", "b"], ())
+    assert all(not run.notes for run in fitted)
+
+
+def test_a_diagnosis_drives_every_run_by_itself_and_keeps_them_all() -> None:
+    given = material(
+        [recording("bent", "bias_sweep"), recording("a", "sweep"), recording("d", "doublet")], ()
+    )
+    assert (names(given.runs), names(given.held_out)) == (["bent", "a"], ["d"])
