@@ -12,7 +12,7 @@ from rover_sweep.diagnosis.beyond import unknown
 from rover_sweep.diagnosis.candidates import Model, speeds_of
 from rover_sweep.diagnosis.choose import Choice, Named, Options, choose
 from rover_sweep.diagnosis.experiment import Experiment, experiment
-from rover_sweep.diagnosis.held_out import Modelled, held_out, overlays
+from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
 from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
 from rover_sweep.diagnosis.locate import mismatches
 from rover_sweep.diagnosis.nominal import Spread
@@ -114,8 +114,9 @@ def _answer(
     drawn = draws(last, settings.seed)
     whole = Modelled(first.model, first.fitted.x), Modelled(last.model, last.fitted.x)
     floor = last.problem.floors[0]
-    shown = tuple(held_out(run, *whole, floor, 1.0) for run in fresh)
-    findings = tuple(_finding(n, choice, drawn, fresh) for n in choice.named)
+    unused = tuple(Fresh.of(run, floor) for run in fresh)
+    shown = tuple(held_out(run, *whole) for run in unused)
+    findings = tuple(_finding(n, choice, drawn, unused, whole) for n in choice.named)
     left = unknown(last)
     verdict = _verdict(findings, left)
     pictures = fresh or used[:1]
@@ -153,20 +154,33 @@ def _sentence(findings: Sequence[Finding], left: Unknown | None) -> str:
 
 
 def _finding(
-    named: Named, choice: Choice, drawn: list[dict[str, float]], fresh: Sequence[Experiment]
+    named: Named,
+    choice: Choice,
+    drawn: list[dict[str, float]],
+    unused: Sequence[Fresh],
+    whole: tuple[Modelled, Modelled],
 ) -> Finding:
     effect, last = library()[named.trial.effect], choice.last
     values = effect_values(effect, last, drawn)
-    base = Modelled(named.trial.model.without(effect.id), named.base.x)
-    with_it = Modelled(named.trial.model, named.trial.fitted.x)
-    floor = last.problem.floors[0]
-    shown: tuple[HeldOut, ...] = tuple(held_out(run, base, with_it, floor, 1.0) for run in fresh)
     evidence = {"gain": named.trial.gain, "threshold": named.threshold}
     evidence |= {f"cosine:{a.effect}": a.cosine for a in named.alike}
     return Finding(
-        effect.id, tuple(a.effect for a in named.alike), values, evidence, shown, effect.next_run,
+        effect.id, tuple(a.effect for a in named.alike), values, evidence,
+        _worth(effect.id, choice, unused, whole), effect.next_run,
         _told(effect.title, values, named.alike), effect.equation,
     )  # fmt: skip
+
+
+def _worth(
+    effect: str, choice: Choice, unused: Sequence[Fresh], whole: tuple[Modelled, Modelled]
+) -> tuple[HeldOut, ...]:
+    """What one effect is worth in the presence of all others: the whole model with it and without it."""
+    if not unused:
+        return ()
+    nominal, full = whole
+    alone = len(choice.named) == 1
+    rest = nominal if alone else refitted_without(effect, choice.last.problem, full)
+    return tuple(held_out(run, rest, full) for run in unused)
 
 
 def _told(title: str, values: Sequence[EffectValue], alike: Sequence[Alike]) -> str:

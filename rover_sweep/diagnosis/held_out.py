@@ -9,11 +9,14 @@ import numpy as np
 
 from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.experiment import RATE, Experiment
+from rover_sweep.diagnosis.fitting import fit
 from rover_sweep.diagnosis.floor import Floor
+from rover_sweep.diagnosis.held_out_cost import SWEPT, costs, frequency_responses_of
 from rover_sweep.diagnosis.problem import Problem, centred, with_floors
 from rover_sweep.diagnosis.result import Fit, HeldOut, Overlay
 from rover_sweep.diagnosis.simulate import Sensors, logged
 from rover_sweep.identify.recording import Array
+from rover_sweep.identify.response import FrequencyResponse
 
 UNITS = {"r": 180 / np.pi, "ay": 1 / 0.3048, "p": 180 / np.pi}  # deg/s, ft/s^2, deg/s: those of J_rms
 SHOWN = 4  # of the simulation's samples that one of an overlay stands for
@@ -32,24 +35,49 @@ class Modelled:
         return logged(run, self.model.structure, self.x, Sensors.of(run))
 
 
-def held_out(run: Experiment, before: Modelled, after: Modelled, floor: Floor, level: float) -> HeldOut:
-    """Both models on one fresh run. level: mean square of a row where a model is right, 1 by definition."""
-    problem = with_floors([run], [floor])
-    costs = [_cost(problem, m) for m in (before, after)]
-    noise = level * problem.size
-    explainable = costs[0] - noise
-    share = (costs[0] - costs[1]) / explainable if costs[0] > EXPLAINABLE * noise else None
-    return HeldOut(run.name, _fit(run, before), _fit(run, after), share)
+@dataclass(frozen=True, eq=False)
+class Fresh:
+    """A run that neither the fit nor the choice used, with all that does not depend on the model.
+
+    responses: measured frequency responses {output: response} of a sweep, empty for other manoeuvres.
+    """
+
+    run: Experiment
+    problem: Problem
+    responses: Mapping[str, FrequencyResponse]
+
+    @staticmethod
+    def of(run: Experiment, floor: Floor) -> Fresh:
+        """The run in the noise floor of the runs that were used."""
+        swept = run.kind in SWEPT
+        found = frequency_responses_of(run, centred(run)) if swept else {}
+        return Fresh(run, with_floors([run], [floor]), found)
+
+    def squares(self, m: Modelled) -> float:
+        """Sum of squares of the whitened rows that a model leaves."""
+        rows = self.problem.measured - self.problem.model(m.model.structure, m.x)
+        return float(rows @ rows)
 
 
-def _cost(problem: Problem, m: Modelled) -> float:
-    rows = problem.measured - problem.model(m.model.structure, m.x)
-    return float(rows @ rows)
+def held_out(fresh: Fresh, before: Modelled, after: Modelled) -> HeldOut:
+    """Both models on one fresh run; the mean square of a row is 1 where a model is right."""
+    left = [fresh.squares(m) for m in (before, after)]
+    noise = fresh.problem.size
+    explainable = left[0] - noise
+    share = (left[0] - left[1]) / explainable if left[0] > EXPLAINABLE * noise else None
+    return HeldOut(fresh.run.name, _fit(fresh, before), _fit(fresh, after), share)
 
 
-def _fit(run: Experiment, m: Modelled) -> Fit:
-    """J_rms and TIC, equations (15) and (16) of the paper, biases of the outputs taken out."""
-    log, data = m.log(run), centred(run)
+def refitted_without(effect: str, used: Problem, whole: Modelled) -> Modelled:
+    """The whole model without one of its effects, what remains fitted again to the runs that were used."""
+    rest = whole.model.without(effect)
+    found = fit(used, rest.structure, rest.free, whole.x)
+    return Modelled(rest, found.x)
+
+
+def _fit(fresh: Fresh, m: Modelled) -> Fit:
+    """J_rms and TIC, equations (15) and (16) of the paper, biases of the outputs taken out; J of a sweep."""
+    log, data = m.log(fresh.run), centred(fresh.run)
     errors, measured, model = [], [], []
     for c, factor in UNITS.items():
         if c in data:
@@ -59,7 +87,8 @@ def _fit(run: Experiment, m: Modelled) -> Fit:
             measured.append(np.mean(y**2))
             model.append(np.mean((s + bias) ** 2))
     rms = float(np.sqrt(np.mean(errors)))
-    return Fit(rms, float(rms / (np.sqrt(np.mean(measured)) + np.sqrt(np.mean(model)))))
+    tic = float(rms / (np.sqrt(np.mean(measured)) + np.sqrt(np.mean(model))))
+    return Fit(rms, tic, costs(fresh.run, fresh.responses, log) if fresh.responses else {})
 
 
 def overlays(

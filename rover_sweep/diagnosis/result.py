@@ -58,7 +58,10 @@ class EffectValue:
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit of a model to one run: J per response where the run is a sweep (empty otherwise), J_rms, TIC."""
+    """Fit of a model to one run: J_rms, TIC, and where the run is a sweep J per response (empty otherwise).
+
+    cost: {output: J} of r, ay, vydot, p, over the band in which the recording is coherent.
+    """
 
     j_rms: float
     tic: float
@@ -84,7 +87,8 @@ class Finding:
 
     evidence: {name: number}: gain (drop of the whitened cost), threshold (bootstrap), cosine with
     "cosine:<id>" for each look-alike.
-    held_out: of the model with this effect (and those named before it) against the one without.
+    held_out: the whole model against the same without this effect, the rest of it fitted again: what the
+    effect is worth in the presence of all others. With a single finding it is the total.
     """
 
     effect: str
