@@ -120,7 +120,7 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
         _rates(xs, k4, d2, v2, g2, f2, z2, m2, across, q, roll, relaxed)
         for i in range(size):
             x[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
-            if not abs(x[i]) < 1e3:
+            if not abs(x[i]) < (1e3 if i < 4 else 1e3 * q[0] * q[12]):  # a force is told by the weight
                 x[i] = 0.0
     return y
 
