@@ -14,6 +14,7 @@ from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSetting
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Recording
+from rover_sweep.material_sizes import spread_of
 from rover_sweep.preparation import doublets_apart, geometry_of, refuse_overlap
 from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
 from rover_sweep.report.provenance import Provenance
@@ -77,6 +78,7 @@ def diagnosed(
     from rover_sweep.diagnosis.diagnose import diagnose
 
     begun = time.monotonic()
+    settings = replace(settings, spread=spread_of(vehicle.material))
     try:
         found = diagnose(
             given.runs, geometry_of(vehicle), settings, given.held_out, given.simulated, progress, stop

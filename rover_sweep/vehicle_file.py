@@ -1,8 +1,8 @@
 """The vehicle file `rover.toml`: read, judged all at once, written without losing its comments.
 
-Sections: [vehicle], [steering], [imu] and [fit]; see `example`. Any number may be
-`{ value = .., sd = .. }`. What a fit may change is one list, `[fit] free = ["roll_inertia"]`, so that a
-reader finds all of it in one place.
+Sections: [vehicle], [steering], [imu], [fit] and [material]; see `example`. Any number but those of
+[material] may be `{ value = .., sd = .. }`. What a fit may change is one list, `[fit] free =
+["roll_inertia"]`, so that a reader finds all of it in one place.
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
 from rover_sweep.errors import UsageError
+from rover_sweep.material_sizes import read_material
 from rover_sweep.vehicle_rules import FREE_KEYS, KEYS, inconsistencies, read_number, unknown_keys
 
 Model = Literal["bicycle", "roll-yaw", "lumped"]
@@ -50,7 +52,8 @@ class Vehicle:
     peak side force of the tyres over their load;
     trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right;
     imu_position [m] (forward, right, down) from the CG of the sprung mass;
-    free: the [vehicle] numbers that a fit may change. None: not in the file.
+    free: the [vehicle] numbers that a fit may change; material: sizes that the file states in place of the
+    usual ones, by the keys of `material_sizes.MATERIAL`. None: not in the file.
     """
 
     mass: Measured
@@ -67,6 +70,7 @@ class Vehicle:
     rad_per_us: Measured | None = None
     imu_position: tuple[Measured, Measured, Measured] | None = None
     free: tuple[str, ...] = ()
+    material: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def wheelbase(self) -> float:
@@ -128,12 +132,14 @@ def parse(text: str, name: str = "rover.toml") -> Vehicle:
         problems.append(f'[vehicle] name is {title!r}; it must be text in quotes, as in: name = "my rover"')
     imu = _position(data, problems)
     free = _free(data, problems)
+    material, complaints = read_material(_section(data, "material"))
+    problems += complaints
     values = {key: number.value for key, number in numbers.items() if number is not None}
     problems += inconsistencies(values, tuple(m.value for m in imu) if imu else None)
     if problems:
         raise UsageError(_listed(name, problems))
     fields: dict[str, Any] = {key.partition(".")[2]: number for key, number in numbers.items()}
-    return Vehicle(name=title, imu_position=imu, free=free, **fields)
+    return Vehicle(name=title, imu_position=imu, free=free, material=material, **fields)
 
 
 def set_number(path: str | os.PathLike[str], key: str, number: Measured) -> Vehicle:

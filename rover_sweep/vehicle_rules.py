@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rover_sweep.material_sizes import MATERIAL
+
 
 @dataclass(frozen=True)
 class Key:
@@ -49,6 +51,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "steering": ("trim_us", "rad_per_us"),
     "imu": ("position",),
     "fit": ("free",),
+    "material": tuple(MATERIAL),
 }
 FREE_KEYS = tuple(key for key in SECTIONS["vehicle"] if key not in ("name", "friction"))
 SYMBOLS = {

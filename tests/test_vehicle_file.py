@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from rover_sweep.diagnosis.nominal import Spread
 from rover_sweep.errors import UsageError
+from rover_sweep.material_sizes import MATERIAL, spread_of
 from rover_sweep.vehicle_file import Measured, example, load, parse, set_number
 
 DATA = Path(__file__).parent / "data"
@@ -53,7 +56,24 @@ def test_free_and_sd_inside_position() -> None:
     assert rover.imu_iso == (0.02, 0.01, 0.0)
 
 
+def test_material_sizes_of_the_example_are_the_defaults() -> None:
+    sizes = parse(example()).material
+    assert sizes == pytest.approx({key: rule.default for key, rule in MATERIAL.items()})
+    assert parse(MINIMAL).material == {} and spread_of({}) == Spread()
+
+
+def test_material_sizes_become_the_spread() -> None:
+    stated = parse(MINIMAL + "[material]\nservo_lag = 0.012\ncg_position = 0.004\n").material
+    assert spread_of(stated) == replace(Spread(), lag=0.012, cg=0.002)
+
+
 MISTAKES = {
+    "material, unknown": (MINIMAL + "[material]\nservo_lagg = 0.02", "did you mean servo_lag?"),
+    "material, elsewhere": (MINIMAL + "cg_position = 0.01", "cg_position belongs under [material]"),
+    "material, negative": (MINIMAL + "[material]\nservo_lag = -1", "above 0 and at most 0.5 s, as in"),
+    "material, percent": (MINIMAL + "[material]\nsteering_scale = 3", "at most 0.5, as in: steering_scale"),
+    "material, words": (MINIMAL + "[material]\nservo_lag = '40 ms'", "servo_lag is '40 ms'; it must be"),
+    "material, true": (MINIMAL + "[material]\nservo_lag = true", "[material] servo_lag is True; it must be"),
     "unknown key, near": (MINIMAL + "spung_mass = 2.4", "did you mean sprung_mass?"),
     "symbol of the paper": (MINIMAL + "Izz = 0.07", "did you mean yaw_inertia?"),
     "key of another section": (MINIMAL + "rad_per_us = 0.00095", "belongs under [steering]"),

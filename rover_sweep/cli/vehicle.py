@@ -9,6 +9,7 @@ from typing import get_args
 
 import click
 
+from rover_sweep.material_sizes import MATERIAL
 from rover_sweep.vehicle_file import Model, Vehicle, example, load
 from rover_sweep.vehicle_rules import KEYS
 
@@ -74,6 +75,9 @@ def _show(found: Vehicle, file: str) -> None:
 
 def _remarks(found: Vehicle) -> list[str]:
     remarks = []
+    if found.material:
+        sizes = (f"{k} {size:g} {MATERIAL[k].unit}".rstrip(" -") for k, size in found.material.items())
+        remarks.append(f"below these sizes nothing is a finding: {', '.join(sizes)}")
     if found.rad_per_us is None:
         remarks.append(
             "no [steering]: a PWM cannot be turned into a road-wheel angle (a measured angle can be used)"

@@ -15,7 +15,6 @@ from rover_sweep.diagnosis.experiment import Experiment, experiment
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
 from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
 from rover_sweep.diagnosis.locate import mismatches
-from rover_sweep.diagnosis.nominal import Spread
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -64,7 +63,7 @@ def diagnose(
         settings = replace(settings, baseline=followed([experiment(run) for run in simulated], rover))
     used = [experiment(run) for run in runs]
     fresh = [experiment(run) for run in held_out_runs]
-    model = Model(settings.baseline, rover, Spread(), two_clocks=any(r.two_clocks for r in used))
+    model = Model(settings.baseline, rover, settings.spread, two_clocks=any(r.two_clocks for r in used))
     options = Options(
         settings.with_effects,
         settings.without_effects,

@@ -35,6 +35,7 @@ class Spread:
 
     lag, delay [s], ratio (ln Cf/Cr), bias_ay [m/s^2], trim [rad], steering scale, speed scale (relative),
     cg, imu [m], h, roll_inertia (relative), sensor_lag [s], velocity_gain (relative), velocity_lag [s].
+    together [s]: lag and delay, from which they are a finding. [material] of the vehicle file moves them.
     """
 
     lag: float = 0.040
@@ -46,11 +47,12 @@ class Spread:
     speed: float = 0.010
     cg: float = 0.005
     h: float = 0.05
-    roll_inertia: float = 0.08
+    roll_inertia: float = 0.075
     imu: float = 0.005
     sensor_lag: float = 0.003
     velocity_gain: float = 0.10
     velocity_lag: float = 0.010
+    together: float = 0.072
 
 
 def coordinates(

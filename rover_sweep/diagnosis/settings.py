@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from rover_sweep.diagnosis.nominal import Spread
+
 Baseline = Literal["roll-yaw", "bicycle", "lumped", "kinematic"]
 BASELINES: tuple[Baseline, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")
 
@@ -16,7 +18,8 @@ class DiagnosisSettings:
 
     with_effects: the only candidates, empty for all; without_effects: those left out. time_limit [s]:
     the diagnosis ends with what it has, None for no limit. seed: of the bootstrap. parameters: {name: SI
-    value} of a model that was identified before, to begin from; empty: found from the runs.
+    value} of a model that was identified before, to begin from; empty: found from the runs. spread: how far
+    an ordinary rover lies from its vehicle file.
     """
 
     baseline: Baseline = "roll-yaw"
@@ -25,6 +28,7 @@ class DiagnosisSettings:
     time_limit: float | None = None
     seed: int = 1
     parameters: Mapping[str, float] = field(default_factory=dict)
+    spread: Spread = Spread()
 
     def candidates(self, known: tuple[str, ...]) -> tuple[str, ...]:
         """Those of the known effects that are asked for, in their order."""
