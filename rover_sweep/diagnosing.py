@@ -85,6 +85,8 @@ def diagnosed(
         )
     except DataRefused as error:
         found = _refused(str(error), given, settings, time.monotonic() - begun)
+    if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
+        found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
     if stop is not None and stop():
         seconds = time.monotonic() - begun

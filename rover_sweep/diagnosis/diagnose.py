@@ -8,6 +8,7 @@ from dataclasses import replace
 from math import exp, log
 
 from rover_sweep.diagnosis.alike import Alike
+from rover_sweep.diagnosis.augmented import augmented
 from rover_sweep.diagnosis.beyond import unknown
 from rover_sweep.diagnosis.candidates import Model, speeds_of
 from rover_sweep.diagnosis.choose import Choice, Named, Options, choose
@@ -74,7 +75,8 @@ def diagnose(
     choice = choose(used, model, _start(settings.parameters), options)
     found = _answer(choice, used, fresh, settings)
     told = (f"the simulation follows the {settings.baseline} model",) if simulated else ()
-    return replace(found, seconds=time.monotonic() - begun, remarks=(*told, *found.remarks))
+    whole = augmented(choice.last.model, choice.last.fitted.x, runs, [run.begin for run in used])
+    return replace(found, seconds=time.monotonic() - begun, remarks=(*told, *found.remarks), model=whole)
 
 
 def _refuse(runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings) -> None:

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.diagnosis.augmented import AugmentedModel
+
 Array = NDArray[np.float64]
 Verdict = Literal["none", "explained", "partly explained", "unexplained", "refused"]
 
@@ -177,3 +179,5 @@ class Diagnosis:
     seconds: float = 0.0
     runs: tuple[str, ...] = ()
     held_out_runs: tuple[str, ...] = ()
+    model: AugmentedModel | None = None
+    """The nominal model with the effects, to simulate and export; None where the data were refused."""
