@@ -23,6 +23,7 @@ from rover_sweep.report.document import AXES
 from rover_sweep.report.effect_words import channel, sentence
 from rover_sweep.report.page import Drawn, by_section, environment
 
+WORTH = "The whole model, against the same without this effect"
 TONES = {
     "none": "good", "explained": "good", "partly explained": "warn", "unexplained": "warn", "refused": "bad",
 }  # fmt: skip
@@ -70,7 +71,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "look_alikes": look_alike_words(f),
         "evidence": evidence_words(f),
         "next_run": sentence(f.next_run),
-        "held_out": held_out_table(f.held_out, "With this effect, against the model without it", note=False)
+        "held_out": held_out_table(f.held_out, WORTH, note=False)
         if f.held_out
         else None,
     }

@@ -99,19 +99,28 @@ def share(value: float | None) -> str:
     return "at the floor" if value is None else f"{100 * value:.0f} %"
 
 
-def cost_table(held_out: Sequence[HeldOut]) -> Table | None:
-    """J per response before and after on held-out sweeps; None where no held-out run is one."""
+def cost_table(held_out: Sequence[HeldOut], room: int | None = None) -> Table | None:
+    """J per response before and after on held-out sweeps; None where no held-out run is one.
+
+    room: as in `held_out_table`.
+    """
     having = [h for h in held_out if h.before.cost]
     if not having:
         return None
     outputs = list(dict.fromkeys(o for h in having for o in (*h.before.cost, *h.after.cost)))
     rows = tuple(
-        (Cell(h.run), Cell(label), *(Cell(number(fit.cost.get(o), 3)) for o in outputs))
+        (Cell(_ending(h.run, room)), Cell(label), *(Cell(_cost(fit.cost.get(o))) for o in outputs))
         for h in having
         for label, fit in (("before", h.before), ("after", h.after))
     )
     headings = ("run", "", *(f"J of {SHORT_NAMES.get(o, o)}" for o in outputs))
-    return Table("Cost of the frequency responses", headings, rows, "Up to 100 is good.", 2)
+    note = "J weighs dB and deg; up to 100 is good."
+    return Table("Cost of the frequency responses", headings, rows, note, 2)
+
+
+def _cost(value: float | None) -> str:
+    """A cost to the tenth, none of them ever needing more."""
+    return "–" if value is None else f"{value:.1f}" if value < 100 else f"{value:.0f}"
 
 
 def falsified_table(found: Diagnosis) -> Table | None:

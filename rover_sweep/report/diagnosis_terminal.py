@@ -9,6 +9,7 @@ from rich.text import Text
 
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
 from rover_sweep.report.diagnosis_tables import (
+    cost_table,
     finding_table,
     held_out_table,
     look_alike_words,
@@ -50,6 +51,8 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
         yield from (_explained(f) for f in found.findings)
     if found.held_out:
         yield rich_table(held_out_table(found.held_out, "On runs that nothing was fitted to", False, ROOM))
+    if costs := cost_table(found.held_out, ROOM):
+        yield rich_table(costs)
     if found.unknown:
         yield _unknown(found.unknown)
     if unseen := unseen_table(found):
