@@ -8,9 +8,9 @@ From logs to models in Python:
     result.models["roll-yaw"]
     result.report("report")
 
-`read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `to_control` and `to_scipy` are described
-where they are defined, in `rover_sweep.api`, `rover_sweep.diagnosis_api` and `rover_sweep.conversion`;
-nothing heavy is imported before one of them is used.
+`read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `simulate`, `to_control` and `to_scipy` are
+described where they are defined, in `rover_sweep.api`, `rover_sweep.diagnosis_api`, `rover_sweep.simulation`
+and `rover_sweep.conversion`; nothing heavy is imported before one of them is used.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from rover_sweep.errors import DataRefused as DataRefused
     from rover_sweep.errors import RoverSweepError as RoverSweepError
     from rover_sweep.errors import UsageError as UsageError
+    from rover_sweep.simulation import Simulation as Simulation
+    from rover_sweep.simulation import simulate as simulate
 
 __version__ = "0.1.0"
 
@@ -42,6 +44,7 @@ _HOMES = {
     "to_control": "conversion", "to_scipy": "conversion",
     "FullDiagnosis": "diagnosis_api", "diagnose": "diagnosis_api", "load_diagnosis": "diagnosis_api",
     "DataRefused": "errors", "RoverSweepError": "errors", "UsageError": "errors",
+    "Simulation": "simulation", "simulate": "simulation",
 }  # fmt: skip
 __all__ = ["__version__", "identify", *_HOMES]
 

@@ -5,10 +5,12 @@ runs = rs.read("run1.BIN", "run2.BIN", "run3.BIN", vehicle="rover.toml")
 found = rs.diagnose(runs, held_out=rs.read("run4.BIN", vehicle="rover.toml"))
 found.findings[0].effect
 found.report("report")
+rs.simulate(found, runs[0])  # by the model with what was found
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime
@@ -102,22 +104,43 @@ def diagnose(
     given = material(runs, held_out, simulated)
     found = diagnosed(given, runs.vehicle, settings, progress, stop)
     made = provenance(runs.vehicle, runs.vehicle_file, given.held_out, "", datetime.now().astimezone())
+    return _full(found, given.origin(made, settings))
+
+
+def _full(found: Diagnosis, origin: DiagnosisOrigin) -> FullDiagnosis:
     own = {f.name: getattr(found, f.name) for f in fields(found)}
-    return FullDiagnosis(**own, origin=given.origin(made, settings))
+    return FullDiagnosis(**own, origin=origin)
 
 
 def load_diagnosis(path: Location) -> FullDiagnosis:
-    """The diagnosis that `FullDiagnosis.save` wrote. Raises UsageError for a file that is none."""
+    """The diagnosis that `FullDiagnosis.save` wrote, or the diagnosis.json of a report (or its folder).
+
+    The latter has neither recordings nor the curves of the pictures. UsageError for a file that is none.
+    """
     from rover_sweep.saved import loads
+
+    path = Path(path) / "diagnosis.json" if Path(path).is_dir() else Path(path)
 
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"{path} cannot be read: {error}") from None
+    if _is_report(text):
+        from rover_sweep.report.diagnosis_reading import read_diagnosis
+
+        return _full(read_diagnosis(path), DiagnosisOrigin())
     found = loads(text, str(path))
     if not isinstance(found, FullDiagnosis):
         raise UsageError(f"{path} holds a {type(found).__name__} and no diagnosis")
     return found
+
+
+def _is_report(text: str) -> bool:
+    try:
+        document = json.loads(text)
+    except ValueError:
+        return False
+    return isinstance(document, dict) and document.get("format") == "rover-sweep diagnosis"
 
 
 def _listed(names: Sequence[str]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""`rover-sweep export`: an identified model for python-control, MATLAB or anything that reads JSON."""
+"""`rover-sweep export`: a model for python-control, MATLAB, anything that reads JSON, or the simulation."""
 
 from __future__ import annotations
 
@@ -11,44 +11,90 @@ import click
 from rover_sweep.errors import DataRefused, UsageError
 
 FORMATS = {".json": "json", ".m": "matlab", ".py": "python", ".mat": "mat"}
+JUDGED_GOOD = ("good", "acceptable", "none", "explained")
 
 
-@click.command(short_help="An identified model for MATLAB, python-control, or as JSON.")
-@click.argument("directory", metavar="DIR", type=click.Path(file_okay=False))
+@click.command(short_help="A model for MATLAB, python-control, the simulated rover, or as JSON.")
+@click.argument("place", metavar="DIR|FILE", type=click.Path())
 @click.option("--model", "name", metavar="NAME",
               help="bicycle, roll-yaw, lumped or kinematic; the recommended one if not said.")  # fmt: skip
 @click.option("--format", "form", type=click.Choice(["json", "matlab", "python", "mat"]),
               help="By the suffix of FILE if not said; json without a FILE.")  # fmt: skip
 @click.option("--speed", type=click.FloatRange(0.1, 50), metavar="M/S",
               help="Another speed than that of the runs (not for the lumped model).")  # fmt: skip
+@click.option("--plant", is_flag=True,
+              help="A diagnosis' model as a simulated rover: the file that --variant takes.")  # fmt: skip
 @click.option("-o", "--output", metavar="FILE", default="-", help="Where to write; stdout if not said.")
-def export(directory: str, name: str | None, form: str | None, speed: float | None, output: str) -> None:
-    """Export a model out of DIR, the report folder that `identify` wrote or the session that holds it.
+def export(
+    place: str, name: str | None, form: str | None, speed: float | None, plant: bool, output: str
+) -> None:
+    """Export a model out of DIR, the report folder of `identify` or `diagnose`, or out of a diagnosis.json.
+
+    Of a diagnosis' model goes out what is linear, and words on what is not; --plant takes all of it.
 
     Continuous-time A, B, C, D (and M, F, G, H0, H1), names and units of states, input and outputs, the
     input's delay tau, and the sensors' low-passes apart: they belong to the instruments, not to the rover.
     The python form computes responses with numpy alone; its system() needs `pip install control`.
     """
-    model = _load(_report(Path(directory)), name)
-    if speed is not None:
-        model = _moved(model, speed)
-    chosen = form or _by_suffix(output)
-    content = _content(model, chosen)
-    if output == "-":
-        if isinstance(content, bytes):
-            raise UsageError("a .mat file does not go to the terminal; give a file with -o FILE.mat")
-        click.echo(content, nl=False)
+    if plant:
+        _plant(Path(place), (name, form, speed), output)
         return
+    model = _model(Path(place), name, speed)
+    content = _content(model, form or _by_suffix(output))
+    if isinstance(content, bytes) and output == "-":
+        raise UsageError("a .mat file does not go to the terminal; give a file with -o FILE.mat")
+    _write(output, content, f"{model['model']} model at {model['speed_m_s']:.3g} m/s")
+    if output != "-" and model["verdict"] not in JUDGED_GOOD:
+        judged = "diagnosis" if model.get("augmented") else "fit"
+        click.echo(f"warning: the verdict of this {judged} is: {model['verdict']}", err=True)
+
+
+def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
+    """The variant of the simulated rover that a diagnosis' model is."""
+    from rover_sweep.cli.export_diagnosis import diagnosis_file, model_of
+    from rover_sweep.report.plant_variant import variant_text
+
+    if any(option is not None for option in other):
+        raise UsageError(
+            "--plant is a form of its own, at any speed: leave --model, --format and --speed out"
+        )
+    if output != "-" and Path(output).suffix.lower() != ".toml":
+        raise UsageError(f"{output}: a simulated rover is a TOML file; give a name that ends in .toml")
+    found = diagnosis_file(place)
+    if found is None:
+        raise UsageError(
+            f"{place} holds no diagnosis; give the --out folder of diagnose or its diagnosis.json"
+        )
+    model, _ = model_of(found)
+    _write(output, variant_text(model), f"{model.name} model as a simulated rover")
+
+
+def _model(place: Path, name: str | None, speed: float | None) -> dict[str, Any]:
+    """An identified model where there is one, else a diagnosis'."""
+    from rover_sweep.cli.export_diagnosis import diagnosis_file, exported
+
+    folder = _report(place)
+    found = diagnosis_file(place)
+    if found is not None and not (folder / "identification.json").is_file():
+        return exported(found, name, speed)
+    if place.is_file():
+        raise UsageError(f"{place} is no diagnosis.json; of `identify` give the folder of its report")
+    model = _load(folder, name)
+    return model if speed is None else _moved(model, speed)
+
+
+def _write(output: str, content: str | bytes, what: str) -> None:
+    """To stdout, which takes text alone, or into a file, with a word on it."""
     from rover_sweep.report.files import write_file
 
-    if not Path(output).parent.is_dir():
-        raise UsageError(
-            f"there is no folder {Path(output).parent} to write {Path(output).name} into; make it"
-        )
-    write_file(Path(output), content)
-    click.echo(f"{model['model']} model at {model['speed_m_s']:.3g} m/s written to {output}", err=True)
-    if model["verdict"] not in ("good", "acceptable"):
-        click.echo(f"warning: the verdict of this fit is: {model['verdict']}", err=True)
+    if output == "-":
+        click.echo(content, nl=False)
+        return
+    path = Path(output)
+    if not path.parent.is_dir():
+        raise UsageError(f"there is no folder {path.parent} to write {path.name} into; make it")
+    write_file(path, content)
+    click.echo(f"{what} written to {output}", err=True)
 
 
 def _by_suffix(output: str) -> str:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from rover_sweep.diagnosis.simulate import Structure
     from rover_sweep.identify.effects import Effect
 
+SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
+
 
 @dataclass(frozen=True, eq=False)
 class AugmentedModel:
@@ -25,8 +27,9 @@ class AugmentedModel:
     baseline: "kinematic", "bicycle" or "roll-yaw". rover: what was known beforehand, SI units, ISO axes.
     effects: ids. x: {coordinate: value} as `rover_sweep.diagnosis.nominal` names them. speed: mean of the
     runs it was fitted to, m/s. filters: known low-passes of the channels. steering: (trim_us, rad_per_us)
-    of the vehicle file. happened_in: run of a change of ground; happened_at: its instant, s from the start
-    of that run's manoeuvre.
+    of the vehicle file. wait: share of the delay in which a command waits for the autopilot's main loop, s.
+    happened_in: run of a change of ground; happened_at: its instant, s from the start of that run's
+    manoeuvre.
     """
 
     baseline: str
@@ -36,6 +39,7 @@ class AugmentedModel:
     speed: float
     filters: Mapping[str, LowPass] = field(default_factory=dict)
     steering: tuple[float, float] | None = None
+    wait: float = 0.0
     happened_in: str = ""
     happened_at: float | None = None
 
@@ -99,5 +103,11 @@ def augmented(
     speed = sum(run.mean_speed * s for run, s in zip(runs, lengths, strict=True)) / sum(lengths)
     return AugmentedModel(
         model.baseline, model.rover, model.effects, dict(x), speed, dict(runs[0].filters),
-        happened_in=model.happened_in, happened_at=at,
+        wait=_wait(runs[0]), happened_in=model.happened_in, happened_at=at,
     )  # fmt: skip
+
+
+def _wait(run: Recording) -> float:
+    """Half a main loop [s], where the command was logged when it was set: the gyro is logged every loop."""
+    told = run["delta"].hold and SLOWEST_LOOP <= run["r"].rate <= FASTEST_LOOP
+    return 0.5 / run["r"].rate if told else 0.0

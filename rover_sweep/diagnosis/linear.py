@@ -75,19 +75,19 @@ def hidden_filters(model: AugmentedModel) -> dict[str, LowPass]:
 
 
 def left_out(model: AugmentedModel) -> list[str]:
-    """What the linear model lacks, one sentence each."""
+    """What the linear model lacks and why, one sentence each."""
     out = []
     for effect in model.added:
         if effect.id in NONLINEAR | CONSTANT:
             numbers = ", ".join(f"{p} = {v:.4g} {unit}" for p, (v, unit, _) in model.reported(effect).items())
             why = "is not linear" if effect.id in NONLINEAR else "is no part of a linear model of the rover"
-            out.append(f"{effect.id} ({effect.equation}; {numbers}) {why} and is left out")
+            out.append(f"{effect.id} ({effect.equation}; {numbers}) {why}")
     constants = {"trim": ("trim of the steering", "rad"), "bias_ay": ("constant of a_y", "m/s^2")}
     for name, (what, unit) in constants.items():
         if abs(model.value(name)) > 1e-6:
-            out.append(f"the {what}, {model.value(name):.3g} {unit}, is a constant and is left out")
+            out.append(f"the {what}, {model.value(name):.3g} {unit}, is a constant")
     if (scale := model.value("vscale")) != 0.0:
-        out.append(f"the true speed is {1 + scale:.4f} times the logged one; the speed here is the true one")
+        out.append(f"the log's speed, which is to be multiplied by {1 + scale:.4f}; here the true one counts")
     return out
 
 

@@ -17,9 +17,10 @@ from rover_sweep.diagnosis.result import (
 )
 from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
 from rover_sweep.report.document import AXES, recording_document
+from rover_sweep.report.model_of_diagnosis import augmented_document
 from rover_sweep.report.strict_json import plain
 
-FORMAT_VERSION = 1
+FORMAT, FORMAT_VERSION = "rover-sweep diagnosis", 1
 UNITS = (
     "SI, rad, rad/s; residual_over_noise is rms over the rms of the noise floor; J in dB and deg; J_rms in "
     "deg/s and ft/s^2"
@@ -34,7 +35,7 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
     """
     return plain(
         {
-            "format": "rover-sweep diagnosis",
+            "format": FORMAT,
             "format_version": FORMAT_VERSION,
             "verdict": found.verdict,
             "sentence": found.sentence,
@@ -49,6 +50,7 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
                 for f in found.falsified
             ],
             "parameters": {v.name: _value(v) for v in found.parameters},
+            "model": augmented_document(found.model) if found.model else None,
             "scores": found.scores,
             "remarks": found.remarks,
             "seconds": round(found.seconds, 2),

@@ -1,4 +1,4 @@
-"""The folder of a diagnosis: diagnosis.html for people, diagnosis.json for machines."""
+"""A diagnosis' folder: diagnosis.html for people, diagnosis.json for machines, variant.toml to drive it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ class DiagnosisFiles:
 
     document: Path
     page: Path
+    variant: Path | None = None
+    """The model as a simulated rover; None where the data were refused."""
 
 
 def write_diagnosis(
@@ -27,13 +29,14 @@ def write_diagnosis(
     origin: DiagnosisOrigin,
     progress: Callable[[float, str], None] | None = None,
 ) -> DiagnosisFiles:
-    """Writes both files, diagnosis.json last: a folder that holds it is whole and of one diagnosis.
+    """Writes all files, diagnosis.json last: a folder that holds it is whole and of one diagnosis.
 
     Everything is made before the first file is touched. progress is called with the share done, 0..1, and
     what is being made. UsageError where the directory cannot be written.
     """
     from rover_sweep.report.diagnosis_page import diagnosis_page
     from rover_sweep.report.diagnosis_pictures import planned
+    from rover_sweep.report.plant_variant import variant_text
 
     document = dumps(diagnosis_document(found, origin))
     plan, drawn = planned(found), []
@@ -42,6 +45,9 @@ def write_diagnosis(
             progress(k / len(plan), f"drawing {picture.name}")
         drawn.append((picture, picture.png()))
     page = diagnosis_page(found, origin, drawn)
-    remove_file(directory / "diagnosis.json")
+    text = variant_text(found.model) if found.model else None
+    for name in ("diagnosis.json", "variant.toml"):
+        remove_file(directory / name)
     html = write_file(directory / "diagnosis.html", page)
-    return DiagnosisFiles(write_file(directory / "diagnosis.json", document), html)
+    variant = write_file(directory / "variant.toml", text) if text else None
+    return DiagnosisFiles(write_file(directory / "diagnosis.json", document), html, variant)

@@ -52,7 +52,7 @@ def exported_model(
             "verdict": model.verdict.level,
             "note": NOTE,
             "reference": structure.reference,
-            **_system(structure, structure.matrices(model.fit.speed), model.fit.speed),
+            **system_document(structure, structure.matrices(model.fit.speed), model.fit.speed),
             "parameters": structure.values,
             "parameter_units": {p.name: p.unit for p in structure.parameters},
             "sensor_filters": _filters(known_filters(result), structure.outputs),
@@ -67,6 +67,11 @@ def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
 
     ValueError for the lumped model, whose derivatives hold at the speed of the identification alone.
     """
+    if whole := exported.get("augmented"):
+        from rover_sweep.report.export_augmented import exported_augmented
+        from rover_sweep.report.model_of_diagnosis import augmented_from
+
+        return exported_augmented(augmented_from(whole), exported["verdict"], speed)
     if exported["model"] == "lumped":
         raise ValueError("the lumped model holds at the speed of the identification alone")
     own = exported.get("structure")
@@ -75,7 +80,8 @@ def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
     return plain({**exported, **_matrices(mat), "speed_m_s": speed})
 
 
-def _system(structure: ModelStructure, mat: Matrices, speed: float) -> dict[str, Any]:
+def system_document(structure: ModelStructure, mat: Matrices, speed: float) -> dict[str, Any]:
+    """Matrices, delays, names and units at a speed [m/s]."""
     return {
         "speed_m_s": speed,
         "tau_s": _delay(structure, structure.input_delays.get(structure.inputs[0])),

@@ -106,11 +106,12 @@ def _matlab_delays(model: Model) -> str:
 
 def _remarks(model: Model, mark: str) -> list[str]:
     steering = model.get("steering")
+    judged = "verdict of the diagnosis" if model.get("augmented") else "verdict of the fit"
     known = ", ".join(
         f"{name} {value:.6g} {model['parameter_units'][name]}" for name, value in model["parameters"].items()
     )
     lines = [
-        f"{model['model']} model at {model['speed_m_s']:.3g} m/s; verdict of the fit: {model['verdict']}.",
+        f"{model['model']} model at {model['speed_m_s']:.3g} m/s; {judged}: {model['verdict']}.",
         *model["note"].replace(". ", ".\n").splitlines(),
         f"Parameters: {known}.",
     ]
