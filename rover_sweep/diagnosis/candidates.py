@@ -89,10 +89,15 @@ def own(effect: Effect) -> list[Coordinate]:
 def possible(
     model: Model, runs: Sequence[Experiment], only: Collection[str] = (), without: Collection[str] = ()
 ) -> tuple[list[Effect], dict[str, str]]:
-    """(effects that these runs could show in addition, {effect: why it cannot be seen})."""
+    """(effects that these runs could show in addition, {effect: why it cannot be seen}).
+
+    What acts on the speed is no part of them: the measured speed drives the model, `speed_loss` judges it.
+    """
     found, unseen = [], {}
     for effect in library().values():
-        if effect.id in model.effects or effect.id in without or (only and effect.id not in only):
+        if effect.stage == "speed" or effect.id in model.effects or effect.id in without:
+            continue
+        if only and effect.id not in only:
             continue
         why = why_unseen(effect, model, runs)
         if why:
@@ -113,8 +118,6 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
         return f"acts in {' or '.join(effect.baselines)} models, the baseline is {has}"
     if not recorded & set(effect.channels):
         return f"none of {', '.join(effect.channels)} was recorded"
-    if effect.stage == "speed":
-        return "the measured speed is taken as it is and not yet judged itself"
     if effect.id == "cross_slope" and not any(run.has_heading for run in runs):
         return "no heading was recorded"
     if effect.id == "roll_dof" and not (

@@ -28,6 +28,9 @@ from rover_sweep.diagnosis.result import (
 )
 from rover_sweep.diagnosis.rung import followed
 from rover_sweep.diagnosis.settings import DiagnosisSettings
+from rover_sweep.diagnosis.speed_finding import ID as SPEED
+from rover_sweep.diagnosis.speed_finding import speed_finding
+from rover_sweep.diagnosis.speed_loss import speed_loss
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.geometry import Geometry
@@ -118,6 +121,13 @@ def _answer(
     unused = tuple(Fresh.of(run, floor) for run in fresh)
     shown = tuple(held_out(run, *whole) for run in unused)
     findings = tuple(_finding(n, choice, drawn, unused, whole) for n in choice.named)
+    gains = {t.effect: max(t.gain, 0.0) for t in first.trials}
+    if settings.candidates((SPEED,)):
+        lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
+        gains[SPEED] = max(lost.gain, 0.0)
+        findings += (speed_finding(lost, whole[1], unused),) if lost.found else ()
+    if [f.effect for f in findings] == [SPEED]:  # nothing else changed the model
+        shown = findings[0].held_out
     left = unknown(last)
     verdict = _verdict(findings, left)
     pictures = fresh or used[:1]
@@ -131,7 +141,7 @@ def _answer(
         tuple(Unseen(e, why) for e, why in last.unseen.items()),
         _falsified(choice) if findings else (),
         nominal_values(last, drawn),
-        {t.effect: max(t.gain, 0.0) for t in first.trials},
+        gains,
         overlays(pictures, bool(fresh), *whole, floor),
         shown,
         _remarks(used),

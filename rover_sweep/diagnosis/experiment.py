@@ -13,6 +13,7 @@ from rover_sweep.identify.recording import Array, LowPass, Recording
 RATE = 200.0  # Hz, of the simulation
 MARGIN = 1.5  # s of driving taken before and after the manoeuvre, where it was recorded
 CHANNELS = ("r", "ay", "p", "vy")
+SMOOTH = 0.25  # s
 SLOWEST = 0.4  # m/s; below it a slip angle means nothing
 
 
@@ -59,7 +60,7 @@ def experiment(run: Recording) -> Experiment:
     start, end = _driven(run)
     grid = start + np.arange(_fast(int((end - start) * RATE) + 1)) / RATE
     measured = {c: run[c].on(grid) for c in CHANNELS if c in run}
-    speed = _smooth(run["speed"].on(grid), 0.25)
+    speed = smoothed(run["speed"].on(grid))
     heading = np.unwrap(run["psi"].on(grid)) if "psi" in run else np.zeros(grid.size)
     rest = {c: run.bias(c) for c in measured}
     return Experiment(
@@ -72,7 +73,7 @@ def experiment(run: Recording) -> Experiment:
         measured,
         {c: b for c, b in rest.items() if b is not None},
         run.filters,
-        _taper(grid.size),
+        tapered(grid.size),
         {c: run[c].rate for c in measured},
         "psi" in run,
         len({_clock(run, c) for c in ("delta", "r")}) > 1,
@@ -104,14 +105,15 @@ def _driven(run: Recording) -> tuple[float, float]:
     return min(first, start), max(last, end)
 
 
-def _smooth(x: Array, seconds: float) -> Array:
-    width = max(int(seconds * RATE) | 1, 1)
+def smoothed(x: Array) -> Array:
+    """A speed (n,) as a run keeps it: the mean of `SMOOTH` about each sample."""
+    width = int(SMOOTH * RATE) | 1
     padded = np.pad(x, width // 2, mode="edge")
     return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
 
 
-def _taper(n: int) -> Array:
-    """Raised cosine over the first and last second."""
+def tapered(n: int) -> Array:
+    """Weight (n,) that rises and falls as a raised cosine over the first and last second."""
     edge = min(int(RATE), n // 4)
     ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / max(edge, 1))
     return np.concatenate((ramp, np.ones(n - 2 * edge), ramp[::-1]))

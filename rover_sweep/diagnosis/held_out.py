@@ -65,7 +65,7 @@ def held_out(fresh: Fresh, before: Modelled, after: Modelled) -> HeldOut:
     noise = fresh.problem.size
     explainable = left[0] - noise
     share = (left[0] - left[1]) / explainable if left[0] > EXPLAINABLE * noise else None
-    return HeldOut(fresh.run.name, _fit(fresh, before), _fit(fresh, after), share)
+    return HeldOut(fresh.run.name, fit_of(fresh, before), fit_of(fresh, after), share)
 
 
 def refitted_without(effect: str, used: Problem, whole: Modelled) -> Modelled:
@@ -75,7 +75,7 @@ def refitted_without(effect: str, used: Problem, whole: Modelled) -> Modelled:
     return Modelled(rest, found.x)
 
 
-def _fit(fresh: Fresh, m: Modelled) -> Fit:
+def fit_of(fresh: Fresh, m: Modelled) -> Fit:
     """J_rms and TIC, equations (15) and (16) of the paper, biases of the outputs taken out; J of a sweep."""
     log, data = m.log(fresh.run), centred(fresh.run)
     errors, measured, model = [], [], []

@@ -10,7 +10,7 @@ corrected, with the angles of the tyres left nonlinear:
 
 from __future__ import annotations
 
-from math import atan, exp, tanh
+from math import atan, tanh
 
 import numpy as np
 from numba import njit
@@ -159,7 +159,7 @@ def linear_states(a, b, u, dt):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def servo(u, lag, shape, inv_rate, dt):  # type: ignore[no-untyped-def]
-    """Angle (n,) of 1/(1 + lag s + shape lag^2 s^2) with a limited rate 1/inv_rate [rad/s]; stable at any lag.
+    """Angle (n,) of 1/(1 + lag s + shape lag^2 s^2) with a limited rate 1/inv_rate [rad/s].
 
     shape 0 is a first-order lag, 1/4 two equal ones, 1/2 a servo that is damped by .71. Implicit Euler in
     half steps, the input linear between samples.

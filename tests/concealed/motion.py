@@ -77,6 +77,7 @@ def _rates(
     else:
         ff, fr = ff0, fr0
         out[8], out[9] = 0.0, 0.0
+    back = ff * math.sin(d) / q[M] - vy * r  # what turned wheels take of the speed
     ff, fr = ff * math.cos(d) + push[0], fr + push[1]
     bank = q[SLOPE] * math.cos(x[5] - q[SLOPE_HEADING])
     s, c = math.sin(phi), math.cos(phi)
@@ -89,7 +90,7 @@ def _rates(
     roll = (msh * c * side + q[M] * moment) / det
     yaw = q[A] * ff - q[B] * fr + _strange_moment(x, q, lateral, out)
     out[0], out[1], out[2], out[3] = lateral - v * r, yaw / q[IZZ], p, roll
-    out[4] = (speed_set - v) / q[MOTOR] - q[DRAG] * lateral * lateral + push[3]
+    out[4] = (speed_set - v) / q[MOTOR] - back - q[DRAG] * lateral * lateral + push[3]
     out[5] = r
     out[6] = v * math.cos(x[5]) - vy * math.sin(x[5])
     out[7] = v * math.sin(x[5]) + vy * math.cos(x[5])

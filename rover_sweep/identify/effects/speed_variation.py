@@ -16,5 +16,6 @@ EFFECT = Effect(
     needs="one sweep",
     excites="large a_y for long",
     next_run="hold the throttle by hand and by the speed controller, the same sweep",
+    material={"D": 0.01},
     signed=False,
 )
