@@ -10,17 +10,17 @@ corrected, with the angles of the tyres left nonlinear:
 
 from __future__ import annotations
 
-from math import atan, tanh
+from math import atan, exp, tanh
 
 import numpy as np
 from numba import njit
 
 SLOTS = (
     "m", "ms", "h", "Ixx", "Izz", "Ixz", "a", "b", "Cf", "Cr", "k_phi", "b_phi", "g",
-    "inv_mu", "sigma", "k_load", "e_roll", "T_roll",
+    "inv_mu", "sigma", "k_load", "e_roll", "T_roll", "ln_width",
 )  # fmt: skip
 SLOT = {name: k for k, name in enumerate(SLOTS)}
-SGN_WIDTH = 0.02  # rad/s, within which dry friction is smooth
+SGN_WIDTH = 0.01  # rad/s, within which dry friction is smooth, times exp(ln_width)
 FASTEST = 300.0  # 1/s, of the tyre's relaxation: shorter ones are as good as none
 
 
@@ -42,9 +42,9 @@ def _angle(slope: float) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _dry(torque: float, p: float) -> float:
+def _dry(torque: float, p: float, ln_width: float) -> float:
     """Dry friction at the roll rate p; free where there is none, since tanh is dear."""
-    return torque * tanh(p / SGN_WIDTH) if torque != 0.0 else 0.0
+    return torque * tanh(p / (SGN_WIDTH * exp(ln_width))) if torque != 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -75,7 +75,7 @@ def _rates(x, out, d, speed, grip, fy, mz, mx, ay, q, roll, relaxed):  # type: i
         out[2] = 0.0
         out[3] = 0.0
         return side / m
-    torque = (ms * g * h - q[10]) * phi - q[11] * p - _dry(q[17], p) + mx
+    torque = (ms * g * h - q[10]) * phi - q[11] * p - _dry(q[17], p, q[18]) + mx
     # lateral acceleration A = v' + V r and p' of the first and third equation, r' of the second
     hm = h * ms / m
     j = ixx + ms * h * h - hm * h * ms - ixz * ixz / izz
@@ -134,7 +134,7 @@ def roll_only(across, yaw_rate_dot, mx, q, dt):  # type: ignore[no-untyped-def]
     ms, h, g = q[1], q[2], q[12]
     j = q[3] + ms * h * h
     for k in range(n):
-        torque = (ms * g * h - q[10]) * phi - q[11] * p - _dry(q[17], p) + mx[k]
+        torque = (ms * g * h - q[10]) * phi - q[11] * p - _dry(q[17], p, q[18]) + mx[k]
         p_dot = (torque + h * ms * across[k] - q[5] * yaw_rate_dot[k]) / j
         y[k, 0], y[k, 1], y[k, 2] = phi, p, p_dot
         p += dt * p_dot

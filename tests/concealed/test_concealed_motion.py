@@ -35,7 +35,7 @@ ABSENT = {
 def circle(rover: Rover, delta: float, speed: float) -> np.ndarray:
     """Last state and rates of a long constant turn."""
     n = 12_000
-    q = motion.vector(_rover_numbers(rover))
+    q = motion.vector({**_rover_numbers(rover), "motor_lag": 0.01})  # holds the speed
     x = motion.drive(q, np.full(n, delta), np.full(n, speed), np.zeros((n, 4)), 0.0)
     return np.asarray(x[-1])
 

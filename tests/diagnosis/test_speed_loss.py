@@ -34,7 +34,7 @@ def test_a_loss_beyond_the_wheels_own_is_found_and_sized(tmp_path: Path, number:
     write_set(draw_case(31, number, "single", 2.0, "speed_variation"), tmp_path / "set", tmp_path / "t.json")
     found = _judged(tmp_path / "set", tmp_path / "set" / "rover.toml")
     assert found.found
-    assert found.loss == pytest.approx(0.03, rel=0.25)
+    assert found.loss == pytest.approx(0.03, rel=0.35)
     assert found.low < found.loss < found.high
     assert 0.2 < found.lag < 1.2
 

@@ -26,5 +26,6 @@ EFFECT = Effect(
     next_run="the DataFlash log of the same run, in which one clock stamps everything",
     reads={"T": "delay"},
     shown=stamped,
+    doubt={"T": 0.01},  # a usual delay is anything up to 40 ms
     releases={"delay": (-0.5, 0.5)},
 )

@@ -17,8 +17,6 @@ from rover_sweep.identify.recording import Array
 Stage = Literal["command", "servo", "linkage", "vehicle", "force", "grip", "sensor", "filter", "speed"]
 Values = Mapping[str, float]
 
-STEP = 0.005  # s, of the arrays that the stages see
-
 
 @dataclass(frozen=True)
 class EffectParameter:
@@ -69,7 +67,9 @@ class Effect:
       vehicle: no function; the coordinates fill slots of the compiled kernel
     slots: {parameter: slot}. iterate: a force that depends on the motion it makes;
     weight: a force that an accelerometer does not feel. shown: ({parameter: value}) -> {name: (value,
-    unit, convention)} where the parameters that a user reads are others than the fitted ones.
+    unit, convention)} where the parameters that a user reads are others than the fitted ones. doubt: standard
+    deviation of a shown value that no data of this kind can take away.
+    reads: {parameter: nominal coordinate that it is read off}; per: coordinates of one unit of its value.
     q: {parameter: coordinate}. releases: coordinates of the nominal model that the effect sets free beyond
     the material size, {name: (low, high)}. material: what a number of this effect must exceed to be more
     than a nuisance, {parameter: coordinate}. baselines: the models it can be missing from. channels: at
@@ -100,6 +100,7 @@ class Effect:
     iterate: bool = False
     weight: bool = False
     shown: Callable[[Values], dict[str, tuple[float, str, str]]] | None = None
+    doubt: Mapping[str, float] = field(default_factory=dict)
 
     def key(self, parameter: str) -> str:
         """Name of a coordinate in the whole model: "<id>.<parameter>"."""
