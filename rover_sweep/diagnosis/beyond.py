@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_sweep.diagnosis.choose import Round
 from rover_sweep.diagnosis.experiment import RATE
@@ -13,6 +14,7 @@ from rover_sweep.identify.recording import Array
 
 ABOVE = 1.6  # mean square of the rows, from which a residual is worth a question
 PREDICTED = 0.3  # share of the residual above the floor that the state must predict on the other runs
+BLOCK = 8  # lines
 KEPT = 3  # terms of the sketch of a law
 
 
@@ -20,7 +22,8 @@ def unknown(last: Round) -> Unknown | None:
     """The answer on what the final model leaves, None where it is at the noise floor or only noise.
 
     The residual of each channel is regressed on functions of the model's state, terms taken one at a
-    time (a SINDy-type sketch); it counts where it predicts the runs left out of the regression.
+    time (a SINDy-type sketch); it counts where it predicts the last run, which the regression does not
+    see. Of a single run every other block of lines is left out instead.
     """
     problem, rows = last.problem, last.fitted.rows
     best: Unknown | None = None
@@ -72,13 +75,9 @@ def _terms(problem: Problem, structure: Structure, x: dict[str, float], channel:
 
 
 def _sketch(problem: Problem, rows: Array, channel: str, terms: dict[str, Array]) -> tuple[list[str], float]:
-    """(terms chosen on all runs but one, share of the last run's residual above the floor they predict)."""
-    sizes = [r.size for r in problem.rows if r.channel == channel]
-    if len(sizes) < 2:
-        return [], 0.0
+    """(terms chosen on the seen rows, share of the others' residual above the floor that they predict)."""
     target = problem.part(rows, channel=channel)
-    test = np.zeros(target.size, bool)
-    test[-sizes[-1] :] = True
+    test = _unseen([r.bins.size for r in problem.rows if r.channel == channel])
     left, chosen = target[~test], []
     fitted: Array = np.zeros(0)
     for _ in range(KEPT):
@@ -93,4 +92,12 @@ def _sketch(problem: Problem, rows: Array, channel: str, terms: dict[str, Array]
     a = np.column_stack([terms[n] for n in chosen])
     before, after = float(np.sum(target[test] ** 2)), float(np.sum((target[test] - a[test] @ fitted) ** 2))
     above = before - test.sum()
-    return chosen, (before - after) / above if above > 0.1 * test.sum() else 0.0
+    return chosen, float((before - after) / above) if above > 0.1 * test.sum() else 0.0
+
+
+def _unseen(lines: list[int]) -> NDArray[np.bool_]:
+    """Rows left out of a regression; lines: of each run, whose real parts come before the imaginary ones."""
+    if len(lines) > 1:
+        return np.repeat([False] * (len(lines) - 1) + [True], [2 * n for n in lines])
+    # neighbours share what the taper spreads, so whole blocks
+    return np.tile(np.arange(lines[0]) // BLOCK % 2 == 1, 2)
