@@ -15,7 +15,7 @@ from rover_sweep.report.strict_json import plain
 
 
 def exported_augmented(model: AugmentedModel, verdict: str, speed: float | None = None) -> dict[str, Any]:
-    """The linear part at a speed [m/s], the true one of the runs unless given, in the form of `exported_model`.
+    """The linear part at a speed [m/s] (the true one of the runs unless given), as `exported_model` gives it.
 
     verdict: of the diagnosis. "left_out": sentences on what is not linear; "augmented": the whole model, of
     which `at_speed` makes another speed's. sensor_filters are known and hidden low-passes in a row.

@@ -63,8 +63,8 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
         )
     if not model.structure.roll:
         out.append("the model does not roll: the sprung mass' centre lies on the roll axis")
-    if "steering_deadband" in model.effects:
-        out.append("the deadband is that of the servo's error here, and that of the command in the model")
+    if "clock_offset" in model.effects:
+        out.append("a redrive takes the log's stamps as right: its motion comes later than the log's by T")
     return out
 
 
@@ -139,6 +139,8 @@ def _effects(model: AugmentedModel) -> dict[str, dict[str, Value]]:
         }
         if effect.id == "transport_delay":
             values["T"] = _delay(model)
+        if effect.id == "steering_deadband":
+            values["of"] = "command"
         if effect.id == "surface_change" and model.happened_in:
             values["run"] = model.happened_in
         if values:

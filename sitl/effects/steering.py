@@ -16,12 +16,13 @@ IDS = frozenset(
 
 
 class Linkage:
-    """Static curve before the servo, dead zone of the servo's error, play behind it.
+    """Static curve before the servo, dead zone of the servo's error or of the command, play behind it.
 
-    The curve: u [rad] -> (1 +- e) u, then u (1 + c3 u2), then less u0. `deadband`: half width [rad].
+    The curve: u [rad] -> (1 +- e) u, then u (1 + c3 u2), then less u0. `deadband`: half width [rad] of the
+    servo's.
     """
 
-    __slots__ = ("_cubic", "_gap", "_left", "_played", "_right", "_trim", "deadband")
+    __slots__ = ("_command", "_cubic", "_gap", "_left", "_played", "_right", "_trim", "deadband")
 
     def __init__(self, effects: Effects) -> None:
         self._cubic = number(effects, "steering_nonlinearity", "c3")
@@ -29,11 +30,15 @@ class Linkage:
         self._left, self._right = 1.0 + uneven, 1.0 - uneven
         self._trim = number(effects, "steering_trim", "u0")
         self._gap = number(effects, "steering_backlash", "b")
-        self.deadband = number(effects, "steering_deadband", "w")
+        width = number(effects, "steering_deadband", "w")
+        of_command = effects.get("steering_deadband", {}).get("of") == "command"
+        self._command, self.deadband = (width, 0.0) if of_command else (0.0, width)
         self._played = self.wanted(0.0)
 
     def wanted(self, u: float) -> float:
         """The angle [rad] that the servo is to reach for a commanded one."""
+        if self._command > 0.0:
+            u -= min(max(u, -self._command), self._command)
         u *= self._left if u > 0.0 else self._right
         return u * (1.0 + self._cubic * u * u) - self._trim
 

@@ -10,7 +10,8 @@ angle and rate.
 
 servo_lag             T [s]: T d' = u - d, the whole lag
 servo_rate_limit      R [rad/s]: abs(d') <= R of the road wheel
-steering_deadband     w [rad], half width, of the servo's error: T d' = dz(u - d)
+steering_deadband     w [rad], half width, of the servo's error: T d' = dz(u - d); with of = "command" that
+                      of the command, which has no memory: T d' = dz(u) - d
 steering_backlash     b [rad], half the gap: play operator behind the servo
 steering_nonlinearity c3 [1/rad2]: u (1 + c3 u2)
 steering_asymmetry    e [-]: (1 + e) u to the left, (1 - e) u to the right
@@ -45,6 +46,7 @@ from dataclasses import dataclass
 Effects = Mapping[str, Mapping[str, float | str]]
 
 STREAMS = ("steering", "velocity")
+DEAD = ("error", "command")
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
     "surface_change": {"ratio": _POSITIVE, "t": _PERHAPS, "distance": Rule(0.0, optional=True)},
     "cross_slope": {"b": _ANY, "psi0": _ANY},
 }
-_TEXTS = {"clock_offset": ("stream",), "surface_change": ("run",)}
+_TEXTS = {"clock_offset": ("stream",), "surface_change": ("run",), "steering_deadband": ("of",)}
 
 
 def checked(table: object, where: str) -> Effects:
@@ -136,6 +138,8 @@ def _together(name: str, entries: Mapping[str, object], place: str) -> None:
         raise ValueError(f"{place} needs either t [s] or distance [m]")
     if entries.get("stream", STREAMS[0]) not in STREAMS:
         raise ValueError(f"{place}: stream = {entries['stream']!r} must be one of {', '.join(STREAMS)}")
+    if name == "steering_deadband" and entries.get("of", DEAD[0]) not in DEAD:
+        raise ValueError(f"{place}: of = {entries['of']!r} must be one of {', '.join(DEAD)}")
 
 
 def _text(value: object, name: str, place: str) -> str:

@@ -1,0 +1,52 @@
+"""A model with effects of one's choice, on a recording of the real firmware with a doublet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log
+from pathlib import Path
+
+from rover_sweep.diagnosis.augmented import AugmentedModel
+from rover_sweep.identify.effects import library
+from rover_sweep.identify.recording import LowPass, Recording
+from rover_sweep.preparation import Reading, geometry_of, load
+from rover_sweep.vehicle_file import load as load_vehicle
+
+ROVER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "c"
+VEHICLE = load_vehicle(ROVER / "rover.toml")
+RUN = ROVER / "run4.BIN"
+SPEED = 2.2
+ORDINARY = {
+    "lag": 0.02, "lag_shape": 0.0, "delay": 0.02, "vy_lag": 0.0, "ln_C": log(35.0), "ln_Izz": log(0.075),
+    "ln_ratio": 0.1, "ln_k_phi": log(11.5), "ln_b_phi": log(0.34), "ln_L_eff": log(0.4),
+}  # fmt: skip
+SIZES = {
+    "clock_offset": {"delay": -0.04},
+    "imu_tilt": {"bias_ay": 0.6, "imu_tilt.pitch": 0.1, "imu_tilt.yaw": 0.1},
+    "surface_change": {"surface_change.ratio": -0.3, "surface_change.t": 8.0},
+}
+
+
+def recording() -> Recording:
+    """The doublet that all of this is driven by."""
+    return load([str(RUN)], VEHICLE, Reading())[0]
+
+
+def model(*effects: str, baseline: str = "roll-yaw", **x: float) -> AugmentedModel:
+    """An ordinary rover with effects of a size that is plain to see; x: further coordinates."""
+    found = dict(ORDINARY)
+    for name in effects:
+        effect = library()[name]
+        own = {effect.reads.get(p.name, effect.key(p.name)): p for p in effect.parameters}
+        found |= SIZES.get(name) or {
+            key: found.get(key, 0.0) + p.size * effect.per.get(p.name, 1.0) for key, p in own.items()
+        }
+    filters = {c: LowPass(20.0, "test") for c in ("r", "p", "ay")}
+    return AugmentedModel(
+        baseline, geometry_of(VEHICLE), effects, found | x, SPEED, filters, VEHICLE.steering(), wait=0.005
+    )  # fmt: skip
+
+
+def linear_only(baseline: str = "roll-yaw", *effects: str, **x: float) -> AugmentedModel:
+    """The same with sensors that are as good as unfiltered."""
+    return replace(model(*effects, baseline=baseline, **x), filters={})

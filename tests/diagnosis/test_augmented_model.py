@@ -1,0 +1,119 @@
+"""The model of a diagnosis: simulated, its linear part, its data form, its exports."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from augmented_models import SPEED, VEHICLE, linear_only, model, recording
+
+import rover_sweep as rs
+from rover_sweep.diagnosis.experiment import RATE, experiment
+from rover_sweep.diagnosis.linear import left_out, linear
+from rover_sweep.diagnosis.simulate import Sensors, logged
+from rover_sweep.identify.effects import library
+from rover_sweep.identify.verify import simulate as linear_simulation
+from rover_sweep.preparation import MODEL_NAMES
+from rover_sweep.report.export import at_speed
+from rover_sweep.report.export_augmented import exported_augmented
+from rover_sweep.report.export_text import matlab_text, python_text
+from rover_sweep.report.model_of_diagnosis import augmented_document, augmented_from
+from rover_sweep.report.strict_json import dumps
+
+TINY = 0.004  # rad: small enough for the nonlinear simulation to be linear
+CASES = {
+    "plain": linear_only(),
+    "second order servo": linear_only(lag_shape=0.3),
+    "relaxation": linear_only("roll-yaw", "tyre_relaxation"),
+    "roll steer": linear_only("roll-yaw", "roll_steer"),
+    "imu": linear_only("roll-yaw", "imu_offset", ay_lag=0.002, p_lag=-0.001),
+    "tilt": linear_only("roll-yaw", "imu_tilt", bias_ay=0.0),
+    "filter": linear_only("roll-yaw", "sensor_filter"),
+    "velocity": linear_only("roll-yaw", "velocity_lag", vy_gain=0.05),
+    "no servo lag": linear_only(lag=0.0),
+    "bicycle": linear_only("bicycle"),
+    "bicycle with roll": linear_only("bicycle", "roll_dof"),
+    "kinematic": linear_only("kinematic"),
+    "kinematic with roll": linear_only("kinematic", "roll_dof"),
+    "kinematic with tyres": linear_only("kinematic", "tyre_slip", "tyre_relaxation"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_small_motion_is_that_of_the_linear_part(case: str) -> None:
+    """The engine's own nonlinear simulation at constant speed against the matrices, in the time domain."""
+    chosen = CASES[case]
+    run = experiment(recording())
+    t = run.t
+    steer = TINY * np.sin(2 * np.pi * (0.3 * t + 0.12 * t * t)) * np.minimum(1.0, t)
+    straight = {c: np.zeros(t.size) for c in ("r", "ay", "p", "vy")}
+    run = replace(run, steer=steer, speed=np.full(t.size, SPEED), measured=straight, filters=chosen.filters)
+    expected = logged(run, chosen.structure, chosen.x, Sensors.of(run))
+    exported = exported_augmented(chosen, "explained", SPEED)
+    fine = 10  # a held input is late by half a step
+    held = np.interp(np.arange(fine * t.size) / (fine * RATE), t, steer)
+    found = linear_simulation(linear(chosen), SPEED, held, fine * RATE, {})
+    for channel in linear(chosen).outputs:
+        y = found[channel][::fine]
+        if fraction := exported["sensor_filters"].get(channel):
+            y = _through(fraction, found[channel], fine * RATE)[::fine]
+        measured = np.gradient(expected["vy"], 1 / RATE) if channel == "vydot" else expected[channel]
+        inside = slice(100, -200)
+        size = max(float(np.sqrt(np.mean(measured[inside] ** 2))), 1e-9)
+        error = float(np.sqrt(np.mean((y - measured)[inside] ** 2))) / size
+        # the simulation takes a lag's input at the end of each of its steps of 5 ms, half a step early
+        assert error < (0.07 if "vy_lag" in linear(chosen).values else 0.03), (channel, error)
+
+
+def _through(fraction: dict[str, list[float]], y: np.ndarray, rate: float) -> np.ndarray:
+    from scipy.signal import bilinear, lfilter
+
+    return np.asarray(lfilter(*bilinear(fraction["num"], fraction["den"], rate), y))
+
+
+def test_what_is_not_linear_is_said_inside_every_export() -> None:
+    whole = model("steering_backlash", "tyre_relaxation", "cross_slope", trim=0.004, vscale=0.01)
+    words = left_out(whole)
+    assert words[0].startswith("steering_backlash (play operator of half gap b; b = 0.01 rad) is not linear")
+    assert "cross_slope" in words[1] and "trim of the steering, 0.004 rad" in words[2]
+    assert not any(word.startswith("tyre_relaxation") for word in words)
+    exported = exported_augmented(whole, "explained")
+    assert exported["speed_m_s"] == pytest.approx(SPEED * 1.01)
+    for text in (dumps(exported), matlab_text(exported), python_text(exported)):
+        assert "steering_backlash (play operator" in text and "F_f" in text
+
+
+def test_an_export_moves_to_another_speed_and_runs_on_its_own() -> None:
+    exported = json.loads(dumps(exported_augmented(model("tyre_relaxation"), "explained")))
+    moved = at_speed(exported, 3.0)
+    assert moved == exported_augmented(model("tyre_relaxation"), "explained", 3.0)
+    namespace: dict[str, object] = {}
+    exec(python_text(moved), namespace)
+    w = np.geomspace(0.3, 30, 20)
+    h = namespace["frequency_response"](w, sensors=False)  # type: ignore[operator]
+    structure = linear(model("tyre_relaxation"))
+    for k, output in enumerate(structure.outputs):
+        np.testing.assert_allclose(h[:, k], structure.response(w, 3.0, output), rtol=1e-6)
+
+
+@pytest.mark.parametrize("effect", [e for e in library() if e not in ("tyre_slip", "roll_dof")])
+def test_the_data_form_keeps_every_model(effect: str) -> None:
+    whole = replace(model(effect), happened_in="run 2", happened_at=12.5)
+    again = augmented_from(json.loads(dumps(augmented_document(whole))))
+    assert (again.x, again.numbers, again.rover) == (dict(whole.x), whole.numbers, whole.rover)
+    assert (again.effects, again.steering, again.filters) == (whole.effects, whole.steering, whole.filters)
+    assert (again.wait, again.happened_in, again.happened_at) == (0.005, "run 2", 12.5)
+
+
+def test_a_run_without_a_vehicle_file_is_simulated_by_the_numbers_of_the_diagnosis() -> None:
+    whole, run = model("tyre_relaxation"), recording()
+    bare = replace(run, channels={c: s for c, s in run.channels.items() if c != "delta"})
+    first, second = rs.simulate(whole, run), rs.simulate(whole, bare)
+    np.testing.assert_array_equal(first.signals["r"], second.signals["r"])
+    assert first.table().title.startswith("run4 by the roll-yaw with tyre_relaxation model")
+    assert first.error("r") < 0.15 * np.sqrt(np.mean(first.measured["r"] ** 2))
+    with pytest.raises(rs.DataRefused, match="has no steering angle"):
+        rs.simulate(replace(whole, steering=None), bare)
+    assert set(MODEL_NAMES.values()) >= {"m", "a", "b"} and VEHICLE.mass.value == whole.numbers["m"]

@@ -1,0 +1,142 @@
+"""The model of a diagnosis as a simulated rover: the plant drives as the model says.
+
+The two share no code; what differs beyond the translation is named where a case is given more room.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from augmented_models import RUN, model, recording
+
+import rover_sweep as rs
+from rover_sweep.diagnosis.augmented import AugmentedModel
+from rover_sweep.identify.effects import library
+from rover_sweep.logs.read import read_logs, read_runs
+from rover_sweep.redrive.course import course_of
+from rover_sweep.redrive.rover import on_the_clock
+from rover_sweep.report.plant_variant import not_in_the_plant, variant_text
+from sitl.effects.nominal import resolved
+from sitl.parameters import load_variant
+from sitl.redrive.open_loop import redrive
+
+SMOOTH = """base = "nominal"
+road_force = 0.0
+road_yaw_moment = 0.0
+road_roll_moment = 0.0
+gyro_noise = 0.0
+accel_noise = 0.0
+vibration = 0.0
+velocity_error = 0.0
+attitude_error = 0.0
+gyro_bias = [0.0, 0.0, 0.0]
+"""
+CHANNELS = ("r", "ay", "p", "vy")
+# {effect: (channel it is judged by, largest share of it that the plant may do otherwise)}
+JUDGED = {
+    "servo_lag": ("r", 0.1), "transport_delay": ("r", 0.1), "servo_rate_limit": ("r", 0.2),
+    "steering_deadband": ("r", 0.1), "steering_backlash": ("r", 0.1), "steering_nonlinearity": ("r", 0.1),
+    "steering_asymmetry": ("r", 0.1), "steering_trim": ("r", 0.1), "tyre_relaxation": ("r", 0.1),
+    "front_rear_stiffness": ("r", 0.1), "roll_steer": ("r", 0.1), "imu_offset": ("ay", 0.1),
+    "imu_tilt": ("p", 0.1), "sensor_filter": ("r", 0.1), "velocity_lag": ("vy", 0.1),
+    "surface_change": ("vy", 0.1), "tyre_saturation": ("vy", 0.2), "load_transfer": ("vy", 0.2),
+    "cross_slope": ("ay", 0.15),
+    "suspension_friction": ("p", 0.45),  # dry friction is rounded otherwise about rest
+}  # fmt: skip
+INSTANT = 6.5  # s after the start of the manoeuvre
+
+
+def simulated(whole: AugmentedModel) -> Mapping[str, np.ndarray]:
+    return rs.simulate(whole, recording()).signals
+
+
+def driven(whole: AugmentedModel, folder: Path) -> Mapping[str, np.ndarray]:
+    """Channels of the plant with that variant on smooth ground, at the times of the simulation."""
+    path = folder / "variant.toml"
+    (folder / "smooth.toml").write_text(SMOOTH)
+    path.write_text(variant_text(whole).replace('base = "nominal"', 'base = "smooth.toml"'))
+    (log,) = read_logs(str(RUN))
+    out = folder / "out.BIN"
+    redrive(course_of(log), on_the_clock(load_variant(path), [recording()]), out)
+    (run,) = read_runs(str(out))
+    t = rs.simulate(whole, recording()).t
+    return {c: run[c].on(t) for c in CHANNELS if c in run}
+
+
+@cache
+def plain() -> tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]]:
+    """Without any effect: (by the model, by the plant)."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        return simulated(model()), driven(model(), Path(folder))
+
+
+def rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(x[300:-300] ** 2)))
+
+
+def test_the_plain_model_is_driven_as_simulated() -> None:
+    by_model, by_plant = plain()
+    errors = {c: rms(by_plant[c] - by_model[c]) / rms(by_model[c]) for c in CHANNELS}
+    assert max(errors[c] for c in ("r", "ay")) < 0.03 and max(errors.values()) < 0.08, errors
+
+
+@pytest.mark.parametrize("effect", JUDGED)
+def test_an_effect_does_in_the_plant_what_it_does_in_the_model(effect: str, tmp_path: Path) -> None:
+    whole = model(effect)
+    if effect == "surface_change":
+        begin = rs.simulate(whole, recording()).t[0] - recording().span[0]
+        own = {**whole.x, "surface_change.t": INSTANT - begin}
+        whole = replace(whole, x=own, happened_in="run4", happened_at=INSTANT)
+    (channel, room), (model_without, plant_without) = JUDGED[effect], plain()
+    wanted = simulated(whole)[channel] - model_without[channel]
+    done = driven(whole, tmp_path)[channel] - plant_without[channel]
+    assert rms(wanted) > 0.004 * rms(model_without[channel])  # there is something to reproduce
+    assert rms(done - wanted) < room * rms(wanted)
+
+
+def test_every_effect_of_the_library_has_a_place_in_the_plant(tmp_path: Path) -> None:
+    for effect in library():
+        text = variant_text(replace(model(effect), happened_in="run4", happened_at=1.0))
+        path = tmp_path / f"{effect}.toml"
+        path.write_text(text)
+        parameters, table = load_variant(path), tomllib.loads(text).get("effects", {})
+        assert resolved(parameters).steering_trim_us == 1500
+        if effect in ("tyre_slip", "roll_dof", "front_rear_stiffness"):
+            assert effect not in table  # numbers that every plant has
+            continue
+        reported = model(effect).reported(library()[effect])
+        assert {k for k in table[effect] if k not in ("of", "run")} == set(reported), text
+    assert table is not None
+
+
+def test_a_clock_offset_is_the_stamps_and_leaves_the_usual_delay_to_the_rover() -> None:
+    table = tomllib.loads(variant_text(model("clock_offset")))
+    assert table["effects"]["clock_offset"]["T"] == pytest.approx(0.06)
+    assert table["servo_delay"] == pytest.approx(0.015)  # of 20 ms, 5 are the wait for the main loop
+
+
+@pytest.mark.parametrize("baseline", ["kinematic", "bicycle"])
+def test_models_without_tyres_or_roll_are_driven_as_near_as_the_plant_can(
+    baseline: str, tmp_path: Path
+) -> None:
+    whole = model(baseline=baseline)
+    wanted, done = simulated(whole), driven(whole, tmp_path)
+    assert rms(done["r"] - wanted["r"]) < (0.12 if baseline == "kinematic" else 0.03) * rms(wanted["r"])
+    assert "p" not in done  # readers leave out what stands still
+    assert any("does not roll" in words for words in not_in_the_plant(whole))
+
+
+def test_what_the_plant_cannot_be_is_said_in_the_file() -> None:
+    text = variant_text(model("tyre_relaxation", vscale=0.012, ay_lag=0.002, vy_gain=-0.05, lag_shape=0.2))
+    remarks = [line for line in text.splitlines() if line.startswith("#")]
+    for words in ("1.0120 times", "ay by 2.0 ms", "0.950 times", "second order"):
+        assert any(words in line for line in remarks), words
+    assert not not_in_the_plant(model("tyre_relaxation"))
