@@ -56,6 +56,14 @@ def floor_of(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]
     return Floor(f[1:], density)
 
 
+def quiet_frames(runs: Sequence[Experiment]) -> tuple[Array, Array]:
+    """(f (k,) Hz, number (k,) of frames over all runs from which a floor at that frequency is known)."""
+    size = int(WINDOW * RATE)
+    f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
+    count = np.sum([np.sum(_quiet(run, f, size), axis=0) for run in runs], axis=0)
+    return f[1:], np.asarray(count[1:], np.float64)
+
+
 def _frames(x: Array, size: int) -> Array:
     """Overlapping frames (m, size) of x, a second apart."""
     starts = np.arange(0, max(x.size - size, 0) + 1, int(RATE))

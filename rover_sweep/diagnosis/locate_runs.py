@@ -13,7 +13,7 @@ from rover_sweep.diagnosis.candidates import SAME_SPEED
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.place_words import between, called, times
 from rover_sweep.diagnosis.problem import Problem
-from rover_sweep.diagnosis.residual import EDGES, SURE, clear, spectrum
+from rover_sweep.diagnosis.residual import EDGES, SURE, clear, floor_error, spectrum
 from rover_sweep.diagnosis.result import Mismatch, Profile
 from rover_sweep.identify.recording import Array
 
@@ -39,8 +39,9 @@ class Place:
 def place(problem: Problem, rows: Array, channel: str) -> Place | None:
     """The worst band of a channel, None where nothing is above the noise."""
     power, count = spectrum(problem, rows, channel, EDGES)
+    error = floor_error(problem, EDGES)
     known = np.flatnonzero(count >= FEWEST)
-    told = [k for k in known if clear(power[k], count[k])]
+    told = [k for k in known if clear(power[k], count[k], error[k])]
     if not told:
         return None
     peak = max(told, key=lambda k: power[k])
@@ -112,11 +113,12 @@ class _Pair:
 def _pair(problem: Problem, rows: Array, channel: str, a: int, b: int) -> _Pair | None:
     """The two runs over all half octaves in which the residuals of both are above the noise."""
     found = [spectrum(problem, rows, channel, EDGES, run) for run in (a, b)]
+    error = floor_error(problem, EDGES)
     moved = [spectrum(problem, problem.measured, channel, EDGES, run)[0] for run in (a, b)]
     sure = [
         k
         for k in range(EDGES.size - 1)
-        if all(count[k] >= FEWEST and clear(power[k], count[k]) for power, count in found)
+        if all(count[k] >= FEWEST and clear(power[k], count[k], error[k]) for power, count in found)
     ]
     if len(sure) < 2:
         return None

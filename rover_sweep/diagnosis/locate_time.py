@@ -51,35 +51,43 @@ def _history(e: Residual) -> _History:
 
 
 def _expected(h: _History, others: list[_History]) -> Array:
-    """Power above the floor (n,) that the others show at each cycle's frequency, on their mean."""
-    seen = [np.interp(np.log(h.w), np.log(o.w), np.maximum(o.power - 1.0, 0.0)) for o in others]
+    """Power (n,) that the residuals of the others, in proportion to the steering, would make at each cycle."""
+    seen = []
+    for o in others:
+        grown = (h.residual.run.amplitude / o.residual.run.amplitude) ** 2
+        above = np.maximum(o.power - 1.0, 0.0)
+        seen.append(1.0 + grown * np.interp(np.log(h.w), np.log(o.w), above))
     return np.asarray(np.mean(seen, axis=0))
 
 
 def _stretch(h: _History, others: list[_History]) -> Mismatch | None:
     """The stretch of cycles whose power is farthest above what the rest of the run would have it."""
-    above, same = h.power - 1.0, _expected(h, others)
-    floor = np.sqrt(2.0 / h.count)
-    scale = float(np.median((np.maximum(above, 0.0) + floor) / (same + floor)))
-    ratio = np.log((np.maximum(above, 0.0) + floor) / (scale * same + floor))
-    centred = ratio - np.median(ratio)
-    total = np.concatenate(([0.0], np.cumsum(centred - 0.5 * np.log(OTHERWISE))))
-    n = ratio.size
-    spans = ((i, j) for i in range(n) for j in range(i + FEWEST, n + 1))
-    a, b = max(spans, key=lambda ij: total[ij[1]] - total[ij[0]])
-    inside = np.zeros(n, bool)
+    ratio = np.log(np.maximum(h.power, 0.1) / _expected(h, others))
+    a, b = _steepest(ratio)
+    inside = np.zeros(ratio.size, bool)
     inside[a:b] = True
-    if inside.sum() > n - FEWEST:
-        return None
     apart = float(np.mean(ratio[inside]) - np.mean(ratio[~inside]))
     spread = float(np.hypot(np.std(ratio[inside]), np.std(ratio[~inside])))
     error = spread * np.sqrt(2.0 / inside.sum() + 2.0 / (~inside).sum())  # neighbours go together
     here, there = (
         float(np.sqrt(np.sum((h.power * h.count)[m]) / np.sum(h.count[m]))) for m in (inside, ~inside)
     )
-    if apart < np.log(OTHERWISE) or apart < SURE * error or here < PLAIN * max(1.0, there / PLAIN):
+    if apart < np.log(OTHERWISE) or apart < SURE * error or here < PLAIN * max(1.0, there):
         return None
     return _told(h, a, b, here, there)
+
+
+def _steepest(x: Array) -> tuple[int, int]:
+    """(first, last + 1) of the stretch whose mean stands most above the mean of the rest."""
+    total = np.concatenate(([0.0], np.cumsum(x - x.mean())))
+    n = x.size
+
+    def score(ends: tuple[int, int]) -> float:
+        inside = ends[1] - ends[0]
+        return float((total[ends[1]] - total[ends[0]]) / np.sqrt(inside * (n - inside)))
+
+    spans = ((i, j) for i in range(n) for j in range(i + FEWEST, min(n, n + i - FEWEST) + 1))
+    return max(spans, key=score)
 
 
 def _told(h: _History, a: int, b: int, here: float, there: float) -> Mismatch:

@@ -116,7 +116,7 @@ def by_heading(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
 
 
 def _in_every_run(problem: Problem, rows: Array, channel: str, heading: Signals, found: Explained) -> bool:
-    """True where each run that turns far enough says the same: with another amplitude the course is another."""
+    """True where each run that turns far enough says the same; another amplitude makes another course."""
     told = []
     for k, run in enumerate(problem.runs):
         if np.ptp(run.heading) < TURNED:

@@ -1,0 +1,74 @@
+"""Sweeps of a roll-yaw model with noise, and with something planted into what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from rover_sweep.diagnosis.candidates import Model
+from rover_sweep.diagnosis.experiment import RATE, Experiment
+from rover_sweep.diagnosis.locate import mismatches
+from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.problem import Problem, problem
+from rover_sweep.diagnosis.result import Mismatch
+from rover_sweep.diagnosis.simulate import Sensors, logged
+from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.recording import Array
+from rover_sweep.identify.sweep import Sweep
+
+ROVER = Geometry(2.7, 0.20, 0.20, sprung_mass=2.4, h=0.05, roll_inertia=0.012, yaw_inertia=0.08)
+MODEL = Model("roll-yaw", ROVER, Spread())
+X = {c.name: c.start for c in MODEL.free} | {
+    "ln_C": log(35.0), "ln_Izz": log(0.08), "ln_k_phi": log(10.0), "ln_b_phi": log(0.4),
+}  # fmt: skip
+NOISE = {"r": 0.01, "ay": 0.15, "p": 0.03, "vy": 0.01}
+PLAN = ((0.10, 2.2), (0.20, 2.2), (0.12, 1.4))  # rad of steering, m/s
+Planted = Callable[[Experiment], Mapping[str, Array]]
+
+
+def sweeps(seed: int, plan: Sequence[tuple[float, float]] = PLAN) -> list[Experiment]:
+    """A sweep for each (amplitude [rad], speed [m/s]) as the model would have it, without noise."""
+    out = []
+    for k, (amplitude, speed) in enumerate(plan):
+        law = Sweep()
+        t = np.arange(13600) / RATE
+        steer = amplitude * law.wave(t) / law.amplitude
+        taper = np.clip(np.minimum(t, t[-1] - t), 0.0, 1.0)
+        run = Experiment(
+            f"run{k + 1}", "sweep", t, steer, np.full(t.size, speed), np.zeros(t.size),
+            dict.fromkeys(NOISE, t), {}, {}, 0.5 - 0.5 * np.cos(np.pi * taper), dict.fromkeys(NOISE, 100.0),
+            has_heading=True, steer_rate=50.0,
+        )  # fmt: skip
+        measured = logged(run, MODEL.structure, X, Sensors.of(run))
+        heading = 0.3 + np.cumsum(measured["r"]) / RATE
+        out.append(replace(run, measured=measured, heading=heading))
+    return out
+
+
+def compared(
+    planted: Planted, seed: int = 1, plan: Sequence[tuple[float, float]] = PLAN
+) -> tuple[Problem, Array]:
+    """(problem in the true noise floor, what the model leaves of it) with noise and what is planted."""
+    random = np.random.default_rng(seed)
+    runs, noise = [], []
+    for run in sweeps(seed, plan):
+        extra = planted(run)
+        mess = {c: s * random.standard_normal(run.t.size) for c, s in NOISE.items()}
+        measured = {c: y + mess[c] + extra.get(c, 0.0) for c, y in run.measured.items()}
+        runs.append(replace(run, measured=measured))
+        noise.append(mess)
+    found = problem(runs, noise)
+    return found, found.measured - found.model(MODEL.structure, X)
+
+
+def told(planted: Planted, seed: int = 1, plan: Sequence[tuple[float, float]] = PLAN) -> tuple[Mismatch, ...]:
+    """What is said of the place of what was planted."""
+    return mismatches(*compared(planted, seed, plan))
+
+
+def over(found: Sequence[Mismatch], quantity: str) -> list[Mismatch]:
+    """Those over one quantity."""
+    return [m for m in found if m.profile and m.profile.over == quantity]

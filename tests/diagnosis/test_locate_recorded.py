@@ -1,0 +1,57 @@
+"""Where the real firmware's concealed recordings differ from a roll-yaw model, as their truth has it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rover_sweep.diagnosis.candidates import Model
+from rover_sweep.diagnosis.choose import begun
+from rover_sweep.diagnosis.experiment import experiment
+from rover_sweep.diagnosis.locate import mismatches
+from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.result import Mismatch
+from rover_sweep.preparation import Reading, geometry_of, load
+from rover_sweep.vehicle_file import load as vehicle_of
+
+SETS = Path(__file__).parents[1] / "data" / "concealed-ardurover"
+
+
+def located(name: str) -> dict[tuple[str, str], Mismatch]:
+    """{(channel, condition): place} of three runs of a set against the nominal model fitted to them."""
+    vehicle = vehicle_of(SETS / name / "rover.toml")
+    files = tuple(str(SETS / name / f"run{k}.BIN") for k in (1, 2, 3))
+    runs = [experiment(run) for run in load(files, vehicle, Reading(None, {}), [])]
+    model = Model("roll-yaw", geometry_of(vehicle), Spread())
+    problem, fitted = begun(runs, model, {})
+    found = mismatches(problem, problem.measured - problem.model(model.structure, fitted.x))
+    return {(m.channel, m.condition): m for m in found}
+
+
+def test_backlash_is_a_third_harmonic_that_hardly_grows() -> None:
+    found = located("f")
+    assert found["r", "3rd harmonic"].residual_over_noise > 3
+    assert ("r", "hardly grows with amplitude") in found
+    assert not any(m.condition == "steady" for m in found.values())
+
+
+def test_a_steering_trim_is_steady_and_a_rate_limit_shows_at_the_top() -> None:
+    found = located("d")
+    assert max(found.values(), key=lambda m: m.residual_over_noise).condition == "steady"
+    assert found["r", "throughout"].band[0] > 10 and ("r", "3rd harmonic") in found
+
+
+def test_relaxation_is_in_all_channels_and_in_proportion() -> None:
+    found = located("c")
+    assert {channel for channel, where in found if where == "throughout"} == {"r", "ay", "p", "vy"}
+    words = " ".join(where for _, where in found)
+    assert "harmonic" not in words and "grows" not in words and "heading" not in words
+
+
+def test_where_nothing_is_hidden_nothing_stands_out() -> None:
+    assert all(m.residual_over_noise < 2 for m in located("a").values())
+
+
+def test_dry_friction_is_a_third_harmonic_of_the_roll_rate_that_hardly_grows() -> None:
+    found = located("e")
+    assert found["p", "3rd harmonic"].residual_over_noise > 3
+    assert ("p", "hardly grows with amplitude") in found
