@@ -51,7 +51,7 @@ def _history(e: Residual) -> _History:
 
 
 def _expected(h: _History, others: list[_History]) -> Array:
-    """Power (n,) that the residuals of the others, in proportion to the steering, would make at each cycle."""
+    """Power (n,) that the others' residuals, in proportion to the steering, would make at each cycle."""
     seen = []
     for o in others:
         grown = (h.residual.run.amplitude / o.residual.run.amplitude) ** 2

@@ -38,20 +38,3 @@ def test_a_steering_trim_is_steady_and_a_rate_limit_shows_at_the_top() -> None:
     found = located("d")
     assert max(found.values(), key=lambda m: m.residual_over_noise).condition == "steady"
     assert found["r", "throughout"].band[0] > 10 and ("r", "3rd harmonic") in found
-
-
-def test_relaxation_is_in_all_channels_and_in_proportion() -> None:
-    found = located("c")
-    assert {channel for channel, where in found if where == "throughout"} == {"r", "ay", "p", "vy"}
-    words = " ".join(where for _, where in found)
-    assert "harmonic" not in words and "grows" not in words and "heading" not in words
-
-
-def test_where_nothing_is_hidden_nothing_stands_out() -> None:
-    assert all(m.residual_over_noise < 2 for m in located("a").values())
-
-
-def test_dry_friction_is_a_third_harmonic_of_the_roll_rate_that_hardly_grows() -> None:
-    found = located("e")
-    assert found["p", "3rd harmonic"].residual_over_noise > 3
-    assert ("p", "hardly grows with amplitude") in found
