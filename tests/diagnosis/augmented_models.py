@@ -16,6 +16,17 @@ ROVER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "c"
 VEHICLE = load_vehicle(ROVER / "rover.toml")
 RUN = ROVER / "run4.BIN"
 SPEED = 2.2
+SMOOTH = """base = "nominal"
+road_force = 0.0
+road_yaw_moment = 0.0
+road_roll_moment = 0.0
+gyro_noise = 0.0
+accel_noise = 0.0
+vibration = 0.0
+velocity_error = 0.0
+attitude_error = 0.0
+gyro_bias = [0.0, 0.0, 0.0]
+"""  # the nominal simulated rover on a road without a pebble, with sensors that do not hiss
 ORDINARY = {
     "lag": 0.02, "lag_shape": 0.0, "delay": 0.02, "vy_lag": 0.0, "ln_C": log(35.0), "ln_Izz": log(0.075),
     "ln_ratio": 0.1, "ln_k_phi": log(11.5), "ln_b_phi": log(0.34), "ln_L_eff": log(0.4),
@@ -45,6 +56,13 @@ def model(*effects: str, baseline: str = "roll-yaw", **x: float) -> AugmentedMod
     return AugmentedModel(
         baseline, geometry_of(VEHICLE), effects, found | x, SPEED, filters, VEHICLE.steering(), wait=0.005
     )  # fmt: skip
+
+
+def on_smooth_ground(variant: str, folder: Path) -> Path:
+    """The variant with SMOOTH for its base, as a file in the folder."""
+    (folder / "smooth.toml").write_text(SMOOTH)
+    (folder / "variant.toml").write_text(variant.replace('base = "nominal"', 'base = "smooth.toml"'))
+    return folder / "variant.toml"
 
 
 def linear_only(baseline: str = "roll-yaw", *effects: str, **x: float) -> AugmentedModel:

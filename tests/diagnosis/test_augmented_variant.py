@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from augmented_models import RUN, model, recording
+from augmented_models import RUN, model, on_smooth_ground, recording
 
 import rover_sweep as rs
 from rover_sweep.diagnosis.augmented import AugmentedModel
@@ -26,17 +26,6 @@ from sitl.effects.nominal import resolved
 from sitl.parameters import load_variant
 from sitl.redrive.open_loop import redrive
 
-SMOOTH = """base = "nominal"
-road_force = 0.0
-road_yaw_moment = 0.0
-road_roll_moment = 0.0
-gyro_noise = 0.0
-accel_noise = 0.0
-vibration = 0.0
-velocity_error = 0.0
-attitude_error = 0.0
-gyro_bias = [0.0, 0.0, 0.0]
-"""
 CHANNELS = ("r", "ay", "p", "vy")
 # {effect: (channel it is judged by, largest share of it that the plant may do otherwise)}
 JUDGED = {
@@ -58,9 +47,7 @@ def simulated(whole: AugmentedModel) -> Mapping[str, np.ndarray]:
 
 def driven(whole: AugmentedModel, folder: Path) -> Mapping[str, np.ndarray]:
     """Channels of the plant with that variant on smooth ground, at the times of the simulation."""
-    path = folder / "variant.toml"
-    (folder / "smooth.toml").write_text(SMOOTH)
-    path.write_text(variant_text(whole).replace('base = "nominal"', 'base = "smooth.toml"'))
+    path = on_smooth_ground(variant_text(whole), folder)
     (log,) = read_logs(str(RUN))
     out = folder / "out.BIN"
     redrive(course_of(log), on_the_clock(load_variant(path), [recording()]), out)
