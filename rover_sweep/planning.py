@@ -3,29 +3,54 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from rover_sweep.diagnosis.plan_types import Plan, PlannedRun
+from rover_sweep.diagnosis.plan_types import Limits, Plan, PlannedRun
 from rover_sweep.errors import UsageError
+from rover_sweep.identify.geometry import GRAVITY
+from rover_sweep.identify.handling import FRICTION, NEAR
 from rover_sweep.identify.recording import Recording
+from rover_sweep.material_sizes import spread_of
 from rover_sweep.preparation import geometry_of
 from rover_sweep.vehicle_file import Vehicle
 
 BIAS_SHARE = 0.3  # of the amplitude, from which a sweep counts as one about a steering bias
+SLOWEST, FASTEST = 0.8, 12.0  # m/s, of a run that is proposed
 
 
-def planned(runs: Sequence[PlannedRun], vehicle: Vehicle, wanted: Sequence[str] = ()) -> Plan:
+def planned(
+    runs: Sequence[PlannedRun],
+    vehicle: Vehicle,
+    wanted: Sequence[str] = (),
+    driven: Sequence[Recording] = (),
+    progress: Callable[[str, float], None] | None = None,
+) -> Plan:
     """What these runs can tell apart, of all effects or of the wanted ones, and which runs to add.
 
-    UsageError for a vehicle file without steering, since an amplitude is then no angle.
+    driven: the recordings of those runs that have a name. UsageError for a vehicle file without steering,
+    since an amplitude is then no angle.
     """
+    from rover_sweep.diagnosis.experiment import experiment
     from rover_sweep.diagnosis.plan import plan
 
     _, rad_per_us = vehicle.steering()
-    return plan(tuple(runs), geometry_of(vehicle), abs(rad_per_us), tuple(wanted))
+    return plan(
+        tuple(runs), geometry_of(vehicle), abs(rad_per_us), limits_of(vehicle), tuple(wanted),
+        spread_of(vehicle.material), {run.name: experiment(run) for run in driven}, progress,
+    )  # fmt: skip
+
+
+def limits_of(vehicle: Vehicle) -> Limits:
+    """What may be proposed: within the friction that the report warns at, and the applet's own limits."""
+    from rover_sweep.design_notes import PWM_MAX
+
+    friction = vehicle.friction.value if vehicle.friction else FRICTION
+    source = "of the vehicle file" if vehicle.friction else "assumed, for the vehicle file has none"
+    why = f"{100 * NEAR:.0f} % of the friction limit, friction {friction:g} {source}"
+    return Limits(NEAR * friction * GRAVITY, float(PWM_MAX), (SLOWEST, FASTEST), why)
 
 
 def merged(runs: Sequence[PlannedRun]) -> tuple[PlannedRun, ...]:

@@ -30,6 +30,19 @@ class PlannedRun:
 
 
 @dataclass(frozen=True)
+class Limits:
+    """What may be proposed: lateral acceleration [m/s^2], peak steering offset [us], speeds [m/s].
+
+    why: where the lateral acceleration comes from, in words.
+    """
+
+    ay: float
+    amplitude_us: float
+    speed: tuple[float, float]
+    why: str
+
+
+@dataclass(frozen=True)
 class DetectableSize:
     """The size of an effect's parameter that half of such sets of runs would show; material: when it counts.
 
@@ -57,7 +70,8 @@ class Plan:
 
     runs: the set asked about. detectable: {effect: size}. apart: the pairs that these runs do not tell
     apart, most alike first. cannot_see: effects that no size would show. proposal: the runs to add, the
-    smallest set found; proposed_apart: what stays alike with them. sentences: the answer first.
+    smallest set found; settles: a sentence for each of them; proposed_apart: what stays alike with them.
+    sentences: the answer first. notes: limits that were kept, and what the sizes stand on.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -65,5 +79,7 @@ class Plan:
     apart: tuple[Apart, ...] = ()
     cannot_see: tuple[Unseen, ...] = ()
     proposal: tuple[PlannedRun, ...] = ()
+    settles: tuple[str, ...] = ()
     proposed_apart: tuple[Apart, ...] = ()
     sentences: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()

@@ -36,8 +36,10 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "not_told_apart": [asdict(pair) for pair in plan.apart],
             "cannot_see": [asdict(unseen) for unseen in plan.cannot_see],
             "proposal": [asdict(run) for run in plan.proposal],
+            "settles": plan.settles,
+            "notes": plan.notes,
             "not_told_apart_with_the_proposal": [asdict(pair) for pair in plan.proposed_apart],
-            "units": "amplitude_us, bias_us: us; speed: m/s; heading: deg clockwise from north",
+            "units": "amplitude_us, bias_us: us; speed: m/s, 0 on blocks; heading: deg clockwise from north",
         }
     )  # fmt: skip
 
@@ -65,8 +67,12 @@ def _parts(plan: Plan) -> Iterator[RenderableType]:
         yield rich_table(Table("Effects that they cannot show", ("effect", "why"), rows, text_columns=2))
     if plan.proposal:
         yield rich_table(run_table(plan.proposal, "Drive these as well" if plan.runs else "Drive these"))
+        if plan.settles:
+            yield Group(*(Sentence(sentence(text)) for text in plan.settles))
         if plan.proposed_apart:
             yield rich_table(pair_table(plan.proposed_apart, "With them, still not told apart"))
+    if plan.notes:
+        yield Group(*(Sentence(sentence(text)) for text in plan.notes))
 
 
 def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:

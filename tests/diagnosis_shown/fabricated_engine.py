@@ -45,6 +45,11 @@ class Engine:
             raise self.answer
         return self.answer
 
-    def make_plan(self, runs: Any, rover: Any, rad_per_us: float, wanted: Any = ()) -> Plan:
-        self.given = {"runs": runs, "rover": rover, "rad_per_us": rad_per_us, "wanted": wanted}
+    def make_plan(
+        self, runs: Any, rover: Any, rad_per_us: float, limits: Any, wanted: Any = (), spread: Any = None,
+        driven: Any = None, progress: Any = None,
+    ) -> Plan:  # fmt: skip
+        self.given = {"runs": runs, "rover": rover, "rad_per_us": rad_per_us, "limits": limits,
+                      "wanted": wanted, "spread": spread, "driven": driven}  # fmt: skip
+        progress("simulating a sweep", 0.5)
         return self.plan

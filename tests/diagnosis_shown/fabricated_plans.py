@@ -18,6 +18,11 @@ PLAN = Plan(
     ),
     cannot_see=(Unseen("cross_slope", "one heading"),),
     proposal=(PlannedRun("sweep", 240.0, 2.4), PlannedRun("bias_sweep", 100.0, 1.6, 180.0, 150.0)),
+    settles=(
+        "sweep of 240 us at 2.4 m/s: tells tyre_relaxation from transport_delay, because of its speed",
+        "sweep about a bias: tells noise from distortion",
+    ),
+    notes=("no run is proposed beyond 3.9 m/s^2 of lateral acceleration",),
     proposed_apart=(Apart("tyre_saturation", "load_transfer", 0.93),),
     sentences=(
         "these runs cannot tell tyre relaxation from a delay, nor see the rate limit of the servo",

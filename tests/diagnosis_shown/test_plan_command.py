@@ -19,15 +19,25 @@ Tell = Callable[..., Told]
 
 def test_runs_thought_of_are_asked_about(engine: Engine, told: Tell) -> None:
     sweeps = ("--sweep", "150@2.4", "--sweep", "150@2.4", "--sweep", "240@2.4@450")
-    others = ("--doublet", "150@1.6", "--bias-sweep", "100-150@2.4", "--multisine", "200@2")
+    others = (
+        "--doublet",
+        "150@1.6",
+        "--bias-sweep",
+        "100-150@2.4",
+        "--multisine",
+        "200@2",
+        "--servo-test",
+        "90",
+    )
     code, out, _ = told("plan", *VEHICLE, *sweeps, *others)
     assert code == 0 and out.startswith("These runs cannot tell tyre relaxation from a delay")
     assert engine.given["runs"] == (
         PlannedRun("sweep", 150.0, 2.4, repeat=2), PlannedRun("sweep", 240.0, 2.4, 90.0),
         PlannedRun("doublet", 150.0, 1.6), PlannedRun("bias_sweep", 100.0, 2.4, None, -150.0),
-        PlannedRun("multisine", 200.0, 2.0),
+        PlannedRun("multisine", 200.0, 2.0), PlannedRun("servo_test", 90.0, 0.0),
     )  # fmt: skip
     assert engine.given["rad_per_us"] == pytest.approx(0.00095)
+    assert engine.given["limits"].ay == pytest.approx(0.8 * 0.9 * 9.81)
 
 
 def test_runs_driven_are_measured(engine: Engine, told: Tell) -> None:
@@ -39,6 +49,15 @@ def test_runs_driven_are_measured(engine: Engine, told: Tell) -> None:
     assert [r.amplitude_us for r in (first, slow, doublet)] == pytest.approx([120, 150, 150], abs=2)
     assert [r.speed for r in (first, slow, doublet)] == pytest.approx([2.5, 1.65, 2.5], abs=0.1)
     assert all(r.bias_us == 0.0 and 0.0 <= r.heading < 360.0 for r in (first, slow, doublet))
+    assert list(engine.given["driven"]) == ["run1", "run3", "run4"]
+    assert engine.given["driven"]["run3"].mean_speed == pytest.approx(1.65, abs=0.1)
+
+
+def test_what_each_proposed_run_settles_stands_below_it(engine: Engine, told: Tell) -> None:
+    words = told("plan", *VEHICLE, "--sweep", "150@2.4").out.split()
+    text = " ".join(words)
+    assert "Sweep of 240 us at 2.4 m/s: tells tyre_relaxation from transport_delay, because" in text
+    assert text.endswith("No run is proposed beyond 3.9 m/s^2 of lateral acceleration.")
 
 
 def test_json_has_everything(engine: Engine, told: Tell) -> None:
@@ -51,13 +70,22 @@ def test_json_has_everything(engine: Engine, told: Tell) -> None:
         "first": "tyre_relaxation", "second": "transport_delay", "cosine": 0.991
     }  # fmt: skip
     assert document["proposal"][1]["bias_us"] == 150.0
+    assert document["settles"][1] == "sweep about a bias: tells noise from distortion"
+    assert document["notes"] == ["no run is proposed beyond 3.9 m/s^2 of lateral acceleration"]
     assert document["cannot_see"] == [{"effect": "cross_slope", "why": "one heading"}]
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    (("--sweep", "150"), "write it as 150@2.4"),
-    (("--bias-sweep", "150@2.4"), "write it as 100+150@2.4"),
-    (("--sweep", "100+50@2.4"), "write it as 150@2.4"),
+    (("--sweep", "150"), "'150' has no speed; write it as 150@2.4"),
+    (("--sweep", "-150@2.4"), "negative amplitude"),
+    (("--sweep", "1,5@2.4"), "decimal comma"),
+    (("--sweep", "nan@2.4"), "is no run; write it as 150@2.4"),
+    (("--sweep", "150@inf"), "is no run; write it as 150@2.4"),
+    (("--bias-sweep", "300+300@2.4"), "1..500 us, bias included"),
+    (("--servo-test", "-90"), "1<=x<=500"),
+    (("--servo-test", "90@2.4"), "not a valid float"),
+    (("--bias-sweep", "150@2.4"), "has no bias; write it as 100+150@2.4"),
+    (("--sweep", "100+50@2.4"), "which is for --bias-sweep; write it as 150@2.4"),
     (("--sweep", "900@2.4"), "1..500 us"),
     (("--doublet", "150@0"), "a speed up to 30 m/s"),
     (("--want", "servo"), "there is no effect 'servo'"),

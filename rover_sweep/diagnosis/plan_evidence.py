@@ -1,0 +1,123 @@
+"""What one planned run shows of every number, as few rows with the same inner products as its many.
+
+Whatever a plan asks - what the nominal model soaks up, how large a signature is, how alike two are - are
+inner products of rows. A run is therefore simulated once, and its thousands of rows are turned (QR) into
+as many as there are columns; sets of runs are stacked from these in no time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.fft import rfft
+
+from rover_sweep.diagnosis.candidates import Model
+from rover_sweep.diagnosis.experiment import RATE, Experiment
+from rover_sweep.diagnosis.fitting import Fitted, sensitivities
+from rover_sweep.diagnosis.floor import Floor
+from rover_sweep.diagnosis.problem import Problem, Rows, whitened, with_floors
+from rover_sweep.diagnosis.signatures import Signature, signatures
+from rover_sweep.diagnosis.simulate import Structure, wheel_angle
+from rover_sweep.identify.effects import Effect
+from rover_sweep.identify.recording import Array
+
+NOISE = {"r": 3e-5, "ay": 1.8e-3, "p": 6e-5, "vy": 1e-5}
+"""One-sided densities, unit^2/Hz: those of the official firmware's recordings of a 2.7 kg rover."""
+ANGLE_NOISE = 2 * np.radians(0.3) ** 2 / 60.0
+"""rad^2/Hz: a wheel angle read to 0.3 deg rms 60 times a second, a camera's or a potentiometer's."""
+ANGLE_BAND = (0.05, 8.0)  # Hz
+ANGLE_SCALE, ANGLE_CLOCK = 0.03, 0.005
+"""What the measurement on blocks is known to: scale of the angle, s between its clock and the command's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Columns of one run; rows are few and stand for many.
+
+    nominal (k, m): by the coordinates of the model over their scales. effects, tiny: signatures, common to
+    all runs, at a plain size and at one standard deviation of an ordinary rover. own_effects, own_tiny:
+    of what happened in, or belongs to, this run alone.
+    """
+
+    nominal: Array
+    effects: tuple[Signature, ...]
+    tiny: tuple[Signature, ...]
+    own_effects: tuple[Signature, ...]
+    own_tiny: tuple[Signature, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return int(self.nominal.shape[0])
+
+
+@dataclass(frozen=True, eq=False)
+class OnBlocks(Problem):
+    """The rover stands on blocks and the angle of its wheel is measured: no tyres, no body."""
+
+    def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
+        """What the model puts into the rows (size,)."""
+        return whitened(self.rows, self.runs, [{"delta": wheel_angle(self.runs[0], structure, x)}])
+
+
+def evidence(
+    run: Experiment, model: Model, effects: Sequence[Effect], at: Mapping[str, float] | None = None
+) -> Evidence:
+    """What a run shows beside the nominal model at its start; at: {coordinate: size}, plain where silent."""
+    problem = _on_blocks(run) if run.kind == "servo_test" else _driven(run)
+    base = start(model, problem.size)
+    problem = replace(problem, measured=problem.model(model.structure, base.x))
+    nominal = sensitivities(problem, base).jacobian
+    found = signatures(problem, base, model, effects, at)
+    tiny = signatures(problem, base, model, effects, tiny=True)
+    if isinstance(problem, OnBlocks):
+        tiny += _nuisances(problem, model, base.x)
+    return _few_rows(nominal, found, tiny, {e.id for e in effects if e.stage == "grip"} | {"servo_test"})
+
+
+def start(model: Model, rows: int) -> Fitted:
+    """The nominal model at its start, as if it had been fitted and nothing were left."""
+    x = {c.name: float(np.clip(c.start, c.low, c.high)) for c in model.free}
+    return Fitted(model.structure, model.free, x, 0.0, np.zeros(rows), np.zeros((rows, 0)))
+
+
+def _driven(run: Experiment) -> Problem:
+    f = np.array([0.01, 100.0])
+    return with_floors([run], [Floor(f, {c: np.full(2, NOISE[c]) for c in run.measured})])
+
+
+def _on_blocks(run: Experiment) -> OnBlocks:
+    f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
+    bins = np.flatnonzero((f >= ANGLE_BAND[0]) & (f <= ANGLE_BAND[1]))
+    weight = np.full(bins.size, 1.0 / np.sqrt(ANGLE_NOISE * RATE / 4 * np.sum(run.taper**2)))
+    nothing = np.zeros(2 * bins.size)
+    return OnBlocks((run,), (), (), (Rows(0, "delta", bins, f[bins], weight, 0),), nothing, nothing)
+
+
+def _nuisances(problem: OnBlocks, model: Model, x: Mapping[str, float]) -> list[Signature]:
+    """Scale and clock of the angle's own measurement, at one standard deviation."""
+    row, run = problem.rows[0], problem.runs[0]
+    lines = rfft(wheel_angle(run, model.structure, x) * run.taper)[row.bins] * row.weight
+    late = lines * (-2j * np.pi * row.f) * ANGLE_CLOCK
+    return [
+        Signature("servo_test", name, size, size, True, np.concatenate((part.real, part.imag)))
+        for name, size, part in (("scale", ANGLE_SCALE, lines * ANGLE_SCALE), ("clock", ANGLE_CLOCK, late))
+    ]
+
+
+def _few_rows(
+    nominal: Array, effects: Sequence[Signature], tiny: Sequence[Signature], own: set[str]
+) -> Evidence:
+    both = (*effects, *tiny)
+    few: Array = np.asarray(np.linalg.qr(np.column_stack((nominal, *(s.rows for s in both))), mode="r"))
+    turned = [replace(s, rows=few[:, nominal.shape[1] + k]) for k, s in enumerate(both)]
+    found, small = turned[: len(effects)], turned[len(effects) :]
+    return Evidence(
+        few[:, : nominal.shape[1]],
+        tuple(s for s in found if s.effect not in own),
+        tuple(s for s in small if s.effect not in own),
+        tuple(s for s in found if s.effect in own),
+        tuple(s for s in small if s.effect in own),
+    )

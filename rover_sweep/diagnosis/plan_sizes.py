@@ -1,0 +1,70 @@
+"""Detectable sizes, with the signature taken at the very size: a tyre's or a servo's limit grows steeply."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import log
+
+import numpy as np
+
+from rover_sweep.diagnosis.material import material_sizes
+from rover_sweep.diagnosis.plan_seen import EARLIER, Size, Stacked
+from rover_sweep.diagnosis.plan_types import DetectableSize
+from rover_sweep.identify.effects import Effect, EffectParameter, library
+
+STEEPNESS = (0.5, 4.0)  # exponents that a signature's length may have in its size
+
+
+def detectable(
+    first: Stacked, again: Callable[[Mapping[str, float]], Stacked], asked: Sequence[str]
+) -> dict[str, DetectableSize]:
+    """{effect: size that half of such sets would show}; again: the same runs with signatures at sizes."""
+    sizes = {e: next(iter(first.sizes[e].values())) for e in asked if e in first.sizes}
+    at = {library()[e].key(size.parameter.name): _own(size, e) for e, size in sizes.items()}
+    second = again({name: size for name, size in at.items() if size})
+    out = {}
+    for effect, size in sizes.items():
+        coordinate = size.coordinate
+        if _own(size, effect):
+            coordinate = _steep(first, second, size)
+        out[effect] = _told(library()[effect], size.parameter, coordinate, first)
+    return out
+
+
+def _own(size: Size, effect: str) -> float:
+    """The coordinate where it is the effect's own, 0 where the nominal model has it."""
+    return 0.0 if size.parameter.name in library()[effect].reads else size.coordinate
+
+
+def _steep(first: Stacked, second: Stacked, size: Size) -> float:
+    """The size at which the signature is long enough, by a power law through its lengths at two sizes."""
+    k, effect = size.column, first.found[size.column].effect
+    sizes = [abs(s.found[k].size) for s in (first, second)]
+    lengths = [float(np.linalg.norm(s.judged.outside(s.held(effect))[:, k])) for s in (first, second)]
+    needed = float(np.sqrt(first.thresholds[effect]))
+    if abs(log(sizes[1] / sizes[0])) < 0.05 or min(lengths) < 1e-6:
+        return size.coordinate
+    power = log(lengths[1] / lengths[0]) / log(sizes[1] / sizes[0])
+    power = float(np.clip(power, *STEEPNESS))
+    least = material_sizes(library()[effect], first.model.spread).get(size.parameter.name, 0.0)
+    return max(sizes[1] * (needed / lengths[1]) ** (1.0 / power), least)
+
+
+def _told(effect: Effect, parameter: EffectParameter, coordinate: float, stacked: Stacked) -> DetectableSize:
+    material = material_sizes(effect, stacked.model.spread).get(parameter.name)
+    name, unit, value = _reported(effect, parameter, coordinate)
+    if effect.id == "clock_offset":
+        material = EARLIER
+    counts = None if material is None else _reported(effect, parameter, material)[2]
+    return DetectableSize(name, unit, value, counts)
+
+
+def _reported(effect: Effect, parameter: EffectParameter, coordinate: float) -> tuple[str, str, float]:
+    """(name, unit, value) as a user reads it, of one parameter alone."""
+    if not effect.shown:
+        return parameter.name, parameter.unit, float(parameter.value(coordinate))
+    way = -1.0 if effect.id == "clock_offset" else 1.0
+    values = {p.name: p.value(0.0) for p in effect.parameters}
+    shown = effect.shown(values | {parameter.name: parameter.value(way * coordinate)})
+    name = next(iter(shown))
+    return name, shown[name][1], float(shown[name][0])
