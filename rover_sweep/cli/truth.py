@@ -32,6 +32,8 @@ def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
         if e.free and true.get(e.name)
     )  # fmt: skip
     note = "Cf = Cr: mean of both axles, at zero slip. τ: lag and delay of the servo."
+    if rover.effects:
+        note += f" Beyond what the models have: {', '.join(rover.effects)}."
     headings = ("", "", "true", f"{TITLES[name]} model", "difference %")
     return Table("Simulated rover's own numbers", headings, rows, note, 2)
 

@@ -6,11 +6,12 @@ Only the file's form is shared with the simulation: names of numbers and of effe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import isfinite, sqrt
 
 from rover_sweep.diagnosis.augmented import AugmentedModel
 
-LINEAR_TYRES = 4.0  # of friction: the model's tyres have no peak unless it was found or measured
+LINEAR_TYRES = 4.0  # of friction: the model's tyres have no peak unless one was found
+BEND_ALIKE = 5.8  # friction^2 bend, where both laws lose as much force when an axle pulls half of its load
 NO_LIMIT = 100.0  # rad/s, of a servo whose rate limit did not show
 STIFF = 30.0  # times the weight on an axle per rad: next to no slip, for a model without any
 NEAR_NOTHING = 1e-9
@@ -63,6 +64,10 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
         )
     if not model.structure.roll:
         out.append("the model does not roll: the sprung mass' centre lies on the roll axis")
+    if model.structure.slip and "tyre_saturation" not in model.effects:
+        out.append(
+            "the tyres have next to no peak, as in the model: set friction before driving to the limit"
+        )
     if "clock_offset" in model.effects:
         out.append("a redrive takes the log's stamps as right: its motion comes later than the log's by T")
     return out
@@ -79,7 +84,7 @@ def _numbers(model: AugmentedModel) -> dict[str, Value]:
         "cg_height_above_roll_centre": h,
         "yaw_inertia": n["Izz"] if model.structure.slip else rover.yaw_inertia or n["m"] * n["a"] * n["b"],
         "roll_yaw_inertia": n["Ixz"] if roll else 0.0,
-        "friction": rover.friction or LINEAR_TYRES,
+        "friction": _friction(n),
         "servo_lag": x("lag"),
         "servo_delay": _delay(model),
         "servo_rate_limit": NO_LIMIT,
@@ -109,6 +114,12 @@ def _axles(model: AugmentedModel, n: Mapping[str, float]) -> dict[str, Value]:
         "cg_to_front_axle": a, "cg_to_rear_axle": b,
         "front_cornering_stiffness": front, "rear_cornering_stiffness": rear,
     }  # fmt: skip
+
+
+def _friction(n: Mapping[str, float]) -> float:
+    """Of tyres that bend no more than the model's where it was driven; their limit is unknown."""
+    bend = n.get("bend", 0.0)
+    return min(LINEAR_TYRES, sqrt(BEND_ALIKE / bend)) if bend > 0 else LINEAR_TYRES
 
 
 def _delay(model: AugmentedModel) -> float:

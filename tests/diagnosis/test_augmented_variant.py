@@ -126,4 +126,17 @@ def test_what_the_plant_cannot_be_is_said_in_the_file() -> None:
     remarks = [line for line in text.splitlines() if line.startswith("#")]
     for words in ("1.0120 times", "ay by 2.0 ms", "0.950 times", "second order"):
         assert any(words in line for line in remarks), words
-    assert not not_in_the_plant(model("tyre_relaxation"))
+    assert not_in_the_plant(model("tyre_saturation")) == []
+
+
+def test_tyres_that_bend_in_the_model_do_so_in_the_plant(tmp_path: Path) -> None:
+    """Half of the load is the force at which both laws lose as much."""
+    from sitl.tyre import lateral_force
+
+    whole = model(bend=0.7)
+    if not whole.numbers.get("bend"):
+        pytest.skip("the nominal tyre of this engine does not bend")
+    (tmp_path / "v.toml").write_text(variant_text(whole))
+    parameters = load_variant(tmp_path / "v.toml")
+    lost = 1 - lateral_force(-0.5, 1.0, parameters.friction, parameters.tyre_shape) / 0.5
+    assert lost == pytest.approx(0.7 * 0.5**4 / 4, rel=0.1)
