@@ -19,11 +19,21 @@ FLOOR = (
 def mismatch_table(found: Diagnosis) -> Table:
     """Channel, band, condition and size of each place."""
     rows = tuple(
-        (Cell(channel(m.channel)), Cell(m.condition), Cell(band(m.band)), _size(m.residual_over_noise))
+        (
+            Cell(channel(m.channel)),
+            Cell(m.condition),
+            Cell(_band(m.band)),
+            _size(m.residual_over_noise),
+        )
         for m in found.mismatch
     )
     headings = ("", "where", "rad/s", "residual / noise")
     return Table("Where simulation and recording differ", headings, rows, text_columns=2)
+
+
+def _band(limits: tuple[float, float]) -> str:
+    """A band in rad/s, 0 for what is steady."""
+    return band(limits) if limits[1] else "0"
 
 
 def _size(ratio: float) -> Cell:

@@ -35,7 +35,7 @@ def scores(found: Diagnosis) -> Figure:
     top = max(values, default=0.0)
     axes.set_xlim(0, 1.12 * top or 1.0)
     for k, value in enumerate(values):
-        axes.text(value + 0.008 * (top or 1.0), k, f"{value:.3g}", va="center", fontsize=8.5)
+        axes.text(value + 0.008 * (top or 1.0), k, _gain(value), va="center", fontsize=8.5)
     axes.set_xlabel("gain: drop of the whitened cost")
     _threshold(found, axes)
     keys: list[Artist] = [Patch(facecolor=NAMED, label="named")] if named else []
@@ -45,6 +45,11 @@ def scores(found: Diagnosis) -> Figure:
     if keys:
         axes.legend(handles=keys, loc="lower right")
     return figure
+
+
+def _gain(value: float) -> str:
+    """Thousands apart, three digits below."""
+    return f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}") if value >= 1000 else f"{value:.3g}"
 
 
 def _threshold(found: Diagnosis, axes: Axes) -> list[Artist]:

@@ -1,0 +1,71 @@
+"""J, J_rms, TIC and share removed on a fresh run, in total and of each effect beside the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted import MODEL, NOISE, X, sweeps
+
+from rover_sweep.diagnosis.experiment import Experiment
+from rover_sweep.diagnosis.floor import Floor
+from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, refitted_without
+from rover_sweep.diagnosis.held_out_cost import cost
+from rover_sweep.diagnosis.problem import with_floors
+from rover_sweep.diagnosis.simulate import Sensors, logged
+from rover_sweep.identify.fit import ResponseData
+
+BOTH = MODEL.with_effect("tyre_relaxation").with_effect("steering_trim")
+TRUE = {**X, "tyre_relaxation.sigma": 0.25, "trim": 0.02}
+F = np.linspace(0.25, 100.0, 400)
+FLOOR = Floor(F, {c: np.full(F.size, 2 * s**2 / 200.0) for c, s in NOISE.items()})
+
+
+def driven(seed: int) -> list[Experiment]:
+    """Sweeps of a rover with relaxing tyres and a trim, with noise."""
+    random = np.random.default_rng(seed)
+    out = []
+    for run in sweeps(seed, ((0.1, 2.2), (0.15, 1.4))):
+        clean = logged(run, BOTH.structure, TRUE, Sensors.of(run))
+        noisy = {c: y + NOISE[c] * random.standard_normal(y.size) for c, y in clean.items()}
+        out.append(replace(run, measured=noisy))
+    return out
+
+
+@pytest.mark.parametrize("factor", [10 ** (1 / 20), np.exp(1j * np.radians(7.57))])
+def test_a_decibel_weighs_as_much_as_seven_degrees(factor: complex) -> None:
+    h = np.full(20, 2.0 - 1.0j)
+    data = ResponseData("r", np.geomspace(0.5, 20, 20), factor * h, np.ones(20))
+    weight = (1.58 * (1 - np.exp(-1))) ** 2
+    assert cost(data, h) == pytest.approx(20 * weight, rel=2e-3)
+    assert cost(data, data.h) < 1e-9
+
+
+def test_a_sweep_has_costs_and_a_doublet_has_none() -> None:
+    run = driven(1)[0]
+    without = Modelled(MODEL, {**X, "trim": 0.0})
+    found = held_out(Fresh.of(run, FLOOR), without, Modelled(BOTH, TRUE))
+    assert set(found.after.cost) == {"r", "ay", "p", "vydot"}
+    assert all(found.after.cost[o] < 0.2 * found.before.cost[o] for o in found.after.cost)
+    assert found.after.cost["r"] < 10 and found.before.cost["r"] > 100
+    assert found.after.j_rms < found.before.j_rms and found.after.tic < found.before.tic
+    assert found.share_removed == pytest.approx(1.0, abs=0.02)
+    doublet = held_out(Fresh.of(replace(run, kind="doublet"), FLOOR), without, Modelled(BOTH, TRUE))
+    assert doublet.before.cost == {} and doublet.share_removed == found.share_removed
+
+
+def test_a_model_at_the_floor_has_nothing_to_remove() -> None:
+    run = driven(2)[0]
+    assert held_out(Fresh.of(run, FLOOR), Modelled(BOTH, TRUE), Modelled(BOTH, TRUE)).share_removed is None
+
+
+def test_an_effect_is_worth_what_the_others_cannot_do() -> None:
+    """Without the trim the rest still has relaxation, so its absence leaves what the trim alone explains."""
+    whole = Modelled(BOTH, TRUE)
+    fresh = Fresh.of(driven(4)[0], FLOOR)
+    rest = refitted_without("steering_trim", with_floors(driven(3), [FLOOR] * 2), whole)
+    assert rest.model.effects == ("tyre_relaxation",)
+    assert held_out(fresh, rest, whole).share_removed == pytest.approx(1.0, abs=0.05)
+    nothing = Modelled(MODEL, {**X, "trim": 0.0})
+    assert fresh.squares(whole) < fresh.squares(rest) < fresh.squares(nothing)
