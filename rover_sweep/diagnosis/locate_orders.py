@@ -21,6 +21,7 @@ from rover_sweep.identify.recording import Array
 CYCLES = 4  # of a window
 POINTS = 64  # of a cycle
 HIGHEST = 5  # order
+SWEPT = ("sweep", "bias_sweep")
 BESIDE = 2  # quarters of an order, either side of a harmonic, where its background stands
 DISTORTED = 0.01  # of the power at the first harmonic, below which a higher one is no news
 
@@ -79,7 +80,7 @@ def _orders(
     power, count = np.zeros(size), np.zeros(size)
     low, high = np.full(size, np.inf), np.zeros(size)
     for e in residuals_of(problem, rows, channel):
-        if e.run.kind != "sweep":
+        if e.run.kind not in SWEPT:
             continue
         for w, tile in _tiles(e):
             at = 0.25 * np.arange(size) * w

@@ -56,7 +56,8 @@ def _expected(h: _History, others: list[_History]) -> Array:
     for o in others:
         grown = (h.residual.run.amplitude / o.residual.run.amplitude) ** 2
         above = np.maximum(o.power - 1.0, 0.0)
-        seen.append(1.0 + grown * np.interp(np.log(h.w), np.log(o.w), above))
+        order = np.argsort(o.w)
+        seen.append(1.0 + grown * np.interp(np.log(h.w), np.log(o.w[order]), above[order]))
     return np.asarray(np.mean(seen, axis=0))
 
 

@@ -41,7 +41,7 @@ class Residual:
 
 def residuals_of(problem: Problem, rows: Array, channel: str) -> list[Residual]:
     """The channel's residual in each run that has it; rows (size,): measured less model."""
-    return [_residual(problem, rows, r) for r in problem.rows if r.channel == channel]
+    return [_residual(problem, rows, r) for r in problem.rows if r.channel == channel and np.any(r.bins > 0)]
 
 
 def _residual(problem: Problem, rows: Array, r: Rows) -> Residual:
