@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rover_sweep.diagnosis.settings import Baseline, DiagnosisSettings
     from rover_sweep.identify.recording import Recording
     from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
+    from rover_sweep.report.diagnosis_write import DiagnosisFiles
     from rover_sweep.vehicle_file import Vehicle
 
 BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
@@ -107,19 +108,21 @@ def _diagnosed(
     tell_warnings(console, (*given.runs, *given.held_out))
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
-    found, page, document = _computed(given, rover[0], settings, origin, out)
+    found, files = _computed(given, rover[0], settings, origin, out)
     shown.print(summary(found), width=min(shown.width, WIDTH))
-    shown.print(f"\nreport: {page}", soft_wrap=True, markup=False)
+    shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
+    if files.variant:
+        shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True, markup=False)
     if as_json:
-        click.echo(document.read_text(encoding="utf-8"), nl=False)
+        click.echo(files.document.read_text(encoding="utf-8"), nl=False)
     if found.verdict == "refused":
         raise DataRefused("the data were refused, see above; the report says why as well")
 
 
 def _computed(
     given: Material, vehicle: Vehicle, settings: DiagnosisSettings, origin: DiagnosisOrigin, out: Path
-) -> tuple[Diagnosis, Path, Path]:
-    """(diagnosis, page, document), behind a progress bar; Ctrl-C once ends the search, twice the program."""
+) -> tuple[Diagnosis, DiagnosisFiles]:
+    """(diagnosis, its files), behind a progress bar; Ctrl-C once ends the search, twice the program."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from rover_sweep.cli.interruption import Interruption
@@ -141,4 +144,4 @@ def _computed(
         files = write_diagnosis(
             found, out, origin, lambda share, what: progress.update(bar, completed=0.9 + 0.1 * share)
         )
-    return found, files.page, files.document
+    return found, files
