@@ -96,7 +96,7 @@ def candidates(
     """Runs that may be added to a set, safe ones only, without those whose like is there."""
     kinds = [r for r in base if r.kind != "servo_test"] or list(first_set(rover, rad_per_us, limits))
     top = max(kinds, key=lambda run: run.amplitude_us)
-    a, v = top.amplitude_us, top.speed
+    a, v = top.amplitude_us, round(top.speed, 1)
     fits = [c for c in _around(a, v, rover, rad_per_us, limits) if allowed(c, rover, rad_per_us, limits)]
     back = replace(top, kind="sweep", heading=((top.heading or 0.0) + 180.0) % 360.0, bias_us=0.0, name="")
     again = [replace(run, repeat=1, name="") for run in base if run.kind in ("sweep", "doublet")]

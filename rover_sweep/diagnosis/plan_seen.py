@@ -175,7 +175,7 @@ class Stacked:
         others = self.members[effect]
         if size < FAINT:
             return 0.0
-        sign = -1.0 if self.found[k].effect == "clock_offset" else 1.0
+        sign = -1.0 if self._early(self.found[k].effect) else 1.0
         single = library()[effect].stage == "grip"
         ways = (1.0, -1.0) if self._free[k] else (sign,)
         best = 0.0
@@ -187,18 +187,18 @@ class Stacked:
 
     def _directed(self, rows: Array, group: Sequence[int], effect: str) -> Array:
         part = rows[:, group]
-        if effect == "clock_offset":
+        if self._early(effect):
             return -part
         return np.hstack((part, -part)) if self._free[group[0]] else part
 
     @cached_property
     def _free(self) -> list[bool]:
-        return [_both_ways(s) for s in self.found]
+        """Which columns may come with either sign."""
+        return [s.signed and parameter_of(s).low < 0 and not self._early(s.effect) for s in self.found]
 
-
-def _both_ways(s: Signature) -> bool:
-    """True where the coordinate has either sign; with one clock an offset is only an answer too early."""
-    return s.signed and parameter_of(s).low < 0 and s.effect != "clock_offset"
+    def _early(self, effect: str) -> bool:
+        """With one clock an offset is only an answer before its command, the other way from a delay."""
+        return effect == "clock_offset" and not self.model.two_clocks
 
 
 def _common(runs: Sequence[Evidence], name: str) -> list[Signature]:
@@ -248,7 +248,7 @@ def _size(stacked: Stacked, k: int, rows: Array) -> Size | None:
 
 def _beyond(model: Model, effect: Effect, parameter: EffectParameter) -> float:
     """How far the nominal model follows on its own, in the parameter's own unit."""
-    if effect.id == "clock_offset":
+    if effect.id == "clock_offset" and not model.two_clocks:
         return EARLIER
     bound = {c.name: c.high for c in model.free if c.prior is None}
     return bound.get(effect.reads.get(parameter.name, ""), 0.0) / effect.per.get(parameter.name, 1.0)

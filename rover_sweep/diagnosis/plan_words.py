@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 DOUBT = 2.0  # of what tells a pair apart, below which it is worth more
 TOLD = 3  # pairs that a sentence names
 SAME = 0.12  # relative; speeds and amplitudes that differ less count as one
+SHARED = "what differs between two equal runs is noise, and what they share is the vehicle"
 ON_BLOCKS = (
     "the wheel's angle is measured against the command to 0.3 deg on one clock, without tyres and body; "
     "what it shows of lag and delay goes into [material] of the vehicle file"
@@ -61,14 +62,15 @@ def settles(run: PlannedRun, before: Sequence[PlannedRun], without: Seen | None,
     parts += [f"finds {_listed(sooner)} in time"] if sooner else []
     if pairs:
         named = [f"{one} from {two}" for one, two in pairs[:TOLD]]
-        more = [f"{len(pairs) - TOLD} more pairs"] if len(pairs) > TOLD else []
+        over = len(pairs) - TOLD
+        more = [f"{over} more pair{'s' if over > 1 else ''}"] if over > 0 else []
         parts.append(f"tells {_listed([*named, *more])}")
     elif helped := _helped(without, beside):
         pairs = [helped]
         parts.append(f"tells {helped[0]} more surely from {helped[1]}")
     if without.noisy and not beside.noisy:
         parts.append("tells noise from distortion")
-    why = _because(run, before, pairs)
+    why = _because(run, before, pairs, without.noisy)
     what = ", and ".join(parts) or "makes all sizes smaller"
     return f"{words(run)}: {what}{f', because {why}' if why else ''}"
 
@@ -81,7 +83,9 @@ def _helped(without: Seen, beside: Seen) -> tuple[str, str] | None:
     return best if best and gain[best] > 1.0 + SAME else None
 
 
-def _because(run: PlannedRun, rest: Sequence[PlannedRun], pairs: Sequence[tuple[str, str]]) -> str:
+def _because(
+    run: PlannedRun, rest: Sequence[PlannedRun], pairs: Sequence[tuple[str, str]], noisy: bool
+) -> str:
     if run.kind == "servo_test":
         return ON_BLOCKS
     if run.kind == "multisine":
@@ -89,8 +93,10 @@ def _because(run: PlannedRun, rest: Sequence[PlannedRun], pairs: Sequence[tuple[
             "its even and odd lines that are not driven show 2nd and 3rd harmonics at once, and what does "
             "not repeat with its periods is noise"
         )
-    if run.repeat > 1 or any(_like(run, r) for r in rest):
-        return "what differs between two equal runs is noise, and what they share is the vehicle"
+    if any(_like(run, r) for r in rest):
+        return SHARED if noisy else "the same again makes every size smaller"
+    if run.repeat > 1 and noisy:
+        return "; ".join(part for part in (_new(run, rest), SHARED) if part)
     new = _new(run, rest)
     if run.kind == "bias_sweep":
         about = "what is even about straight shows about a bias, and tyres are bent there"

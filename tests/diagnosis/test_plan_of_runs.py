@@ -1,0 +1,194 @@
+"""The engine of `plan`: which effects look alike, sizes, and what may be proposed.
+
+The map of left_out_physics, made without instruments in the nominal model, says: delay and servo .99,
+relaxation and delay .94 (.85 with a second speed), saturation and load transfer .94, deadband and
+backlash .95. From r alone, with C, Izz, k_phi and b_phi to refit, the tool's own are .98, .99 (.90) and
+.85. With all four channels and the whole nominal model they are .46, .18 (.59) and .68. A deadband of the
+command and a backlash are nearly at right angles here (.1): one takes sgn(u) off, the other sgn(u'); a
+deadband of the servo's error, which has memory, would be the look-alike of the map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rover_sweep.diagnosis.candidates import Model, possible
+from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.plan import plan
+from rover_sweep.diagnosis.plan_evidence import NOISE, evidence
+from rover_sweep.diagnosis.plan_runs import (
+    allowed,
+    as_experiment,
+    candidates,
+    first_set,
+    lateral_acceleration,
+)
+from rover_sweep.diagnosis.plan_seen import Stacked
+from rover_sweep.diagnosis.plan_sets import Planner
+from rover_sweep.diagnosis.plan_types import Limits, PlannedRun
+from rover_sweep.identify.geometry import Geometry
+
+ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.069)
+SCALE = 0.00095  # rad/us
+LIMITS = Limits(7.0, 250.0, (0.8, 12.0), "friction 0.9")
+SLOW, LARGE, SMALL = (PlannedRun("sweep", a, v) for a, v in ((150.0, 1.6), (240.0, 2.4), (120.0, 2.4)))
+BLOCKS, STEPS = PlannedRun("servo_test", 150.0, 0.0), PlannedRun("doublet", 150.0, 2.4)
+PHYSICAL = ("ln_C", "ln_Izz", "ln_k_phi", "ln_b_phi")
+
+
+def planner(spread: Spread | None = None, wanted: Sequence[str] = ()) -> Planner:
+    return Planner(ROVER, SCALE, wanted, spread or Spread(), {}, lambda what, share: None)
+
+
+@pytest.fixture(scope="module")
+def usual() -> Planner:
+    found = planner()
+    found.simulate((SMALL, LARGE, SLOW, STEPS, BLOCKS), (0.0, 1.0))
+    return found
+
+
+def yaw_rate_cosines(runs: Sequence[PlannedRun]) -> dict[str, float]:
+    """Cosines from r alone, C, Izz, k_phi and b_phi refitted."""
+    model = Model("roll-yaw", ROVER, Spread(lag=0.5, delay=0.5))
+    driven = [as_experiment(run, ROVER, SCALE, ["r"]) for run in runs]
+    effects = [e for e in possible(model, driven)[0] if e.stage not in ("grip", "speed")]
+    at = {
+        "lag": 0.03,
+        "delay": 0.03,
+        "tyre_relaxation.sigma": 0.07,
+        "tyre_saturation.mu": 0.7,
+        "load_transfer.k": 0.3,
+    }
+    stacked = Stacked.of(model, [evidence(run, model, effects, at) for run in driven])
+    rows = stacked.outside({c.name for c in model.free} - set(PHYSICAL))
+    unit = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
+    place = {e: members[0] for e, members in stacked.members.items()}
+    pairs = (
+        ("transport_delay", "servo_lag"), ("tyre_relaxation", "transport_delay"),
+        ("tyre_saturation", "load_transfer"), ("steering_deadband", "steering_backlash"),
+    )  # fmt: skip
+    return {one: float(unit[:, place[one]] @ unit[:, place[two]]) for one, two in pairs}
+
+
+def test_look_alikes_are_those_of_the_map() -> None:
+    one, two = yaw_rate_cosines((SMALL, STEPS)), yaw_rate_cosines((SMALL, STEPS, SLOW))
+    assert one["transport_delay"] > 0.95 and one["tyre_relaxation"] > 0.93
+    assert two["tyre_relaxation"] < one["tyre_relaxation"] - 0.05
+    assert one["tyre_saturation"] == pytest.approx(0.94, abs=0.12)
+    assert abs(one["steering_deadband"]) < 0.3
+
+
+def test_few_rows_stand_for_many(usual: Planner) -> None:
+    """Inner products of the nominal's sensitivities and a signature, from all rows and from the few."""
+    from rover_sweep.diagnosis.fitting import sensitivities
+    from rover_sweep.diagnosis.floor import Floor
+    from rover_sweep.diagnosis.plan_evidence import start
+    from rover_sweep.diagnosis.problem import with_floors
+    from rover_sweep.diagnosis.signatures import signatures
+
+    floor = Floor(np.array([0.01, 100.0]), {c: np.full(2, d) for c, d in NOISE.items()})
+    problem = with_floors([usual.experiment(STEPS)], [floor])
+    base = start(usual.model, problem.size)
+    problem = replace(problem, measured=problem.model(usual.model.structure, base.x))
+    many = (
+        sensitivities(problem, base).jacobian.T
+        @ signatures(problem, base, usual.model, usual.effects[:1])[0].rows
+    )
+    few = usual._shown[STEPS]
+    assert few.size < 100 < problem.size
+    np.testing.assert_allclose(
+        few.nominal.T @ few.effects[0].rows, many, rtol=1e-6, atol=1e-6 * np.abs(many).max()
+    )
+
+
+def test_more_runs_show_smaller_sizes(usual: Planner) -> None:
+    few, more = usual.seen((SMALL,)).stacked.sizes, usual.seen((SMALL, LARGE, SLOW)).stacked.sizes
+    for effect in ("tyre_saturation", "load_transfer", "roll_steer", "steering_nonlinearity"):
+        assert (
+            next(iter(more[effect].values())).coordinate < 0.8 * next(iter(few[effect].values())).coordinate
+        )
+
+
+def test_a_repeat_tells_noise_from_distortion_and_so_does_a_periodic_wave(usual: Planner) -> None:
+    assert usual.seen((SMALL, LARGE)).noisy
+    assert not usual.seen((replace(SMALL, repeat=2),)).noisy
+    usual.simulate((PlannedRun("multisine", 150.0, 2.4),), (0.0, 1.0))
+    assert not usual.seen((SMALL, PlannedRun("multisine", 150.0, 2.4))).noisy
+
+
+def test_blocks_show_the_steering_and_nothing_else(usual: Planner) -> None:
+    shown = {s.effect: float(np.linalg.norm(s.rows)) for s in usual._shown[BLOCKS].effects}
+    steering = ("servo_rate_limit", "steering_deadband", "steering_backlash", "steering_asymmetry",
+                "steering_nonlinearity", "servo_lag", "transport_delay")  # fmt: skip
+    assert all(shown[e] > 10.0 for e in steering)
+    assert all(
+        size < 1e-6 for e, size in shown.items() if e not in (*steering, "clock_offset", "steering_trim")
+    )
+
+
+def test_blocks_tell_a_delay_from_sensor_filters(usual: Planner) -> None:
+    alike = usual.seen((SMALL, SLOW)).stacked.cosine("transport_delay", "sensor_filter")
+    assert alike > 0.85
+    assert usual.seen((SMALL, SLOW, BLOCKS)).stacked.cosine("transport_delay", "sensor_filter") < 0.5
+
+
+def test_two_clocks_make_an_offset_a_delay(usual: Planner) -> None:
+    one = Stacked.of(usual.model, [usual._shown[SMALL]])
+    two = Stacked.of(replace(usual.model, two_clocks=True), [usual._shown[SMALL]])
+    assert one.cosine("clock_offset", "transport_delay") < 0.1
+    assert two.cosine("clock_offset", "transport_delay") == pytest.approx(1.0)
+
+
+def test_material_sizes_move_what_is_found() -> None:
+    def sizes(spread: Spread) -> dict[str, float]:
+        one = planner(spread)
+        one.simulate((STEPS,), (0.0, 1.0))
+        found = one.seen((STEPS,)).stacked.sizes
+        return {
+            e: next(iter(found[e].values())).coordinate
+            for e in ("imu_tilt", "transport_delay", "steering_trim")
+        }
+
+    usual, loose = sizes(Spread()), sizes(Spread(bias_ay=0.6, together=0.1, trim=0.03))
+    assert loose["imu_tilt"] - usual["imu_tilt"] == pytest.approx(0.3 / 9.81, rel=0.1)
+    assert loose["transport_delay"] - usual["transport_delay"] == pytest.approx(0.028, abs=1e-6)
+    assert loose["steering_trim"] - usual["steering_trim"] == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize("limit", [1.0, 3.0, 7.0])
+def test_nothing_is_proposed_that_the_rover_cannot_hold(limit: float) -> None:
+    limits = replace(LIMITS, ay=limit)
+    base = first_set(ROVER, SCALE, limits)
+    found = candidates((LARGE, *base), ROVER, SCALE, limits)
+    assert {run.kind for run in found} >= {"sweep", "doublet", "servo_test"}
+    assert all(lateral_acceleration(run, ROVER, SCALE) <= limit for run in (*base, *found))
+    assert all(run.amplitude_us + abs(run.bias_us) <= limits.amplitude_us for run in found)
+    assert allowed(LARGE, ROVER, SCALE, limits) == (limit > 3.4)
+
+
+def test_every_kind_may_be_proposed() -> None:
+    found = candidates((SMALL,), ROVER, SCALE, LIMITS)
+    assert {run.kind for run in found} == {"sweep", "doublet", "bias_sweep", "multisine", "servo_test"}
+    assert len({run.speed for run in found if run.speed}) > 2 and len({run.amplitude_us for run in found}) > 2
+    assert SMALL in found and any(run.heading == 180.0 for run in found)
+
+
+def test_a_plan_proposes_what_settles_the_open_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small sweep hardly reaches the rate limit of a servo: the answer is a run that does."""
+    short = [r for r in candidates((SMALL,), ROVER, SCALE, LIMITS) if r.kind in ("doublet", "servo_test")]
+    monkeypatch.setattr("rover_sweep.diagnosis.plan.candidates", lambda *_: [*short, *short[:1]])
+    told: list[float] = []
+    found = plan(
+        (PlannedRun("sweep", 60.0, 2.4),), ROVER, SCALE, LIMITS, ("servo_rate_limit",),
+        progress=lambda what, share: told.append(share),
+    )  # fmt: skip
+    assert [u.effect for u in found.cannot_see] == ["servo_rate_limit"] and not found.detectable
+    assert 1 <= len(found.proposal) == len(found.settles) <= 3
+    assert "servo_rate_limit" in found.settles[0] and "noise from distortion" in " ".join(found.settles)
+    assert not found.proposed_apart
+    assert found.sentences[0].startswith("these runs find 0 of 1") and "7.0 m/s^2" in found.notes[0]
+    assert told == sorted(told) and told[-1] <= 1.0
