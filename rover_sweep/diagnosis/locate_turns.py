@@ -133,7 +133,7 @@ def _of_the_motion(run: Experiment) -> dict[str, Array]:
     """What looks like the heading in a slow sweep: turning, its rate and integral, bent and broken."""
     turn = _turn(run)
     rate = np.gradient(turn, 1 / RATE)
-    turn, rate = turn / max(np.std(turn), 1e-9), rate / max(np.std(rate), 1e-9)
+    turn, rate = (x / max(float(np.std(x)), 1e-9) for x in (turn, rate))
     return {
         "rest": np.ones(turn.size), "turn": turn, "rate": rate,
         "integral": run.heading - np.mean(run.heading), "turn^3": turn**3, "turn^2 rate": turn**2 * rate,
