@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.geometry import GRAVITY, Geometry
 from rover_sweep.identify.recording import LowPass, Recording
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rover_sweep.diagnosis.simulate import Structure
     from rover_sweep.identify.effects import Effect
 
+DERIVATIVES = tuple(f"{row}_{c}" for row in "YLN" for c in ("v", "p", "r", "phi", "delta"))
 SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
 
 
@@ -24,12 +25,12 @@ SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
 class AugmentedModel:
     """A baseline, the effects added to it, and the coordinates that were fitted to both together.
 
-    baseline: "kinematic", "bicycle" or "roll-yaw". rover: what was known beforehand, SI units, ISO axes.
-    effects: ids. x: {coordinate: value} as `rover_sweep.diagnosis.nominal` names them. speed: mean of the
-    runs it was fitted to, m/s. filters: known low-passes of the channels. steering: (trim_us, rad_per_us)
-    of the vehicle file. wait: share of the delay in which a command waits for the autopilot's main loop, s.
-    happened_in: run of a change of ground; happened_at: its instant, s from the start of that run's
-    manoeuvre.
+    baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". rover: what was known beforehand, SI units,
+    ISO axes. effects: ids. x: {coordinate: value} as `rover_sweep.diagnosis.nominal` names them. speed: mean
+    of the runs it was fitted to, m/s. filters: known low-passes of the channels. steering: (trim_us,
+    rad_per_us) of the vehicle file. wait: share of the delay in which a command waits for the autopilot's
+    main loop, s. happened_in: run of a change of ground; happened_at: its instant, s from the start of that
+    run's manoeuvre.
     """
 
     baseline: str
@@ -47,6 +48,11 @@ class AugmentedModel:
     def name(self) -> str:
         """The baseline and what was added, as "roll-yaw with tyre_relaxation"."""
         return " with ".join((self.baseline, " and ".join(self.effects))) if self.effects else self.baseline
+
+    @property
+    def lumped(self) -> bool:
+        """True where derivatives stand in place of tyres and springs."""
+        return self.baseline == "lumped"
 
     @property
     def structure(self) -> Structure:
@@ -67,8 +73,14 @@ class AugmentedModel:
     @property
     def numbers(self) -> dict[str, float]:
         """Physical numbers, SI units: m, ms, h, Ixx, Izz, Ixz, a, b, Cf, Cr, k_phi, b_phi, g, and of effects
-        inv_mu, sigma, k_load, e_roll, T_roll (0 where absent); imu_x, imu_z; L_eff without tyres."""
+        inv_mu, sigma, k_load, e_roll, T_roll (0 where absent); imu_x, imu_z; L_eff without tyres. Of a lumped
+        model the derivatives "Y_v" .. "N_delta", those by v and r times the speed, m, g, imu_x, imu_z."""
         from math import exp
+
+        if self.lumped:
+            own = {name: self.x[name] for name in DERIVATIVES if name in self.x}
+            place = {name: self.value(name) for name in ("imu_x", "imu_z")}
+            return own | {"m": self.rover.mass, "g": GRAVITY} | place
 
         from rover_sweep.diagnosis.simulate import SLOTS, slots
 

@@ -20,7 +20,7 @@ class DiagnosisFiles:
     document: Path
     page: Path
     variant: Path | None = None
-    """The model as a simulated rover; None where the data were refused."""
+    """The model as a simulated rover; None where the data were refused, and for a lumped one."""
 
 
 def write_diagnosis(
@@ -45,7 +45,7 @@ def write_diagnosis(
             progress(k / len(plan), f"drawing {picture.name}")
         drawn.append((picture, picture.png()))
     page = diagnosis_page(found, origin, drawn)
-    text = variant_text(found.model) if found.model else None
+    text = variant_text(found.model) if found.model and not found.model.lumped else None
     for name in ("diagnosis.json", "variant.toml"):
         remove_file(directory / name)
     html = write_file(directory / "diagnosis.html", page)

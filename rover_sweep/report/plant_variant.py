@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from math import isfinite, sqrt
 
 from rover_sweep.diagnosis.augmented import AugmentedModel
+from rover_sweep.errors import UsageError
 
 LINEAR_TYRES = 4.0  # of friction: the model's tyres have no peak unless one was found
 BEND_ALIKE = 5.8  # friction^2 bend, where both laws lose as much force when an axle pulls half of its load
@@ -24,7 +25,15 @@ Value = float | str | tuple[float, float, float]
 
 
 def variant_text(model: AugmentedModel) -> str:
-    """The variant as text. What the plant cannot be stands in its first lines."""
+    """The variant as text. What the plant cannot be stands in its first lines.
+
+    UsageError for a lumped model.
+    """
+    if model.lumped:
+        raise UsageError(
+            "a lumped model has derivatives where the simulated rover has tyres and springs; "
+            "diagnose against roll-yaw, bicycle or kinematic to drive it"
+        )
     effects = _effects(model)
     same = {number for effect, number in SAME_NUMBER.items() if effect in effects}
     numbers = {name: value for name, value in _numbers(model).items() if name not in same}
