@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from rover_sweep.diagnosis import lumped
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.nominal import Coordinate, Spread, coordinates
 from rover_sweep.diagnosis.simulate import Structure
@@ -19,7 +20,8 @@ SAME_SPEED = 0.12
 class Model:
     """A baseline with named effects: what is simulated and what is fitted.
 
-    baseline: "kinematic", "bicycle" or "roll-yaw". effects: ids. happened_in: run of a surface change.
+    baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". effects: ids. happened_in: run of a surface
+    change.
     """
 
     baseline: str
@@ -37,18 +39,27 @@ class Model:
     @property
     def roll(self) -> bool:
         """True where the body rolls."""
+        if self.baseline == "lumped":
+            return bool(self.rover.sprung_mass and self.rover.h and self.rover.roll_inertia)
         return self.baseline == "roll-yaw" or "roll_dof" in self.effects
+
+    @property
+    def lumped(self) -> bool:
+        """True where derivatives stand in place of tyres and springs."""
+        return self.baseline == "lumped"
 
     @property
     def structure(self) -> Structure:
         """What is simulated."""
         found = tuple(library()[e] for e in self.effects if e not in WHOLE)
-        return Structure(self.rover, self.slip, self.roll, found, self.happened_in)
+        # V_y of derivatives is that which is measured, at the IMU
+        rover = replace(self.rover, imu_x=0.0, imu_z=0.0) if self.lumped else self.rover
+        return Structure(rover, self.slip, self.roll, found, self.happened_in, self.lumped)
 
     @property
     def free(self) -> tuple[Coordinate, ...]:
         """What is fitted: the nominal coordinates, those that an effect releases without prior, its own."""
-        nominal = coordinates(self.baseline, self.rover, self.spread, self.slip, self.roll)
+        nominal = self._nominal()
         released = {k: v for e in self.effects for k, v in self._released(library()[e]).items()}
         out = [
             replace(c, low=released[c.name][0], high=released[c.name][1], prior=None)
@@ -59,6 +70,13 @@ class Model:
         for name in self.effects:
             out += own(library()[name])
         return tuple(out)
+
+    def _nominal(self) -> tuple[Coordinate, ...]:
+        if not self.lumped:
+            return coordinates(self.baseline, self.rover, self.spread, self.slip, self.roll)
+        common = coordinates(self.baseline, self.rover, self.spread, False, False)
+        steering = tuple(c for c in common if c.name != "scale")  # Y_delta, L_delta and N_delta hold it
+        return (*steering, *lumped.derivatives(self.rover, self.roll))
 
     def _released(self, effect: Effect) -> Mapping[str, tuple[float, float]]:
         """With one clock an offset is told from a delay only where the answer comes before the command."""
@@ -111,13 +129,18 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
     """Why an effect cannot show in these runs beside this model, "" where it can."""
     recorded = {c for run in runs for c in run.measured}
     has = "roll-yaw" if model.slip and model.roll else "bicycle" if model.slip else "kinematic"
+    has = "lumped" if model.lumped else has
     if effect.id in WHOLE:
         if model.baseline not in effect.baselines:
-            return "the baseline has it"
+            return "its derivatives hold it" if model.lumped else "the baseline has it"
     elif has not in effect.baselines:
         return f"acts in {' or '.join(effect.baselines)} models, the baseline is {has}"
     if not recorded & set(effect.channels):
         return f"none of {', '.join(effect.channels)} was recorded"
+    if effect.id == "imu_tilt" and model.lumped:
+        return "its derivatives hold what mixes p and r, and bias_ay a constant"
+    if effect.id == "imu_offset" and model.lumped and "vy" not in recorded:
+        return "no V_y was recorded, without which the derivatives hold it"
     if effect.id == "cross_slope" and not any(run.has_heading for run in runs):
         return "no heading was recorded"
     if effect.id == "roll_dof" and not (

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import exp, log
 
+from rover_sweep.diagnosis import lumped
 from rover_sweep.diagnosis.alike import Alike
 from rover_sweep.diagnosis.augmented import augmented
 from rover_sweep.diagnosis.beyond import unknown
@@ -75,7 +76,9 @@ def diagnose(
         progress or (lambda what, share: None),
         stopped,
     )
-    choice = choose(used, model, _start(settings.parameters), options)
+    speed = sum(run.mean_speed for run in used) / len(used)
+    begin = _start(settings.parameters) | lumped.start(settings.parameters, speed)
+    choice = choose(used, model, begin, options)
     found = _answer(choice, used, fresh, settings)
     told = (f"the simulation follows the {settings.baseline} model",) if simulated else ()
     whole = augmented(choice.last.model, choice.last.fitted.x, runs, [run.begin for run in used])
@@ -83,11 +86,6 @@ def diagnose(
 
 
 def _refuse(runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings) -> None:
-    if settings.baseline == "lumped":
-        raise UsageError(
-            "the lumped model has no physics to add an effect to; "
-            "diagnose against roll-yaw, bicycle or kinematic"
-        )
     if settings.baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
         raise UsageError(
             "the roll-yaw model needs sprung_mass, cg_height_above_roll_centre and roll_inertia in the "

@@ -143,21 +143,6 @@ def roll_only(across, yaw_rate_dot, mx, q, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def linear_states(a, b, u, dt):  # type: ignore[no-untyped-def]
-    """(n, nx) of x[k+1] = a x[k] + b (u[k] + u[k+1])/2 from rest; a, b discrete."""
-    n, nx = u.size, a.shape[0]
-    x = np.zeros((n, nx))
-    for k in range(n - 1):
-        mean = 0.5 * (u[k] + u[k + 1])
-        for i in range(nx):
-            s = b[i] * mean
-            for j in range(nx):
-                s += a[i, j] * x[k, j]
-            x[k + 1, i] = s if abs(s) < 1e6 else 0.0
-    return x
-
-
-@njit(cache=True, nogil=True)
 def servo(u, lag, shape, inv_rate, dt):  # type: ignore[no-untyped-def]
     """Angle (n,) of 1/(1 + lag s + shape lag^2 s^2) with a limited rate 1/inv_rate [rad/s].
 

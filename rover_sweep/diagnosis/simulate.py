@@ -11,6 +11,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import lfilter
 
+from rover_sweep.diagnosis import lumped
 from rover_sweep.diagnosis.experiment import RATE, Experiment
 from rover_sweep.diagnosis.kernel import SLOT, SLOTS, roll_only, servo, single_track
 from rover_sweep.identify.effects.effect import Effect
@@ -33,6 +34,7 @@ class Structure:
     roll: bool
     effects: tuple[Effect, ...] = ()
     happened_in: str = ""
+    lumped: bool = False
 
     def of(self, stage: str) -> tuple[Effect, ...]:
         """The effects that act at a stage."""
@@ -74,6 +76,8 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     speed = run.speed * (1.0 + x.get("vscale", 0.0))
     q, zero = slots(structure, x), np.zeros(delta.size)
     base = {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": np.gradient(speed, STEP)}
+    if structure.lumped:
+        return _lumped(base, structure, x)
     grip = np.ones(delta.size)
     for effect in structure.of("grip"):
         if effect.act and structure.happened_in in ("", run.name):
@@ -90,6 +94,11 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
         names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
         found = base | {name: y[:, k] for k, name in enumerate(names)}
     return found | {"weight": _weight(structure, found, x)}
+
+
+def _lumped(base: dict[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
+    weight = _weight(structure, base, x)
+    return base | lumped.motion(base["delta"], base["V"], weight, x, STEP) | {"weight": weight}
 
 
 def _weight(structure: Structure, found: Mapping[str, Array], x: Values) -> Array:
