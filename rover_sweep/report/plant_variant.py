@@ -93,7 +93,7 @@ def _numbers(model: AugmentedModel) -> dict[str, Value]:
         "cg_height_above_roll_centre": h,
         "yaw_inertia": n["Izz"] if model.structure.slip else rover.yaw_inertia or n["m"] * n["a"] * n["b"],
         "roll_yaw_inertia": n["Ixz"] if roll else 0.0,
-        "friction": _friction(n),
+        "friction": _friction(model),
         "servo_lag": x("lag"),
         "servo_delay": _delay(model),
         "servo_rate_limit": NO_LIMIT,
@@ -125,9 +125,9 @@ def _axles(model: AugmentedModel, n: Mapping[str, float]) -> dict[str, Value]:
     }  # fmt: skip
 
 
-def _friction(n: Mapping[str, float]) -> float:
+def _friction(model: AugmentedModel) -> float:
     """Of tyres that bend no more than the model's where it was driven; their limit is unknown."""
-    bend = n.get("bend", 0.0)
+    bend = model.value("bend")
     return min(LINEAR_TYRES, sqrt(BEND_ALIKE / bend)) if bend > 0 else LINEAR_TYRES
 
 

@@ -22,6 +22,11 @@ from rover_sweep.report.export_text import matlab_text, python_text
 from rover_sweep.report.model_of_diagnosis import augmented_document, augmented_from
 from rover_sweep.report.strict_json import dumps
 
+DERIVATIVES = {
+    "Y_v": -60.0, "Y_p": 0.4, "Y_r": -0.3, "Y_phi": -25.0, "Y_delta": 27.0, "L_v": -230.0, "L_p": -12.0,
+    "L_r": -1.0, "L_phi": -560.0, "L_delta": 100.0, "N_v": -12.0, "N_p": 0.01, "N_r": -38.0, "N_phi": 0.3,
+    "N_delta": 96.0,
+}  # fmt: skip
 TINY = 0.004  # rad: small enough for the nonlinear simulation to be linear
 CASES = {
     "plain": linear_only(),
@@ -36,6 +41,8 @@ CASES = {
     "bicycle": linear_only("bicycle"),
     "bicycle with roll": linear_only("bicycle", "roll_dof"),
     "kinematic": linear_only("kinematic"),
+    "lumped": linear_only("lumped", imu_x=0.02, imu_z=-0.01, **DERIVATIVES),
+    "lumped with its lags": linear_only("lumped", "velocity_lag", ay_lag=0.001, **DERIVATIVES),
     "kinematic with roll": linear_only("kinematic", "roll_dof"),
     "kinematic with tyres": linear_only("kinematic", "tyre_slip", "tyre_relaxation"),
 }

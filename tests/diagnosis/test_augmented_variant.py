@@ -18,6 +18,7 @@ from augmented_models import RUN, model, on_smooth_ground, recording
 import rover_sweep as rs
 from rover_sweep.diagnosis.augmented import AugmentedModel
 from rover_sweep.identify.effects import library
+from rover_sweep.identify.recording import Recording
 from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.redrive.course import course_of
 from rover_sweep.redrive.rover import on_the_clock
@@ -45,14 +46,19 @@ def simulated(whole: AugmentedModel) -> Mapping[str, np.ndarray]:
     return rs.simulate(whole, recording()).signals
 
 
-def driven(whole: AugmentedModel, folder: Path) -> Mapping[str, np.ndarray]:
-    """Channels of the plant with that variant on smooth ground, at the times of the simulation."""
+def recorded(whole: AugmentedModel, folder: Path) -> Recording:
+    """What the plant with that variant records on smooth ground."""
     path = on_smooth_ground(variant_text(whole), folder)
     (log,) = read_logs(str(RUN))
     out = folder / "out.BIN"
     redrive(course_of(log), on_the_clock(load_variant(path), [recording()]), out)
     (run,) = read_runs(str(out))
-    t = rs.simulate(whole, recording()).t
+    return run
+
+
+def driven(whole: AugmentedModel, folder: Path) -> Mapping[str, np.ndarray]:
+    """Channels of that recording at the times of the simulation."""
+    run, t = recorded(whole, folder), rs.simulate(whole, recording()).t
     return {c: run[c].on(t) for c in CHANNELS if c in run}
 
 
@@ -110,6 +116,15 @@ def test_a_clock_offset_is_the_stamps_and_leaves_the_usual_delay_to_the_rover() 
     assert table["servo_delay"] == pytest.approx(0.015)  # of 20 ms, 5 are the wait for the main loop
 
 
+def test_plant_and_model_mean_the_same_by_a_late_clock(tmp_path: Path) -> None:
+    """The recording of a steering that is stamped 60 ms late is explained by it, and not by the opposite."""
+    offset, run = model("clock_offset"), recorded(model("clock_offset"), tmp_path)
+    right, none = rs.simulate(offset, run), rs.simulate(model(), run)
+    wrong = rs.simulate(model("clock_offset", delay=0.08), run)
+    assert right.error("r") < 0.05 * rms(right.measured["r"])
+    assert 4 * right.error("r") < none.error("r") < wrong.error("r")
+
+
 @pytest.mark.parametrize("baseline", ["kinematic", "bicycle"])
 def test_models_without_tyres_or_roll_are_driven_as_near_as_the_plant_can(
     baseline: str, tmp_path: Path
@@ -119,6 +134,11 @@ def test_models_without_tyres_or_roll_are_driven_as_near_as_the_plant_can(
     assert rms(done["r"] - wanted["r"]) < (0.12 if baseline == "kinematic" else 0.03) * rms(wanted["r"])
     assert "p" not in done  # readers leave out what stands still
     assert any("does not roll" in words for words in not_in_the_plant(whole))
+
+
+def test_derivatives_are_no_rover() -> None:
+    with pytest.raises(rs.UsageError, match="diagnose against roll-yaw"):
+        variant_text(model(baseline="lumped"))
 
 
 def test_what_the_plant_cannot_be_is_said_in_the_file() -> None:
@@ -134,8 +154,6 @@ def test_tyres_that_bend_in_the_model_do_so_in_the_plant(tmp_path: Path) -> None
     from sitl.tyre import lateral_force
 
     whole = model(bend=0.7)
-    if not whole.numbers.get("bend"):
-        pytest.skip("the nominal tyre of this engine does not bend")
     (tmp_path / "v.toml").write_text(variant_text(whole))
     parameters = load_variant(tmp_path / "v.toml")
     lost = 1 - lateral_force(-0.5, 1.0, parameters.friction, parameters.tyre_shape) / 0.5
