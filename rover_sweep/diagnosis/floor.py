@@ -19,6 +19,8 @@ from rover_sweep.identify.recording import Array
 WINDOW = 4.0  # s
 HARMONICS = 5
 BESIDE = 0.6  # Hz, either side of a line that a Hann window of 4 s and a moving sweep can reach
+RESOLVED = 1.0  # Hz, from which taking a line out of a frame costs no power
+ENOUGH = 100  # lines of quiet frames
 EXCITED = 0.04  # of the largest steering amplitude
 
 
@@ -62,6 +64,21 @@ def quiet_frames(runs: Sequence[Experiment]) -> tuple[Array, Array]:
     f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
     count = np.sum([np.sum(_quiet(run, f, size), axis=0) for run in runs], axis=0)
     return f[1:], np.asarray(count[1:], np.float64)
+
+
+def level_of(run: Experiment, residual: Mapping[str, Array], floor: Floor) -> dict[str, float]:
+    """{channel: power of one run's noise over that of a floor}; residual {channel: (n,)} of the right model.
+
+    Over all quiet frames of all frequencies that the lines of a frame resolve; 1 where they are few.
+    """
+    size = int(WINDOW * RATE)
+    f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
+    out = {}
+    for channel, x in residual.items():
+        seen = _quiet(run, f, size) & (f >= RESOLVED) & (f <= 0.4 * run.rates.get(channel, RATE))
+        ratio = _power(x, size)[:, 1:] / floor.at(channel, f[1:])
+        out[channel] = float(np.mean(ratio[seen[:, 1:]])) if seen.sum() >= ENOUGH else 1.0
+    return out
 
 
 def _frames(x: Array, size: int) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.experiment import RATE, Experiment
 from rover_sweep.diagnosis.fitting import fit
-from rover_sweep.diagnosis.floor import Floor
+from rover_sweep.diagnosis.floor import Floor, level_of
 from rover_sweep.diagnosis.held_out_cost import SWEPT, costs, frequency_responses_of
 from rover_sweep.diagnosis.problem import Problem, centred, with_floors
 from rover_sweep.diagnosis.result import Fit, HeldOut, Overlay
@@ -47,16 +47,26 @@ class Fresh:
     responses: Mapping[str, FrequencyResponse]
 
     @staticmethod
-    def of(run: Experiment, floor: Floor) -> Fresh:
-        """The run in the noise floor of the runs that were used."""
+    def of(run: Experiment, floor: Floor, whole: Modelled) -> Fresh:
+        """The run in the noise floor of the runs that were used, at its own level."""
         swept = run.kind in SWEPT
         found = frequency_responses_of(run, centred(run)) if swept else {}
-        return Fresh(run, with_floors([run], [floor]), found)
+        return Fresh(run, with_floors([run], [_at_its_level(run, floor, whole)]), found)
 
     def squares(self, m: Modelled) -> float:
         """Sum of squares of the whitened rows that a model leaves."""
         rows = self.problem.measured - self.problem.model(m.model.structure, m.x)
         return float(rows @ rows)
+
+
+def _at_its_level(run: Experiment, floor: Floor, whole: Modelled) -> Floor:
+    """The floor moved, channel by channel, to the noise that the run has where it is not excited.
+
+    A slower run shakes less. One run shows too little of a floor over frequency, so that its shape stays.
+    """
+    log = whole.log(run)
+    level = level_of(run, {c: y - log[c] for c, y in centred(run).items()}, floor)
+    return Floor(floor.f, {c: d * level.get(c, 1.0) for c, d in floor.density.items()})
 
 
 def held_out(fresh: Fresh, before: Modelled, after: Modelled) -> HeldOut:

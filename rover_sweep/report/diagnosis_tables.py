@@ -105,8 +105,8 @@ def _pair(before: float, after: float, digits: int) -> tuple[Cell, Cell]:
 
 
 def share(value: float | None) -> str:
-    """A share as a percentage; words where there was nothing to remove."""
-    return "at the floor" if value is None else f"{100 * value:.0f} %"
+    """A share as a percentage, beyond all of it but chance; words where there was nothing to remove."""
+    return "at the floor" if value is None else f"{100 * min(value, 1.0):.0f} %"
 
 
 def cost_table(held_out: Sequence[HeldOut], room: int | None = None) -> Table | None:

@@ -45,25 +45,42 @@ def test_a_decibel_weighs_as_much_as_seven_degrees(factor: complex) -> None:
 def test_a_sweep_has_costs_and_a_doublet_has_none() -> None:
     run = driven(1)[0]
     without = Modelled(MODEL, {**X, "trim": 0.0})
-    found = held_out(Fresh.of(run, FLOOR), without, Modelled(BOTH, TRUE))
+    found = held_out(Fresh.of(run, FLOOR, Modelled(BOTH, TRUE)), without, Modelled(BOTH, TRUE))
     assert set(found.after.cost) == {"r", "ay", "p", "vydot"}
     assert all(found.after.cost[o] < 0.2 * found.before.cost[o] for o in found.after.cost)
     assert found.after.cost["r"] < 10 and found.before.cost["r"] > 100
     assert found.after.j_rms < found.before.j_rms and found.after.tic < found.before.tic
     assert found.share_removed == pytest.approx(1.0, abs=0.02)
-    doublet = held_out(Fresh.of(replace(run, kind="doublet"), FLOOR), without, Modelled(BOTH, TRUE))
+    doublet = held_out(
+        Fresh.of(replace(run, kind="doublet"), FLOOR, Modelled(BOTH, TRUE)), without, Modelled(BOTH, TRUE)
+    )
     assert doublet.before.cost == {} and doublet.share_removed == found.share_removed
+
+
+def test_a_quieter_run_is_judged_by_its_own_noise() -> None:
+    """Half the noise of the runs that were used: what is above it must not count as beyond all."""
+    run = driven(5)[0]
+    whole, rest = Modelled(BOTH, TRUE), Modelled(BOTH, {**TRUE, "tyre_relaxation.sigma": 0.24})
+    clean = logged(run, BOTH.structure, TRUE, Sensors.of(run))
+    quiet = replace(run, measured={c: y + 0.5 * (run.measured[c] - y) for c, y in clean.items()})
+    found = held_out(Fresh.of(quiet, FLOOR, whole), rest, whole)
+    assert found.share_removed == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_model_at_the_floor_has_nothing_to_remove() -> None:
     run = driven(2)[0]
-    assert held_out(Fresh.of(run, FLOOR), Modelled(BOTH, TRUE), Modelled(BOTH, TRUE)).share_removed is None
+    assert (
+        held_out(
+            Fresh.of(run, FLOOR, Modelled(BOTH, TRUE)), Modelled(BOTH, TRUE), Modelled(BOTH, TRUE)
+        ).share_removed
+        is None
+    )
 
 
 def test_an_effect_is_worth_what_the_others_cannot_do() -> None:
     """Without the trim the rest still has relaxation, so its absence leaves what the trim alone explains."""
     whole = Modelled(BOTH, TRUE)
-    fresh = Fresh.of(driven(4)[0], FLOOR)
+    fresh = Fresh.of(driven(4)[0], FLOOR, Modelled(BOTH, TRUE))
     rest = refitted_without("steering_trim", with_floors(driven(3), [FLOOR] * 2), whole)
     assert rest.model.effects == ("tyre_relaxation",)
     assert held_out(fresh, rest, whole).share_removed == pytest.approx(1.0, abs=0.05)
