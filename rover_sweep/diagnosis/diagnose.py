@@ -116,7 +116,7 @@ def _answer(
     drawn = draws(last, settings.seed)
     whole = Modelled(first.model, first.fitted.x), Modelled(last.model, last.fitted.x)
     floor = last.problem.floors[0]
-    unused = tuple(Fresh.of(run, floor) for run in fresh)
+    unused = tuple(Fresh.of(run, floor, whole[1]) for run in fresh)
     shown = tuple(held_out(run, *whole) for run in unused)
     findings = tuple(_finding(n, choice, drawn, unused, whole) for n in choice.named)
     gains = {t.effect: max(t.gain, 0.0) for t in first.trials}
