@@ -104,9 +104,11 @@ def fit_of(fresh: Fresh, m: Modelled) -> Fit:
 def overlays(
     runs: Sequence[Experiment], fresh: bool, before: Modelled, after: Modelled, floor: Floor
 ) -> tuple[Overlay, ...]:
-    """Measured against both models for the pictures of some runs."""
+    """Measured against both models for pictures; fresh runs in the noise of their own level."""
     out = []
+    used = floor
     for run in runs:
+        floor = _at_its_level(run, used, after) if fresh else used
         one, two, data = before.log(run), after.log(run), centred(run)
         for c, y in data.items():
             w, left_before = _spectrum(y - one[c], run, floor, c)
