@@ -25,20 +25,21 @@ OVER = {
 
 def drawable(m: Mismatch, overlays: Sequence[Overlay]) -> bool:
     """Is there anything to draw for it."""
-    return m.profile is not None or bool(_spectra(m, overlays))
+    return _filled(m) is not None or bool(_spectra(m, overlays))
 
 
 def mismatch(m: Mismatch, overlays: Sequence[Overlay]) -> Figure:
     """The residual over its profile where there is one, else over frequency; 1 is the noise floor."""
     figure = Figure(figsize=SIZE)
     axes = figure.add_axes((0.125, 0.235, 0.795, 0.735))
-    if m.profile is None:
+    profile = _filled(m)
+    if profile is None:
         _frequency(axes, m, _spectra(m, overlays))
     else:
-        _profile(axes, m, m.profile)
-        if m.profile.over == "frequency":
+        _profile(axes, m, profile)
+        if profile.over == "frequency":
             _shade(axes, m.band)
-    below = m.profile is not None and min(m.profile.ratio) < 0
+    below = profile is not None and min(profile.ratio) < 0
     if not below:
         axes.set_ylim(bottom=0)
     for floor in (-1.0, 1.0) if below else (1.0,):
@@ -46,6 +47,11 @@ def mismatch(m: Mismatch, overlays: Sequence[Overlay]) -> Figure:
     axes.set_ylabel("mean / what it is known to" if m.condition == "steady" else "residual / noise")
     axes.text(1.01, 1.0, "noise", transform=axes.get_yaxis_transform(), va="center", fontsize=8, color=FLOOR)
     return figure
+
+
+def _filled(m: Mismatch) -> Profile | None:
+    """Its profile, None where nothing was known anywhere along it."""
+    return m.profile if m.profile is not None and m.profile.ratio else None
 
 
 def _spectra(m: Mismatch, overlays: Sequence[Overlay]) -> list[Overlay]:
