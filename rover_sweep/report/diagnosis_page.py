@@ -71,7 +71,5 @@ def _finding(f: Finding) -> dict[str, Any]:
         "look_alikes": look_alike_words(f),
         "evidence": evidence_words(f),
         "next_run": sentence(f.next_run),
-        "held_out": held_out_table(f.held_out, WORTH, note=False)
-        if f.held_out
-        else None,
+        "held_out": held_out_table(f.held_out, WORTH, note=False) if f.held_out else None,
     }
