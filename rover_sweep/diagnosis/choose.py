@@ -12,16 +12,18 @@ from rover_sweep.diagnosis.alike import Alike, look_alikes
 from rover_sweep.diagnosis.candidates import WHOLE, Model, possible
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.fitting import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.material import counts
 from rover_sweep.diagnosis.problem import Problem, centred, problem
 from rover_sweep.diagnosis.search import Tangent, Trial, all_polished, all_tried, tangent, tried
 from rover_sweep.diagnosis.signatures import Signature, columns, signatures
 from rover_sweep.diagnosis.simulate import Sensors, logged
 from rover_sweep.diagnosis.threshold import Null, null
-from rover_sweep.identify.effects import Effect, library
+from rover_sweep.identify.effects import library
 
 MOST = 4  # effects at once
+MOST_NOISE = 1.5  # variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
-TOGETHER = 0.072  # s, of lag and delay, from which they are a finding
+EARLIER = 0.008  # s that an answer must precede its command by, for the clocks to be blamed
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +50,6 @@ class Round:
     tiny: tuple[Signature, ...]
     unseen: Mapping[str, str]
 
-    @property
-    def overdispersion(self) -> float:
-        """Variance of a row that is left, at least 1."""
-        return max(1.0, self.fitted.data_cost / self.problem.size)
-
     def significant(self) -> list[Trial]:
         """Trials beyond their thresholds and their material size, the best first."""
         return [t for t in self.trials if self.passes(t)]
@@ -64,8 +61,7 @@ class Round:
 
     def after(self, trial: Trial) -> float:
         """Variance of a row that the trial leaves over that of the round's own bootstrap, at least 1."""
-        left = max(1.0, trial.fitted.data_cost / self.problem.size)
-        return left / self.overdispersion if left > self.overdispersion else 1.0
+        return max(1.0, trial.fitted.overdispersion / self.fitted.overdispersion)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +85,12 @@ class Choice:
 
 def material(trial: Trial) -> bool:
     """False where the effect came out below the size from which it is a finding."""
-    effect, x = library()[trial.effect], trial.fitted.x
+    x, spread = trial.fitted.x, trial.model.spread
     if trial.effect in LAGS:
-        return x["lag"] + x["delay"] > TOGETHER
+        return x["lag"] + x["delay"] > spread.together
     if trial.effect == "clock_offset" and not trial.model.two_clocks:
-        return x["delay"] < -0.008
-    return effect.counts(x)
+        return x["delay"] < -EARLIER
+    return counts(library()[trial.effect], x, spread)
 
 
 def begun(runs: Sequence[Experiment], model: Model, start: Mapping[str, float]) -> tuple[Problem, Fitted]:
@@ -116,34 +112,23 @@ def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, floa
     return problem(runs, residuals)
 
 
-def round_of(
-    runs: Sequence[Experiment],
-    model: Model,
-    start: Mapping[str, float],
-    options: Options,
-    search: bool = True,
-) -> Round:
+def round_of(runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options) -> Round:
     """One round: the model fitted, in the metric of what every rover has, and each candidate tried."""
     options.progress("fitting the model", 0.0)
     plain, fitted = begun(runs, model, start)
-    ordinary = [e for e in library().values() if e.id not in model.effects and not _absent(e, model, runs)]
-    tiny = signatures(plain, fitted, model, ordinary, tiny=True)
+    tiny = signatures(plain, fitted, model, possible(model, runs)[0], tiny=True)
     metric = plain.in_metric(columns(tiny, plain.size))
     fitted = sensitivities(metric, fit(metric, model.structure, model.free, fitted.x))
     effects, unseen = possible(model, runs, options.only, options.without)
     tang = tangent(fitted)
     seen = signatures(metric, fitted, model, effects)
-    in_metric = signatures(metric, fitted, model, ordinary, tiny=True)
-    over = max(1.0, fitted.data_cost / metric.size)
+    in_metric = [replace(s, rows=metric.metric.of(s.rows)) for s in tiny] if metric.metric else tiny
     # what is left may be the effect that is looked for, so a large residual is no large noise
-    thresholds = null(seen, in_metric, tang, min(over, 1.5), options.seed)
-    trials = all_tried(metric, fitted, model, effects, options.progress, options.stop) if search else []
-    trials = all_polished(metric, fitted, trials, thresholds.thresholds, options.stop)
+    thresholds = null(seen, in_metric, tang, min(fitted.overdispersion, MOST_NOISE), options.seed)
+    needed = thresholds.thresholds
+    trials = all_tried(metric, fitted, tang, model, effects, needed, options.progress, options.stop)
+    trials = all_polished(metric, fitted, trials, needed, options.stop)
     return Round(model, metric, fitted, tuple(trials), thresholds, tang, tuple(in_metric), unseen)
-
-
-def _absent(effect: Effect, model: Model, runs: Sequence[Experiment]) -> bool:
-    return effect.id in possible(model, runs)[1]
 
 
 def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options) -> Choice:
@@ -157,7 +142,7 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
         best = found[0]
         alike = look_alikes(
             current.fitted, best, [t for t in found if _rival(t, best)], current.tangent, current.tiny,
-            max(1.0, best.fitted.data_cost / current.problem.size), options.seed,
+            best.fitted.overdispersion, options.seed,
         )  # fmt: skip
         threshold = current.thresholds.thresholds.get(best.effect, 0.0)
         named.append(Named(best, current.fitted, threshold, alike))
@@ -188,10 +173,12 @@ def _kept(named: Sequence[Named], current: Round, options: Options) -> list[Name
         if trial.gain < max(one.threshold, 9.0) or not material(trial):
             out.remove(one)
             continue
+        tang = tangent(less)
         again = [
             t
             for a in one.alike
-            if (t := tried(current.problem, less, rest, library()[a.effect])) and t.gain > 0.8 * trial.gain
+            if (t := tried(current.problem, less, tang, rest, library()[a.effect]))
+            and t.gain > 0.8 * trial.gain
         ]
         alike = tuple(a for a in one.alike if a.effect in {t.effect for t in again})
         out[out.index(one)] = replace(one, alike=alike)

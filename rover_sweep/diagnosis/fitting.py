@@ -35,6 +35,11 @@ class Fitted:
         """Sum of squares of the rows, without the priors."""
         return float(self.rows @ self.rows)
 
+    @property
+    def overdispersion(self) -> float:
+        """Variance of a row that is left, at least 1."""
+        return max(1.0, self.data_cost / self.rows.size)
+
 
 def fit(
     problem: Problem,
@@ -48,7 +53,7 @@ def fit(
     """Least squares over the free coordinates from `start`.
 
     known: a fit near by whose jacobian serves for the coordinates that it shares, so that only the new
-    ones cost simulations (a chord method; the last step takes a fresh one).
+    ones cost simulations (a chord method; `search.all_polished` goes on with a fresh one).
     """
     free = tuple(free)
     x = {**start, **{c.name: float(np.clip(start.get(c.name, c.start), c.low, c.high)) for c in free}}

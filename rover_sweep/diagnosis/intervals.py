@@ -1,4 +1,9 @@
-"""Values of a fitted model's parameters with 90 % intervals, from the curvature of its cost."""
+"""Values of a fitted model's parameters with 90 % intervals.
+
+Two things spread an estimate: noise, by the curvature of the cost, and that no model is exact. The second
+shows where runs, channels and octaves pull at a parameter with more than their noise, so the spread of
+their pulls is added (a cluster-robust covariance, Liang and Zeger 1986).
+"""
 
 from __future__ import annotations
 
@@ -14,16 +19,16 @@ from rover_sweep.identify.recording import Array
 
 DRAWS = 400
 LEVEL = (5.0, 95.0)  # percent
+NORMAL = 1.645  # standard deviations of a half interval of 90 %
+OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
+FEWEST = 4  # lines of an octave that pull together
 
 
 def draws(last: Round, seed: int) -> list[dict[str, float]]:
     """Coordinates drawn from the Gaussian at the fit, held within the bounds."""
     fitted = last.fitted
     scale = np.array([c.scale for c in fitted.free])
-    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
-    curvature = fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-6)
-    covariance = np.linalg.inv(curvature) * last.overdispersion
-    values, axes = np.linalg.eigh(covariance)
+    values, axes = np.linalg.eigh(_covariance(last))
     random = np.random.default_rng(seed)
     moves = random.standard_normal((DRAWS, scale.size)) * np.sqrt(np.maximum(values, 0.0)) @ axes.T
     centre = np.array([fitted.x[c.name] for c in fitted.free])
@@ -33,18 +38,46 @@ def draws(last: Round, seed: int) -> list[dict[str, float]]:
     return [{**fitted.x, **dict(zip(names, map(float, row), strict=True))} for row in drawn]
 
 
+def _covariance(last: Round) -> Array:
+    """Of the coordinates over their scales (k, k)."""
+    fitted = last.fitted
+    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
+    inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-6))
+    pulls = _pulls(last)
+    pulls = pulls - pulls.mean(axis=0)
+    spread = pulls.T @ pulls * (len(pulls) / max(len(pulls) - 1, 1))
+    return np.asarray(inverse * last.fitted.overdispersion + inverse @ spread @ inverse)
+
+
+def _pulls(last: Round) -> Array:
+    """(groups, k): how much the residual of each octave of each channel of each run pulls at a coordinate."""
+    fitted, out = last.fitted, []
+    for rows in last.problem.rows:
+        for low, high in zip(OCTAVES, OCTAVES[1:], strict=False):
+            lines = rows.start + np.flatnonzero((rows.f >= low) & (rows.f < high))
+            if lines.size >= FEWEST:
+                both = np.concatenate((lines, lines + rows.bins.size))
+                out.append(fitted.jacobian[both].T @ fitted.rows[both])
+    return np.array(out)
+
+
 def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
     """The parameters that a user reads of an effect."""
     out = []
     for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
-        if effect.stage == "grip" and name == "t":
-            begin = next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
-            value += begin
-        else:
-            begin = 0.0
         low, high = _span(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
-        out.append(EffectValue(name, unit, value, _number(low + begin), _number(high + begin), meaning))
-    return tuple(v if np.isfinite(v.value) else _absent(v) for v in out)
+        if name in effect.doubt:
+            doubt = NORMAL * effect.doubt[name]
+            low, high = value - np.hypot(value - low, doubt), value + np.hypot(high - value, doubt)
+        begin = _begin(last) if effect.stage == "grip" and name == "t" else 0.0
+        found = EffectValue(name, unit, value + begin, _number(low + begin), _number(high + begin), meaning)
+        out.append(found if np.isfinite(value) else _absent(found))
+    return tuple(out)
+
+
+def _begin(last: Round) -> float:
+    """Start of the run in which a change happened, on its recording's clock [s]."""
+    return next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
 
 
 def nominal_values(last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:

@@ -10,14 +10,14 @@ corrected, with the angles of the tyres left nonlinear:
 
 from __future__ import annotations
 
-from math import atan, exp, tanh
+from math import atan, exp, sqrt, tanh
 
 import numpy as np
 from numba import njit
 
 SLOTS = (
     "m", "ms", "h", "Ixx", "Izz", "Ixz", "a", "b", "Cf", "Cr", "k_phi", "b_phi", "g",
-    "inv_mu", "sigma", "k_load", "e_roll", "T_roll", "ln_width",
+    "inv_mu", "sigma", "k_load", "e_roll", "T_roll", "ln_width", "bend",
 )  # fmt: skip
 SLOT = {name: k for k, name in enumerate(SLOTS)}
 SGN_WIDTH = 0.01  # rad/s, within which dry friction is smooth, times exp(ln_width)
@@ -25,11 +25,15 @@ FASTEST = 300.0  # 1/s, of the tyre's relaxation: shorter ones are as good as no
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _tyre(alpha: float, c: float, load: float, inv_mu: float) -> float:
+def _tyre(alpha: float, c: float, load: float, inv_mu: float, bend: float) -> float:
+    """Side force: C alpha, bent to fifth order as every tyre near its limit, tanh where it saturates."""
+    force = -c * alpha
+    square = (force / load) * (force / load)
+    force = force / sqrt(1.0 + 0.5 * bend * square * square)
     if inv_mu > 1e-9:
         top = load / inv_mu
-        return -top * tanh(c * alpha / top)
-    return -c * alpha
+        return top * tanh(force / top)
+    return force
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -59,8 +63,8 @@ def _rates(x, out, d, speed, grip, fy, mz, mx, ay, q, roll, relaxed):  # type: i
     cf, cr = q[8] * grip * soft, q[9] * grip * soft
     alpha_f = _angle((v + a * r) / speed) - d
     alpha_r = _angle((v - b * r) / speed)
-    front = _tyre(alpha_f, cf, m * g * b / (a + b), q[13])
-    rear = _tyre(alpha_r, cr, m * g * a / (a + b), q[13])
+    front = _tyre(alpha_f, cf, m * g * b / (a + b), q[13], q[19])
+    rear = _tyre(alpha_r, cr, m * g * a / (a + b), q[13], q[19])
     if relaxed:
         rate = min(speed / q[14], FASTEST)
         out[4] = rate * (front - x[4])

@@ -35,7 +35,8 @@ class Spread:
 
     lag, delay [s], ratio (ln Cf/Cr), bias_ay [m/s^2], trim [rad], steering scale, speed scale (relative),
     cg, imu [m], h, roll_inertia (relative), sensor_lag [s], velocity_gain (relative), velocity_lag [s].
-    together [s]: lag and delay, from which they are a finding. [material] of the vehicle file moves them.
+    together [s]: lag and delay, from which they are a finding. bend: of a tyre near its limit, about
+    friction^-4, F = C alpha (1 - bend (C alpha/Fz)^4/4). [material] of the vehicle file moves them.
     """
 
     lag: float = 0.040
@@ -53,6 +54,7 @@ class Spread:
     velocity_gain: float = 0.10
     velocity_lag: float = 0.010
     together: float = 0.072
+    bend: float = 0.7
 
 
 def coordinates(
@@ -82,6 +84,7 @@ def coordinates(
             _log("C", stiffness, "N/rad"),
             _log("Izz", inertia, "kg m^2"),
             Coordinate("ln_ratio", 0.0, -s.ratio, s.ratio, 0.1),
+            Coordinate("bend", s.bend, 0.0, 4 * s.bend, 0.3, 0.6 * s.bend),
             Coordinate("da", 0.0, -3 * s.cg, 3 * s.cg, 0.01, s.cg),
         ]
     elif baseline == "kinematic":

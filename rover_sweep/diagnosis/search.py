@@ -16,7 +16,8 @@ from rover_sweep.identify.recording import Array
 
 SIZES = (0.25, 0.5, 1.0, 2.0)  # of an effect's plain size, at which the first look is taken
 INSTANTS = 7
-HOPELESS = 2.0  # of the gain that a first look promises, below which no fit is made
+HOPELESS = 2.0  # of the gain that a first look promises, below which it explains nothing
+WORTH = 0.25  # of the gain that would matter, from which a first look is followed by a fit
 POLISHED = 5
 NEAR = 0.4  # of what matters, from which a trial is fitted again
 
@@ -64,13 +65,15 @@ def tangent(fitted: Fitted) -> Tangent:
 
 
 def first_look(
-    problem: Problem, base: Fitted, model: Model, effect: Effect
+    problem: Problem, base: Fitted, tang: Tangent, model: Model, effect: Effect
 ) -> tuple[float, dict[str, float]] | None:
-    """(gain it promises, coordinates {name: coordinate} to begin a fit from); None: it explains nothing."""
+    """(gain it promises, coordinates {name: coordinate} to begin a fit from); None: it explains nothing.
+
+    tang: of the base.
+    """
     starts = _starts(effect, problem, base, model)
     seen = problem.models(model.structure, [{**base.x, **s} for s in starts])
     now = problem.measured - base.rows
-    tang = tangent(base)
     outside = tang.outside(base.rows)
     best: tuple[float, float, dict[str, float]] | None = None
     for start, rows in zip(starts, seen, strict=True):
@@ -112,8 +115,13 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
     return out
 
 
-def tried(problem: Problem, base: Fitted, model: Model, effect: Effect) -> Trial | None:
-    """The model with the effect, fitted from the best first look; None where it explains nothing."""
+def tried(
+    problem: Problem, base: Fitted, tang: Tangent, model: Model, effect: Effect, needed: float = 0.0
+) -> Trial | None:
+    """The model with the effect, fitted from the best first look; None where it explains nothing.
+
+    needed: gain that would matter; what promises far less is told by its promise and not fitted.
+    """
     if effect.id in WHOLE:
         looks: list[tuple[Model, tuple[float, dict[str, float]]]] = [
             (model.with_effect(effect.id), (0.0, {}))
@@ -121,11 +129,13 @@ def tried(problem: Problem, base: Fitted, model: Model, effect: Effect) -> Trial
     else:
         runs = [r.name for r in problem.runs] if effect.stage == "grip" else [""]
         extended = [model.with_effect(effect.id, run) for run in runs]
-        found = [(m, first_look(problem, base, m, effect)) for m in extended]
+        found = [(m, first_look(problem, base, tang, m, effect)) for m in extended]
         looks = [(m, look) for m, look in found if look is not None]
     if not looks:
         return None
-    with_it, (_, start) = max(looks, key=lambda x: x[1][0])
+    with_it, (promise, start) = max(looks, key=lambda x: x[1][0])
+    if effect.id not in WHOLE and promise < WORTH * needed:
+        return Trial(effect.id, with_it, base, promise)
     known = None if effect.id in WHOLE else base
     fitted = fit(problem, with_it.structure, with_it.free, {**base.x, **start}, known=known)
     return Trial(effect.id, with_it, fitted, base.cost - fitted.cost)
@@ -134,21 +144,23 @@ def tried(problem: Problem, base: Fitted, model: Model, effect: Effect) -> Trial
 def all_tried(
     problem: Problem,
     base: Fitted,
+    tang: Tangent,
     model: Model,
     effects: Sequence[Effect],
+    needed: Mapping[str, float],
     progress: Callable[[str, float], None],
     stop: Callable[[], bool],
 ) -> list[Trial]:
     """Every effect tried on its own beside a model, the best first; fewer when stopped.
 
-    These fits take the nominal's sensitivities from the base.
+    These fits take the nominal's sensitivities from the base; needed: gain of each that would matter.
     """
     out = []
     for k, effect in enumerate(effects):
         if stop():
             break
         progress(f"trying {effect.title}", k / max(len(effects), 1))
-        trial = tried(problem, base, model, effect)
+        trial = tried(problem, base, tang, model, effect, needed.get(effect.id, 0.0))
         if trial is not None:
             out.append(trial)
     return sorted(out, key=lambda t: -t.gain)
@@ -174,6 +186,3 @@ def polished(problem: Problem, base: Fitted, trial: Trial) -> Trial:
     """The trial fitted on with its own sensitivities."""
     found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x)
     return Trial(trial.effect, trial.model, found, base.cost - found.cost)
-
-
-__all__ = ["Tangent", "Trial", "all_polished", "all_tried", "first_look", "polished", "tangent", "tried"]

@@ -144,6 +144,7 @@ def slots(structure: Structure, x: Values) -> Array:
         "Ixz": rover.roll_yaw_inertia, "a": rover.a + da, "b": rover.b - da,
         "Cf": stiffness * exp(split), "Cr": stiffness * exp(-split),
         "k_phi": exp(x.get("ln_k_phi", 0.0)), "b_phi": exp(x.get("ln_b_phi", 0.0)), "g": GRAVITY,
+        "bend": x.get("bend", 0.0),
     }  # fmt: skip
     for effect in structure.of("vehicle"):
         q = effect.coordinates(x)

@@ -65,7 +65,7 @@ def _rates(
     scale = 1.0 - q[TRANSFER] * (ay / G) ** 2
     if t >= q[CHANGE] and q[RATIO] != 1.0:
         scale *= q[RATIO]
-    d = delta + q[ROLL_STEER] * phi
+    d = (delta + q[ROLL_STEER] * phi) * min(1.0, abs(v) / 0.3)  # turned wheels that stand turn nothing
     forward = max(v, 0.3)
     slip_f, slip_r = d - math.atan2(vy + q[A] * r, forward), -math.atan2(vy - q[B] * r, forward)
     weight = q[M] * G

@@ -50,5 +50,6 @@ EFFECT = Effect(
     reads={"roll": "bias_ay"},
     per={"roll": GRAVITY},
     releases={"bias_ay": (-6.0, 6.0)},
+    doubt={"roll": 0.015},  # an accelerometer's own bias is up to .3 m/s^2
     material={"roll": 0.0306, "pitch": 0.02, "yaw": 0.05},
 )
