@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,13 @@ class Floor:
     density: Mapping[str, Array]
 
     def at(self, channel: str, f: Array) -> Array:
-        """Density at f [Hz], log-linear between the estimates, flat beyond them."""
-        return np.exp(np.interp(f, self.f, np.log(self.density[channel])))
+        """Density at f [Hz], log-linear between the estimates, flat above them.
+
+        Below the lowest one, that a window can resolve, it may grow as 1/f^2: camber, gusts and drift do.
+        """
+        inside = np.exp(np.interp(f, self.f, np.log(self.density[channel])))
+        lowest = self.f[0]
+        return np.where(f < lowest, inside * (lowest / np.maximum(f, 0.05 * lowest)) ** 2, inside)
 
     def rms(self, channel: str, low: float, high: float) -> float:
         """RMS of the noise between two frequencies [Hz]."""
@@ -93,7 +99,18 @@ def _power(x: Array, size: int) -> Array:
     slope = (frames @ k) / (k @ k)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size)
     flat = frames - frames.mean(axis=1, keepdims=True) - slope[:, None] * k
-    return np.abs(np.fft.rfft(flat * window, axis=1)) ** 2 * (2 / (RATE * np.sum(window**2)))
+    power = np.abs(np.fft.rfft(flat * window, axis=1)) ** 2 * (2 / (RATE * np.sum(window**2)))
+    return np.asarray(power / _kept(size))
+
+
+@cache
+def _kept(size: int) -> Array:
+    """Share (k,) of white noise that a line keeps when mean and slope are taken out of its frame."""
+    k = np.arange(size) - 0.5 * (size - 1)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size)
+    taken = [np.abs(np.fft.rfft(window * u / np.linalg.norm(u))) ** 2 for u in (np.ones(size), k)]
+    kept = np.maximum(1.0 - (taken[0] + taken[1]) / np.sum(window**2), 0.05)
+    return np.asarray(kept, np.float64)
 
 
 def _quiet(run: Experiment, f: Array, size: int) -> NDArray[np.bool_]:

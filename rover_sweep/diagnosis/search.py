@@ -18,6 +18,8 @@ SIZES = (0.25, 0.5, 1.0, 2.0)  # of an effect's plain size, at which the first l
 INSTANTS = 7
 HOPELESS = 2.0  # of the gain that a first look promises, below which it explains nothing
 WORTH = 0.25  # of the gain that would matter, from which a first look is followed by a fit
+GIVEN_UP = 0.5  # of the promise, below which a fit has gone wrong
+NEARER = 0.3  # of the way to the first start
 POLISHED = 5
 NEAR = 0.4  # of what matters, from which a trial is fitted again
 
@@ -138,7 +140,15 @@ def tried(
         return Trial(effect.id, with_it, base, promise)
     known = None if effect.id in WHOLE else base
     fitted = fit(problem, with_it.structure, with_it.free, {**base.x, **start}, known=known)
+    if known is not None and base.cost - fitted.cost < GIVEN_UP * promise:  # led astray: from nearer by
+        nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in start.items()}
+        again = fit(problem, with_it.structure, with_it.free, {**base.x, **nearer})
+        fitted = again if again.cost < fitted.cost else fitted
     return Trial(effect.id, with_it, fitted, base.cost - fitted.cost)
+
+
+def _between(now: float, start: float) -> float:
+    return now + NEARER * (start - now)
 
 
 def all_tried(

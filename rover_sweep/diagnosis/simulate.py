@@ -177,9 +177,10 @@ def _lagged_velocity(moved: Mapping[str, Array], across: Array, x: Values) -> Ar
     if lag <= 1e-5:
         return across
     turned = np.exp(1j * np.cumsum(moved["r"]) * STEP)
-    keep = exp(-STEP / lag)
+    keep = (2 * lag - STEP) / (2 * lag + STEP)  # trapezoidal, which delays by the lag and no more
+    new = 0.5 * (1.0 - keep)
     ground = (moved["V"] + 1j * across) * turned
-    slow = lfilter([1.0 - keep], [1.0, -keep], ground, zi=[keep * ground[0]])[0]
+    slow = lfilter([new, new], [1.0, -keep], ground, zi=[(1.0 - new) * ground[0]])[0]
     return np.asarray((slow * np.conj(turned)).imag)
 
 

@@ -38,6 +38,8 @@ def null(
 
     tiny: signatures at one standard deviation of an ordinary rover. overdispersion: variance of a row.
     """
+    if not found:
+        return Null({}, {})
     random = np.random.default_rng(seed)
     outside = tangent.outside(np.column_stack([s.rows for s in found]))
     gram = outside.T @ outside

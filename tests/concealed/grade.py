@@ -48,7 +48,7 @@ def grade(name: str, truth: Mapping[str, Any], answer: Mapping[str, Any], second
     errors, covered = _parameters(truth["effects"], findings)
     return Graded(
         name, truth["kind"], tuple(hidden), tuple(named), _mark(truth["kind"], hidden, findings, answer),
-        answer["verdict"], tuple(sets), tuple(errors), tuple(covered), _share(findings), seconds,
+        answer["verdict"], tuple(sets), tuple(errors), tuple(covered), _share(answer), seconds,
     )  # fmt: skip
 
 
@@ -140,11 +140,11 @@ def _error(name: str, value: float, true: float) -> float:
     return abs(value - true) / abs(true)
 
 
-def _share(findings: list[Mapping[str, Any]]) -> float | None:
-    """Share of the explainable held-out error that the findings removed together, each after the last."""
-    shares = [row.get("share_removed") for one in findings for row in _held_out(one)[:1]]
+def _share(answer: Mapping[str, Any]) -> float | None:
+    """Share of the explainable held-out error that all findings removed together."""
+    shares = [row.get("share_removed") for row in _held_out(answer)] if answer["findings"] else []
     known = [float(share) for share in shares if share is not None]
-    return float(1 - np.prod([1 - share for share in known])) if known else None
+    return known[0] if known else None
 
 
 def _held_out(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -63,7 +63,8 @@ def test_other_kinds() -> None:
 
 def test_parameters_and_share_are_judged_where_the_name_is_right() -> None:
     truth = {"kind": "single", "effects": [{"effect": "steering_backlash", "parameters": {"b": 0.8}}]}
-    answer = {"verdict": "explained", "findings": [BACKLASH], "unknown": None}
+    answer = {"verdict": "explained", "findings": [BACKLASH], "unknown": None,
+                  "held_out": [{"run": "run4", "share_removed": 0.8}]}  # fmt: skip
     one = grade("0001", truth, answer, 1.0)
     assert one.errors == (pytest.approx(0.25),) and one.covered == (False,) and one.share == 0.8
     mix = {"kind": "single", "effects": [{"effect": "imu_offset", "parameters": {"x": 0.03, "z": 0.04}}]}

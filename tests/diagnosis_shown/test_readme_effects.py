@@ -9,7 +9,10 @@ from rover_sweep.identify.effects import library
 from rover_sweep.report.effect_words import title
 
 README = Path(__file__).parents[2] / "README.md"
-REPORTED = {"cross_slope": ("b", "psi0")}  # fitted as a cosine and a sine, told as size and direction
+REPORTED = {
+    "cross_slope": ("b", "psi0"),  # fitted as a cosine and a sine, told as size and direction
+    "suspension_friction": ("T",),  # how sharply it turns over is the simulation's
+}
 
 
 def table() -> dict[str, list[str]]:
