@@ -1,4 +1,4 @@
-"""Derivatives as the baseline: effects of steering and sensors are found, the coordinates hold at any speed."""
+"""Derivatives as the baseline: effects of steering and sensors are found, and they hold at any speed."""
 
 import json
 from pathlib import Path
