@@ -132,11 +132,12 @@ def round_of(runs: Sequence[Experiment], model: Model, start: Mapping[str, float
 
 
 def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options) -> Choice:
-    """Adds and removes effects until neither helps."""
+    """Adds and removes effects until neither helps; one that was removed does not come back."""
     first = current = round_of(runs, model, start, options)
     named: list[Named] = []
+    removed: set[str] = set()
     while len(named) < MOST and not options.stop():
-        found = current.significant()
+        found = [t for t in current.significant() if t.effect not in removed]
         if not found:
             break
         best = found[0]
@@ -148,8 +149,9 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
         named.append(Named(best, current.fitted, threshold, alike))
         current = round_of(runs, best.model, best.fitted.x, options)
         named = _kept(named, current, options)
-        if [n.trial.effect for n in named] != list(current.model.effects):
-            effects = tuple(n.trial.effect for n in named)
+        effects = tuple(n.trial.effect for n in named)
+        if effects != current.model.effects:
+            removed |= {*current.model.effects} - {*effects}
             current = round_of(runs, replace(current.model, effects=effects), current.fitted.x, options)
     return Choice(first, current, tuple(named))
 
@@ -162,9 +164,7 @@ def _rival(trial: Trial, best: Trial) -> bool:
 def _kept(named: Sequence[Named], current: Round, options: Options) -> list[Named]:
     """The named effects without those that are not needed any more, or that another now does better."""
     out = list(named)
-    if len(out) < 2:
-        return out
-    for one in named[:-1]:
+    for one in named:
         if options.stop() or one.trial.effect in WHOLE:
             continue
         rest = current.model.without(one.trial.effect)

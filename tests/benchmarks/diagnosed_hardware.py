@@ -17,9 +17,6 @@ from pathlib import Path
 import numpy as np
 
 import rover_sweep as rs
-from rover_sweep.diagnosis.experiment import experiment
-from rover_sweep.diagnosis.held_out_cost import costs, frequency_responses_of
-from rover_sweep.diagnosis.problem import centred
 from rover_sweep.identify.table import ShortTable, number
 
 TESTS = Path(__file__).parents[1]
@@ -88,6 +85,10 @@ def row(name: str, found: rs.FullDiagnosis) -> tuple[str, ...]:
 
 def a_y_of(found: rs.FullDiagnosis, sweep: rs.Runs, fresh: rs.Runs) -> str:
     """What the accelerometer's place is worth in J of a_y, all else kept, and in the fresh file."""
+    from rover_sweep.diagnosis.experiment import experiment
+    from rover_sweep.diagnosis.held_out_cost import costs, frequency_responses_of
+    from rover_sweep.diagnosis.problem import centred
+
     assert found.model is not None
     plain = replace(found.model, x={**found.model.x, "imu_x": 0.0, "imu_z": 0.0})
     run = experiment(sweep[0])
@@ -138,6 +139,8 @@ def main(folder: Path, wanted: list[str]) -> None:
 
 
 if __name__ == "__main__":
+    # coverage.py beside this file would be taken for the package of that name
+    sys.path = [p for p in sys.path if Path(p).resolve() != Path(__file__).resolve().parent]
     root = Path(os.environ.get("ROVER_SWEEP_RECORDINGS", DEFAULT))
     given = sys.argv[1:]
     if given and Path(given[0]).is_dir():

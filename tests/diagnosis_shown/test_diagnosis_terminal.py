@@ -80,9 +80,15 @@ Drive these as well
 sweep                          240         2.4           any      1
 sweep about a bias  100 about +150         1.6           180      1
 
+Sweep of 240 us at 2.4 m/s: tells tyre_relaxation from transport_delay, because
+of its speed.
+Sweep about a bias: tells noise from distortion.
+
 With them, still not told apart
                                 cosine
 tyre_saturation  load_transfer   0.930
+
+No run is proposed beyond 3.9 m/s^2 of lateral acceleration.
 """
 
 
