@@ -3,7 +3,12 @@
     python tests/benchmarks/diagnosed_hardware.py [FOLDER] [CAR...]
 
 FOLDER holds the recordings (default: $ROVER_SWEEP_RECORDINGS); CAR: p1, or the beginning of a file's name.
-Every fourth run of a car is held out, and of P1 the second file. About two minutes a car.
+Every fourth run of a car is held out, and of P1 the second file. About two minutes a car. What a finding
+does not remove from the held-out error is not to be believed, whatever its gain. P1 on the command line:
+
+    python tests/acceptance/p1_tables.py FOLDER/p1 .
+    rover-sweep diagnose p1_sweep.csv --hold-out p1_verify.csv --out p1 \\
+        --vehicle tests/data/cars/stanford_p1.vehicle.toml --columns tests/data/cars/stanford_p1.columns.toml
 """
 
 from __future__ import annotations
@@ -34,7 +39,8 @@ WRONG = {
     "the angle may pass for load transfer; r and a_y are smoothed derivatives of a position.",
     CIRCLES: "All dimensions are assumed, roll inertia and height too, so k_phi and b_phi have no more than "
     "their scale; of steps at full lock a servo's lag, its rate limit and an unrecorded filter look alike.",
-    "umich_nvidia_rover_joystick_2017": "Short runs by joystick, slow against the car, of one amplitude.",
+    "umich_nvidia_rover_joystick_2017": "The steering's scale comes from one circle and its curve is not known: "
+    "what bends there goes into the ratio of the axles; short runs by joystick, slow against the car.",
 }
 
 
