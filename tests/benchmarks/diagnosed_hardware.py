@@ -3,8 +3,9 @@
     python tests/benchmarks/diagnosed_hardware.py [FOLDER] [CAR...]
 
 FOLDER holds the recordings (default: $ROVER_SWEEP_RECORDINGS); CAR: p1, or the beginning of a file's name.
-Every fourth run of a car is held out, and of P1 the second file. About two minutes a car. What a finding
-does not remove from the held-out error is not to be believed, whatever its gain. P1 on the command line:
+Every fourth run of a car is held out (of fewer the last), and of P1 the second file. About two minutes a car.
+What a finding does not remove from the held-out error is not to be believed, whatever its gain. P1 on the
+command line:
 
     python tests/acceptance/p1_tables.py FOLDER/p1 .
     rover-sweep diagnose p1_sweep.csv --hold-out p1_verify.csv --out p1 \\
@@ -39,7 +40,7 @@ WRONG = {
     "the angle may pass for load transfer; r and a_y are smoothed derivatives of a position.",
     CIRCLES: "All dimensions are assumed, roll inertia and height too, so k_phi and b_phi have no more than "
     "their scale; of steps at full lock a servo's lag, its rate limit and an unrecorded filter look alike.",
-    "umich_nvidia_rover_joystick_2017": "The steering's scale comes from one circle and its curve is not known: "
+    "umich_nvidia_rover_joystick_2017": "The steering's scale is that of one circle, its curve is not known: "
     "what bends there goes into the ratio of the axles; short runs by joystick, slow against the car.",
 }
 
@@ -56,11 +57,11 @@ def p1(folder: Path) -> tuple[rs.Runs, rs.Runs]:
 
 
 def car(path: Path) -> tuple[rs.Runs, rs.Runs]:
-    """The runs of a .csv in which the yaw rate follows the steering, and every fourth of them."""
+    """Runs of a .csv in which the yaw rate follows the steering, and every fourth of them (or the last)."""
     runs = _read(path, path.stem)
     groups = rs.identify(runs, bootstrap=0).groups
     usable = [run for g in groups if g.responses["r"].band for run in g.runs]
-    fresh = usable[3::4]
+    fresh = usable[3::4] or usable[-1:]
     kept = [run for run in usable if run not in fresh]
     return replace(runs, recordings=tuple(kept)), replace(runs, recordings=tuple(fresh))
 
