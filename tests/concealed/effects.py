@@ -53,9 +53,14 @@ def part(hidden: Hidden, effect: str, parameter: str, absent: float) -> float:
     return absent
 
 
-def draw_effect(effect: str, factor: float, rover: Rover, rng: Rng) -> Effect:
-    """`effect` at `factor` times its detectable size, with the sign, mix, instant or heading drawn."""
+def draw_effect(effect: str, factor: float, rover: Rover, rng: Rng, sizes: Sizes | None = None) -> Effect:
+    """`effect` at `factor` times its detectable size, with the sign, mix, instant or heading drawn.
+
+    sizes: {effect: {parameter: size}} of this very plan, those of sizes.toml where it is silent.
+    """
     entry = table()["unknown"][effect] if effect in UNKNOWN else table()[effect]
+    if sizes and effect in sizes:
+        entry = {**entry, "parameters": sizes[effect]}
     sizes = _chosen(entry, rng)
     scaling, signed = entry.get("scaling", "proportional"), entry.get("signed", False)
     sign = {name: float(rng.choice([-1.0, 1.0])) if signed else 1.0 for name in sizes}
@@ -75,7 +80,7 @@ def _chosen(entry: Mapping[str, Any], rng: Rng) -> dict[str, tuple[float, float]
     if mode == "one":
         name = str(rng.choice(list(sizes)))
         return {name: (sizes[name], 1.0)}
-    if mode == "mix":
+    if mode == "mix" and len(sizes) > 1:
         angle = rng.uniform(0.0, np.pi / 2)
         return {
             name: (size, w)

@@ -8,12 +8,14 @@ from __future__ import annotations
 import json
 import multiprocessing
 import shutil
+import tempfile
 import time
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from tests.concealed.answer import diagnose
+from tests.concealed.detectable import Sizes, sizes
 from tests.concealed.grade import Graded, grade
 from tests.concealed.sets import Kind, draw_case, kinds, write_set
 from tests.concealed.summary import print_summary
@@ -40,8 +42,18 @@ def generate(
 def _write(out: Path, seed: int, factor: float, effect: str | None, task: tuple[int, Kind]) -> Path:
     number, kind = task
     folder = out / "sets" / f"{number:04d}"
-    write_set(draw_case(seed, number, kind, factor, effect), folder, out / "truth" / f"{number:04d}.json")
+    known = _sizes(seed, number) if kind in ("single", "double") else None
+    case = draw_case(seed, number, kind, factor, effect, known)
+    write_set(case, folder, out / "truth" / f"{number:04d}.json")
     return folder
+
+
+def _sizes(seed: int, number: int) -> Sizes:
+    """Detectable sizes of the plan of a set, from the same rover with nothing hidden."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "set"
+        write_set(draw_case(seed, number, "none"), folder, Path(place) / "truth.json")
+        return sizes(folder, seed)
 
 
 def diagnose_sets(out: Path, folders: list[Path], jobs: int, keep: bool) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tests.concealed.drive import Drive, draw_plan, steer
-from tests.concealed.effects import UNKNOWN, Effect, Hidden, draw_effect, ids, part
+from tests.concealed.effects import UNKNOWN, Effect, Hidden, Sizes, draw_effect, ids, part
 from tests.concealed.flash import log_bytes
 from tests.concealed.messages import messages
 from tests.concealed.rover import Nuisance, Rng, Rover, draw_nuisance, draw_rover, vehicle_file
@@ -40,16 +40,26 @@ class Case:
     baseline: str
 
 
-def draw_case(seed: int, number: int, kind: Kind, factor: float = 2.0, effect: str | None = None) -> Case:
-    """Set `number` of a seed. The rover, its plan and its noise do not depend on what is concealed."""
+def draw_case(
+    seed: int,
+    number: int,
+    kind: Kind,
+    factor: float = 2.0,
+    effect: str | None = None,
+    sizes: Sizes | None = None,
+) -> Case:
+    """Set `number` of a seed. The rover, its plan and its noise do not depend on what is concealed.
+
+    sizes: detectable sizes of this plan; an effect that has none there is not drawn.
+    """
     rover_rng, plan_rng, effect_rng = (stream(seed, number, k) for k in range(3))
     rover, off, rough = draw_rover(rover_rng), draw_nuisance(rover_rng), draw_roughness(rover_rng)
     plan = draw_plan(plan_rng, rover)
     filters = [(20.0, 20.0), (20.0, 20.0), (20.0, 20.0), (20.0, 10.0), (10.0, 20.0)][
         int(plan_rng.integers(5))
     ]
-    names = _names(kind, effect, effect_rng)
-    effects = (draw_effect(name, factor, rover, effect_rng) for name in names)
+    names = _names(kind, effect, effect_rng, tuple(sizes) if sizes else ids())
+    effects = (draw_effect(name, factor, rover, effect_rng, sizes) for name in names)
     drawn = tuple(_settled(one, rover, plan) for one in effects)
     return Case((seed, number), kind, rover, off, plan, rough, filters, drawn, _baseline(names))
 
@@ -59,15 +69,15 @@ def stream(seed: int, number: int, which: int) -> Rng:
     return np.random.default_rng([seed, number, which])
 
 
-def _names(kind: Kind, effect: str | None, rng: Rng) -> tuple[str, ...]:
+def _names(kind: Kind, effect: str | None, rng: Rng, known: tuple[str, ...]) -> tuple[str, ...]:
     if kind == "none":
         return ()
     if kind == "unknown":
         return (effect or str(rng.choice(UNKNOWN)),)
-    first = effect or str(rng.choice(ids()))
+    first = effect or str(rng.choice(known))
     if kind == "single":
         return ("tyre_slip", "roll_dof") if first == "tyre_slip" else (first,)
-    others = [name for name in ids() if name != first and name not in BASELINE_QUESTIONS]
+    others = [name for name in known if name != first and name not in BASELINE_QUESTIONS]
     if first in BASELINE_QUESTIONS:
         first = str(rng.choice(others))
         others.remove(first)
