@@ -9,6 +9,7 @@ the estimate of sizes.toml stands.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ from tests.concealed.effects import table
 
 SETS = 100
 MOST = 3.0
-STEPS = np.geomspace(1 / 16, 8.0, 15)  # of the plain size
+STEPS = np.geomspace(1 / 16, 4.0, 9)  # of the plain size
 CALLED = {("cross_slope", "b_cos"): "b"}
 ESTIMATED = ("speed_variation", "tyre_slip", "roll_dof")
 
@@ -44,9 +45,11 @@ def sizes(folder: Path, seed: int) -> Sizes:
     model = Model("roll-yaw", geometry_of(runs.vehicle), Spread())
     plain, fitted = begun(driven, model, {})
     effects = possible(model, driven)[0]
-    problem = plain.in_metric(columns(signatures(plain, fitted, model, effects, tiny=True), plain.size))
+    little = signatures(plain, fitted, model, effects, tiny=True)
+    problem = plain.in_metric(columns(little, plain.size))
     fitted = sensitivities(problem, fit(problem, model.structure, model.free, fitted.x))
-    tiny = signatures(problem, fitted, model, effects, tiny=True)
+    assert problem.metric is not None
+    tiny = [replace(s, rows=problem.metric.of(s.rows)) for s in little]
     seen = tangent(fitted)
     found = signatures(problem, fitted, model, effects)
     thresholds = null(found, tiny, seen, min(fitted.overdispersion, 1.5), 1).thresholds
@@ -95,10 +98,8 @@ def _grown(
     out = []
     for step in STEPS:
         at = {effect.key(parameter): step * p.size}
-        rows = next(
-            s.rows for s in signatures(problem, base, model, [effect], at) if s.parameter == parameter
-        )
-        out.append((float(step * p.size), seen.outside(rows)))
+        grown = signatures(problem, base, model, [replace(effect, parameters=(p,))], at)
+        out.append((float(step * p.size), seen.outside(grown[0].rows)))
     return out
 
 
