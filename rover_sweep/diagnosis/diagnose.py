@@ -11,7 +11,7 @@ from rover_sweep.diagnosis import lumped
 from rover_sweep.diagnosis.alike import Alike
 from rover_sweep.diagnosis.augmented import augmented
 from rover_sweep.diagnosis.beyond import unknown
-from rover_sweep.diagnosis.candidates import Model, speeds_of
+from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.choose import Choice, Named, Options, choose
 from rover_sweep.diagnosis.experiment import Experiment, experiment
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
@@ -23,15 +23,14 @@ from rover_sweep.diagnosis.result import (
     Falsified,
     Finding,
     HeldOut,
-    Unknown,
     Unseen,
-    Verdict,
 )
 from rover_sweep.diagnosis.rung import followed
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.diagnosis.speed_finding import ID as SPEED
 from rover_sweep.diagnosis.speed_finding import speed_finding
 from rover_sweep.diagnosis.speed_loss import speed_loss
+from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.geometry import Geometry
@@ -120,46 +119,36 @@ def _answer(
     shown = tuple(held_out(run, *whole) for run in unused)
     findings = tuple(_finding(n, choice, drawn, unused, whole) for n in choice.named)
     gains = {t.effect: max(t.gain, 0.0) for t in first.trials}
-    if settings.candidates((SPEED,)):
+    unseen = dict(last.unseen)
+    if last.model.lumped:  # no front force, whose own drag is to be told from a loss
+        unseen[SPEED] = "its derivatives hold no force of the front wheels"
+    elif settings.candidates((SPEED,)):
         lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
         gains[SPEED] = max(lost.gain, 0.0)
         findings += (speed_finding(lost, whole[1], unused),) if lost.found else ()
     if [f.effect for f in findings] == [SPEED]:  # nothing else changed the model
         shown = findings[0].held_out
     left = unknown(last)
-    verdict = _verdict(findings, left)
+    variance = last.fitted.data_cost / last.problem.size
     pictures = fresh or used[:1]
     return Diagnosis(
-        verdict,
-        _sentence(findings, left),
+        verdict_of(findings, left, variance),
+        sentence_of(findings, left, variance),
         settings.baseline,
         mismatches(plain, rows),
         findings,
         left,
-        tuple(Unseen(e, why) for e, why in last.unseen.items()),
+        tuple(Unseen(e, why) for e, why in unseen.items()),
         _falsified(choice) if findings else (),
         nominal_values(last, drawn),
         gains,
         overlays(pictures, bool(fresh), *whole, floor),
         shown,
-        _remarks(used),
+        remarks_of(used, findings),
         0.0,
         tuple(r.name for r in used),
         tuple(r.name for r in fresh),
     )
-
-
-def _verdict(findings: Sequence[Finding], left: Unknown | None) -> Verdict:
-    if findings:
-        return "partly explained" if left else "explained"
-    return "unexplained" if left else "none"
-
-
-def _sentence(findings: Sequence[Finding], left: Unknown | None) -> str:
-    if not findings and not left:
-        return "nothing is missing: what is left of the recordings is at the noise floor"
-    parts = [f.sentence for f in findings]
-    return "; ".join([*parts, left.sentence] if left else parts)
 
 
 def _finding(
@@ -206,12 +195,3 @@ def _falsified(choice: Choice) -> tuple[Falsified, ...]:
         for c in choice.last.fitted.free
         if c.parameter and c.name in before and abs(before[c.name] - after[c.name]) > MATERIAL_CHANGE
     )
-
-
-def _remarks(used: Sequence[Experiment]) -> tuple[str, ...]:
-    out = []
-    if len(speeds_of(used)) < 2:
-        out.append("all runs have one speed: what lags as 1/V is not told from what lags in time")
-    if len({round(run.amplitude, 2) for run in used}) < 2:
-        out.append("all runs have one amplitude: what saturates is not told from what is linear")
-    return tuple(out)

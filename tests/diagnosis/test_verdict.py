@@ -1,0 +1,37 @@
+"""Verdicts: explained only at the noise floor, and findings that a fresh run contradicts are told."""
+
+import pytest
+
+from rover_sweep.diagnosis.result import EffectValue, Finding, Fit, HeldOut, Unknown
+from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
+
+UNKNOWN = Unknown("r", "phi", 2.0, "r still differs", "residual of r ~ phi", 0.5)
+
+
+def finding(*shares: float | None) -> Finding:
+    fit = Fit(1.0, 0.1)
+    held = tuple(HeldOut(f"run{k + 4}", fit, fit, share) for k, share in enumerate(shares))
+    value = EffectValue("b", "rad", 0.01, 0.009, 0.011)
+    return Finding("steering_backlash", (), (value,), {}, held, "", "backlash, b = .01 rad", "")
+
+
+@pytest.mark.parametrize(("findings", "left", "variance", "verdict"), [
+    ((), None, 1.1, "none"),
+    ((), None, 3.0, "none"),
+    ((), UNKNOWN, 3.0, "unexplained"),
+    ((finding(),), None, 1.1, "explained"),
+    ((finding(),), None, 3.0, "partly explained"),
+    ((finding(),), UNKNOWN, 3.0, "partly explained"),
+])  # fmt: skip
+def test_explained_is_at_the_noise_floor(findings, left, variance, verdict):
+    assert verdict_of(findings, left, variance) == verdict
+
+
+def test_what_is_left_is_told_in_sizes_of_the_noise():
+    assert "2.0 times the noise floor" in sentence_of((finding(),), None, 4.0)
+    assert sentence_of((), None, 1.0).startswith("nothing is missing")
+
+
+def test_a_finding_that_a_fresh_run_contradicts_is_told():
+    assert remarks_of([], [finding(0.4, -0.1, None)])[-1].endswith("worse on run5")
+    assert not any("borne out" in told for told in remarks_of([], [finding(0.4, None)]))
