@@ -93,10 +93,12 @@ def material(trial: Trial) -> bool:
     return counts(library()[trial.effect], x, spread)
 
 
-def begun(runs: Sequence[Experiment], model: Model, start: Mapping[str, float]) -> tuple[Problem, Fitted]:
-    """The model fitted with the noise floor of its own residual."""
+def begun(
+    runs: Sequence[Experiment], model: Model, start: Mapping[str, float], near: bool = False
+) -> tuple[Problem, Fitted]:
+    """The model fitted with the noise floor of its own residual. near: the start is that of a fit before."""
     x = {**{c.name: c.start for c in model.free}, **start}
-    for _ in range(2):
+    for _ in range(1 if near else 2):
         found = with_floor_of(runs, model, x)
         fitted = fit(found, model.structure, model.free, x)
         x = dict(fitted.x)
@@ -112,17 +114,24 @@ def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, floa
     return problem(runs, residuals)
 
 
-def round_of(runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options) -> Round:
+def round_of(
+    runs: Sequence[Experiment],
+    model: Model,
+    start: Mapping[str, float],
+    options: Options,
+    near: bool = False,
+) -> Round:
     """One round: the model fitted, in the metric of what every rover has, and each candidate tried."""
     options.progress("fitting the model", 0.0)
-    plain, fitted = begun(runs, model, start)
+    plain, fitted = begun(runs, model, start, near)
     tiny = signatures(plain, fitted, model, possible(model, runs)[0], tiny=True)
     metric = plain.in_metric(columns(tiny, plain.size))
-    fitted = sensitivities(metric, fit(metric, model.structure, model.free, fitted.x))
+    known = replace(fitted, jacobian=metric.of(fitted.jacobian))
+    fitted = sensitivities(metric, fit(metric, model.structure, model.free, fitted.x, known=known))
     effects, unseen = possible(model, runs, options.only, options.without)
     tang = tangent(fitted)
     seen = signatures(metric, fitted, model, effects)
-    in_metric = [replace(s, rows=metric.metric.of(s.rows)) for s in tiny] if metric.metric else tiny
+    in_metric = [replace(s, rows=metric.of(s.rows)) for s in tiny]
     # what is left may be the effect that is looked for, so a large residual is no large noise
     thresholds = null(seen, in_metric, tang, min(fitted.overdispersion, MOST_NOISE), options.seed)
     needed = thresholds.thresholds
@@ -147,12 +156,14 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
         )  # fmt: skip
         threshold = current.thresholds.thresholds.get(best.effect, 0.0)
         named.append(Named(best, current.fitted, threshold, alike))
-        current = round_of(runs, best.model, best.fitted.x, options)
+        current = round_of(runs, best.model, best.fitted.x, options, near=True)
         named = _kept(named, current, options)
         effects = tuple(n.trial.effect for n in named)
         if effects != current.model.effects:
             removed |= {*current.model.effects} - {*effects}
-            current = round_of(runs, replace(current.model, effects=effects), current.fitted.x, options)
+            current = round_of(
+                runs, replace(current.model, effects=effects), current.fitted.x, options, near=True
+            )
     return Choice(first, current, tuple(named))
 
 
@@ -168,7 +179,7 @@ def _kept(named: Sequence[Named], current: Round, options: Options) -> list[Name
         if options.stop() or one.trial.effect in WHOLE:
             continue
         rest = current.model.without(one.trial.effect)
-        less = fit(current.problem, rest.structure, rest.free, current.fitted.x)
+        less = fit(current.problem, rest.structure, rest.free, current.fitted.x, known=current.fitted)
         trial = Trial(one.trial.effect, current.model, current.fitted, less.cost - current.fitted.cost)
         if trial.gain < max(one.threshold, 9.0) or not material(trial):
             out.remove(one)

@@ -84,7 +84,10 @@ class Problem:
     def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
         """What the model puts into the rows (size,)."""
         logs = [logged(run, structure, x, s) for run, s in zip(self.runs, self.sensors, strict=True)]
-        rows = whitened(self.rows, self.runs, logs)
+        return self.of(whitened(self.rows, self.runs, logs))
+
+    def of(self, rows: Array) -> Array:
+        """Whitened rows (size,) or (size, k) in the metric of this problem."""
         return self.metric.of(rows) if self.metric else rows
 
     def models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:

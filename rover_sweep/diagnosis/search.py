@@ -14,14 +14,16 @@ from rover_sweep.diagnosis.problem import Problem
 from rover_sweep.identify.effects import Effect
 from rover_sweep.identify.recording import Array
 
-SIZES = (0.25, 0.5, 1.0, 2.0)  # of an effect's plain size, at which the first look is taken
+SIZES = (0.25, 1.0)  # of an effect's plain size, at which the first look is taken
 INSTANTS = 7
 HOPELESS = 2.0  # of the gain that a first look promises, below which it explains nothing
 WORTH = 0.25  # of the gain that would matter, from which a first look is followed by a fit
 GIVEN_UP = 0.5  # of the promise, below which a fit has gone wrong
 NEARER = 0.3  # of the way to the first start
-POLISHED = 5
+POLISHED = 5  # trials, of at most
+POLISH = 5  # steps; the next round fits the best one on
 NEAR = 0.4  # of what matters, from which a trial is fitted again
+RIVAL = 0.2  # of the best gain, below which a trial is no rival
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +144,7 @@ def tried(
     fitted = fit(problem, with_it.structure, with_it.free, {**base.x, **start}, known=known)
     if known is not None and base.cost - fitted.cost < GIVEN_UP * promise:  # led astray: from nearer by
         nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in start.items()}
-        again = fit(problem, with_it.structure, with_it.free, {**base.x, **nearer})
+        again = fit(problem, with_it.structure, with_it.free, {**base.x, **nearer}, known=known)
         fitted = again if again.cost < fitted.cost else fitted
     return Trial(effect.id, with_it, fitted, base.cost - fitted.cost)
 
@@ -187,12 +189,12 @@ def all_polished(
     best = max((t.gain for t in trials), default=0.0)
     out = []
     for rank, trial in enumerate(trials):
-        near = trial.gain > NEAR * max(needed.get(trial.effect, 0.0), 0.1 * best)
+        near = trial.gain > max(NEAR * needed.get(trial.effect, 0.0), RIVAL * best)
         out.append(polished(problem, base, trial) if near and rank < POLISHED and not stop() else trial)
     return sorted(out, key=lambda t: -t.gain)
 
 
 def polished(problem: Problem, base: Fitted, trial: Trial) -> Trial:
     """The trial fitted on with its own sensitivities."""
-    found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x)
+    found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x, steps=POLISH)
     return Trial(trial.effect, trial.model, found, base.cost - found.cost)

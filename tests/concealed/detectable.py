@@ -48,8 +48,7 @@ def sizes(folder: Path, seed: int) -> Sizes:
     little = signatures(plain, fitted, model, effects, tiny=True)
     problem = plain.in_metric(columns(little, plain.size))
     fitted = sensitivities(problem, fit(problem, model.structure, model.free, fitted.x))
-    assert problem.metric is not None
-    tiny = [replace(s, rows=problem.metric.of(s.rows)) for s in little]
+    tiny = [replace(s, rows=problem.of(s.rows)) for s in little]
     seen = tangent(fitted)
     found = signatures(problem, fitted, model, effects)
     thresholds = null(found, tiny, seen, min(fitted.overdispersion, 1.5), 1).thresholds
