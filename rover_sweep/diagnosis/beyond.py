@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from rover_sweep.diagnosis.choose import Round
+from rover_sweep.diagnosis.choose import LOUD, Round
 from rover_sweep.diagnosis.experiment import RATE
 from rover_sweep.diagnosis.problem import Problem
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulate import Sensors, Structure, motion
 from rover_sweep.identify.recording import Array
 
-ABOVE = 1.6  # mean square of the rows, from which a residual is worth a question
 PREDICTED = 0.3  # share of the residual above the floor that the state must predict on the other runs
 BLOCK = 8  # lines
 KEPT = 3  # terms of the sketch of a law
+MEMORIES = (0.05, 0.15, 0.5)  # s, of low-passes of the state
 
 
 def unknown(last: Round) -> Unknown | None:
@@ -27,15 +28,13 @@ def unknown(last: Round) -> Unknown | None:
     """
     problem, rows = last.problem, last.fitted.rows
     best: Unknown | None = None
-    for channel in ("r", "ay", "p"):
-        mean = problem.part(rows, channel=channel)
-        if mean.size == 0 or float(np.mean(mean**2)) < ABOVE:
-            continue
+    loud = {c: m for c, m in last.mean_squares.items() if m > LOUD}
+    for channel, mean in loud.items():
         terms = _terms(problem, last.model.structure, dict(last.fitted.x), channel)
         chosen, gain = _sketch(problem, rows, channel, terms)
         if gain < PREDICTED:
             continue
-        ratio = float(np.sqrt(np.mean(mean**2)))
+        ratio = float(np.sqrt(mean))
         if best is None or ratio > best.residual_over_noise:
             on = ", ".join(chosen)
             best = Unknown(
@@ -44,7 +43,20 @@ def unknown(last: Round) -> Unknown | None:
                 "and no candidate explains it",
                 f"residual of {channel} ~ " + " + ".join(chosen), gain,
             )  # fmt: skip
-    return best
+    return best or _unpredicted(loud)
+
+
+def _unpredicted(loud: dict[str, float]) -> Unknown | None:
+    """Something that no function of the state tried here predicts on the run left out."""
+    if not loud:
+        return None
+    channel = max(loud, key=lambda c: loud[c])
+    ratio = float(np.sqrt(loud[channel]))
+    return Unknown(
+        channel, "not known", ratio,
+        f"{channel} still differs by {ratio:.1f} times the noise; no candidate explains it, and no simple "
+        "function of the state predicts it",
+    )  # fmt: skip
 
 
 def _terms(problem: Problem, structure: Structure, x: dict[str, float], channel: str) -> dict[str, Array]:
@@ -60,12 +72,17 @@ def _terms(problem: Problem, structure: Structure, x: dict[str, float], channel:
             "delta": m["delta"],
             "a_y": m["across"],
         }
+        if run.has_heading:
+            base |= {"sin(psi)": np.sin(m["psi"]), "cos(psi)": np.cos(m["psi"])}
         functions = dict(base)
         for name, s in base.items():
             functions[f"{name}^3"] = s**3
             functions[f"abs({name})"] = np.abs(s)
             functions[f"sgn({name})"] = np.tanh(s / (0.1 * np.std(s) + 1e-9))
             functions[f"d{name}/dt"] = np.gradient(s, 1 / RATE)
+            for memory in MEMORIES:
+                keep = float(np.exp(-1 / (RATE * memory)))
+                functions[f"{name} of the last {memory:g} s"] = lfilter([1 - keep], [1, -keep], s)
         logs = Sensors.of(run).through(functions, structure, x)
         row = next(r for r in problem.rows if r.run == k and r.channel == channel)
         for name, y in logs.items():

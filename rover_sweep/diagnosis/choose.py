@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from rover_sweep.diagnosis.alike import Alike, look_alikes
 from rover_sweep.diagnosis.candidates import WHOLE, Model, possible
 from rover_sweep.diagnosis.experiment import Experiment
@@ -21,6 +23,9 @@ from rover_sweep.diagnosis.threshold import Null, null
 from rover_sweep.identify.effects import library
 
 MOST = 4  # effects at once
+LOUD = 1.45  # mean square of a channel's rows, from which a residual is worth a question
+LEFT = 0.5  # of what there was, from which the effects found are no explanation
+INEXACT = 2e-3  # of what an effect explains, that its law may be wrong by: what is left of it is no effect
 MOST_NOISE = 1.5  # variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
 EARLIER = 0.008  # s that an answer must precede its command by, for the clocks to be blamed
@@ -50,6 +55,12 @@ class Round:
     tiny: tuple[Signature, ...]
     unseen: Mapping[str, str]
 
+    @property
+    def mean_squares(self) -> dict[str, float]:
+        """{channel: mean square of the rows that the model leaves}, 1 at the noise floor."""
+        found = {c: self.problem.part(self.fitted.rows, channel=c) for c in ("r", "ay", "p")}
+        return {c: float(np.mean(rows**2)) for c, rows in found.items() if rows.size}
+
     def significant(self) -> list[Trial]:
         """Trials beyond their thresholds and their material size, the best first."""
         return [t for t in self.trials if self.passes(t)]
@@ -76,11 +87,15 @@ class Named:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What was chosen. first: the round of the nominal model; last: that of the model with all effects."""
+    """What was chosen. first: the round of the nominal model; last: that of the model with all effects.
+
+    withdrawn: effects that were found and yet leave most of what is to be explained.
+    """
 
     first: Round
     last: Round
     named: tuple[Named, ...]
+    withdrawn: tuple[str, ...] = ()
 
 
 def material(trial: Trial) -> bool:
@@ -146,7 +161,8 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
     named: list[Named] = []
     removed: set[str] = set()
     while len(named) < MOST and not options.stop():
-        found = [t for t in current.significant() if t.effect not in removed]
+        doubtful = INEXACT * sum(n.trial.gain for n in named if n.trial.effect not in WHOLE)
+        found = [t for t in current.significant() if t.effect not in removed and t.gain > doubtful]
         if not found:
             break
         best = found[0]
@@ -164,7 +180,15 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
             current = round_of(
                 runs, replace(current.model, effects=effects), current.fitted.x, options, near=True
             )
+    if named and _explains_little(first, current):
+        return Choice(first, first, (), tuple(n.trial.effect for n in named))
     return Choice(first, current, tuple(named))
+
+
+def _explains_little(first: Round, last: Round) -> bool:
+    """True where much is left in a channel, and more than half of all that there was."""
+    before, after = (sum(m - 1.0 for m in r.mean_squares.values()) for r in (first, last))
+    return max(last.mean_squares.values()) > LOUD and after > LEFT * before
 
 
 def _rival(trial: Trial, best: Trial) -> bool:

@@ -144,7 +144,7 @@ def _answer(
         gains,
         overlays(pictures, bool(fresh), *whole, floor),
         shown,
-        remarks_of(used, findings),
+        remarks_of(used, findings, choice.withdrawn),
         0.0,
         tuple(r.name for r in used),
         tuple(r.name for r in fresh),

@@ -29,13 +29,17 @@ def sentence_of(findings: Sequence[Finding], left: Unknown | None, variance: flo
     return "; ".join(parts) or "nothing is missing: what is left of the recordings is at the noise floor"
 
 
-def remarks_of(used: Sequence[Experiment], findings: Sequence[Finding]) -> tuple[str, ...]:
+def remarks_of(
+    used: Sequence[Experiment], findings: Sequence[Finding], withdrawn: Sequence[str]
+) -> tuple[str, ...]:
     """What the runs could not tell apart, and findings that a fresh run does not bear out."""
     out = []
     if len(speeds_of(used)) < 2:
         out.append("all runs have one speed: what lags as 1/V is not told from what lags in time")
     if len({round(run.amplitude, 2) for run in used}) < 2:
         out.append("all runs have one amplitude: what saturates is not told from what is linear")
+    if withdrawn:
+        out.append(f"{', '.join(withdrawn)} fit a part of it and leave most: no explanation")
     for finding in findings:
         worse = [h.run for h in finding.held_out if h.share_removed is not None and h.share_removed < 0]
         if worse:

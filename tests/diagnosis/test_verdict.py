@@ -23,15 +23,21 @@ def finding(*shares: float | None) -> Finding:
     ((finding(),), None, 3.0, "partly explained"),
     ((finding(),), UNKNOWN, 3.0, "partly explained"),
 ])  # fmt: skip
-def test_explained_is_at_the_noise_floor(findings, left, variance, verdict):
+def test_explained_is_at_the_noise_floor(
+    findings: tuple[Finding, ...], left: Unknown | None, variance: float, verdict: str
+) -> None:
     assert verdict_of(findings, left, variance) == verdict
 
 
-def test_what_is_left_is_told_in_sizes_of_the_noise():
+def test_what_is_left_is_told_in_sizes_of_the_noise() -> None:
     assert "2.0 times the noise floor" in sentence_of((finding(),), None, 4.0)
     assert sentence_of((), None, 1.0).startswith("nothing is missing")
 
 
-def test_a_finding_that_a_fresh_run_contradicts_is_told():
-    assert remarks_of([], [finding(0.4, -0.1, None)])[-1].endswith("worse on run5")
-    assert not any("borne out" in told for told in remarks_of([], [finding(0.4, None)]))
+def test_a_finding_that_a_fresh_run_contradicts_is_told() -> None:
+    assert remarks_of([], [finding(0.4, -0.1, None)], ())[-1].endswith("worse on run5")
+    assert not any("borne out" in told for told in remarks_of([], [finding(0.4, None)], ()))
+
+
+def test_what_explains_little_is_told_and_not_named() -> None:
+    assert "surface_change fit a part" in remarks_of([], [], ("surface_change",))[-1]
