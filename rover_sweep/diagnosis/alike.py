@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_sweep.diagnosis.fitting import Fitted
 from rover_sweep.diagnosis.search import Tangent, Trial
-from rover_sweep.diagnosis.signatures import Signature, columns
+from rover_sweep.diagnosis.signatures import Signature, columns, drawn_amounts
 from rover_sweep.identify.recording import Array
 
 DRAWS = 1000
@@ -49,7 +49,7 @@ def look_alikes(
         length = float(np.linalg.norm(signal)) or 1.0
         pair = np.column_stack((mine / scale, signal / length))
         cosine = float(pair[:, 0] @ pair[:, 1])
-        drawn = _drawn(pair, signal, nuisance, [s.signed for s in tiny], overdispersion, random)
+        drawn = _drawn(pair, signal, nuisance, tiny, overdispersion, random)
         difference = drawn[:, 0] ** 2 - drawn[:, 1] ** 2
         ahead = best.gain - other.gain
         share = float(np.mean(difference >= ahead))
@@ -62,7 +62,7 @@ def _drawn(
     pair: Array,
     signal: Array,
     nuisance: Array,
-    signed: Sequence[bool],
+    tiny: Sequence[Signature],
     overdispersion: float,
     random: np.random.Generator,
 ) -> Array:
@@ -70,7 +70,5 @@ def _drawn(
     gram = pair.T @ pair
     factor = np.linalg.cholesky(gram + 1e-9 * np.eye(2))
     noise = random.standard_normal((DRAWS, 2)) @ factor.T * np.sqrt(overdispersion)
-    amounts = random.standard_normal((DRAWS, nuisance.shape[1]))
-    if len(signed) == nuisance.shape[1]:
-        amounts = np.where(list(signed), amounts, np.abs(amounts))
-    return signal @ pair + noise + amounts @ (nuisance.T @ pair)
+    seen = signal @ pair + noise
+    return seen + drawn_amounts(random, tiny, DRAWS) @ (nuisance.T @ pair) if tiny else seen

@@ -15,6 +15,7 @@ from rover_sweep.identify.recording import Array
 
 PREDICTED = 0.3  # share of the residual above the floor that the state must predict on the other runs
 BLOCK = 8  # lines
+WORDS = {"r": "the yaw rate", "ay": "the lateral acceleration", "p": "the roll rate"}
 KEPT = 3  # terms of the sketch of a law
 MEMORIES = (0.05, 0.15, 0.5)  # s, of low-passes of the state
 
@@ -39,7 +40,7 @@ def unknown(last: Round) -> Unknown | None:
             on = ", ".join(chosen)
             best = Unknown(
                 channel, on, ratio,
-                f"{channel} still differs by {ratio:.1f} times the noise; it follows {on}, "
+                f"{WORDS[channel]} still differs by {ratio:.1f} times the noise; it follows {on}, "
                 "and no candidate explains it",
                 f"residual of {channel} ~ " + " + ".join(chosen), gain,
             )  # fmt: skip
@@ -53,9 +54,9 @@ def _unpredicted(loud: dict[str, float]) -> Unknown | None:
     channel = max(loud, key=lambda c: loud[c])
     ratio = float(np.sqrt(loud[channel]))
     return Unknown(
-        channel, "not known", ratio,
-        f"{channel} still differs by {ratio:.1f} times the noise; no candidate explains it, and no simple "
-        "function of the state predicts it",
+        channel, "nothing that was tried", ratio,
+        f"{WORDS[channel]} still differs by {ratio:.1f} times the noise; no candidate explains it, and no "
+        "simple function of the state predicts it",
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,21 +15,23 @@ from rover_sweep.diagnosis.alike import Alike, look_alikes
 from rover_sweep.diagnosis.candidates import WHOLE, Model, possible
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.fitting import Fitted, fit, sensitivities
-from rover_sweep.diagnosis.material import counts
+from rover_sweep.diagnosis.material import EARLIER, counts
 from rover_sweep.diagnosis.problem import Problem, centred, problem
 from rover_sweep.diagnosis.search import Tangent, Trial, all_polished, all_tried, tangent, tried
 from rover_sweep.diagnosis.signatures import Signature, columns, signatures
 from rover_sweep.diagnosis.simulate import Sensors, logged
 from rover_sweep.diagnosis.threshold import Null, null
+from rover_sweep.diagnosis.wander import wander
 from rover_sweep.identify.effects import library
 
-MOST = 4  # effects at once
+MOST = 3  # effects at once
 LOUD = 1.45  # mean square of a channel's rows, from which a residual is worth a question
+LOUD_PLAIN = 3.0  # the same, of rows in which the little of everything is not allowed for
+ASTRAY = 0.8  # the same, from which no second effect is looked for
 LEFT = 0.5  # of what there was, from which the effects found are no explanation
 INEXACT = 2e-3  # of what an effect explains, that its law may be wrong by: what is left of it is no effect
 MOST_NOISE = 1.5  # variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
-EARLIER = 0.008  # s that an answer must precede its command by, for the clocks to be blamed
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +58,22 @@ class Round:
     tiny: tuple[Signature, ...]
     unseen: Mapping[str, str]
 
-    @property
+    @cached_property
     def mean_squares(self) -> dict[str, float]:
-        """{channel: mean square of the rows that the model leaves}, 1 at the noise floor."""
-        found = {c: self.problem.part(self.fitted.rows, channel=c) for c in ("r", "ay", "p")}
-        return {c: float(np.mean(rows**2)) for c, rows in found.items() if rows.size}
+        """{channel: mean square of the rows that the model leaves}, 1 at the noise floor.
+
+        Taken in the metric of an ordinary rover, and without it, where more may be left: what no little
+        of everything would make.
+        """
+        plain = self.problem.plain
+        whole = plain.measured - plain.model(self.fitted.structure, self.fitted.x)
+        out = {}
+        for channel in ("r", "ay", "p"):
+            part = self.problem.part(self.fitted.rows, channel=channel)
+            if part.size:
+                usual = float(np.mean(self.problem.part(whole, channel=channel) ** 2)) * LOUD / LOUD_PLAIN
+                out[channel] = max(float(np.mean(part**2)), usual)
+        return out
 
     def significant(self) -> list[Trial]:
         """Trials beyond their thresholds and their material size, the best first."""
@@ -67,6 +81,8 @@ class Round:
 
     def passes(self, trial: Trial) -> bool:
         """True for a trial that is a finding."""
+        if trial.fitted is self.fitted:
+            return False  # a promise, and no fit
         over = self.after(trial)
         return trial.gain > over * self.thresholds.thresholds.get(trial.effect, 0.0) and material(trial)
 
@@ -89,13 +105,15 @@ class Named:
 class Choice:
     """What was chosen. first: the round of the nominal model; last: that of the model with all effects.
 
-    withdrawn: effects that were found and yet leave most of what is to be explained.
+    withdrawn: effects that were found and yet leave most of what is to be explained. stopped: before all
+    had been tried.
     """
 
     first: Round
     last: Round
     named: tuple[Named, ...]
     withdrawn: tuple[str, ...] = ()
+    stopped: bool = False
 
 
 def material(trial: Trial) -> bool:
@@ -139,7 +157,7 @@ def round_of(
     """One round: the model fitted, in the metric of what every rover has, and each candidate tried."""
     options.progress("fitting the model", 0.0)
     plain, fitted = begun(runs, model, start, near)
-    tiny = signatures(plain, fitted, model, possible(model, runs)[0], tiny=True)
+    tiny = signatures(plain, fitted, model, possible(model, runs)[0], tiny=True) + wander(plain, fitted)
     metric = plain.in_metric(columns(tiny, plain.size))
     known = replace(fitted, jacobian=metric.of(fitted.jacobian))
     fitted = sensitivities(metric, fit(metric, model.structure, model.free, fitted.x, known=known))
@@ -177,18 +195,23 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
         effects = tuple(n.trial.effect for n in named)
         if effects != current.model.effects:
             removed |= {*current.model.effects} - {*effects}
-            current = round_of(
-                runs, replace(current.model, effects=effects), current.fitted.x, options, near=True
-            )
-    if named and _explains_little(first, current):
-        return Choice(first, first, (), tuple(n.trial.effect for n in named))
-    return Choice(first, current, tuple(named))
+            fewer = replace(current.model, effects=effects)
+            current = round_of(runs, fewer, current.fitted.x, options, near=True)
+        if named and _explains_little(first, current, ASTRAY):
+            break
+    stopped = options.stop()
+    if stopped and not named and (found := current.significant()):  # what there is, as it was fitted
+        named = [Named(found[0], first.fitted, first.thresholds.thresholds.get(found[0].effect, 0.0), ())]
+        current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
+    if not named or (not stopped and _explains_little(first, current)):
+        return Choice(first, first, (), tuple(n.trial.effect for n in named), stopped)
+    return Choice(first, current, tuple(named), stopped=stopped)
 
 
-def _explains_little(first: Round, last: Round) -> bool:
-    """True where much is left in a channel, and more than half of all that there was."""
+def _explains_little(first: Round, last: Round, share: float = LEFT) -> bool:
+    """True where much is left in a channel, and more than a share of all that there was."""
     before, after = (sum(m - 1.0 for m in r.mean_squares.values()) for r in (first, last))
-    return max(last.mean_squares.values()) > LOUD and after > LEFT * before
+    return max(last.mean_squares.values()) > LOUD and after > share * before
 
 
 def _rival(trial: Trial, best: Trial) -> bool:

@@ -38,6 +38,7 @@ from rover_sweep.identify.grouping import Settings, grouped
 from rover_sweep.identify.recording import Recording
 
 Progress = Callable[[str, float], None]
+STOPPED = "not tried: the diagnosis was stopped before"
 MATERIAL_CHANGE = 0.03  # of a nominal parameter, from which it is told as falsified
 
 
@@ -79,7 +80,9 @@ def diagnose(
     begin = _start(settings.parameters) | lumped.start(settings.parameters, speed)
     choice = choose(used, model, begin, options)
     found = _answer(choice, used, fresh, settings)
-    told = (f"the simulation follows the {settings.baseline} model",) if simulated else ()
+    told = [f"the simulation follows the {settings.baseline} model"] if simulated else []
+    if choice.stopped and limit is not None and time.monotonic() - begun > limit:
+        told.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
     whole = augmented(choice.last.model, choice.last.fitted.x, runs, [run.begin for run in used])
     return replace(found, seconds=time.monotonic() - begun, remarks=(*told, *found.remarks), model=whole)
 
@@ -114,7 +117,7 @@ def _answer(
     rows = plain.measured - plain.model(first.model.structure, first.fitted.x)
     drawn = draws(last, settings.seed)
     whole = Modelled(first.model, first.fitted.x), Modelled(last.model, last.fitted.x)
-    floor = last.problem.floors[0]
+    floor = last.problem.floor
     unused = tuple(Fresh.of(run, floor, whole[1]) for run in fresh)
     shown = tuple(held_out(run, *whole) for run in unused)
     findings = tuple(_finding(n, choice, drawn, unused, whole) for n in choice.named)
@@ -122,18 +125,20 @@ def _answer(
     unseen = dict(last.unseen)
     if last.model.lumped:  # no front force, whose own drag is to be told from a loss
         unseen[SPEED] = "its derivatives hold no force of the front wheels"
+    elif choice.stopped:
+        unseen |= {e.id: STOPPED for e in library().values() if e.id not in gains and e.id not in unseen}
     elif settings.candidates((SPEED,)):
         lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
         gains[SPEED] = max(lost.gain, 0.0)
         findings += (speed_finding(lost, whole[1], unused),) if lost.found else ()
     if [f.effect for f in findings] == [SPEED]:  # nothing else changed the model
         shown = findings[0].held_out
-    left = unknown(last)
+    left = None if choice.stopped else unknown(last)
     variance = last.fitted.data_cost / last.problem.size
     pictures = fresh or used[:1]
     return Diagnosis(
-        verdict_of(findings, left, variance),
-        sentence_of(findings, left, variance),
+        verdict_of(findings, left, variance, choice.stopped),
+        sentence_of(findings, left, variance, choice.stopped),
         settings.baseline,
         mismatches(plain, rows),
         findings,

@@ -12,7 +12,7 @@ from rover_sweep.diagnosis.experiment import RATE, Experiment
 from rover_sweep.diagnosis.fitting import fit
 from rover_sweep.diagnosis.floor import Floor, level_of
 from rover_sweep.diagnosis.held_out_cost import SWEPT, costs, frequency_responses_of
-from rover_sweep.diagnosis.problem import Problem, centred, with_floors
+from rover_sweep.diagnosis.problem import Problem, centred, with_floor
 from rover_sweep.diagnosis.result import Fit, HeldOut, Overlay
 from rover_sweep.diagnosis.simulate import Sensors, logged
 from rover_sweep.identify.recording import Array
@@ -51,7 +51,7 @@ class Fresh:
         """The run in the noise floor of the runs that were used, at its own level."""
         swept = run.kind in SWEPT
         found = frequency_responses_of(run, centred(run)) if swept else {}
-        return Fresh(run, with_floors([run], [_at_its_level(run, floor, whole)]), found)
+        return Fresh(run, with_floor([run], _at_its_level(run, floor, whole)), found)
 
     def squares(self, m: Modelled) -> float:
         """Sum of squares of the whitened rows that a model leaves."""

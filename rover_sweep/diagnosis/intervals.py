@@ -19,7 +19,6 @@ from rover_sweep.identify.recording import Array
 
 DRAWS = 400
 LEVEL = (5.0, 95.0)  # percent
-NORMAL = 1.645  # standard deviations of a half interval of 90 %
 OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
 FEWEST = 4  # lines of an octave that pull together
 
@@ -63,16 +62,24 @@ def _pulls(last: Round) -> Array:
 
 def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
     """The parameters that a user reads of an effect."""
-    out = []
+    out, drawn = [], _doubted(effect, drawn)
     for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
         low, high = _span(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
-        if name in effect.doubt:
-            doubt = NORMAL * effect.doubt[name]
-            low, high = value - np.hypot(value - low, doubt), value + np.hypot(high - value, doubt)
         begin = _begin(last) if effect.stage == "grip" and name == "t" else 0.0
         found = EffectValue(name, unit, value + begin, _number(low + begin), _number(high + begin), meaning)
         out.append(found if np.isfinite(value) else _absent(found))
     return tuple(out)
+
+
+def _doubted(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str, float]]:
+    """The draws with what no data of this kind can tell."""
+    random = np.random.default_rng(len(drawn))
+    out = drawn
+    for parameter, size in effect.doubt.items():
+        name = effect.reads.get(parameter, effect.key(parameter))
+        moves = size * effect.per.get(parameter, 1.0) * random.standard_normal(len(out))
+        out = [{**x, name: x.get(name, 0.0) + float(move)} for x, move in zip(out, moves, strict=True)]
+    return out
 
 
 def _begin(last: Round) -> float:

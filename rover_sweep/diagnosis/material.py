@@ -9,6 +9,8 @@ from rover_sweep.diagnosis.nominal import Spread
 from rover_sweep.identify.effects import Effect
 from rover_sweep.identify.geometry import GRAVITY
 
+EARLIER = 0.008  # s that an answer must precede its command by, for the clocks to be blamed
+
 
 def material_sizes(effect: Effect, spread: Spread) -> dict[str, float]:
     """{parameter: coordinate} that it must exceed: the effect's own, or that of the rover's spread."""

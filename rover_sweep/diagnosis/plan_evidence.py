@@ -17,7 +17,7 @@ from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.experiment import RATE, Experiment
 from rover_sweep.diagnosis.fitting import Fitted, sensitivities
 from rover_sweep.diagnosis.floor import Floor
-from rover_sweep.diagnosis.problem import Problem, Rows, whitened, with_floors
+from rover_sweep.diagnosis.problem import Problem, Rows, whitened, with_floor
 from rover_sweep.diagnosis.signatures import Signature, signatures
 from rover_sweep.diagnosis.simulate import Structure, wheel_angle
 from rover_sweep.identify.effects import Effect
@@ -85,7 +85,7 @@ def start(model: Model, rows: int) -> Fitted:
 
 def _driven(run: Experiment) -> Problem:
     f = np.array([0.01, 100.0])
-    return with_floors([run], [Floor(f, {c: np.full(2, NOISE[c]) for c in run.measured})])
+    return with_floor([run], Floor(f, {c: np.full(2, NOISE[c]) for c in run.measured}))
 
 
 def _on_blocks(run: Experiment) -> OnBlocks:
@@ -93,7 +93,8 @@ def _on_blocks(run: Experiment) -> OnBlocks:
     bins = np.flatnonzero((f >= ANGLE_BAND[0]) & (f <= ANGLE_BAND[1]))
     weight = np.full(bins.size, 1.0 / np.sqrt(ANGLE_NOISE * RATE / 4 * np.sum(run.taper**2)))
     nothing = np.zeros(2 * bins.size)
-    return OnBlocks((run,), (), (), (Rows(0, "delta", bins, f[bins], weight, 0),), nothing, nothing)
+    none = Floor(np.ones(1), {})  # the angle has its own, in the weight
+    return OnBlocks((run,), (), none, (Rows(0, "delta", bins, f[bins], weight, 0),), nothing, nothing)
 
 
 def _nuisances(problem: OnBlocks, model: Model, x: Mapping[str, float]) -> list[Signature]:

@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.choose import LAGS
 from rover_sweep.diagnosis.fitting import Fitted
-from rover_sweep.diagnosis.material import material_sizes
+from rover_sweep.diagnosis.material import EARLIER, material_sizes
 from rover_sweep.diagnosis.plan_evidence import Evidence, start
 from rover_sweep.diagnosis.problem import Metric
 from rover_sweep.diagnosis.search import tangent
@@ -32,7 +32,6 @@ SURE = (
 )
 ALIKE = 0.9  # cosine, from which two effects are not told apart whatever their size
 LATE = 3.0  # times the size at which an effect counts: found only beyond that, it is found too late
-EARLIER = 0.008  # s that an answer must precede its command by, for clocks to be blamed
 FAINT = 1e-6
 
 

@@ -7,8 +7,8 @@ from math import log
 
 import numpy as np
 
-from rover_sweep.diagnosis.material import material_sizes
-from rover_sweep.diagnosis.plan_seen import EARLIER, Size, Stacked
+from rover_sweep.diagnosis.material import EARLIER, material_sizes
+from rover_sweep.diagnosis.plan_seen import Size, Stacked
 from rover_sweep.diagnosis.plan_types import DetectableSize
 from rover_sweep.identify.effects import Effect, EffectParameter, library
 

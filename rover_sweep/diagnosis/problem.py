@@ -70,7 +70,7 @@ class Problem:
 
     runs: tuple[Experiment, ...]
     sensors: tuple[Sensors, ...]
-    floors: tuple[Floor, ...]
+    floor: Floor
     rows: tuple[Rows, ...]
     measured: Array
     plain_measured: Array
@@ -119,22 +119,21 @@ class Problem:
 
 def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Problem:
     """The problem of runs whose noise floor is taken from the residuals {channel: (n,)} of a first fit."""
-    common = floor_of(runs, residuals)
-    return with_floors(runs, [common] * len(runs))
+    return with_floor(runs, floor_of(runs, residuals))
 
 
-def with_floors(runs: Sequence[Experiment], floors: Sequence[Floor]) -> Problem:
-    """The problem of runs with a noise floor each."""
+def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
+    """The problem of runs in a noise floor that is known."""
     rows, start = [], 0
     for k, run in enumerate(runs):
         for channel in run.measured:
-            found = _rows(run, k, channel, floors[k], start)
+            found = _rows(run, k, channel, floor, start)
             rows.append(found)
             start += found.size
     data = [centred(run) for run in runs]
     sensors = tuple(Sensors.of(run) for run in runs)
     measured = whitened(tuple(rows), runs, data)
-    return Problem(tuple(runs), sensors, tuple(floors), tuple(rows), measured, measured)
+    return Problem(tuple(runs), sensors, floor, tuple(rows), measured, measured)
 
 
 def centred(run: Experiment) -> dict[str, Array]:

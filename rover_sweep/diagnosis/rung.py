@@ -9,7 +9,7 @@ from rover_sweep.diagnosis.choose import begun
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.fitting import fit
 from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.problem import with_floors
+from rover_sweep.diagnosis.problem import with_floor
 from rover_sweep.diagnosis.settings import Baseline
 from rover_sweep.identify.geometry import Geometry
 
@@ -21,7 +21,7 @@ def followed(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
     whole = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
     ladder: Sequence[Baseline] = [b for b in ("kinematic", "bicycle", "roll-yaw") if whole or b != "roll-yaw"]
     fullest, found = begun(runs, Model(ladder[-1], rover, Spread()), {})
-    problem = with_floors(runs, fullest.floors)
+    problem = with_floor(runs, fullest.floor)
     for baseline in ladder[:-1]:
         model = Model(baseline, rover, Spread())
         start = {c.name: c.start for c in model.free}

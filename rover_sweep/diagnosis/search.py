@@ -20,6 +20,7 @@ HOPELESS = 2.0  # of the gain that a first look promises, below which it explain
 WORTH = 0.25  # of the gain that would matter, from which a first look is followed by a fit
 GIVEN_UP = 0.5  # of the promise, below which a fit has gone wrong
 NEARER = 0.3  # of the way to the first start
+MOST_FITS = 9  # of the effects that promise most
 POLISHED = 5  # trials, of at most
 POLISH = 5  # steps; the next round fits the best one on
 NEAR = 0.4  # of what matters, from which a trial is fitted again
@@ -119,34 +120,45 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
     return out
 
 
-def tried(
-    problem: Problem, base: Fitted, tang: Tangent, model: Model, effect: Effect, needed: float = 0.0
-) -> Trial | None:
-    """The model with the effect, fitted from the best first look; None where it explains nothing.
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What an effect promises at first sight: gain, the model with it, and where a fit of it begins."""
 
-    needed: gain that would matter; what promises far less is told by its promise and not fitted.
-    """
+    effect: str
+    model: Model
+    promise: float
+    start: Mapping[str, float]
+
+
+def looked(problem: Problem, base: Fitted, tang: Tangent, model: Model, effect: Effect) -> Look | None:
+    """The first look at an effect, in the run that shows it best; None where it explains nothing."""
     if effect.id in WHOLE:
-        looks: list[tuple[Model, tuple[float, dict[str, float]]]] = [
-            (model.with_effect(effect.id), (0.0, {}))
-        ]
-    else:
-        runs = [r.name for r in problem.runs] if effect.stage == "grip" else [""]
-        extended = [model.with_effect(effect.id, run) for run in runs]
-        found = [(m, first_look(problem, base, tang, m, effect)) for m in extended]
-        looks = [(m, look) for m, look in found if look is not None]
-    if not looks:
-        return None
-    with_it, (promise, start) = max(looks, key=lambda x: x[1][0])
-    if effect.id not in WHOLE and promise < WORTH * needed:
-        return Trial(effect.id, with_it, base, promise)
-    known = None if effect.id in WHOLE else base
-    fitted = fit(problem, with_it.structure, with_it.free, {**base.x, **start}, known=known)
-    if known is not None and base.cost - fitted.cost < GIVEN_UP * promise:  # led astray: from nearer by
-        nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in start.items()}
-        again = fit(problem, with_it.structure, with_it.free, {**base.x, **nearer}, known=known)
-        fitted = again if again.cost < fitted.cost else fitted
-    return Trial(effect.id, with_it, fitted, base.cost - fitted.cost)
+        return Look(effect.id, model.with_effect(effect.id), np.inf, {})
+    runs = [r.name for r in problem.runs] if effect.stage == "grip" else [""]
+    extended = [model.with_effect(effect.id, run) for run in runs]
+    found = [(m, first_look(problem, base, tang, m, effect)) for m in extended]
+    looks = [Look(effect.id, m, *look) for m, look in found if look is not None]
+    return max(looks, key=lambda x: x.promise, default=None)
+
+
+def fitted_from(problem: Problem, base: Fitted, look: Look) -> Trial:
+    """The model with the effect, fitted from a first look."""
+    free, structure = look.model.free, look.model.structure
+    known = None if look.effect in WHOLE else base
+    found = fit(problem, structure, free, {**base.x, **look.start}, known=known)
+    if known is not None and base.cost - found.cost < GIVEN_UP * look.promise:  # led astray: from nearer by
+        nearer = {
+            k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in look.start.items()
+        }
+        again = fit(problem, structure, free, {**base.x, **nearer}, known=known)
+        found = again if again.cost < found.cost else found
+    return Trial(look.effect, look.model, found, base.cost - found.cost)
+
+
+def tried(problem: Problem, base: Fitted, tang: Tangent, model: Model, effect: Effect) -> Trial | None:
+    """The model with the effect, fitted from the best first look; None where it explains nothing."""
+    look = looked(problem, base, tang, model, effect)
+    return None if look is None else fitted_from(problem, base, look)
 
 
 def _between(now: float, start: float) -> float:
@@ -165,16 +177,25 @@ def all_tried(
 ) -> list[Trial]:
     """Every effect tried on its own beside a model, the best first; fewer when stopped.
 
-    These fits take the nominal's sensitivities from the base; needed: gain of each that would matter.
+    All are looked at; those that promise what matters, and most, are fitted with the nominal's
+    sensitivities of the base. The others are told by their promise. needed: gain that would matter.
     """
-    out = []
+    looks: list[Look] = []
     for k, effect in enumerate(effects):
         if stop():
             break
-        progress(f"trying {effect.title}", k / max(len(effects), 1))
-        trial = tried(problem, base, tang, model, effect, needed.get(effect.id, 0.0))
-        if trial is not None:
-            out.append(trial)
+        progress(f"looking at {effect.title}", 0.5 * k / max(len(effects), 1))
+        look = looked(problem, base, tang, model, effect)
+        looks += [look] if look is not None else []
+    looks.sort(key=lambda x: -x.promise)
+    worth = [x for x in looks if x.promise >= WORTH * needed.get(x.effect, 0.0)][:MOST_FITS]
+    out = [Trial(x.effect, x.model, base, x.promise) for x in looks if x not in worth]
+    for k, look in enumerate(worth):
+        if stop():
+            out += [Trial(x.effect, x.model, base, x.promise) for x in worth[k:] if x.effect not in WHOLE]
+            break
+        progress(f"fitting {look.effect}", 0.5 + 0.5 * k / len(worth))
+        out.append(fitted_from(problem, base, look))
     return sorted(out, key=lambda t: -t.gain)
 
 
@@ -190,7 +211,9 @@ def all_polished(
     out = []
     for rank, trial in enumerate(trials):
         near = trial.gain > max(NEAR * needed.get(trial.effect, 0.0), RIVAL * best)
-        out.append(polished(problem, base, trial) if near and rank < POLISHED and not stop() else trial)
+        fitted = trial.fitted is not base
+        again = fitted and near and rank < POLISHED and not stop()
+        out.append(polished(problem, base, trial) if again else trial)
     return sorted(out, key=lambda t: -t.gain)
 
 

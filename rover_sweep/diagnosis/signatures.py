@@ -58,17 +58,16 @@ def _wanted(
     problem: Problem, base: Fitted, model: Model, effect: Effect, at: Mapping[str, float], tiny: bool
 ) -> list[tuple[Effect, EffectParameter, float, Structure, dict[str, float]]]:
     out = []
-    present = effect.id in model.effects
     for run in problem.runs if effect.stage == "grip" else problem.runs[:1]:
         where = run.name if effect.stage == "grip" else ""
-        structure = model.structure if present else model.with_effect(effect.id, where).structure
+        structure = model.with_effect(effect.id, where).structure
         for p in effect.parameters:
             name = effect.reads.get(p.name, effect.key(p.name))
             size = p.tiny if tiny else at.get(name, p.size)
             if p.name == "t" or size == 0.0 or (tiny and p.name in effect.reads):
                 continue
             x = {**base.x, name: base.x.get(name, 0.0) + size}
-            if effect.stage == "grip" and not present:
+            if effect.stage == "grip":
                 x[effect.key("t")] = at.get(effect.key("t"), 0.5 * float(run.t[-1]))
             out.append((effect, p, size, structure, x))
     return out
@@ -77,3 +76,9 @@ def _wanted(
 def columns(found: Sequence[Signature], size: int) -> Array:
     """Their rows side by side, (size, k)."""
     return np.column_stack([s.rows for s in found]) if found else np.zeros((size, 1))
+
+
+def drawn_amounts(random: np.random.Generator, tiny: Sequence[Signature], draws: int) -> Array:
+    """(draws, k): how much of each tiny effect an ordinary rover has, in its standard deviations."""
+    amounts = random.standard_normal((draws, len(tiny)))
+    return np.where([s.signed for s in tiny], amounts, np.abs(amounts)) if tiny else amounts

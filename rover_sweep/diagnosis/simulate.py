@@ -76,6 +76,7 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     speed = run.speed * (1.0 + x.get("vscale", 0.0))
     q, zero = slots(structure, x), np.zeros(delta.size)
     base = {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": np.gradient(speed, STEP)}
+    base["ms_h"] = zero + q[SLOT["ms"]] * q[SLOT["h"]]  # kg m, of the sprung mass about the roll axis
     if structure.lumped:
         return _lumped(base, structure, x)
     grip = np.ones(delta.size)

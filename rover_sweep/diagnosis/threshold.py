@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.diagnosis.search import INSTANTS, Tangent
-from rover_sweep.diagnosis.signatures import Signature
+from rover_sweep.diagnosis.signatures import Signature, drawn_amounts
 from rover_sweep.identify.recording import Array
 
 DRAWS = 1000
@@ -22,10 +22,7 @@ FALSE_ALARMS = 0.03  # share of the draws in which any effect at all may pass it
 
 @dataclass(frozen=True, eq=False)
 class Null:
-    """What every effect gains where nothing is hidden: gains {effect: (draws,)}, thresholds {effect: gain}.
-
-    nuisance (draws, k): coordinates of the tiny effects, in the order of the signatures.
-    """
+    """What effects gain where nothing is hidden: gains {effect: (draws,)}, thresholds {effect: gain}."""
 
     gains: Mapping[str, Array]
     thresholds: Mapping[str, float]
@@ -47,8 +44,7 @@ def null(
     factor = np.linalg.cholesky(gram + np.diag(1e-9 * np.diag(gram) + 1e-12))
     seen = random.standard_normal((DRAWS, len(found))) @ factor.T * np.sqrt(overdispersion)
     if tiny:
-        amounts = random.standard_normal((DRAWS, len(tiny)))
-        amounts = np.where([s.signed for s in tiny], amounts, np.abs(amounts))
+        amounts = drawn_amounts(random, tiny, DRAWS)
         seen += amounts @ (np.column_stack([s.rows for s in tiny]).T @ outside[: tangent.rows])
     gains = {}
     for effect in dict.fromkeys(s.effect for s in found):

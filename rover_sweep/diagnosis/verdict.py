@@ -11,19 +11,25 @@ from rover_sweep.diagnosis.result import Finding, Unknown, Verdict
 SETTLED = 1.5  # variance of a row over that of noise, beyond which not all is explained
 
 
-def verdict_of(findings: Sequence[Finding], left: Unknown | None, variance: float) -> Verdict:
+def verdict_of(
+    findings: Sequence[Finding], left: Unknown | None, variance: float, stopped: bool = False
+) -> Verdict:
     """variance: of a row that the model with all findings leaves, 1 at the noise floor."""
     if findings:
-        return "partly explained" if left or variance > SETTLED else "explained"
-    return "unexplained" if left else "none"
+        return "partly explained" if left or stopped or variance > SETTLED else "explained"
+    return "unexplained" if left or stopped else "none"
 
 
-def sentence_of(findings: Sequence[Finding], left: Unknown | None, variance: float) -> str:
+def sentence_of(
+    findings: Sequence[Finding], left: Unknown | None, variance: float, stopped: bool = False
+) -> str:
     """The whole answer in a sentence."""
     parts = [f.sentence for f in findings]
-    if left:
+    if stopped:
+        parts.append("stopped before all effects were tried: not the last word")
+    elif left:
         parts.append(left.sentence)
-    elif variance > SETTLED:
+    elif variance > SETTLED and findings:
         ratio = f"{variance**0.5:.1f} times the noise floor"
         parts.append(f"what is left is {ratio}, and no function of the state predicts it")
     return "; ".join(parts) or "nothing is missing: what is left of the recordings is at the noise floor"

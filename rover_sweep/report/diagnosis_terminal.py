@@ -10,6 +10,7 @@ from rich.text import Text
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
 from rover_sweep.report.diagnosis_tables import (
     cost_table,
+    falsified_table,
     finding_table,
     held_out_table,
     look_alike_words,
@@ -49,6 +50,8 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
     if found.findings:
         yield rich_table(finding_table(found))
         yield from (_explained(f) for f in found.findings)
+    if falsified := falsified_table(found):
+        yield rich_table(falsified)
     if found.held_out:
         yield rich_table(held_out_table(found.held_out, "On runs that nothing was fitted to", False, ROOM))
     if costs := cost_table(found.held_out, ROOM):
@@ -64,9 +67,22 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
 def _explained(f: Finding) -> Group:
     """The finding's sentence, what it cannot be told from, and the run that would settle it."""
     lines: list[RenderableType] = [Text(f.effect, "bold")]
-    words = [f.sentence, look_alike_words(f), f"Next run: {f.next_run}" if f.next_run else ""]
+    words = [
+        f.sentence,
+        evidence_words(f),
+        look_alike_words(f),
+        f"Next run: {f.next_run}" if f.next_run else "",
+    ]
     lines += [_indented(sentence(text)) for text in words if text]
     return Group(*lines)
+
+
+def evidence_words(f: Finding) -> str:
+    """How much it explains, against what chance would."""
+    gain, chance = f.evidence.get("gain"), f.evidence.get("threshold")
+    if not gain or not chance:
+        return ""
+    return f"It explains {number(gain, 3)} squares of the noise; chance explains up to {number(chance, 3)}"
 
 
 def _unknown(u: Unknown) -> Group:

@@ -25,6 +25,7 @@ from rover_sweep.diagnosis.problem import Array, Problem
 from rover_sweep.diagnosis.search import Tangent, tangent
 from rover_sweep.diagnosis.signatures import Signature, columns, signatures
 from rover_sweep.diagnosis.threshold import null
+from rover_sweep.diagnosis.wander import wander
 from rover_sweep.identify.effects import Effect, library
 from rover_sweep.preparation import geometry_of
 from tests.concealed.effects import table
@@ -45,7 +46,7 @@ def sizes(folder: Path, seed: int) -> Sizes:
     model = Model("roll-yaw", geometry_of(runs.vehicle), Spread())
     plain, fitted = begun(driven, model, {})
     effects = possible(model, driven)[0]
-    little = signatures(plain, fitted, model, effects, tiny=True)
+    little = signatures(plain, fitted, model, effects, tiny=True) + wander(plain, fitted)
     problem = plain.in_metric(columns(little, plain.size))
     fitted = sensitivities(problem, fit(problem, model.structure, model.free, fitted.x))
     tiny = [replace(s, rows=problem.of(s.rows)) for s in little]

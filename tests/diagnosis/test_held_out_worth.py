@@ -12,7 +12,7 @@ from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.floor import Floor
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, refitted_without
 from rover_sweep.diagnosis.held_out_cost import cost
-from rover_sweep.diagnosis.problem import with_floors
+from rover_sweep.diagnosis.problem import with_floor
 from rover_sweep.diagnosis.simulate import Sensors, logged
 from rover_sweep.identify.fit import ResponseData
 
@@ -81,7 +81,7 @@ def test_an_effect_is_worth_what_the_others_cannot_do() -> None:
     """Without the trim the rest still has relaxation, so its absence leaves what the trim alone explains."""
     whole = Modelled(BOTH, TRUE)
     fresh = Fresh.of(driven(4)[0], FLOOR, Modelled(BOTH, TRUE))
-    rest = refitted_without("steering_trim", with_floors(driven(3), [FLOOR] * 2), whole)
+    rest = refitted_without("steering_trim", with_floor(driven(3), FLOOR), whole)
     assert rest.model.effects == ("tyre_relaxation",)
     assert held_out(fresh, rest, whole).share_removed == pytest.approx(1.0, abs=0.05)
     nothing = Modelled(MODEL, {**X, "trim": 0.0})

@@ -87,11 +87,11 @@ def test_few_rows_stand_for_many(usual: Planner) -> None:
     from rover_sweep.diagnosis.fitting import sensitivities
     from rover_sweep.diagnosis.floor import Floor
     from rover_sweep.diagnosis.plan_evidence import start
-    from rover_sweep.diagnosis.problem import with_floors
+    from rover_sweep.diagnosis.problem import with_floor
     from rover_sweep.diagnosis.signatures import signatures
 
     floor = Floor(np.array([0.01, 100.0]), {c: np.full(2, d) for c, d in NOISE.items()})
-    problem = with_floors([usual.experiment(STEPS)], [floor])
+    problem = with_floor([usual.experiment(STEPS)], floor)
     base = start(usual.model, problem.size)
     problem = replace(problem, measured=problem.model(usual.model.structure, base.x))
     many = (

@@ -9,10 +9,13 @@ from rover_sweep.identify.geometry import GRAVITY
 from rover_sweep.identify.recording import Array
 
 
-def downhill(motion: Motion, q: Values, mass: float) -> tuple[Array, float, float]:
-    """Weight across the rover [N]; the ground pushes back, which the accelerometer shows."""
+def downhill(motion: Motion, q: Values, mass: float) -> tuple[Array, float, Array]:
+    """Weight across the rover [N], and what it does to the sprung mass above the roll axis [N m].
+
+    The ground pushes back, which the accelerometer shows and the body leans out of.
+    """
     side = q["b_cos"] * np.cos(motion["psi"]) + q["b_sin"] * np.sin(motion["psi"])
-    return -mass * GRAVITY * side, 0.0, 0.0
+    return -mass * GRAVITY * side, 0.0, motion["ms_h"] * GRAVITY * side
 
 
 def slope(found: Values) -> dict[str, tuple[float, str, str]]:

@@ -68,7 +68,7 @@ class Effect:
     slots: {parameter: slot}. iterate: a force that depends on the motion it makes;
     weight: a force that an accelerometer does not feel. shown: ({parameter: value}) -> {name: (value,
     unit, convention)} where the parameters that a user reads are others than the fitted ones. doubt: standard
-    deviation of a shown value that no data of this kind can take away.
+    deviation of a parameter's coordinate that no data of this kind can take away.
     reads: {parameter: nominal coordinate that it is read off}; per: coordinates of one unit of its value.
     q: {parameter: coordinate}. releases: coordinates of the nominal model that the effect sets free beyond
     the material size, {name: (low, high)}. material: what a number of this effect must exceed to be more

@@ -21,6 +21,7 @@ EFFECT = Effect(
     next_run="a ruler: from the CG to the autopilot",
     reads={"x": "imu_x", "z": "imu_z"},
     releases={"imu_x": (-1.0, 1.0), "imu_z": (-1.0, 1.0)},
+    doubt={"x": 0.005, "z": 0.005},  # to which a vehicle file knows the CG and the roll axis
     material={"x": 0.012, "z": 0.012},
     channels=("ay",),
 )

@@ -38,6 +38,7 @@ EFFECT = Effect(
     needs="one sweep",
     excites="high frequency",
     next_run="read INS_GYRO_FILTER and INS_ACCEL_FILTER, or log raw IMU",
+    doubt={"gyro_hz": 0.007, "accel_hz": 0.007},  # s: 1.5 ms of any sensor's own delay
     material={"gyro_hz": 0.035, "accel_hz": 0.035},
     signed=False,
 )
