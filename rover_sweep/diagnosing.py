@@ -108,8 +108,8 @@ def effects_named(names: Sequence[str]) -> tuple[str, ...]:
     for name in names:
         if name not in library():
             near = get_close_matches(name, library(), 1)
-            hint = f"did you mean {near[0]}? " if near else ""
-            raise UsageError(f"there is no effect {name!r}; {hint}There are {', '.join(library())}")
+            hint = f"did you mean {near[0]}? There are" if near else "there are"
+            raise UsageError(f"there is no effect {name!r}; {hint} {', '.join(library())}")
     return tuple(dict.fromkeys(names))
 
 

@@ -105,6 +105,8 @@ def _pair(first: str, second: str, filters: Mapping[str, float] | None) -> tuple
 
 def _existing(name: str) -> Path:
     path = Path(name).expanduser()
+    if path.is_dir():
+        raise UsageError(f"{name} is a folder; give the path of a .BIN, .tlog or .csv in it")
     if not path.is_file():
         raise UsageError(f"{name}: there is no such file; give the path of a .BIN, .tlog or .csv")
     return path

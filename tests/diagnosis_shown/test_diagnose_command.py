@@ -109,6 +109,8 @@ def test_a_model_that_cannot_be_used_ends_with_a_sentence(
 
 @pytest.mark.parametrize(("arguments", "words"), [
     (("--only", "tyre_relax"), "there is no effect 'tyre_relax'; did you mean tyre_relaxation?"),
+    (("--only", "foo"), "there is no effect 'foo'; there are "),
+    (("--hold-out", NOMINAL), "is a folder; give the path of a .BIN, .tlog or .csv in it"),
     (("--only", "servo_lag", "--without", "servo_lag"), "no candidate is left"),
     (("--hold-out", SWEEP), "run1 is both identified from and verified on"),
     (("--baseline", "tricycle"), "'tricycle' is not one of"),
