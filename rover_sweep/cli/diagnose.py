@@ -55,7 +55,8 @@ def diagnose(
     """Say what the model leaves out of the recorded RUNs: where, what, how much, and on what evidence.
 
     RUN is a .BIN, a .tlog, a .csv (with --columns), or log.BIN+log.tlog. Two amplitudes and two speeds
-    tell most effects apart; `rover-sweep plan` says which. Ctrl-C ends with what was found until then.
+    tell most effects apart; `rover-sweep plan` says which. Ctrl-C ends with what was found until then,
+    and with exit code 130.
     """
     from rover_sweep.diagnosing import material
     from rover_sweep.preparation import Reading, load
@@ -108,7 +109,7 @@ def _diagnosed(
     tell_warnings(console, (*given.runs, *given.held_out))
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
-    found, files = _computed(given, rover[0], settings, origin, out)
+    found, files, interrupted = _computed(given, rover[0], settings, origin, out)
     shown.print(summary(found), width=min(shown.width, WIDTH))
     shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
     if files.variant:
@@ -117,12 +118,17 @@ def _diagnosed(
         click.echo(files.document.read_text(encoding="utf-8"), nl=False)
     if found.verdict == "refused":
         raise DataRefused("the data were refused, see above; the report says why as well")
+    if interrupted:
+        raise click.Abort  # the exit code tells a script that the search was cut short
 
 
 def _computed(
     given: Material, vehicle: Vehicle, settings: DiagnosisSettings, origin: DiagnosisOrigin, out: Path
-) -> tuple[Diagnosis, DiagnosisFiles]:
-    """(diagnosis, its files), behind a progress bar; Ctrl-C once ends the search, twice the program."""
+) -> tuple[Diagnosis, DiagnosisFiles, bool]:
+    """(diagnosis, its files, was it cut short), behind a progress bar.
+
+    Ctrl-C once ends the search, twice the program.
+    """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from rover_sweep.cli.interruption import Interruption
@@ -144,4 +150,4 @@ def _computed(
         files = write_diagnosis(
             found, out, origin, lambda share, what: progress.update(bar, completed=0.9 + 0.1 * share)
         )
-    return found, files
+    return found, files, asked.to_stop()

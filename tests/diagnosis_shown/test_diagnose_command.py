@@ -134,7 +134,7 @@ def test_ctrl_c_once_ends_with_what_is_there(engine: Engine, asked: Tell, tmp_pa
     engine.before, before = pressed, signal.getsignal(signal.SIGINT)
     code, out, err = asked(SWEEP, DOUBLET)
     assert seen == [False, True]
-    assert code == 0 and "- Stopped by hand after" in out and "Ctrl-C again gives up" in err
+    assert code == 130 and "- Stopped by hand after" in out and "Ctrl-C again gives up" in err
     assert "stopped by hand" in (tmp_path / "out" / "diagnosis.json").read_text()
     assert signal.getsignal(signal.SIGINT) is before
 
