@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -113,12 +114,35 @@ def effects_named(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def candidates_left(only: Sequence[str], without: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """(with_effects, without_effects) of the settings; UsageError where no candidate would be left."""
+def candidates_left(
+    only: Sequence[str], without: Sequence[str], baseline: Baseline | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(with_effects, without_effects) of the settings; UsageError where no candidate would be left.
+
+    baseline: None where a simulation has yet to show it.
+    """
     chosen, left_out = effects_named(only), effects_named(without)
-    if not set(chosen or library()) - set(left_out):
+    left = set(chosen or library()) - set(left_out)
+    if not left:
         raise UsageError("no candidate is left to try; name fewer effects in --without")
+    if baseline and not any(baseline in library()[effect].baselines for effect in left):
+        kept = ", ".join(e for e in library() if e in left)
+        raise UsageError(
+            f"no candidate is left to try: nothing of {kept} can be missing from the {baseline} baseline; "
+            "name other effects in --only, or take another --baseline"
+        )
     return chosen, left_out
+
+
+def time_limit_of(seconds: float | None) -> float | None:
+    """The limit [s], None for none; UsageError for what is no time."""
+    if seconds is None:
+        return None
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float):
+        raise UsageError(f"the time limit is {seconds!r}; give seconds, or leave it out for none")
+    if not (isfinite(seconds) and seconds > 0):
+        raise UsageError(f"the time limit is {seconds:g} s; give a time above 0, or leave it out for none")
+    return float(seconds)
 
 
 def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str, float]]:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rover_sweep.api import Location, Runs
-from rover_sweep.diagnosing import candidates_left, diagnosed, material, nominal_of
+from rover_sweep.diagnosing import candidates_left, diagnosed, material, nominal_of, time_limit_of
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import BASELINES, DiagnosisSettings
 from rover_sweep.errors import UsageError
@@ -98,9 +98,10 @@ def diagnose(
         raise UsageError(f"there is no baseline {baseline!r}; choose from {', '.join(BASELINES)}")
     if model is not None and simulated:
         raise UsageError("model and simulated are two simulations; give one of them")
-    chosen, left_out = candidates_left(_listed(only), _listed(without))
+    limit = time_limit_of(time_limit)
     name, values = nominal_of(Path(model), baseline) if model is not None else (baseline or "roll-yaw", {})
-    settings = DiagnosisSettings(name, chosen, left_out, time_limit, seed, values)
+    chosen, left_out = candidates_left(_listed(only), _listed(without), None if simulated else name)
+    settings = DiagnosisSettings(name, chosen, left_out, limit, seed, values)
     given = material(runs, held_out, simulated)
     found = diagnosed(given, runs.vehicle, settings, progress, stop)
     made = provenance(runs.vehicle, runs.vehicle_file, given.held_out, "", datetime.now().astimezone())

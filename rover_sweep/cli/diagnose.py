@@ -36,8 +36,8 @@ BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
               help="A recording of a simulation that was driven as the RUNs; may be repeated.")  # fmt: skip
 @click.option("--hold-out", "held_out", multiple=True, metavar="RUN",
               help="A run that fit and choice must not see; may be repeated (else: doublets).")  # fmt: skip
-@click.option("--only", type=EFFECTS, default="", help="The only candidates to try.")
-@click.option("--without", type=EFFECTS, default="", help="Candidates to leave out.")
+@click.option("--only", type=EFFECTS, default=(), help="The only candidates to try.")
+@click.option("--without", type=EFFECTS, default=(), help="Candidates to leave out.")
 @click.option("--time-limit", type=click.FloatRange(1), metavar="S",
               help="End after this time with what was found until then.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the bootstrap.")
@@ -85,14 +85,15 @@ def _settings(
     time_limit: float | None,
     seed: int,
 ) -> DiagnosisSettings:
-    from rover_sweep.diagnosing import candidates_left, nominal_of
+    from rover_sweep.diagnosing import candidates_left, nominal_of, time_limit_of
     from rover_sweep.diagnosis.settings import DiagnosisSettings
 
     if model_file and simulated:
         raise UsageError("--model and --simulation are two simulations; give one of them")
-    chosen, left_out = candidates_left(only, without)
+    limit = time_limit_of(time_limit)
     name, values = nominal_of(Path(model_file), baseline) if model_file else (baseline or "roll-yaw", {})
-    return DiagnosisSettings(name, chosen, left_out, time_limit, seed, values)
+    chosen, left_out = candidates_left(only, without, None if simulated else name)
+    return DiagnosisSettings(name, chosen, left_out, limit, seed, values)
 
 
 def _diagnosed(

@@ -83,7 +83,10 @@ class NamesType(click.ParamType):
         """The names, in the order given."""
         if isinstance(value, tuple):
             return value
-        return tuple(part.strip() for part in str(value).split(",") if part.strip())
+        names = tuple(part.strip() for part in str(value).split(",") if part.strip())
+        if not names:
+            self.fail(f"{value!r} names nothing; leave the option out, or name what is meant", param, ctx)
+        return names
 
 
 EFFECTS = NamesType("ID,ID,...")

@@ -82,7 +82,7 @@ def _run_option(name: str, kind: str, words: str) -> Any:
 @click.option("--servo-test", "servo_test", multiple=True, type=click.FloatRange(1, MOST_US), metavar="US",
               help="The wheel's angle measured on blocks while a sweep of this peak runs.")  # fmt: skip
 @click.option(
-    "--want", type=EFFECTS, default="", help="Only these effects must be found and told from all others."
+    "--want", type=EFFECTS, default=(), help="Only these effects must be found and told from all others."
 )
 @reading_options
 @click.option("--json", "as_json", is_flag=True, help="The plan as JSON on stdout.")

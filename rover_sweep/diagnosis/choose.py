@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from rover_sweep.diagnosis.alike import Alike, look_alikes
-from rover_sweep.diagnosis.candidates import WHOLE, Model, possible
+from rover_sweep.diagnosis.candidates import WHOLE, Model, own, possible
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.fitting import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.material import EARLIER, counts
@@ -29,6 +29,7 @@ LOUD = 1.45  # mean square of a channel's rows, from which a residual is worth a
 LOUD_PLAIN = 3.0  # the same, of rows in which the little of everything is not allowed for
 ASTRAY = 0.8  # the same, from which no second effect is looked for
 LEFT = 0.5  # of what there was, from which the effects found are no explanation
+SILLY = 0.8  # of the largest size of an effect that is looked for, beyond which it stands for something else
 INEXACT = 2e-3  # of what an effect explains, that its law may be wrong by: what is left of it is no effect
 MOST_NOISE = 1.5  # variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
@@ -117,13 +118,17 @@ class Choice:
 
 
 def material(trial: Trial) -> bool:
-    """False where the effect came out below the size from which it is a finding."""
+    """False where the effect came out below the size from which it is a finding, or at a silly one."""
     x, spread = trial.fitted.x, trial.model.spread
+    effect = library()[trial.effect]
+    limits = {c.name: max(abs(c.low), abs(c.high)) for c in own(effect)}
+    if any(abs(x[name]) > SILLY * limit for name, limit in limits.items() if not name.endswith(".t")):
+        return False
     if trial.effect in LAGS:
         return x["lag"] + x["delay"] > spread.together
     if trial.effect == "clock_offset" and not trial.model.two_clocks:
         return x["delay"] < -EARLIER
-    return counts(library()[trial.effect], x, spread)
+    return counts(effect, x, spread)
 
 
 def begun(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import qr
@@ -11,7 +11,7 @@ from scipy.linalg import qr
 from rover_sweep.diagnosis.candidates import WHOLE, Model, own
 from rover_sweep.diagnosis.fitting import Fitted, fit
 from rover_sweep.diagnosis.problem import Problem
-from rover_sweep.identify.effects import Effect
+from rover_sweep.identify.effects import Effect, library
 from rover_sweep.identify.recording import Array
 
 SIZES = (0.25, 1.0)  # of an effect's plain size, at which the first look is taken
@@ -22,6 +22,8 @@ GIVEN_UP = 0.5  # of the promise, below which a fit has gone wrong
 NEARER = 0.3  # of the way to the first start
 MOST_FITS = 9  # of the effects that promise most
 POLISHED = 5  # trials, of at most
+RESTARTED = 2  # of the best, where the nominal model is far off
+FAR = 2.0  # variance of a row
 POLISH = 5  # steps; the next round fits the best one on
 NEAR = 0.4  # of what matters, from which a trial is fitted again
 RIVAL = 0.2  # of the best gain, below which a trial is no rival
@@ -213,8 +215,23 @@ def all_polished(
         near = trial.gain > max(NEAR * needed.get(trial.effect, 0.0), RIVAL * best)
         fitted = trial.fitted is not base
         again = fitted and near and rank < POLISHED and not stop()
-        out.append(polished(problem, base, trial) if again else trial)
+        found = polished(problem, base, trial) if again else trial
+        if again and rank < RESTARTED and base.overdispersion > FAR:
+            other = _restarted(problem, base, found)
+            found = other if other.gain > found.gain else found
+        out.append(found)
     return sorted(out, key=lambda t: -t.gain)
+
+
+def _restarted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
+    """The trial fitted from its plain size: a nominal model bent far by the effect hides its way."""
+    plain = {
+        c.name: c.scale if c.start == 0.0 else c.start
+        for c in own(library()[trial.effect])
+        if not c.name.endswith(".t")
+    }
+    begun = Trial(trial.effect, trial.model, replace(trial.fitted, x={**trial.fitted.x, **plain}), trial.gain)
+    return polished(problem, base, begun)
 
 
 def polished(problem: Problem, base: Fitted, trial: Trial) -> Trial:

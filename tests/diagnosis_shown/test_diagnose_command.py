@@ -109,6 +109,11 @@ def test_a_model_that_cannot_be_used_ends_with_a_sentence(
 
 @pytest.mark.parametrize(("arguments", "words"), [
     (("--only", "tyre_relax"), "there is no effect 'tyre_relax'; did you mean tyre_relaxation?"),
+    (("--only", ""), "'' names nothing"),
+    (("--only", "roll_dof,tyre_slip"), "can be missing from the roll-yaw baseline"),
+    (("--only", "roll_steer", "--baseline", "kinematic"), "no candidate is left to try: nothing of roll_steer"),
+    (("--time-limit", "nan"), "the time limit is nan s; give a time above 0"),
+    (("--time-limit", "inf"), "the time limit is inf s; give a time above 0"),
     (("--only", "foo"), "there is no effect 'foo'; there are "),
     (("--hold-out", NOMINAL), "is a folder; give the path of a .BIN, .tlog or .csv in it"),
     (("--only", "servo_lag", "--without", "servo_lag"), "no candidate is left"),

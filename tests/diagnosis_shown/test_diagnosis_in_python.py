@@ -54,6 +54,12 @@ def test_mistakes_end_with_a_sentence(engine: Engine, runs: rs.Runs, tmp_path: P
         rs.diagnose(rs.read(NOMINAL / "run4.BIN"))
     with pytest.raises(rs.UsageError, match="no baseline 'tricycle'"):
         rs.diagnose(runs, baseline="tricycle")
+    for limit in (float("nan"), float("inf"), -1, 0, "a", True):
+        with pytest.raises(rs.UsageError, match="the time limit is .* leave it out for none"):
+            rs.diagnose(runs, time_limit=limit)  # type: ignore[arg-type]
+    with pytest.raises(rs.UsageError, match="can be missing from the bicycle baseline"):
+        rs.diagnose(runs, baseline="bicycle", only="tyre_slip")
+    assert rs.diagnose(runs, baseline="bicycle", only="roll_dof") and engine.given
     with pytest.raises(rs.UsageError, match="is no saved result"):
         (tmp_path / "x.json").write_text("{}")
         rs.load_diagnosis(tmp_path / "x.json")
