@@ -90,7 +90,10 @@ def diagnose(
     found until then. progress is called with what is being done and the share done, 0..1. seed: of the
     bootstrap. Raises UsageError for what cannot be asked; refused data are an answer with that verdict.
     """
-    if not isinstance(runs, Runs) or runs.vehicle is None:
+    if not isinstance(runs, Runs):
+        kind = type(runs).__name__
+        raise UsageError(f'the first argument ({kind}) is no runs: rs.read(..., vehicle="rover.toml")')
+    if runs.vehicle is None:
         raise UsageError('the vehicle is not known: rs.read(..., vehicle="rover.toml")')
     if not len(runs):
         raise UsageError("there is no run to diagnose")
@@ -99,6 +102,8 @@ def diagnose(
     if model is not None and simulated:
         raise UsageError("model and simulated are two simulations; give one of them")
     limit = time_limit_of(time_limit)
+    _refuse_no_runs("held_out", held_out)
+    _refuse_no_runs("simulated", simulated)
     name, values = nominal_of(Path(model), baseline) if model is not None else (baseline or "roll-yaw", {})
     chosen, left_out = candidates_left(_listed(only), _listed(without), None if simulated else name)
     settings = DiagnosisSettings(name, chosen, left_out, limit, seed, values)
@@ -106,6 +111,11 @@ def diagnose(
     found = diagnosed(given, runs.vehicle, settings, progress, stop)
     made = provenance(runs.vehicle, runs.vehicle_file, given.held_out, "", datetime.now().astimezone())
     return _full(found, given.origin(made, settings))
+
+
+def _refuse_no_runs(name: str, given: object) -> None:
+    if not isinstance(given, Sequence) or not all(isinstance(run, Recording) for run in given):
+        raise UsageError(f"{name} ({type(given).__name__}) is no sequence of runs; give rs.read(...)")
 
 
 def _full(found: Diagnosis, origin: DiagnosisOrigin) -> FullDiagnosis:

@@ -65,16 +65,20 @@ def simulate(model: AugmentedModel | Diagnosis | ModelResult, run: Recording) ->
     a diagnosis without a model, DataRefused for a run without steering or speed.
     """
     found = model_of(model) if isinstance(model, Diagnosis) else model
+    if not isinstance(found, AugmentedModel | ModelResult):
+        kind = type(model).__name__
+        raise UsageError(f"the first argument ({kind}) is no model; give a diagnosis or its model")
+    if not isinstance(run, Recording):
+        kind = type(run).__name__
+        raise UsageError(f"the second argument ({kind}) is no recorded run; give one of rs.read(...)")
     experiment = _experiment(run, found)
     from rover_sweep.diagnosis.problem import centred
 
     if isinstance(found, AugmentedModel):
         signals = _augmented(found, experiment)
         name = found.name
-    elif isinstance(found, ModelResult):
-        signals, name = _linear(found, experiment, run), found.fit.structure.name
     else:
-        raise UsageError(f"a {type(model).__name__} is no model to simulate; give a diagnosis or its model")
+        signals, name = _linear(found, experiment, run), found.fit.structure.name
     return Simulation(run.name, name, experiment.begin + experiment.t, signals, centred(experiment))
 
 
