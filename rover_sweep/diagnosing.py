@@ -60,9 +60,14 @@ def material(
         fitted, kept = doublets_apart(runs)
     refuse_overlap(fitted, kept)
     for run in simulated:
-        if any(run.sources and run.sources == other.sources for other in (*fitted, *kept)):
+        if any(_of_one_file(run, other) for other in (*fitted, *kept)):
             raise UsageError(f"{run.name} is both the recording and the simulation; simulate it first")
     return Material(fitted, kept, tuple(simulated))
+
+
+def _of_one_file(one: Recording, two: Recording) -> bool:
+    """Do they share a file, whatever its name."""
+    return bool({digest for _, digest in one.sources} & {digest for _, digest in two.sources})
 
 
 def diagnosed(

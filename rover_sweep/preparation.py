@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, product
 from typing import Any
+
+import numpy as np
 
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.geometry import Geometry
@@ -173,11 +176,31 @@ def _check_inputs(names: Sequence[str], runs: Sequence[Recording]) -> None:
 
 
 def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> None:
-    """UsageError where a run would be its own judge, or counted twice."""
-    seen = [(s.sources, s.span) for s in sweeps]
-    twice = [s.name for i, s in enumerate(sweeps) if s.sources and seen[i] in seen[:i]]
-    if twice:
-        raise UsageError(f"{twice[0]} is given twice, which would count its noise as known; give it once")
-    same = [c.name for c in checks for s in sweeps if c.sources == s.sources and c.span == s.span]
-    if same:
-        raise UsageError(f"{same[0]} is both identified from and verified on; verify on another run")
+    """UsageError where a run would be its own judge, or counted twice; a copy of a file is that file."""
+    for group in (sweeps, checks):
+        for one, two in combinations(group, 2):
+            if same_recording(one, two):
+                told = "is given twice" if one.name == two.name else f"is the same recording as {one.name}"
+                raise UsageError(f"{two.name} {told}, which would count its noise as known; give it once")
+    for sweep, check in product(sweeps, checks):
+        if same_recording(sweep, check):
+            copied = "" if sweep.name == check.name else f" (it is the same recording as {sweep.name})"
+            raise UsageError(
+                f"{check.name} is both identified from and verified on{copied}; verify on another run"
+            )
+
+
+def same_recording(one: Recording, two: Recording) -> bool:
+    """Are both the same run of the same file, whatever its name; a pair counts as each of its logs.
+
+    Told by the files' SHA-256. Runs of one file are told apart by their time, and by their yaw rate where
+    a file joins trials whose clocks begin anew.
+    """
+    first, second = ({digest for _, digest in run.sources} for run in (one, two))
+    if not first & second:
+        return False
+    if first == second:
+        return one.span == two.span and np.array_equal(one["r"].x, two["r"].x)
+    shared = min(one.span[1], two.span[1]) - max(one.span[0], two.span[0])
+    nested = first < second or second < first
+    return nested and shared > 0.5 * min(run.span[1] - run.span[0] for run in (one, two))

@@ -105,7 +105,7 @@ def plan(
     from rover_sweep.diagnosing import effects_named
     from rover_sweep.diagnosis.plan_types import PlannedRun
     from rover_sweep.planning import as_planned, merged, planned
-    from rover_sweep.preparation import Reading, load
+    from rover_sweep.preparation import Reading, load, refuse_overlap
     from rover_sweep.vehicle_file import load as load_vehicle
 
     wanted = effects_named(want)
@@ -113,6 +113,7 @@ def plan(
     vehicle.steering()  # refuses in words before anything is read
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
     driven = load(have, vehicle, reading) if have else ()
+    refuse_overlap(driven, ())
     blocks = [PlannedRun("servo_test", amplitude, 0.0) for amplitude in servo_test]
     runs = merged(
         [*(as_planned(run, vehicle) for run in driven), *sweep, *doublet, *bias_sweep, *multisine, *blocks]

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from fabricated_diagnoses import EXPLAINED, NONE, REFUSED
 from fabricated_engine import Engine, Told
 
 from rover_sweep.errors import DataRefused
+from rover_sweep.logs.read import read_runs
+from rover_sweep.preparation import same_recording
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
@@ -126,6 +129,28 @@ def test_mistakes_end_with_a_sentence(
 ) -> None:
     code, out, err = asked(SWEEP, *arguments)
     assert code == 2 and words in err and not out and not engine.given
+
+
+def test_a_copy_of_a_recording_is_that_recording(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+    copy, doublet = tmp_path / "other.BIN", tmp_path / "judge.BIN"
+    copy.write_bytes(SWEEP.read_bytes())
+    doublet.write_bytes(DOUBLET.read_bytes())
+    for arguments, words in (
+        ((SWEEP, copy), "other is the same recording as run1, which would count its noise as known"),
+        ((SWEEP, "--hold-out", copy), "verified on (it is the same recording as run1); verify on another"),
+        ((SWEEP, "--hold-out", DOUBLET, "--hold-out", doublet), "judge is the same recording as run4"),
+        ((SWEEP, "--simulation", copy), "other is both the recording and the simulation"),
+    ):
+        code, _, err = asked(*arguments)
+        assert code == 2 and words in err and not engine.given
+
+
+def test_runs_of_one_file_stand_apart_and_a_pair_is_each_of_its_logs() -> None:
+    run = read_runs(str(SWEEP))[0]
+    later = replace(run, span=(run.span[1] + 1.0, run.span[1] + 9.0))
+    pair = replace(run, sources=(*run.sources, ("run1.tlog", "0" * 64)))
+    assert not same_recording(run, later) and same_recording(run, pair)
+    assert not same_recording(pair, later) and not same_recording(run, replace(run, sources=()))
 
 
 def test_ctrl_c_once_ends_with_what_is_there(engine: Engine, asked: Tell, tmp_path: Path) -> None:
