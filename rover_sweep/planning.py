@@ -31,16 +31,32 @@ def planned(
     """What these runs can tell apart, of all effects or of the wanted ones, and which runs to add.
 
     driven: the recordings of those runs that have a name. UsageError for a vehicle file without steering,
-    since an amplitude is then no angle.
+    since an amplitude is then no angle, and where nothing of what is wanted can be missing.
     """
     from rover_sweep.diagnosis.experiment import experiment
     from rover_sweep.diagnosis.plan import plan
 
     _, rad_per_us = vehicle.steering()
+    _refuse_nothing_wanted(wanted, vehicle)
     return plan(
         tuple(runs), geometry_of(vehicle), abs(rad_per_us), limits_of(vehicle), tuple(wanted),
         spread_of(vehicle.material), {run.name: experiment(run) for run in driven}, progress,
     )  # fmt: skip
+
+
+def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
+    """UsageError where no run could show any of the wanted effects beside the plan's baseline."""
+    from rover_sweep.diagnosis.plan_sets import Planner
+
+    geometry, (_, rad_per_us) = geometry_of(vehicle), vehicle.steering()
+    planner = Planner(
+        geometry, abs(rad_per_us), wanted, spread_of(vehicle.material), {}, lambda what, share: None
+    )
+    if wanted and not planner.asked:
+        raise UsageError(
+            f"no run can show {', '.join(wanted)} beside the {planner.model.baseline} model that the plan is "
+            f"about; want others, of {', '.join(effect.id for effect in planner.effects)}"
+        )
 
 
 def limits_of(vehicle: Vehicle) -> Limits:
