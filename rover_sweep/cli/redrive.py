@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +18,8 @@ if TYPE_CHECKING:
 
     from rover_sweep.identify.recording import Recording
     from rover_sweep.logs.log import Log
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 @click.command()
@@ -55,17 +61,35 @@ def redrive(
     console.print(
         f"{simulator}, {described(parameters, variant, rover_file)}", highlight=False, soft_wrap=True
     )
-    if simulator == "plant":
-        from sitl.redrive.open_loop import redrive as drive
+    with _made_whole(target) as made:
+        if simulator == "plant":
+            from sitl.redrive.open_loop import redrive as drive
 
-        drive(course, on_the_clock(parameters, runs), target, seed)
-    else:
-        from rover_sweep.redrive.played import played
+            drive(course, on_the_clock(parameters, runs), made, seed)
+        else:
+            from rover_sweep.redrive.played import played
 
-        binary = Path(ardurover) if ardurover else None
-        for line in played(course, parameters, target, simulator, binary, seed):
-            console.print(line, soft_wrap=True, markup=False)
+            binary = Path(ardurover) if ardurover else None
+            for line in played(course, parameters, made, simulator, binary, seed):
+                console.print(line, soft_wrap=True, markup=False)
     _tell(runs, target)
+
+
+@contextmanager
+def _made_whole(target: Path) -> Iterator[Path]:
+    """Where to write the recording; it is put at the target whole or, with a UsageError, not at all."""
+    from rover_sweep.report.files import write_file
+
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            yield Path(folder) / target.name
+            data = (Path(folder) / target.name).read_bytes()
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        where = f"{target} cannot be written: {error.strerror} in {tempfile.gettempdir()}"
+        raise UsageError(f"{where}; make room there, or set TMPDIR to another place") from error
+    write_file(target, data)
 
 
 def _target(out: str, log: str) -> Path:

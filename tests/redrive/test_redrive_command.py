@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -55,6 +58,36 @@ def test_refusals_are_one_sentence_and_leave_nothing(
     told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("rover-sweep: ")]
     assert len(told) == 1 and said in told[0]
     assert not (tmp_path / "again.BIN").exists()
+
+
+@pytest.mark.parametrize("room", [64, 40_000])
+def test_a_full_disk_is_one_sentence_and_leaves_nothing(data: Path, tmp_path: Path, room: int) -> None:
+    """No file may grow beyond `room` bytes."""
+    program = (
+        "import resource, sys\n"
+        "from rover_sweep.cli.main import run\n"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))\n"
+        "sys.exit(run(sys.argv[1:]))"
+    )
+    out = tmp_path / "out" / "again.BIN"
+    out.parent.mkdir()
+    given = ["redrive", str(data / RUN), "--out", str(out)]
+    ended = subprocess.run([sys.executable, "-c", program, *given], capture_output=True, text=True)
+    assert ended.returncode == 2 and "Traceback" not in ended.stderr
+    assert f"{out} cannot be written: " in ended.stderr.splitlines()[-1]
+    assert not list(out.parent.iterdir())
+
+
+def test_the_target_is_written_whole_or_not_at_all(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("rover_sweep.report.files.os.replace", full)
+    assert run(["redrive", str(data / RUN), "--out", str(tmp_path / "again.BIN")]) == 2
+    assert "again.BIN cannot be written: No space left on device" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_says_whose_numbers_it_takes(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
