@@ -19,6 +19,7 @@ The sprung mass' pitch and yaw inertia are taken as equal, so Izz does not chang
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import ceil, cos, hypot, sin, sqrt
 
 from sitl.axles import GRAVITY, STICTION_SPEED, Axles
@@ -34,6 +35,7 @@ from sitl.tyre import LOW_SPEED
 __all__ = ["GRAVITY", "Plant", "PlantParameters", "PlantState", "load_variant", "variant_names"]
 
 _LEVEL = (0.0, 0.0)
+_STIFFEST = 5e4  # 1/s, fastest pole at 1 m/s: some 200 sub-steps of 2.5 ms
 _STEP_LIMIT = 0.6  # step times fastest tyre pole that the midpoint rule is used up to
 
 
@@ -97,6 +99,7 @@ class Plant:
         forward, right, down = parameters.imu_position
         self._imu = (forward, -right, parameters.cg_height_above_roll_centre - down)
         self._tyre_pole, self._roll_pole = _fast_poles(parameters)
+        _refuse_stiff(parameters, self._tyre_pole, self._roll_pole)
         sh = parameters.sprung_mass * parameters.cg_height_above_roll_centre
         self._lean = sh / (parameters.roll_stiffness - sh * GRAVITY)  # rad per m/s2 that is felt, standing
         self._upright = 1e-3 + (abs(self._lean * self._slope.steepest) if self._slope else 0.0)
@@ -259,3 +262,22 @@ def _fast_poles(q: PlantParameters) -> tuple[float, float]:
     roll = q.roll_damping / light_roll + sqrt(q.roll_stiffness / light_roll)
     stiffer = max(1.0, number(q.effects, "surface_change", "ratio", 1.0))
     return stiffer * (lateral + yaw), roll + friction_pole(q.effects, light_roll)
+
+
+def _refuse_stiff(q: PlantParameters, tyre_pole: float, roll_pole: float) -> None:
+    """ValueError for a rover so stiff that stepping through its motion would take for ever."""
+    pole = tyre_pole / 1.0 + roll_pole  # at 1 m/s
+    if pole <= _STIFFEST:
+        return
+    rest = tyre_pole / 1.0 + _fast_poles(replace(q, effects={}))[1]
+    if rest < _STIFFEST and "suspension_friction" in q.effects:
+        torque = number(q.effects, "suspension_friction", "T")
+        most = torque * (_STIFFEST - rest) / (pole - rest)
+        raise ValueError(
+            f"suspension_friction: T = {torque:g} N m must be at most {most:.2g} N m for a rover with this "
+            "roll inertia"
+        )
+    raise ValueError(
+        f"tyres or suspension are too stiff to simulate: they answer at {pole:.2g} 1/s, which must be at "
+        f"most {_STIFFEST:g} 1/s; give less stiffness or damping, or more inertia"
+    )

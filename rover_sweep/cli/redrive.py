@@ -65,7 +65,10 @@ def redrive(
         if simulator == "plant":
             from sitl.redrive.open_loop import redrive as drive
 
-            drive(course, on_the_clock(parameters, runs), made, seed)
+            try:
+                drive(course, on_the_clock(parameters, runs), made, seed)
+            except ValueError as error:  # the rover overturns
+                raise UsageError(str(error)) from error
         else:
             from rover_sweep.redrive.played import played
 

@@ -11,6 +11,7 @@ from rover_sweep.errors import UsageError
 from rover_sweep.identify.recording import Recording
 from rover_sweep.vehicle_file import Vehicle, load
 from sitl.parameters import PlantParameters, load_variant
+from sitl.plant import Plant
 
 _MEASURED = (
     "mass",
@@ -29,7 +30,9 @@ def simulated_rover(variant: str, rover_file: str | None) -> PlantParameters:
     """The parameters to simulate. UsageError where the variant or the file cannot be used."""
     try:
         parameters = load_variant(_path(variant))
-        return parameters if rover_file is None else _as_measured(parameters, load(rover_file))
+        parameters = parameters if rover_file is None else _as_measured(parameters, load(rover_file))
+        Plant(parameters)  # refuses numbers that are sane one by one and no rover together
+        return parameters
     except ValueError as error:
         raise UsageError(str(error)) from error
 

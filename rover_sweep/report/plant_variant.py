@@ -19,7 +19,7 @@ NEAR_NOTHING = 1e-9
 AS_NUMBERS = {"tyre_slip", "roll_dof", "front_rear_stiffness"}  # effects that are numbers of every plant
 SAME_NUMBER = {"servo_lag": "servo_lag", "transport_delay": "servo_delay", "velocity_lag": "velocity_lag",
                "servo_rate_limit": "servo_rate_limit"}  # fmt: skip
-ABSENT = 1e8  # from which a limit or a cut-off is none
+ABSENT = 1e5  # from which a limit or a cut-off is none
 
 Value = float | str | tuple[float, float, float]
 

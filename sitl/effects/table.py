@@ -51,41 +51,71 @@ DEAD = ("error", "command")
 
 @dataclass(frozen=True)
 class Rule:
-    """A parameter: the least value (excluded where `above`), and whether it may be left out."""
+    """A parameter: least value (excluded where `above`), largest, unit, and whether it may be left out."""
 
-    low: float = -math.inf
+    low: float
+    high: float
+    unit: str = ""
     above: bool = False
     optional: bool = False
 
+    @property
+    def words(self) -> str:
+        """The range in words."""
+        if self.low < 0.0:
+            return f"lie between {self.low:g} and {self.high:g}{self.unit}"
+        least = "greater than" if self.above else "at least"
+        return f"be {least} {self.low:g} and at most {self.high:g}{self.unit}"
 
-_ANY, _SIZE, _POSITIVE = Rule(), Rule(0.0), Rule(0.0, above=True)
-_PERHAPS, _PERHAPS_POSITIVE = Rule(optional=True), Rule(0.0, above=True, optional=True)
+
+def _either(high: float, unit: str = "", optional: bool = False) -> Rule:
+    """Of either sign."""
+    return Rule(-high, high, unit, optional=optional)
+
+
+def _size(high: float, unit: str = "") -> Rule:
+    """0 or more."""
+    return Rule(0.0, high, unit)
+
+
+def _positive(high: float, unit: str = "", optional: bool = False) -> Rule:
+    """More than 0."""
+    return Rule(0.0, high, unit, above=True, optional=optional)
+
+
+# Largest values: no wheeled vehicle has more, and all that a diagnosis may find lies within. A rate limit, a
+# friction or a cut-off of 1e5 limits nothing any more.
+_UNLIMITED, _LATE = 1e5, 2.0
 
 PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
-    "servo_lag": {"T": _SIZE},
-    "servo_rate_limit": {"R": _POSITIVE},
-    "steering_deadband": {"w": _SIZE},
-    "steering_backlash": {"b": _SIZE},
-    "steering_nonlinearity": {"c3": _ANY},
-    "steering_asymmetry": {"e": _ANY},
-    "steering_trim": {"u0": _ANY},
-    "transport_delay": {"T": _SIZE},
-    "clock_offset": {"T": _ANY},
-    "tyre_relaxation": {"sigma": _SIZE},
-    "tyre_saturation": {"mu": _POSITIVE},
-    "load_transfer": {"k": _ANY},
-    "front_rear_stiffness": {"ratio": _POSITIVE},
-    "tyre_slip": {"C": _POSITIVE, "Izz": _POSITIVE},
-    "roll_dof": {"k_phi": _POSITIVE, "b_phi": _SIZE},
-    "roll_steer": {"e": _ANY},
-    "suspension_friction": {"T": _SIZE},
-    "speed_variation": {"D": _SIZE},
-    "imu_offset": {"x": _PERHAPS, "z": _PERHAPS},
-    "imu_tilt": {"roll": _PERHAPS, "pitch": _PERHAPS, "yaw": _PERHAPS},
-    "sensor_filter": {"gyro_hz": _PERHAPS_POSITIVE, "accel_hz": _PERHAPS_POSITIVE},
-    "velocity_lag": {"T": _SIZE},
-    "surface_change": {"ratio": _POSITIVE, "t": _PERHAPS, "distance": Rule(0.0, optional=True)},
-    "cross_slope": {"b": _ANY, "psi0": _ANY},
+    "servo_lag": {"T": _size(_LATE, " s")},
+    "servo_rate_limit": {"R": _positive(_UNLIMITED, " rad/s")},
+    "steering_deadband": {"w": _size(1.0, " rad")},
+    "steering_backlash": {"b": _size(1.0, " rad")},
+    "steering_nonlinearity": {"c3": _either(30.0, " 1/rad2")},
+    "steering_asymmetry": {"e": _either(1.0)},
+    "steering_trim": {"u0": _either(1.0, " rad")},
+    "transport_delay": {"T": _size(_LATE, " s")},
+    "clock_offset": {"T": _either(_LATE, " s")},
+    "tyre_relaxation": {"sigma": _size(10.0, " m")},
+    "tyre_saturation": {"mu": _positive(_UNLIMITED)},
+    "load_transfer": {"k": _either(10.0)},
+    "front_rear_stiffness": {"ratio": _positive(20.0)},
+    "tyre_slip": {"C": _positive(1e6, " N/rad"), "Izz": _positive(1e5, " kg m2")},
+    "roll_dof": {"k_phi": _positive(1e6, " N m/rad"), "b_phi": _size(1e5, " N m s/rad")},
+    "roll_steer": {"e": _either(5.0, " rad/rad")},
+    "suspension_friction": {"T": _size(1e3, " N m")},
+    "speed_variation": {"D": _size(5.0, " s/m")},
+    "imu_offset": {"x": _either(5.0, " m", optional=True), "z": _either(5.0, " m", optional=True)},
+    "imu_tilt": {name: _either(1.6, " rad", optional=True) for name in ("roll", "pitch", "yaw")},
+    "sensor_filter": {name: _positive(_UNLIMITED, " Hz", optional=True) for name in ("gyro_hz", "accel_hz")},
+    "velocity_lag": {"T": _size(_LATE, " s")},
+    "surface_change": {
+        "ratio": _positive(20.0),
+        "t": _either(1e5, " s", optional=True),
+        "distance": Rule(0.0, 1e6, " m", optional=True),
+    },
+    "cross_slope": {"b": _either(0.6, " rad"), "psi0": _either(6.3, " rad")},
 }
 _TEXTS = {"clock_offset": ("stream",), "surface_change": ("run",), "steering_deadband": ("of",)}
 
@@ -151,10 +181,8 @@ def _text(value: object, name: str, place: str) -> str:
 def _value(value: object, name: str, rule: Rule, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise ValueError(f"{place}: {name} = {value!r} must be a finite number")
-    if value < rule.low or (rule.above and value == rule.low):
-        raise ValueError(
-            f"{place}: {name} = {value} must be {'greater than' if rule.above else 'at least'} 0"
-        )
+    if not rule.low <= value <= rule.high or (rule.above and value == rule.low):
+        raise ValueError(f"{place}: {name} = {value} must {rule.words}")
     return float(value)
 
 

@@ -17,6 +17,7 @@ from sitl.redrive.speed import SpeedFollower
 from sitl.sensors import Sensors
 
 PHYSICS_S = 0.0025  # longest step of the plant
+LARGEST_ROLL, FASTEST_YAW = 1.5, 30.0  # rad, rad/s: beyond, the wheels are off the ground
 OUTPUTS_S = 0.1  # between two RCOU, as ArduRover logs them
 FACTORY_GYRO_HZ, FACTORY_ACCEL_HZ = 4.0, 10.0
 
@@ -30,7 +31,8 @@ def redrive(
 ) -> Array:
     """Drives the course and writes the log to `out`, on the clock of the course.
 
-    Returns the simulated speed (n,) m/s at the loops. `told` hears of the progress, 0 to 1.
+    Returns the simulated speed (n,) m/s at the loops. `told` hears of the progress, 0 to 1. ValueError where
+    the rover overturns.
     """
     with tempfile.TemporaryDirectory() as folder:
         log = FlightLog(Path(folder), course.parameters, parameters.effects)
@@ -71,11 +73,22 @@ def _drive(
         while row is not None and row[0] <= end:
             log.applet(*row, sensors)
             row = next(rows, None)
+        _refuse_overturned(plant, end - float(course.t[0]))
         log.loop(end, sensors)
         speeds[k + 1] = plant.state.vx
         if k % 1000 == 0:
             told(k / course.t.size)
     return speeds
+
+
+def _refuse_overturned(plant: Plant, after: float) -> None:
+    """ValueError where the physics asked for are no longer those of a rover on its wheels."""
+    roll, yaw_rate = plant.state.phi, plant.state.r
+    if not (abs(roll) < LARGEST_ROLL and abs(yaw_rate) < FASTEST_YAW):
+        raise ValueError(
+            f"the simulated rover overturns or spins {after:.1f} s into the drive (roll {roll:.3g} rad, yaw "
+            f"rate {yaw_rate:.3g} rad/s); give it smaller effects, or numbers of a rover that holds the road"
+        )
 
 
 def _applet_rows(course: Course) -> Iterator[tuple[float, float, float, float, float]]:

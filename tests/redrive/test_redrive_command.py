@@ -33,6 +33,16 @@ RUN = "ardurover-4.6.3/applet/run2.BIN"
             2,
             "surface_change at a time cannot be placed on the clock of --vehicle embedded",
         ),
+        (
+            ("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/rub.toml"),
+            2,
+            "suspension_friction: T = 100 N m must be at most 3.3 N m",
+        ),
+        (
+            ("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/spin.toml"),
+            2,
+            "the simulated rover overturns or spins",
+        ),
         (("{tmp}/old.BIN", "--out", "{tmp}/again.BIN"), 3, "is empty"),
         (
             ("{log}", "--out", "{tmp}/again.BIN", "--vehicle", "ardurover", "--ardurover", "{tmp}/no"),
@@ -53,6 +63,9 @@ def test_refusals_are_one_sentence_and_leave_nothing(
     (tmp_path / "bad.toml").write_text('base = "nominal"\n[effects]\nslack = { b = 1 }\n')
     ice = 'base = "nominal"\n[effects]\nsurface_change = { ratio = 0.5, t = 3 }\n'
     (tmp_path / "ice.toml").write_text(ice)
+    (tmp_path / "rub.toml").write_text('base = "nominal"\n[effects]\nsuspension_friction = { T = 100 }\n')
+    slips = "yaw_inertia = 1e-6\nfront_cornering_stiffness = 1e-3\nrear_cornering_stiffness = 1e-3\n"
+    (tmp_path / "spin.toml").write_text(f'base = "nominal"\n{slips}')
     given = [a.format(log=data / RUN, tmp=tmp_path) for a in arguments]
     assert run(["redrive", *given]) == code
     told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("rover-sweep: ")]

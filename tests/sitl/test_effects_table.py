@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 
 import pytest
 
+from rover_sweep.identify.effects import library
 from sitl.effects.nominal import resolved
 from sitl.effects.table import PARAMETERS
 from sitl.parameters import PlantParameters, load_variant, variant_names
@@ -75,6 +77,10 @@ def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) ->
         ("steering_backlash = { b = -0.1 }", "b = -0.1 must be at least 0"),
         ("servo_rate_limit = { R = 0 }", "R = 0 must be greater than 0"),
         ("servo_rate_limit = { R = inf }", "R = inf must be a finite number"),
+        ("imu_tilt = { roll = 9 }", "roll = 9 must lie between -1.6 and 1.6 rad"),
+        ("steering_nonlinearity = { c3 = -1e6 }", "c3 = -1000000.0 must lie between -30 and 30 1/rad2"),
+        ("transport_delay = { T = 1e9 }", "T = 1000000000.0 must be at least 0 and at most 2 s"),
+        ("servo_rate_limit = { R = 1e6 }", "R = 1000000.0 must be greater than 0 and at most 100000 rad/s"),
         ("imu_tilt = {}", "imu_tilt is empty: give at least one of roll, pitch, yaw"),
         ("surface_change = { ratio = 0.8 }", r"needs either t \[s\] or distance"),
         ('clock_offset = { T = 0.1, stream = "gyro" }', "stream = 'gyro' must be one of steering, velocity"),
@@ -83,6 +89,15 @@ def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) ->
 def test_a_wrong_effect_is_named(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ValueError, match=f"variant rover.toml: .*{said}"):
         variant(tmp_path, text)
+
+
+def test_all_that_a_diagnosis_may_find_lies_within_the_limits() -> None:
+    for effect in library().values():
+        for p in effect.parameters:
+            if (rule := PARAMETERS[effect.id].get(p.name)) is None or p.form == "ratio" and effect.slots:
+                continue
+            values = [p.value(p.low), p.value(p.high)]
+            assert all(rule.low <= value <= rule.high for value in values if isfinite(value)), (effect.id, p)
 
 
 def test_effects_that_are_numbers_take_their_places_once(tmp_path: Path) -> None:
