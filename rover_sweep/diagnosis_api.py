@@ -128,6 +128,7 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
 
     The latter has neither recordings nor the curves of the pictures. UsageError for a file that is none.
     """
+    from rover_sweep.report.model_of_diagnosis import refuse_insane
     from rover_sweep.saved import loads
 
     path = Path(path) / "diagnosis.json" if Path(path).is_dir() else Path(path)
@@ -143,6 +144,11 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
     found = loads(text, str(path))
     if not isinstance(found, FullDiagnosis):
         raise UsageError(f"{path} holds a {type(found).__name__} and no diagnosis")
+    if found.model is not None:
+        try:
+            refuse_insane(found.model)
+        except (ValueError, TypeError, AttributeError) as error:
+            raise UsageError(f"{path} is damaged ({error}); diagnose again") from error
     return found
 
 

@@ -27,10 +27,15 @@ from rover_sweep.report.model_of_diagnosis import augmented_from
 def read_diagnosis(path: Path) -> Diagnosis:
     """The diagnosis in a file that `diagnose` wrote. UsageError for any other file."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} cannot be read as a diagnosis: {error}") from None
     return diagnosis_from(document, str(path))
+
+
+def _refuse_constant(name: str) -> None:
+    """Python's reader takes NaN and Infinity, which JSON does not have."""
+    raise ValueError(f"{name} is no number of JSON")
 
 
 def diagnosis_from(document: Any, name: str) -> Diagnosis:
@@ -42,7 +47,7 @@ def diagnosis_from(document: Any, name: str) -> Diagnosis:
         raise UsageError(f"{name} has version {found} of the format, this program reads {FORMAT_VERSION}")
     try:
         return _diagnosis(document)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UsageError(f"{name} is damaged ({type(error).__name__}: {error}); diagnose again") from error
 
 

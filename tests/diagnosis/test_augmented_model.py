@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from augmented_models import SPEED, VEHICLE, linear_only, model, recording
 
 import rover_sweep as rs
+from rover_sweep.cli.main import run
+from rover_sweep.diagnosis.augmented import AugmentedModel
 from rover_sweep.diagnosis.experiment import RATE, experiment
 from rover_sweep.diagnosis.linear import left_out, linear
+from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulate import Sensors, logged
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.verify import simulate as linear_simulation
 from rover_sweep.preparation import MODEL_NAMES
+from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
+from rover_sweep.report.diagnosis_write import write_diagnosis
 from rover_sweep.report.export import at_speed
 from rover_sweep.report.export_augmented import exported_augmented
 from rover_sweep.report.export_text import matlab_text, python_text
@@ -71,7 +80,7 @@ def test_small_motion_is_that_of_the_linear_part(case: str) -> None:
         size = max(float(np.sqrt(np.mean(measured[inside] ** 2))), 1e-9)
         error = float(np.sqrt(np.mean((y - measured)[inside] ** 2))) / size
         # the simulation takes a lag's input at the end of each of its steps of 5 ms, half a step early
-        assert error < (0.07 if "vy_lag" in linear(chosen).values else 0.03), (channel, error)
+        assert error < (0.1 if "vy_lag" in linear(chosen).values else 0.03), (channel, error)
 
 
 def _through(fraction: dict[str, list[float]], y: np.ndarray, rate: float) -> np.ndarray:
@@ -112,6 +121,52 @@ def test_the_data_form_keeps_every_model(effect: str) -> None:
     assert (again.x, again.numbers, again.rover) == (dict(whole.x), whole.numbers, whole.rover)
     assert (again.effects, again.steering, again.filters) == (whole.effects, whole.steering, whole.filters)
     assert (again.wait, again.happened_in, again.happened_at) == (0.005, "run 2", 12.5)
+
+
+WRONG: list[tuple[tuple[str, ...], object, str]] = [
+    (("coordinates", "ln_C"), -1e9, "ln_C = -1e+09 does not lie between -20 and 20"),
+    (("coordinates", "lag"), 1e9, "lag = 1e+09 does not lie"),
+    (("coordinates", "tyre_relaxation.sigma"), 40.0, "tyre_relaxation.sigma = 40 does not lie"),
+    (("coordinates", "ln_Izz"), float("nan"), "NaN is no number of JSON"),
+    (("known", "mass"), -1e9, "known mass = -1e+09 does not lie"),
+    (("known", "sprung_mass"), 0.0, "known sprung_mass = 0 must be above 0"),
+    (("known", "h"), "high", "known h = 'high' is no number"),
+    (("known", "h"), float("inf"), "Infinity is no number of JSON"),
+    (("speed_m_s",), -2.0, "speed_m_s = -2 must be above 0"),
+    (("steering", "rad_per_us"), 1e9, "rad_per_us = 1e+09 does not lie"),
+    (("filters", "r", "cutoff_hz"), None, "cutoff_hz of r = None is no number"),
+    (("baseline",), "tricycle", "there is no baseline 'tricycle'"),
+]
+
+
+@pytest.mark.parametrize(("place", "value", "said"), WRONG)
+def test_numbers_that_no_fit_ends_with_are_named(
+    place: tuple[str, ...], value: object, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = Diagnosis("none", "nothing is left out", "roll-yaw", model=model("tyre_relaxation"))
+    file = write_diagnosis(found, tmp_path, DiagnosisOrigin()).document
+    document: Any = json.loads(file.read_text())
+    entry = document["model"]
+    for key in place[:-1]:
+        entry = entry[key]
+    assert place[-1] in entry and run(["export", str(file)]) == 0
+    entry[place[-1]] = value
+    file.write_text(json.dumps(document))
+    for form in ([], ["--plant"]):
+        capsys.readouterr()
+        assert run(["export", str(file), *form]) in (2, 3)
+        told = capsys.readouterr()
+        assert said in told.err and not told.out and len(told.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("changed", [lambda m: replace(m, x={**m.x, "ln_C": float("nan")}),
+                                     lambda m: replace(m, rover=replace(m.rover, a=0.0))])  # fmt: skip
+def test_a_saved_diagnosis_is_looked_at_as_well(
+    changed: Callable[[AugmentedModel], AugmentedModel], tmp_path: Path
+) -> None:
+    found = rs.FullDiagnosis("none", "nothing", "roll-yaw", model=changed(model()))
+    with pytest.raises(rs.UsageError, match=re.escape("found.json is damaged (")):
+        rs.load_diagnosis(found.save(tmp_path / "found.json"))
 
 
 def test_a_run_without_a_vehicle_file_is_simulated_by_the_numbers_of_the_diagnosis() -> None:
