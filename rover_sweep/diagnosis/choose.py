@@ -202,7 +202,7 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
             removed |= {*current.model.effects} - {*effects}
             fewer = replace(current.model, effects=effects)
             current = round_of(runs, fewer, current.fitted.x, options, near=True)
-        if named and _explains_little(first, current, ASTRAY):
+        if named and best.effect not in WHOLE and _explains_little(first, current, ASTRAY):
             break
     stopped = options.stop()
     if stopped and not named and (found := current.significant()):  # what there is, as it was fitted
@@ -214,9 +214,11 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
 
 
 def _explains_little(first: Round, last: Round, share: float = LEFT) -> bool:
-    """True where much is left in a channel, and more than a share of all that there was."""
-    before, after = (sum(m - 1.0 for m in r.mean_squares.values()) for r in (first, last))
-    return max(last.mean_squares.values()) > LOUD and after > share * before
+    """True where much is left, and in no channel less than a share of what stood out there."""
+    before, after = first.mean_squares, last.mean_squares
+    loud = [c for c, m in before.items() if m > LOUD]
+    much = max(after.values()) > LOUD
+    return much and all(after[c] - 1.0 > share * (before[c] - 1.0) for c in loud)
 
 
 def _rival(trial: Trial, best: Trial) -> bool:

