@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 STEERING, THROTTLE, THRUST_LEFT, THRUST_RIGHT = 26, 70, 73, 74  # SERVOn_FUNCTION (ArduRover 4.6 parameters)
 FAR, FAR_STEPS = 0.1, 10.0  # s, and sampling intervals, from the neighbouring stamps: the stamp is damaged
 DISORDER = 1.0  # s that a stamp may be early or late among its neighbours, as over a radio link
+ODD = 2  # stamps that may be so in any log: a stream that pauses at its beginning or end
 DISORDER_LIMIT = 0.01  # share of stamps beyond that which no recording of one drive has
 DUPLICATES_TOLD = 0.005  # share of samples with a repeated or damaged stamp that is worth telling
 GYRO_FACTORY_HZ, ACCEL_FACTORY_HZ = 4.0, 10.0  # INS_GYRO_FILTER, INS_ACCEL_FILTER of Rover as delivered
@@ -163,7 +164,7 @@ def refuse_disorder(name: str, stamps: Mapping[str, Array]) -> None:
         rest = t[~lone]
         behind = np.maximum.accumulate(rest) - rest if rest.size else rest
         count = int(lone.sum() + np.sum(behind > DISORDER))
-        if count > DISORDER_LIMIT * t.size:
+        if count > max(ODD, DISORDER_LIMIT * t.size):
             raise DataRefused(
                 f"{name}: {count} of {t.size} times of {message} are out of order, by up to "
                 f"{float(np.max(behind, initial=0.0)):.3g} s: damaged, or several drives in one file "
