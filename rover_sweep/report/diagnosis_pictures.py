@@ -18,8 +18,9 @@ OVERLAY = (
     "floor."
 )
 SCORES = (
-    "What each candidate alone would take off the misfit (first round, without a refit). Look-alikes score "
-    "alike; the named ones are those that the whole search kept."
+    "What each candidate alone would take off the misfit of the model without effects. An effect is in part "
+    "followed by others, so more than the named ones stand over chance; the named are those that the whole "
+    "search kept."
 )
 
 

@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.report.picture_style import WIDTH
 
+LEAST = 1.0  # of the noise's variance: a smaller gain is none
 NAMED, ALIKE, OTHER = "#D55E00", "#56B4E9", "#BDBDBD"
 
 
@@ -33,10 +34,11 @@ def scores(found: Diagnosis) -> Figure:
     axes.set_ylim(-0.6, len(order) - 0.4)
     axes.grid(axis="y", visible=False)
     top = max(values, default=0.0)
-    axes.set_xlim(0, 1.12 * top or 1.0)
+    axes.set_xscale("log")  # a true effect stands thousands of times over chance, a weak one ten times
+    axes.set_xlim(LEAST, max(4 * top, 100.0))
     for k, value in enumerate(values):
-        axes.text(value + 0.008 * (top or 1.0), k, _gain(value), va="center", fontsize=8.5)
-    axes.set_xlabel("gain: drop of the whitened cost")
+        axes.text(1.08 * max(value, LEAST), k, _gain(value), va="center", fontsize=8.5)
+    axes.set_xlabel("gain: squares of the noise that it explains")
     _threshold(found, axes)
     keys: list[Artist] = [Patch(facecolor=NAMED, label="named")] if named else []
     keys += [Patch(facecolor=ALIKE, hatch="//", edgecolor="white", label="look-alike")] if alike else []
