@@ -25,7 +25,7 @@ def scores(found: Diagnosis) -> Figure:
     height = 0.75 + 0.235 * len(order)
     figure = Figure(figsize=(WIDTH, height))
     axes = figure.add_axes((0.19, 0.5 / height, 0.79, 1 - 0.58 / height))
-    bars = axes.barh(range(len(order)), values, height=0.68)
+    bars = axes.barh(range(len(order)), [max(v, LEAST) for v in values], height=0.68)
     for bar, effect in zip(bars, order, strict=True):
         bar.set_facecolor(NAMED if effect in named else ALIKE if effect in alike else OTHER)
         bar.set_hatch("//" if effect in alike else None)
