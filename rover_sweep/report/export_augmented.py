@@ -9,9 +9,9 @@ import numpy as np
 from rover_sweep.diagnosis.augmented import AugmentedModel
 from rover_sweep.diagnosis.linear import hidden_filters, left_out, linear
 from rover_sweep.identify.recording import LowPass
-from rover_sweep.report.export import NOTE, system_document
 from rover_sweep.report.model_of_diagnosis import augmented_document
 from rover_sweep.report.strict_json import plain
+from rover_sweep.report.system_document import NOTE, system_document
 
 
 def exported_augmented(model: AugmentedModel, verdict: str, speed: float | None = None) -> dict[str, Any]:
