@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rover_sweep.diagnosis.plan_types import Limits, Plan, PlannedRun
+from rover_sweep.diagnosis.plans.types import Limits, Plan, PlannedRun
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.geometry import GRAVITY
 from rover_sweep.identify.handling import FRICTION, NEAR
@@ -34,7 +34,7 @@ def planned(
     since an amplitude is then no angle, and where nothing of what is wanted can be missing.
     """
     from rover_sweep.diagnosis.experiment import experiment
-    from rover_sweep.diagnosis.plan import plan
+    from rover_sweep.diagnosis.plans.plan import plan
 
     _, rad_per_us = vehicle.steering()
     _refuse_nothing_wanted(wanted, vehicle)
@@ -46,7 +46,7 @@ def planned(
 
 def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
     """UsageError where no run could show any of the wanted effects beside the plan's baseline."""
-    from rover_sweep.diagnosis.plan_sets import Planner
+    from rover_sweep.diagnosis.plans.sets import Planner
 
     geometry, (_, rad_per_us) = geometry_of(vehicle), vehicle.steering()
     planner = Planner(

@@ -11,7 +11,7 @@ import click
 from rover_sweep.cli.options import EFFECTS, filter_overrides, reading_options, vehicle_path
 
 if TYPE_CHECKING:
-    from rover_sweep.diagnosis.plan_types import PlannedRun
+    from rover_sweep.diagnosis.plans.types import PlannedRun
 
 _NUMBER = r"[0-9]+\.?[0-9]*"
 MOST_US, MOST_SPEED = 500, 30  # what a servo output and an applet take
@@ -32,7 +32,7 @@ class PlannedRunType(click.ParamType):
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> PlannedRun:
         """The run; a usage error that says how it is written."""
-        from rover_sweep.diagnosis.plan_types import PlannedRun
+        from rover_sweep.diagnosis.plans.types import PlannedRun
 
         if isinstance(value, PlannedRun):
             return value
@@ -103,7 +103,7 @@ def plan(
     """
     from rover_sweep.cli.output import narration
     from rover_sweep.diagnosing import effects_named
-    from rover_sweep.diagnosis.plan_types import PlannedRun
+    from rover_sweep.diagnosis.plans.types import PlannedRun
     from rover_sweep.planning import as_planned, merged, planned
     from rover_sweep.preparation import Reading, load, refuse_overlap
     from rover_sweep.vehicle_file import load as load_vehicle

@@ -16,7 +16,7 @@ from rover_sweep.diagnosis.choose import LOUD, Choice, Named, Options, choose
 from rover_sweep.diagnosis.experiment import Experiment, experiment
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
 from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
-from rover_sweep.diagnosis.locate import mismatches
+from rover_sweep.diagnosis.places.locate import mismatches
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_sweep.diagnosis.place_words import ordinal
+from rover_sweep.diagnosis.places.words import ordinal
 from rover_sweep.diagnosis.result import Mismatch, Overlay, Profile
 from rover_sweep.report.overlay_picture import AFTER, BEFORE, SHADE
 from rover_sweep.report.picture_style import OUTSIDE, log_frequency

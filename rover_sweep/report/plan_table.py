@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from rover_sweep.diagnosis.plan_types import Apart, DetectableSize, Plan, PlannedRun
+from rover_sweep.diagnosis.plans.types import Apart, DetectableSize, Plan, PlannedRun
 from rover_sweep.report.comparison import Cell, Table
 from rover_sweep.report.effect_words import sentence
 from rover_sweep.report.strict_json import plain

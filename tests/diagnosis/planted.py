@@ -10,8 +10,8 @@ import numpy as np
 
 from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.experiment import RATE, Experiment
-from rover_sweep.diagnosis.locate import mismatches
 from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.places.locate import mismatches
 from rover_sweep.diagnosis.problem import Problem, problem
 from rover_sweep.diagnosis.result import Mismatch
 from rover_sweep.diagnosis.simulate import Sensors, logged

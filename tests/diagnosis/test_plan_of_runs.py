@@ -18,18 +18,18 @@ import pytest
 
 from rover_sweep.diagnosis.candidates import Model, possible
 from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.plan import plan
-from rover_sweep.diagnosis.plan_evidence import NOISE, evidence
-from rover_sweep.diagnosis.plan_runs import (
+from rover_sweep.diagnosis.plans.evidence import NOISE, evidence
+from rover_sweep.diagnosis.plans.plan import plan
+from rover_sweep.diagnosis.plans.runs import (
     allowed,
     as_experiment,
     candidates,
     first_set,
     lateral_acceleration,
 )
-from rover_sweep.diagnosis.plan_seen import Stacked
-from rover_sweep.diagnosis.plan_sets import Planner
-from rover_sweep.diagnosis.plan_types import Limits, PlannedRun
+from rover_sweep.diagnosis.plans.seen import Stacked
+from rover_sweep.diagnosis.plans.sets import Planner
+from rover_sweep.diagnosis.plans.types import Limits, PlannedRun
 from rover_sweep.identify.geometry import Geometry
 
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.069)
@@ -86,7 +86,7 @@ def test_few_rows_stand_for_many(usual: Planner) -> None:
     """Inner products of the nominal's sensitivities and a signature, from all rows and from the few."""
     from rover_sweep.diagnosis.fitting import sensitivities
     from rover_sweep.diagnosis.floor import Floor
-    from rover_sweep.diagnosis.plan_evidence import start
+    from rover_sweep.diagnosis.plans.evidence import start
     from rover_sweep.diagnosis.problem import with_floor
     from rover_sweep.diagnosis.signatures import signatures
 
@@ -180,7 +180,7 @@ def test_every_kind_may_be_proposed() -> None:
 def test_a_plan_proposes_what_settles_the_open_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """A small sweep hardly reaches the rate limit of a servo: the answer is a run that does."""
     short = [r for r in candidates((SMALL,), ROVER, SCALE, LIMITS) if r.kind in ("doublet", "servo_test")]
-    monkeypatch.setattr("rover_sweep.diagnosis.plan.candidates", lambda *_: [*short, *short[:1]])
+    monkeypatch.setattr("rover_sweep.diagnosis.plans.plan.candidates", lambda *_: [*short, *short[:1]])
     told: list[float] = []
     found = plan(
         (PlannedRun("sweep", 60.0, 2.4),), ROVER, SCALE, LIMITS, ("servo_rate_limit",),

@@ -17,7 +17,7 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
     found = Engine()
     for name, attribute, function in (
         ("rover_sweep.diagnosis.diagnose", "diagnose", found.diagnose),
-        ("rover_sweep.diagnosis.plan", "plan", found.make_plan),
+        ("rover_sweep.diagnosis.plans.plan", "plan", found.make_plan),
     ):
         module = ModuleType(name)
         setattr(module, attribute, function)

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from rover_sweep.diagnosis.experiment import RATE, Experiment
-from rover_sweep.diagnosis.place_words import called, times, wind
+from rover_sweep.diagnosis.places.residual import PLAIN, SURE, Explained, Signals, explained, residuals_of
+from rover_sweep.diagnosis.places.words import called, times, wind
 from rover_sweep.diagnosis.problem import MEANS, Problem
-from rover_sweep.diagnosis.residual import PLAIN, SURE, Explained, Signals, explained, residuals_of
 from rover_sweep.diagnosis.result import Mismatch, Profile
 from rover_sweep.identify.recording import Array
 

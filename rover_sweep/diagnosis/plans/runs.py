@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rover_sweep.diagnosis.experiment import RATE, SLOWEST, Experiment, tapered
-from rover_sweep.diagnosis.plan_types import Limits, PlannedRun
+from rover_sweep.diagnosis.plans.types import Limits, PlannedRun
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep, Doublet, Sweep

@@ -18,7 +18,7 @@ from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.choose import LAGS
 from rover_sweep.diagnosis.fitting import Fitted
 from rover_sweep.diagnosis.material import EARLIER, material_sizes
-from rover_sweep.diagnosis.plan_evidence import Evidence, start
+from rover_sweep.diagnosis.plans.evidence import Evidence, start
 from rover_sweep.diagnosis.problem import Metric
 from rover_sweep.diagnosis.search import tangent
 from rover_sweep.diagnosis.signatures import Signature, columns

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.diagnosis.place_words import called, ordinal, times
+from rover_sweep.diagnosis.places.residual import PLAIN, SURE, Residual, residuals_of
+from rover_sweep.diagnosis.places.words import called, ordinal, times
 from rover_sweep.diagnosis.problem import Problem
-from rover_sweep.diagnosis.residual import PLAIN, SURE, Residual, residuals_of
 from rover_sweep.diagnosis.result import Mismatch, Profile
 from rover_sweep.identify.recording import Array
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from rover_sweep.diagnosis.candidates import SAME_SPEED
 from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.diagnosis.place_words import between, called, times
+from rover_sweep.diagnosis.places.residual import EDGES, SURE, clear, floor_error, spectrum
+from rover_sweep.diagnosis.places.words import between, called, times
 from rover_sweep.diagnosis.problem import Problem
-from rover_sweep.diagnosis.residual import EDGES, SURE, clear, floor_error, spectrum
 from rover_sweep.diagnosis.result import Mismatch, Profile
 from rover_sweep.identify.recording import Array
 

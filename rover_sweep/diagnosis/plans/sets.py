@@ -10,11 +10,11 @@ from itertools import combinations
 from rover_sweep.diagnosis.candidates import Model, possible
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.plan_evidence import NOISE, Evidence, evidence
-from rover_sweep.diagnosis.plan_runs import as_experiment, words
-from rover_sweep.diagnosis.plan_seen import LATE, Stacked
-from rover_sweep.diagnosis.plan_sizes import detectable
-from rover_sweep.diagnosis.plan_types import Apart, DetectableSize, PlannedRun
+from rover_sweep.diagnosis.plans.evidence import NOISE, Evidence, evidence
+from rover_sweep.diagnosis.plans.runs import as_experiment, words
+from rover_sweep.diagnosis.plans.seen import LATE, Stacked
+from rover_sweep.diagnosis.plans.sizes import detectable
+from rover_sweep.diagnosis.plans.types import Apart, DetectableSize, PlannedRun
 from rover_sweep.diagnosis.result import Unseen
 from rover_sweep.identify.effects import Effect
 from rover_sweep.identify.geometry import Geometry

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from rover_sweep.diagnosis.locate_orders import by_order
-from rover_sweep.diagnosis.locate_runs import by_frequency, by_run, place
-from rover_sweep.diagnosis.locate_time import by_time
-from rover_sweep.diagnosis.locate_turns import by_heading, by_turn, steady
+from rover_sweep.diagnosis.places.orders import by_order
+from rover_sweep.diagnosis.places.residual import channels_of
+from rover_sweep.diagnosis.places.runs import by_frequency, by_run, place
+from rover_sweep.diagnosis.places.time import by_time
+from rover_sweep.diagnosis.places.turns import by_heading, by_turn, steady
 from rover_sweep.diagnosis.problem import Problem
-from rover_sweep.diagnosis.residual import channels_of
 from rover_sweep.diagnosis.result import Mismatch
 from rover_sweep.identify.recording import Array
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_sweep.diagnosis.locate_orders import Cycles
-from rover_sweep.diagnosis.locate_runs import same_speed
-from rover_sweep.diagnosis.place_words import called, times
+from rover_sweep.diagnosis.places.orders import Cycles
+from rover_sweep.diagnosis.places.residual import PLAIN, SURE, Residual, residuals_of
+from rover_sweep.diagnosis.places.runs import same_speed
+from rover_sweep.diagnosis.places.words import called, times
 from rover_sweep.diagnosis.problem import Problem
-from rover_sweep.diagnosis.residual import PLAIN, SURE, Residual, residuals_of
 from rover_sweep.diagnosis.result import Mismatch, Profile
 from rover_sweep.identify.recording import Array
 

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.plan_runs import allowed, candidates, first_set
-from rover_sweep.diagnosis.plan_sets import Planner, Progress, Seen
-from rover_sweep.diagnosis.plan_types import Limits, Plan, PlannedRun
-from rover_sweep.diagnosis.plan_words import answer, notes, settles
+from rover_sweep.diagnosis.plans.runs import allowed, candidates, first_set
+from rover_sweep.diagnosis.plans.sets import Planner, Progress, Seen
+from rover_sweep.diagnosis.plans.types import Limits, Plan, PlannedRun
+from rover_sweep.diagnosis.plans.words import answer, notes, settles
 from rover_sweep.identify.geometry import Geometry
 
 MOST_RUNS = 4  # to be proposed beside what is there

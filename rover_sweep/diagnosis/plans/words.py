@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rover_sweep.diagnosis.plan_runs import words
-from rover_sweep.diagnosis.plan_types import Limits, PlannedRun
+from rover_sweep.diagnosis.plans.runs import words
+from rover_sweep.diagnosis.plans.types import Limits, PlannedRun
 from rover_sweep.identify.effects import library
 
 if TYPE_CHECKING:
-    from rover_sweep.diagnosis.plan_sets import Seen
+    from rover_sweep.diagnosis.plans.sets import Seen
 
 DOUBT = 2.0  # of what tells a pair apart, below which it is worth more
 TOLD = 3  # pairs that a sentence names

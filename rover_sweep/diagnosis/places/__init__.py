@@ -1,0 +1,1 @@
+"""Where simulation and recording differ: what stands out of a residual."""

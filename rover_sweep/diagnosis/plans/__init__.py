@@ -1,0 +1,1 @@
+"""What a set of runs would show before it is driven, and which runs to add."""
