@@ -235,7 +235,7 @@ def _kept(named: Sequence[Named], current: Round, options: Options) -> list[Name
         rest = current.model.without(one.trial.effect)
         less = fit(current.problem, rest.structure, rest.free, current.fitted.x, known=current.fitted)
         trial = Trial(one.trial.effect, current.model, current.fitted, less.cost - current.fitted.cost)
-        if trial.gain < max(one.threshold, 9.0) or not material(trial):
+        if trial.gain < one.threshold or not material(trial):
             out.remove(one)
             continue
         tang = tangent(less)

@@ -53,10 +53,6 @@ def speed_finding(found: SpeedLoss, whole: Modelled, unused: Sequence[Fresh]) ->
 def _held_out(fresh: Fresh, without: DrivenAt, with_it: DrivenAt, noise: float) -> HeldOut:
     """J_rms and TIC of models driven at the predicted speeds; the share is that of the speed's own error."""
     run = fresh.run
-    before, after = (_error(run.speed - m.speed(run)) for m in (without, with_it))
+    before, after = (float(np.var(run.speed - m.speed(run))) for m in (without, with_it))
     share = (before - after) / (before - noise) if before > noise else None
     return HeldOut(run.name, fit_of(fresh, without), fit_of(fresh, with_it), share)
-
-
-def _error(x: Array) -> float:
-    return float(np.var(x))

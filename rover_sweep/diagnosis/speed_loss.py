@@ -29,6 +29,9 @@ FALSE_ALARMS = 0.003  # one effect among two dozen
 EDGE = 1.0  # s, left out at both ends
 
 
+Rows = tuple[Array, Array, Array, Array]
+
+
 @dataclass(frozen=True)
 class SpeedLoss:
     """D [s^2/m] with its 90 % interval; lag [s] of the drive; gain against the threshold.
@@ -66,13 +69,14 @@ class Drive:
 def speed_loss(runs: Sequence[Experiment], structure: Structure, x: Values, seed: int) -> SpeedLoss:
     """What cornering took of the speed of these runs, by a fitted model of their motion."""
     drives = [_drive(run, structure, x) for run in runs]
+    table = [[_rows(drive, float(lag)) for drive in drives] for lag in LAGS]
     white = np.zeros(ORDER)
     for _ in range(3):
-        fits = [_regressed(drives, float(lag), white) for lag in LAGS]
+        fits = [_regressed(rows, white) for rows in table]
         best = min(range(LAGS.size), key=lambda k: fits[k][0])
-        white = _autoregression(_left(drives, float(LAGS[best]), fits[best][1]))
-    fits = [_regressed(drives, float(lag), white) for lag in LAGS]
-    return _judged(drives, fits, seed)
+        white = _autoregression(_left(table[best], fits[best][1]))
+    fits = [_regressed(rows, white) for rows in table]
+    return _judged(drives, table, fits, seed)
 
 
 def speed_predicted(run: Experiment, structure: Structure, x: Values, loss: float, lag: float) -> Array:
@@ -96,7 +100,7 @@ def _through(u: Array, lag: float) -> Array:
     return smoothed(np.asarray(lfilter([1.0 / RATE], [1.0, -np.exp(-1.0 / (RATE * lag))], u)))
 
 
-def _rows(drive: Drive, lag: float) -> tuple[Array, Array, Array, Array]:
+def _rows(drive: Drive, lag: float) -> Rows:
     """(speed less own drag, loss per D, own drag, nuisances (k, 2)) at the rows."""
     inside = slice(int(EDGE * RATE), -int(EDGE * RATE), EVERY)
     own, square = _through(drive.own, lag)[inside], _through(drive.square, lag)[inside]
@@ -108,11 +112,10 @@ def _whitened(rows: Array, white: Array) -> Array:
     return np.asarray(lfilter(np.concatenate(([1.0], -white)), [1.0], rows, axis=0))[ORDER:]
 
 
-def _regressed(drives: Sequence[Drive], lag: float, white: Array) -> tuple[float, float, Array, Array, Array]:
+def _regressed(runs: Sequence[Rows], white: Array) -> tuple[float, float, Array, Array, Array]:
     """(cost, D, rows of the speed, of one D, of the own drag), whitened, the nuisances taken out."""
     parts = []
-    for drive in drives:
-        y, z, own, nuisance = _rows(drive, lag)
+    for y, z, own, nuisance in runs:
         q = np.linalg.qr(_whitened(nuisance, white))[0]
         rows = _whitened(np.column_stack((y, z, own)), white)
         parts.append(rows - q @ (q.T @ rows))
@@ -122,12 +125,11 @@ def _regressed(drives: Sequence[Drive], lag: float, white: Array) -> tuple[float
     return float(np.sum((y - loss * z) ** 2)), loss, y, z, own
 
 
-def _left(drives: Sequence[Drive], lag: float, loss: float) -> list[Array]:
+def _left(runs: Sequence[Rows], loss: float) -> list[Array]:
     out = []
-    for drive in drives:
-        y, z, _, nuisance = _rows(drive, lag)
-        y = y - loss * z
-        out.append(y - nuisance @ np.linalg.lstsq(nuisance, y, rcond=None)[0])
+    for y, z, _, nuisance in runs:
+        left = y - loss * z
+        out.append(left - nuisance @ np.linalg.lstsq(nuisance, left, rcond=None)[0])
     return out
 
 
@@ -139,7 +141,10 @@ def _autoregression(left: Sequence[Array]) -> Array:
 
 
 def _judged(
-    drives: Sequence[Drive], fits: Sequence[tuple[float, float, Array, Array, Array]], seed: int
+    drives: Sequence[Drive],
+    table: Sequence[Sequence[Rows]],
+    fits: Sequence[tuple[float, float, Array, Array, Array]],
+    seed: int,
 ) -> SpeedLoss:
     costs = np.array([f[0] for f in fits])
     best = int(np.argmin(costs))
@@ -163,7 +168,7 @@ def _judged(
     low, high = np.percentile(np.maximum(drawn, 0.0), (5.0, 95.0))
     lag, loss = float(LAGS[best]), fits[best][1]
     drop = max(loss * float(np.max(_through(d.square, lag))) / float(np.mean(d.speed)) for d in drives)
-    left = np.concatenate(_left(drives, lag, loss))
+    left = np.concatenate(_left(table[best], loss))
     return SpeedLoss(
         loss, float(low), float(high), lag, float(none - costs[best]) / noise,
         float(np.quantile(gains, 1.0 - FALSE_ALARMS)), drop, float(np.var(left)),

@@ -1,7 +1,7 @@
 """The slow error of a measured speed, as a nuisance of every recording.
 
-The model is driven by the speed that an EKF estimated out of GPS and accelerometer. Its error of about a
-centimetre per second wanders within seconds and multiplies the yaw rate, so what it leaves grows with the
+The model is driven by the speed that an EKF estimated out of GPS and accelerometer. Its error of one or two
+centimetres per second wanders within seconds and multiplies the yaw rate, so what it leaves grows with the
 amplitude and would pass for an effect.
 """
 
