@@ -17,15 +17,11 @@ from rover_sweep.identify.recording import Array
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """One parameter of one effect: the rows (size,) that `size` of its coordinate adds.
-
-    tiny: standard deviation of the coordinate in an ordinary rover, 0 where the nominal model has it.
-    """
+    """One parameter of one effect: the rows (size,) that `size` of its coordinate adds."""
 
     effect: str
     parameter: str
     size: float
-    tiny: float
     signed: bool
     rows: Array
 
@@ -49,8 +45,7 @@ def signatures(
     ]
     rows = [problem.model(structure, x) - now for _, _, _, structure, x in wanted]
     return [
-        Signature(e.id, p.name, size, 0.0 if p.name in e.reads else p.tiny, e.signed, r)
-        for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
+        Signature(e.id, p.name, size, e.signed, r) for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
     ]
 
 

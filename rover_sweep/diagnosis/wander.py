@@ -39,5 +39,5 @@ def wander(problem: Problem, fitted: Fitted) -> list[Signature]:
                 for r in rows:
                     column[r.start : r.start + r.size] = parts[start : start + r.size]
                     start += r.size
-                out.append(Signature("speed", f"{run.name} {wave}", ERROR, ERROR, True, column))
+                out.append(Signature("speed", f"{run.name} {wave}", ERROR, True, column))
     return out

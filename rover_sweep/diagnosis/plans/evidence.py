@@ -103,7 +103,7 @@ def _nuisances(problem: OnBlocks, model: Model, x: Mapping[str, float]) -> list[
     lines = rfft(wheel_angle(run, model.structure, x) * run.taper)[row.bins] * row.weight
     late = lines * (-2j * np.pi * row.f) * ANGLE_CLOCK
     return [
-        Signature("servo_test", name, size, size, True, np.concatenate((part.real, part.imag)))
+        Signature("servo_test", name, size, True, np.concatenate((part.real, part.imag)))
         for name, size, part in (("scale", ANGLE_SCALE, lines * ANGLE_SCALE), ("clock", ANGLE_CLOCK, late))
     ]
 
