@@ -30,10 +30,15 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--out", type=Path, help="folder of sets, answers and truth (default: a temporary one)"
     )
+    parser.add_argument(
+        "--delete-truth", action="store_true", help="diagnose without what is concealed in the library"
+    )
     parser.add_argument("--keep", action="store_true", help="keep the logs after they were diagnosed")
     parser.add_argument("--generate-only", action="store_true", help="write sets and truth, diagnose nothing")
     parser.add_argument("--grade-only", type=Path, metavar="DIR", help="grade the answers in DIR again")
     args = parser.parse_args()
+    if args.delete_truth and args.kind != "single":
+        parser.error("--delete-truth is for --kind single")
     if args.effect and args.kind != "all" and (args.effect in UNKNOWN) != (args.kind == "unknown"):
         parser.error(f"{args.effect} is not of the kind {args.kind}")
     return args
@@ -50,7 +55,7 @@ def main() -> None:
     if args.generate_only:
         print(f"{len(folders)} sets in {out / 'sets'}, their truth in {out / 'truth'}")
         return
-    diagnose_sets(out, folders, args.jobs, args.keep)
+    diagnose_sets(out, folders, args.jobs, args.keep, args.delete_truth)
     report(out)
 
 

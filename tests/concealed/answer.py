@@ -24,6 +24,8 @@ def diagnose(folder: Path, task: dict[str, Any], target: Path) -> str:
     held_out = [part for name in task["hold_out"] for part in ("--hold-out", str(folder / name))]
     command = ["diagnose", *runs, *held_out, "--vehicle", str(folder / "rover.toml"),
                "--baseline", task["baseline"], "--out", str(target), "--json"]  # fmt: skip
+    if task.get("without"):
+        command += ["--without", ",".join(task["without"])]
     said = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
         try:

@@ -57,6 +57,8 @@ def _mark(kind: str, hidden: list[str], findings: list[Mapping[str, Any]], answe
         return "failed"
     if kind == "none":
         return "false alarm" if findings else "none"
+    if kind == "deleted":
+        return _mark_deleted(hidden, [one["effect"] for one in findings], answer["unknown"])
     if kind == "unknown":
         return _mark_unknown(hidden[0], [one["effect"] for one in findings], answer["unknown"])
     right, alike = _matched(hidden, findings)
@@ -69,6 +71,15 @@ def _mark_single(hidden: list[str], right: set[int], alike: set[int]) -> Mark:
     if len(right) == len(hidden):
         return "exact"
     return "look-alike" if len(right | alike) == len(hidden) else "missed"
+
+
+def _mark_deleted(hidden: list[str], named: list[str], unknown: Any) -> Mark:
+    """What the tool says where the concealed effect is not in its library."""
+    if any(name not in table()["look_alikes"].get(hidden[0], []) for name in named):
+        return "wrong"
+    if named:
+        return "look-alike"
+    return "unknown" if unknown else "missed"
 
 
 def _mark_double(found: int) -> Mark:

@@ -56,12 +56,27 @@ def _sizes(seed: int, number: int) -> Sizes:
         return sizes(folder, seed)
 
 
-def diagnose_sets(out: Path, folders: list[Path], jobs: int, keep: bool) -> None:
-    """Lets the tool answer each set into answers/; removes the logs afterwards unless they are kept."""
+def diagnose_sets(out: Path, folders: list[Path], jobs: int, keep: bool, deleted: bool = False) -> None:
+    """Lets the tool answer each set into answers/; removes the logs afterwards unless they are kept.
+
+    deleted: with what is concealed deleted from the library of the tool.
+    """
+    if deleted:
+        for folder in folders:
+            _delete(out / "truth" / f"{folder.name}.json", folder / "task.json")
     answer = partial(_answer, out / "answers", keep)
     with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=40) as pool:
         for k, line in enumerate(pool.imap_unordered(answer, folders, chunksize=1), start=1):
             print(f"[{k}/{len(folders)}] {line}", flush=True)
+
+
+def _delete(truth: Path, task: Path) -> None:
+    """Deletes what is concealed from the library with which a set is diagnosed, and marks its truth so."""
+    known = json.loads(truth.read_text(encoding="utf-8"))
+    asked = json.loads(task.read_text(encoding="utf-8"))
+    asked["without"] = [one["effect"] for one in known["effects"]]
+    task.write_text(json.dumps(asked), encoding="utf-8")
+    truth.write_text(json.dumps({**known, "kind": "deleted"}), encoding="utf-8")
 
 
 def _answer(answers: Path, keep: bool, folder: Path) -> str:

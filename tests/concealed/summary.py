@@ -44,6 +44,8 @@ RULES: dict[str, list[tuple[str, tuple[str, ...]]]] = {
                ("exact or look-alike", ("exact", "look-alike")), ("wrong name", ("wrong",)),
                ("nothing or unknown said", ("missed",))],
     "double": [("both", ("both",)), ("at least one", ("both", "one")), ("wrong name", ("wrong",))],
+    "deleted": [("unknown or look-alike", ("unknown", "look-alike")), ("unknown", ("unknown",)),
+                ("wrong name", ("wrong",)), ("nothing said", ("missed",))],
     "unknown": [("unknown or nearest equivalent", ("unknown", "nearest")), ("unknown", ("unknown",)),
                 ("wrong name", ("wrong",)), ("nothing said", ("missed",))],
 }  # fmt: skip

@@ -57,6 +57,10 @@ def test_other_kinds() -> None:
     assert mark("unknown", ("side_wind",), finding("cross_slope")) == "nearest"
     assert mark("unknown", ("side_wind",), finding("cross_slope"), BACKLASH) == "wrong"
     assert mark("unknown", ("side_wind",)) == "missed"
+    assert mark("deleted", ("steering_backlash",), unknown={"channel": "r"}) == "unknown"
+    assert mark("deleted", ("steering_backlash",), finding("steering_deadband")) == "look-alike"
+    assert mark("deleted", ("steering_backlash",), RELAXATION, unknown={"channel": "r"}) == "wrong"
+    assert mark("deleted", ("steering_backlash",)) == "missed"
     truth = {"kind": "none", "effects": []}
     assert grade("1", truth, {"verdict": "failed", "findings": [], "unknown": None}, 1.0).mark == "failed"
 
