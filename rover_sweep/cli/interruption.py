@@ -1,10 +1,11 @@
-"""Ctrl-C that asks for an end at first, and takes it the second time."""
+"""What ends a command from outside: Ctrl-C, `kill`, a closed terminal."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
@@ -34,3 +35,25 @@ class Interruption:
             raise KeyboardInterrupt
         self._asked = True
         self._told()
+
+
+@contextmanager
+def let_go_on_signals() -> Iterator[None]:
+    """Meanwhile `kill` or a closed terminal ends like Ctrl-C: a rover is let go, not left to its timeout.
+
+    So does Ctrl-C in a program that was started in the background, where Python would ignore it. Under nohup
+    a closed terminal ends nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {getattr(signal, name): signal.getsignal(getattr(signal, name)) for name in names}
+    for number, handler in before.items():
+        if number == signal.SIGINT or handler != signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rover_sweep.cli.display import PlainDisplay, display
+from rover_sweep.cli.interruption import let_go_on_signals
 from rover_sweep.cli.output import narration
 from rover_sweep.errors import DataRefused, RoverSweepError
 from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, SessionFinished
@@ -33,7 +34,7 @@ def driven(
     """
     console, finished, interrupted = narration(), list[RunFinished](), False
     try:
-        with display(console, talk) as shown:
+        with let_go_on_signals(), display(console, talk) as shown:
             for event in _shown(events, shown, answer):
                 finished += [event] if isinstance(event, RunFinished) else []
                 if isinstance(event, SessionFinished):

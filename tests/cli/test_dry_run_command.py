@@ -63,9 +63,15 @@ def test_mistakes_are_told_at_once_and_leave_nothing(
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-def test_ctrl_c_says_what_was_kept_and_that_the_rover_was_let_go(tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(
+    tmp_path: Path, how: signal.Signals
+) -> None:
+    """As in the background of a script, where Ctrl-C is ignored from the start."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     command = [sys.executable, "-m", "rover_sweep", "dry-run", "--out", str(tmp_path / "x")]
     program = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    signal.signal(signal.SIGINT, before)
     assert program.stderr is not None
     with program.stderr as err:
         lines = []
@@ -73,7 +79,7 @@ def test_ctrl_c_says_what_was_kept_and_that_the_rover_was_let_go(tmp_path: Path)
             lines.append(line)
             if "sweep2: sweep" in line:
                 time.sleep(0.5)
-                program.send_signal(signal.SIGINT)
+                program.send_signal(how)
     assert program.wait(20) == 130
     text = "".join(lines)
     assert "sweep2 interrupted: the rover was let go" in text
