@@ -1,0 +1,184 @@
+"""From a vehicle's MAVLink messages, one after the other, to what a screen shows of it.
+
+The same for a vehicle on a link and for a telemetry log that is played: whoever has a message gives it
+with the time of the vehicle's clock. Units and fields: https://mavlink.io/en/messages/common.html.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from collections.abc import Callable, Mapping
+
+from firmware_params.parameters import AUX_FUNCTION, PREFIX, STATES
+from rover_sweep.identify.sweep import Manoeuvre
+from rover_sweep.live.planned import manoeuvre_of
+from rover_sweep.live.snapshot import Snapshot
+from rover_sweep.vehicle.mavlink import Message, constant, kind
+
+STALE = 3.0  # s after which a fast signal that no longer comes is not known any more
+STALE_SLOW = 10.0  # s, for the battery, the satellites and the EKF's state
+RATE_OVER = 1.0  # s of the vehicle's clock over which messages are counted
+_MILLI_G = 9.80665e-3
+_SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+_STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
+_NO_VOLTAGE, _NO_SATELLITES = 65535, 255  # "not known" in SYS_STATUS and GPS_RAW_INT
+_OUTPUT, _RADIO = re.compile(r"^SERVO(\d+)_FUNCTION$"), re.compile(r"^RC(\d+)_OPTION$")
+_STRAIGHT, _STEERED, _DONE, _STOPPED = 3, range(3, 9), 9, 10  # states of the applet
+
+
+class Telemetry:
+    """What is known of one vehicle. Give it that vehicle's messages alone, in the order they came.
+
+    steering: servo output that steers (1-based); switch: RC channel of the applet's switch. Both are
+    learnt from PARAM_VALUE messages where those tell. parameters: all that were heard. manoeuvre: what
+    the progress is measured by; by the SWP_ parameters that were heard, unless it is set.
+    """
+
+    def __init__(self, steering: int = 1, switch: int = 6) -> None:
+        self.steering, self.switch = steering, switch
+        self.parameters: dict[str, float] = {}
+        self.manoeuvre: Manoeuvre | None = None
+        self.t = 0.0
+        self.state, self.number = 0, 0
+        self._straight_from, self._progress = math.nan, math.nan
+        self._armed, self._mode = False, -1
+        self._values: dict[str, tuple[float, float]] = {}  # name -> (value, when it came [s])
+        self._came: deque[float] = deque()
+        self._readers: Mapping[str, Callable[[Message], None]] = {
+            "HEARTBEAT": self._heartbeat,
+            "ATTITUDE": self._attitude,
+            "RAW_IMU": self._imu,
+            "LOCAL_POSITION_NED": self._velocity,
+            "SERVO_OUTPUT_RAW": self._outputs,
+            "RC_CHANNELS": self._radio,
+            "SYS_STATUS": self._battery,
+            "GPS_RAW_INT": self._gps,
+            "EKF_STATUS_REPORT": self._estimator,
+            "NAMED_VALUE_FLOAT": self._named,
+            "PARAM_VALUE": self._parameter,
+        }
+
+    def message(self, message: Message, t: float) -> None:
+        """Take a message that came at `t` s of the vehicle's clock."""
+        if t < self.t - RATE_OVER:  # rebooted: nothing of before holds
+            self._forget()
+        self.t = t
+        self._came.append(t)
+        if reader := self._readers.get(kind(message)):
+            reader(message)
+
+    def snapshot(self, recorded: int = 0) -> Snapshot:
+        """The rover now. recorded: bytes of its .tlog on disk."""
+        while self._came and self._came[0] <= self.t - RATE_OVER:
+            self._came.popleft()
+        fast = {name: self._known(name, STALE) for name in ("pwm", "r", "p", "ay", "phi", "speed")}
+        slow = {name: self._known(name, STALE_SLOW) for name in ("volts", "remaining")}
+        return Snapshot(
+            t=self.t,
+            armed=self._armed,
+            mode=self._mode,
+            **fast,
+            state=self.state,
+            state_name=STATES.get(self.state, f"state {self.state}"),
+            frequency=self._known("frequency", STALE) if self.state in _STEERED else math.nan,
+            progress=self._now(),
+            switch=self._known("switch", STALE),
+            **slow,
+            satellites=int(self._known("satellites", STALE_SLOW, 0)),
+            fix=int(self._known("fix", STALE_SLOW, 0)),
+            ekf=bool(self._known("ekf", STALE_SLOW, 0)),
+            received=len(self._came) / RATE_OVER,
+            recorded=recorded,
+        )
+
+    def _forget(self) -> None:
+        self._values.clear()
+        self._came.clear()
+        self.state, self._straight_from, self._progress = 0, math.nan, math.nan
+
+    def _known(self, name: str, stale: float, otherwise: float = math.nan) -> float:
+        value, when = self._values.get(name, (otherwise, self.t))
+        return value if self.t - when <= stale else otherwise
+
+    def _keep(self, **values: float) -> None:
+        self._values |= {name: (float(value), self.t) for name, value in values.items()}
+
+    def _now(self) -> float:
+        """Progress of the manoeuvre, 0..1."""
+        planned = self.manoeuvre or manoeuvre_of(self.parameters)
+        if self.state in _STEERED and planned is not None:
+            done = (self.t - self._straight_from) / planned.duration
+            self._progress = min(max(done, 0.0), 1.0) if math.isfinite(done) else math.nan
+        return self._progress
+
+    # ---- messages ------------------------------------------------------------------------------
+
+    def _heartbeat(self, m: Message) -> None:
+        self._armed, self._mode = bool(m.base_mode & _SAFETY_ARMED), int(m.custom_mode)
+
+    def _attitude(self, m: Message) -> None:
+        self._keep(r=-m.yawspeed, p=m.rollspeed, phi=m.roll, yaw=m.yaw)
+
+    def _imu(self, m: Message) -> None:
+        self._keep(ay=-m.yacc * _MILLI_G)
+
+    def _velocity(self, m: Message) -> None:
+        """Forward speed; along the track where the heading is not known."""
+        yaw = self._known("yaw", STALE)
+        forward = m.vx * math.cos(yaw) + m.vy * math.sin(yaw)
+        self._keep(speed=forward if math.isfinite(forward) else math.hypot(m.vx, m.vy))
+
+    def _outputs(self, m: Message) -> None:
+        if m.port == (self.steering - 1) // 16:
+            self._keep(pwm=getattr(m, f"servo{(self.steering - 1) % 16 + 1}_raw"))
+
+    def _radio(self, m: Message) -> None:
+        if 0 < (pwm := getattr(m, f"chan{self.switch}_raw", 0)) < _NO_VOLTAGE:
+            self._keep(switch=pwm)
+
+    def _battery(self, m: Message) -> None:
+        if 0 < m.voltage_battery < _NO_VOLTAGE:  # 0 without a battery monitor
+            self._keep(volts=m.voltage_battery * 1e-3)
+        if m.battery_remaining >= 0:
+            self._keep(remaining=m.battery_remaining / 100)
+
+    def _gps(self, m: Message) -> None:
+        self._keep(satellites=m.satellites_visible if m.satellites_visible != _NO_SATELLITES else 0)
+        self._keep(fix=m.fix_type)
+
+    def _estimator(self, m: Message) -> None:
+        wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
+        self._keep(ekf=m.flags & wanted == wanted and not m.flags & constant("EKF_CONST_POS_MODE"))
+
+    def _named(self, m: Message) -> None:
+        if m.name == "SWP_W":
+            self._keep(frequency=m.value)
+        elif m.name == "SWP_RUN":
+            self.number = int(m.value)
+        elif m.name == "SWP_ST" and int(m.value) != self.state:
+            self._enter(int(m.value))
+
+    def _enter(self, state: int) -> None:
+        if state == _STRAIGHT:
+            self._straight_from = self.t
+        elif state in (1, 2):
+            self._straight_from, self._progress = math.nan, 0.0
+        elif state == _DONE:
+            self._progress = 1.0
+        elif state == 0:
+            self._progress = math.nan
+        elif state == _STOPPED:
+            self._progress = self._now()  # where it was when it stopped
+        self.state = state
+
+    def _parameter(self, m: Message) -> None:
+        name, value = str(m.param_id), float(m.param_value)
+        self.parameters[name] = value
+        if (match := _OUTPUT.match(name)) and round(value) == _STEERING_FUNCTION:
+            self.steering = int(match[1])
+        elif name == f"{PREFIX}CHAN" and value > 0:
+            self.switch = int(value)
+        elif (match := _RADIO.match(name)) and round(value) == AUX_FUNCTION:
+            self.switch = int(self.parameters.get(f"{PREFIX}CHAN", 0)) or int(match[1])
