@@ -6,7 +6,6 @@ without us: then the radio is in charge again, or without a radio the RC failsaf
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -189,6 +188,6 @@ class Controls:
 
 def pump(link: Link, seconds: float, wall_limit: float = 3.0) -> None:
     """Keep the link going for `seconds` of the vehicle's clock, at most `wall_limit` s of ours."""
-    start, deadline = link.clock.now, time.monotonic() + wall_limit
-    while link.clock.now - start < seconds and time.monotonic() < deadline:
+    start, deadline = link.clock.now, link.line.monotonic() + wall_limit
+    while link.clock.now - start < seconds and link.line.monotonic() < deadline:
         link.receive(0.1)

@@ -8,7 +8,6 @@ override lapses by itself (RC_OVERRIDE_TIME, 3 s) and the applet stops; see `run
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -31,7 +30,7 @@ from rover_sweep.vehicle.mavlink import (
 )
 from rover_sweep.vehicle.recorder import TlogWriter
 from rover_sweep.vehicle.statustext import StatusText, TextAssembler
-from rover_sweep.vehicle.transport import Transport, open_transport
+from rover_sweep.vehicle.transport import Line, LiveLine, Transport
 from rover_sweep.vehicle.watch import SILENCE, Watch
 
 _SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
@@ -47,11 +46,13 @@ class Link:
     """One vehicle on one connection. Use as a context manager.
 
     url, tlog: where it is connected and recorded. clock: the vehicle's. armed, mode (custom_mode),
-    heartbeat: from its last HEARTBEAT. texts: the last 200 status texts.
+    heartbeat: from its last HEARTBEAT. texts: the last 200 status texts. line: what opens the
+    connection and tells the time; whoever waits on a link takes the time from there.
     """
 
-    def __init__(self, url: str, transport: Transport, recorder: TlogWriter) -> None:
+    def __init__(self, url: str, transport: Transport, recorder: TlogWriter, line: Line) -> None:
         self.url = url
+        self.line = line
         self.clock = VehicleClock()
         self.target = (0, 0)
         self.heartbeat: Message | None = None
@@ -66,15 +67,19 @@ class Link:
         self._watch = Watch(url)
 
     @classmethod
-    def open(cls, url: str, tlog_path: Path, timeout: float = 15.0) -> Link:
-        """Connect, record into `tlog_path` and wait up to `timeout` s for a vehicle's heartbeat."""
-        transport = open_transport(url)
+    def open(cls, url: str, tlog_path: Path, timeout: float = 15.0, line: Line | None = None) -> Link:
+        """Connect, record into `tlog_path` and wait up to `timeout` s for a vehicle's heartbeat.
+
+        line: a real one where none is given.
+        """
+        line = line or LiveLine()
+        transport = line.open(url)
         try:
             recorder = TlogWriter(tlog_path)
         except BaseException:
             transport.close()
             raise
-        link = cls(url, transport, recorder)
+        link = cls(url, transport, recorder, line)
         try:
             link._find_vehicle(timeout)
         except BaseException:
@@ -120,7 +125,7 @@ class Link:
 
         LinkError when the vehicle closed the connection or has been silent for too long.
         """
-        deadline = time.monotonic() + timeout
+        deadline = self.line.monotonic() + timeout
         while True:
             self._send_due()
             if self._queue:
@@ -128,7 +133,7 @@ class Link:
                 if self._take(message):
                     return message
                 continue
-            left = deadline - time.monotonic()
+            left = deadline - self.line.monotonic()
             if left <= 0 and timeout > 0:
                 return None
             self._pump(min(max(left, 0.0), 0.2))
@@ -143,15 +148,15 @@ class Link:
     ) -> Message | None:
         """The next message of these kinds (and for which `where` holds); None after `timeout` s."""
         wanted = (kinds,) if isinstance(kinds, str) else kinds
-        deadline = time.monotonic() + timeout
-        while (left := deadline - time.monotonic()) > 0:
+        deadline = self.line.monotonic() + timeout
+        while (left := deadline - self.line.monotonic()) > 0:
             message = self.receive(left)
             if message is not None and kind(message) in wanted and (where is None or where(message)):
                 return message
         return None
 
     def _pump(self, wait: float) -> None:
-        began = time.monotonic()
+        began = self.line.monotonic()
         try:
             data = self._transport.receive(wait)
         except (OSError, ValueError) as error:  # ValueError: a socket that was closed
@@ -159,7 +164,7 @@ class Link:
                 f"the connection {self.url} ended ({error}); is the vehicle still running?"
             ) from error
         if not data:
-            self._watch.waited(time.monotonic() - began, found=self.target != (0, 0))
+            self._watch.waited(self.line.monotonic() - began, found=self.target != (0, 0))
             return
         pieces = list(self._framer.feed(data))
         try:
@@ -228,7 +233,7 @@ class Link:
             self._periodic.remove(periodic)
 
     def _send_due(self) -> None:
-        now = time.monotonic()
+        now = self.line.monotonic()
         for periodic in tuple(self._periodic):
             periodic.run_if_due(self.clock.now, now)
 
@@ -297,8 +302,8 @@ class Link:
     # ---- finding and losing the vehicle --------------------------------------------------------
 
     def _find_vehicle(self, timeout: float) -> None:
-        deadline = time.monotonic() + timeout
-        while self.heartbeat is None and time.monotonic() < deadline:
+        deadline = self.line.monotonic() + timeout
+        while self.heartbeat is None and self.line.monotonic() < deadline:
             self._watch.forgive()  # a vehicle that boots may take its time; `timeout` is the limit here
             self.receive(0.5)
         if self.heartbeat is None:
@@ -313,8 +318,8 @@ class Link:
         It has rebooted when its clock has started anew, or when it answers on a connection that had
         to be opened again because the vehicle closed it or fell silent.
         """
-        boots, deadline, quiet, rebooted = self.clock.boots, time.monotonic() + timeout, 0.0, False
-        while time.monotonic() < deadline:
+        boots, deadline, quiet, rebooted = self.clock.boots, self.line.monotonic() + timeout, 0.0, False
+        while self.line.monotonic() < deadline:
             try:
                 self._request("SYSTEM_TIME")  # so that the clock shows
                 quiet = 0.0 if self.receive(0.3) is not None else quiet + 0.3
@@ -334,9 +339,9 @@ class Link:
 
     def _reopen(self) -> bool:
         self._transport.close()
-        time.sleep(0.2)  # for as long the port may still refuse
+        self.line.sleep(0.2)  # for as long the port may still refuse
         try:
-            self._transport = open_transport(self.url, timeout=2.0)
+            self._transport = self.line.open(self.url, timeout=2.0)
         except LinkError:
             return False
         self._framer = Framer()

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,7 +64,7 @@ class MavlinkLogs:
         """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved."""
         self._refuse_armed()
         partial = path.with_name(path.name + ".part")
-        began, done = time.monotonic(), 0
+        began, done = self.link.line.monotonic(), 0
         try:
             with writing(path), partial.open("wb") as file:
                 for start in range(0, entry.size, _WINDOW):
@@ -77,7 +76,7 @@ class MavlinkLogs:
             self.link.to_vehicle("LOG_REQUEST_END")
         with writing(path):
             partial.replace(path)
-        yield LogSaved(path, done, time.monotonic() - began)
+        yield LogSaved(path, done, self.link.line.monotonic() - began)
 
     def _window(self, entry: LogEntry, start: int, size: int) -> bytes:
         data, missing = bytearray(size), set(range(0, size, _BLOCK))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 from fastcrc import crc16
@@ -145,11 +146,20 @@ def _checksum_right(buffer: bytearray, at: int, end: int) -> bool:
     return bool(right == int.from_bytes(buffer[crc_at : crc_at + 2], "little"))
 
 
+class Clock(Protocol):
+    """What waits run on [s]."""
+
+    def monotonic(self) -> float: ...
+    def sleep(self, seconds: float) -> None: ...
+
+
 class FtpLink(Protocol):
     """What an FTP transfer needs of the link."""
 
     @property
     def target(self) -> tuple[int, int]: ...
+    @property
+    def line(self) -> Clock: ...
     def send(self, message: Message) -> None: ...
     def wait_for(self, kinds: str | tuple[str, ...], timeout: float) -> Message | None: ...
 
@@ -180,8 +190,7 @@ class _FtpMaster:
 
 def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
     """Upload a file by MAVLink FTP (pymavlink.mavftp). '' when done, else what went wrong."""
-    ftp, quiet = _ftp(link)
-    with quiet:
+    with _ftp(link) as ftp:
         ftp.cmd_put([local, remote], progress_callback=progress)
         result = ftp.process_ftp_reply("put", timeout=60)
     return "" if result.return_code == 0 else f"MAVLink FTP error {result.error_code}"
@@ -189,27 +198,30 @@ def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], 
 
 def ftp_get(link: FtpLink, remote: str, local: str) -> str:
     """Download a file by MAVLink FTP. '' when done, else what went wrong."""
-    ftp, quiet = _ftp(link)
-    ftp.ftp_settings.idle_detection_time = _FTP_IDLE
-    with quiet:
+    with _ftp(link) as ftp:
+        ftp.ftp_settings.idle_detection_time = _FTP_IDLE
         ftp.cmd_get([remote, local])
         result = ftp.process_ftp_reply("get", timeout=60)
     return "" if result.return_code == 0 else f"MAVLink FTP error {result.error_code}"
 
 
-def _ftp(link: FtpLink) -> tuple[Any, _Quiet]:
+@contextmanager
+def _ftp(link: FtpLink) -> Iterator[Any]:
+    """mavftp on our link, meanwhile quiet, since our caller says what happened in its own words, and on
+    the link's clock: it takes the time from its module's `time`."""
     from pymavlink import mavftp
 
-    quiet = _Quiet()
-    with quiet:
-        return mavftp.MAVFTP(_FtpMaster(link), *link.target), quiet
-
-
-class _Quiet:
-    """mavftp reports through the root logger; our caller says what happened in its own words."""
-
-    def __enter__(self) -> None:
-        logging.disable(logging.ERROR)
-
-    def __exit__(self, *_: object) -> None:
+    logging.disable(logging.ERROR)  # it reports through the root logger
+    real, mavftp.time = mavftp.time, _FtpTime(link.line)
+    try:
+        yield mavftp.MAVFTP(_FtpMaster(link), *link.target)
+    finally:
+        mavftp.time = real
         logging.disable(logging.NOTSET)
+
+
+class _FtpTime:
+    """The two functions of `time` that mavftp calls."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.time, self.sleep = clock.monotonic, clock.sleep

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import datetime
-import time
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -38,6 +37,7 @@ from rover_sweep.vehicle.parameters import read, read_present
 from rover_sweep.vehicle.recorder import Session
 from rover_sweep.vehicle.run import RunSettings, run
 from rover_sweep.vehicle.streams import IDENTIFICATION_RATES, request_all, stop
+from rover_sweep.vehicle.transport import Line
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,14 @@ class Plan:
     logs: bool = True
 
 
-def drive(url: str, folder: Path, plan: Plan) -> Generator[Event, None, None]:
-    """Carry the plan out on the vehicle at `url`, recording into `folder`.
+def drive(url: str, folder: Path, plan: Plan, line: Line | None = None) -> Generator[Event, None, None]:
+    """Carry the plan out on the vehicle at `url`, recording into `folder`. line: see `Link.open`.
 
     Ctrl-C (or KeyboardInterrupt thrown in) during a run ends that run and all further ones, and the
     logs are fetched; so does a run that was stopped on a rover that this program arms.
     """
     session = Session.create(folder)
-    with Link.open(url, session.tlog("connect")) as link:
+    with Link.open(url, session.tlog("connect"), line=line) as link:
         vehicle = identify_vehicle(link)
         if warning := untried(vehicle):
             yield Notice("warning", warning)
@@ -127,9 +127,9 @@ def _disarmed(link: Link, patience: float) -> Generator[Event, None, bool]:
     if not link.armed:
         return True
     yield Notice("info", "disarm the rover: its log can only be fetched then (Ctrl-C does without the log)")
-    deadline = time.monotonic() + patience
+    deadline = link.line.monotonic() + patience
     with contextlib.suppress(KeyboardInterrupt):
-        while link.armed and time.monotonic() < deadline:
+        while link.armed and link.line.monotonic() < deadline:
             link.receive(0.5)
     if link.armed:
         yield Notice("warning", "the rover is armed: its log stays on its card, the .tlog files are here")

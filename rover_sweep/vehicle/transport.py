@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import socket
+import time
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -26,6 +27,34 @@ class Transport(Protocol):
 
     def send(self, data: bytes) -> None: ...
     def close(self) -> None: ...
+
+
+class Line(Protocol):
+    """How a link reaches its vehicle, and the clock that its waits run on: the one door through which
+    anything unpredictable comes in, so that a conversation can be recorded and played back there."""
+
+    def open(self, url: str, timeout: float = 5.0) -> Transport:
+        """A connection to `url`. LinkError with a sentence where it cannot be opened."""
+        ...
+
+    def monotonic(self) -> float:
+        """Seconds, from any origin, never going back."""
+        ...
+
+    def sleep(self, seconds: float) -> None: ...
+
+
+class LiveLine:
+    """Real connections and real time."""
+
+    def open(self, url: str, timeout: float = 5.0) -> Transport:
+        return open_transport(url, timeout)
+
+    def monotonic(self) -> float:
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
 
 
 @dataclass(frozen=True)
