@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from rover_sweep.identify.models.lumped import COLUMNS, ROWS
 from rover_sweep.identify.recording import Note, Recording, steered
 from rover_sweep.logs import read_runs
 from rover_sweep.run_names import named, source_names
+from rover_sweep.session_folder.folder import is_session
+from rover_sweep.session_folder.recordings import session_runs
 from rover_sweep.vehicle_file import Vehicle
 
 STEERED = ("delta", "pwm", "r", "p", "phi", "psi", "ay", "vy")
@@ -79,11 +82,27 @@ def load_runs(
     filters: Mapping[str, float] | None,
     beside: Sequence[str] = (),
 ) -> tuple[Recording, ...]:
-    """All runs of the sources as recorded, named apart from each other and from those of `beside`."""
+    """All runs of the sources as recorded, named apart from each other and from those of `beside`.
+
+    A source is what `read_runs` reads, or the folder of a session.
+    """
     names = source_names((*sources, *beside))
-    return tuple(
-        named(run, s, names[s]) for s in sources for run in read_runs(s, column_map=columns, filters=filters)
-    )
+    found: list[Recording] = []
+    for source in sources:
+        if is_session(Path(source)):
+            found += _of_session(source, filters, names)
+        else:
+            runs = read_runs(source, column_map=columns, filters=filters)
+            found += [named(run, source, names[source]) for run in runs]
+    return tuple(found)
+
+
+def _of_session(
+    source: str, filters: Mapping[str, float] | None, names: Mapping[str, str]
+) -> tuple[Recording, ...]:
+    """Under the names of its plan, with the folder's where there are other sources."""
+    runs = session_runs(Path(source), filters)
+    return runs if len(names) == 1 else tuple(replace(r, name=f"{names[source]}/{r.name}") for r in runs)
 
 
 def with_delta(run: Recording, vehicle: Vehicle) -> Recording:

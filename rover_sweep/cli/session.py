@@ -86,16 +86,10 @@ def recordings(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording, .
     """
     from rover_sweep.preparation import Reading, load
 
-    whole = [run for run in session.runs if run.completed]
-    if not whole:
-        why = "; ".join(f"{run.name}: {run.reason}" for run in session.runs) or "none was driven"
-        raise DataRefused(f"no run came to its end ({why}); {_kept(session.folder, list(session.runs))}")
-    for paths in (session.logs, tuple(run.tlog for run in whole)):
-        found = load([str(path) for path in paths], vehicle, Reading())
-        spans = [run.span for run in whole]
-        if runs := tuple(r for r in found if any(a < r.span[1] and r.span[0] < b for a, b in spans)):
-            return runs
-    raise DataRefused(f"neither log nor telemetry in {session.folder} hold the runs; read them with identify")
+    try:
+        return load([str(session.folder)], vehicle, Reading())
+    except DataRefused as refusal:
+        raise DataRefused(f"{refusal}; {_kept(session.folder, list(session.runs))}") from refusal
 
 
 def identified_session(

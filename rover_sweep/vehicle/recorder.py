@@ -1,4 +1,4 @@
-"""What goes to disk while a vehicle is connected: the .tlog, and the folder of a session.
+"""What goes to disk while a vehicle is connected: the .tlog.
 
 A .tlog is a sequence of (8-byte big-endian microseconds since 1970, MAVLink frame), as pymavlink's
 mavlogfile, MAVProxy, Mission Planner and QGroundControl read it. The stamp is the time of arrival.
@@ -7,14 +7,11 @@ mavlogfile, MAVProxy, Mission Planner and QGroundControl read it. The stamp is t
 from __future__ import annotations
 
 import io
-import json
 import struct
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rover_sweep.errors import UsageError
 
@@ -79,33 +76,3 @@ def writing(path: Path) -> Iterator[None]:
             f"{path} cannot be written ({error.strerror}): nothing more is recorded there; "
             "make room, or give another folder"
         ) from error
-
-
-@dataclass(frozen=True)
-class Session:
-    """A folder that explains itself: connect.tlog, NAME.tlog of each run, logs (.BIN), session.json."""
-
-    folder: Path
-
-    @classmethod
-    def create(cls, folder: Path) -> Session:
-        """Make the folder; recordings that lie there already are kept (tlogs get a number)."""
-        with writing(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-        return cls(folder)
-
-    def tlog(self, name: str) -> Path:
-        """A path for a new tlog that overwrites none."""
-        path, number = self.folder / f"{name}.tlog", 2
-        while path.exists():
-            path, number = self.folder / f"{name}-{number}.tlog", number + 1
-        return path
-
-    def describe(self, content: dict[str, Any]) -> Path:
-        """Write session.json: what was run on which vehicle, with which settings, into which files."""
-        path = self.folder / "session.json"
-        partial = path.with_suffix(".json.part")
-        with writing(path):
-            partial.write_text(json.dumps(content, indent=2, default=str) + "\n")
-            partial.replace(path)
-        return path

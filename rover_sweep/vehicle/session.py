@@ -1,22 +1,20 @@
 """A session: connect, prepare the vehicle, drive the planned runs, fetch the logs. Yields events.
 
-What lies in the folder afterwards: connect.tlog (until the first run), NAME.tlog of each run, the
-vehicle's .BIN logs as logNUMBER.BIN (fetch.tlog is the traffic of fetching them), and session.json,
-which says what is what.
+What lies in the folder afterwards is described in `rover_sweep.session_folder`.
 """
 
 from __future__ import annotations
 
 import contextlib
-import datetime
-from collections.abc import Generator, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from firmware_params.check import WantedParameter, compare
-from rover_sweep import __version__
-from rover_sweep.errors import UsageError
-from rover_sweep.identify.sweep import Manoeuvre
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.session_folder.content import FetchedLog, PlannedRun, State
+from rover_sweep.session_folder.folder import Session
+from rover_sweep.session_folder.recordings import held
 from rover_sweep.vehicle.controls import pump
 from rover_sweep.vehicle.events import (
     Connected,
@@ -27,25 +25,16 @@ from rover_sweep.vehicle.events import (
     SessionFinished,
     StreamsSet,
 )
-from rover_sweep.vehicle.identity import Vehicle, check_applet, identify_vehicle, untried
+from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untried
 from rover_sweep.vehicle.install import install
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.log_download import LogEntry, LogSaved, MavlinkLogs
 from rover_sweep.vehicle.manoeuvre import refuse_undersampled
 from rover_sweep.vehicle.mavlink import constant
 from rover_sweep.vehicle.parameters import read, read_present
-from rover_sweep.vehicle.recorder import Session
 from rover_sweep.vehicle.run import RunSettings, run
 from rover_sweep.vehicle.streams import IDENTIFICATION_RATES, request_all, stop
 from rover_sweep.vehicle.transport import Line
-
-
-@dataclass(frozen=True)
-class PlannedRun:
-    """One run of a session; name is that of its .tlog."""
-
-    name: str
-    manoeuvre: Manoeuvre
 
 
 @dataclass(frozen=True)
@@ -62,64 +51,94 @@ class Plan:
     logs: bool = True
 
 
-def drive(url: str, folder: Path, plan: Plan, line: Line | None = None) -> Generator[Event, None, None]:
+def drive(
+    url: str, folder: Path, plan: Plan, line: Line | None = None, vehicle_file: Path | None = None
+) -> Generator[Event, None, None]:
     """Carry the plan out on the vehicle at `url`, recording into `folder`. line: see `Link.open`.
 
-    Ctrl-C (or KeyboardInterrupt thrown in) during a run ends that run and all further ones, and the
-    logs are fetched; so does a run that was stopped on a rover that this program arms.
+    Of a session that was begun there before, only what did not come to its end is driven. vehicle_file: is
+    copied into the folder. Ctrl-C (or KeyboardInterrupt thrown in) during a run ends that run and all
+    further ones, and the logs are fetched; so does a run that was stopped on a rover that this program arms.
     """
-    session = Session.create(folder)
-    with Link.open(url, session.tlog("connect"), line=line) as link:
+    session = Session.open(folder)
+    if vehicle_file is not None:
+        session.keep_vehicle_file(vehicle_file)
+    session.plan(plan.runs)
+    session.set(asdict(plan.settings), {p.name: p.value for p in plan.parameters})
+    with Link.open(url, session.between(), line=line) as link:
         vehicle = identify_vehicle(link)
+        session.on(asdict(vehicle))
         if warning := untried(vehicle):
             yield Notice("warning", warning)
         yield from install(link, plan.parameters, plan.applet)
-        _refuse_amplitudes(check_applet(link), plan)
-        for planned in plan.runs:
-            refuse_undersampled(planned.manoeuvre, read(link, "SCHED_LOOP_RATE"))
+        refuse_impossible(link, session.to_drive, plan.settings)
         yield Connected(url, vehicle)
         for difference in compare(read_present(link, [p.name for p in plan.checked]), plan.checked):
             yield Notice("warning", difference.sentence)
         logs = MavlinkLogs(link)
-        before = logs.logs() if plan.logs else ()
-        yield from _start_streams(link)
-        yield from _await_estimator(link)
+        if plan.logs:
+            session.logs_before(listed(logs.logs()))
+        yield from start_streams(link)
+        yield from await_estimator(link)
         finished: list[RunFinished] = []
-        for planned in plan.runs:
-            go_on = yield from _run(link, planned, session.tlog(planned.name), plan.settings, finished)
-            _describe(session, vehicle, plan, finished, ())
-            if not go_on:
+        for planned in session.to_drive:
+            if not (yield from _run(link, planned, session, plan.settings, finished)):
                 break
         stop(link, IDENTIFICATION_RATES)
-        saved: list[Path] = []
         if plan.logs and (yield from _disarmed(link, plan.settings.patience)):
             link.record_to(session.tlog("fetch"))
-            yield from _fetch(logs, before, folder, saved)
-    _describe(session, vehicle, plan, finished, saved)
-    yield SessionFinished(folder, tuple(finished), tuple(saved))
+            yield from fetch(logs, session)
+    saved = tuple(folder / log.file for log in session.content.logs)
+    yield SessionFinished(folder, tuple(finished), saved)
 
 
-def _refuse_amplitudes(present: Mapping[str, float], plan: Plan) -> None:
-    """Before anything moves: the applet would refuse these at the switch."""
-    limit = plan.settings.extra.get("pwm_max", present["SWP_PWM_MAX"])
-    for planned in plan.runs:
+def refuse_impossible(link: Link, runs: Sequence[PlannedRun], settings: RunSettings) -> None:
+    """UsageError before anything moves: for what the applet would refuse at the switch, or too fast for
+    this rover's loop. LinkError where the applet does not run."""
+    present = check_applet(link)
+    limit = settings.extra.get("pwm_max", present["SWP_PWM_MAX"])
+    for planned in runs:
         if planned.manoeuvre.peak > limit:
             raise UsageError(
                 f"{planned.name} asks for {planned.manoeuvre.peak:g} us, but the rover's SWP_PWM_MAX "
                 f"allows {limit:g} us; take less, or raise SWP_PWM_MAX if the steering moves freely that far"
             )
+        refuse_undersampled(planned.manoeuvre, read(link, "SCHED_LOOP_RATE"))
+
+
+def recorded_run(
+    link: Link, planned: PlannedRun, session: Session, settings: RunSettings
+) -> Generator[Event, None, RunFinished | None]:
+    """One run, told to the session before it begins and after it ended; None where it was interrupted.
+
+    KeyboardInterrupt (thrown in, or raised by the link) lets the rover go and ends it.
+    """
+    tlog = session.tlog(planned.name)
+    session.begun(planned, tlog, settings.arm)
+    try:
+        ended = yield from run(link, planned.manoeuvre, planned.name, tlog, settings)
+    except KeyboardInterrupt as stopped:
+        session.ended(tlog, "stopped", "interrupted")
+        yield Interrupted(planned.name, tlog, tuple(getattr(stopped, "__notes__", ())), link.armed)
+        return None
+    except BaseException as error:
+        session.ended(tlog, "cut", str(error) or "the program ended")
+        raise
+    quality = tuple(asdict(stream) for stream in ended.quality)
+    state: State = "done" if ended.completed else "stopped"
+    session.ended(tlog, state, ended.reason, ended.span, ended.number, quality)
+    return ended
 
 
 def _run(
-    link: Link, planned: PlannedRun, tlog: Path, settings: RunSettings, finished: list[RunFinished]
+    link: Link, planned: PlannedRun, session: Session, settings: RunSettings, finished: list[RunFinished]
 ) -> Generator[Event, None, bool]:
     """One run, added to `finished`; whether the session goes on to the next."""
-    try:
-        finished.append((yield from run(link, planned.manoeuvre, planned.name, tlog, settings)))
-    except KeyboardInterrupt as stopped:
-        yield Interrupted(planned.name, tlog, tuple(getattr(stopped, "__notes__", ())), link.armed)
+    ended = yield from recorded_run(link, planned, session, settings)
+    if ended is None:
         return False
-    return finished[-1].completed or not settings.arm
+    finished.append(ended)
+    return ended.completed or not settings.arm
 
 
 def _disarmed(link: Link, patience: float) -> Generator[Event, None, bool]:
@@ -136,7 +155,8 @@ def _disarmed(link: Link, patience: float) -> Generator[Event, None, bool]:
     return not link.armed
 
 
-def _start_streams(link: Link) -> Iterator[Event]:
+def start_streams(link: Link) -> Iterator[Event]:
+    """Ask for what a run is identified from, and tell what is granted."""
     streams = request_all(link, read(link, "SCHED_LOOP_RATE"))
     yield StreamsSet(streams)
     for stream in streams:
@@ -144,7 +164,7 @@ def _start_streams(link: Link) -> Iterator[Event]:
             yield Notice("warning", stream.advice)
 
 
-def _await_estimator(link: Link, patience: float = 90.0) -> Iterator[Event]:
+def await_estimator(link: Link, patience: float = 90.0) -> Iterator[Event]:
     """Wait until the EKF uses GPS. The real firmware arms before that, some 20 s early in SITL, and
     speed and heading change their source in the middle of a run that began then."""
     start, told = link.clock.now, False
@@ -170,45 +190,42 @@ def _estimator_ready(link: Link) -> bool:
     return flags & wanted == wanted and not flags & constant("EKF_CONST_POS_MODE")
 
 
-def _fetch(
-    logs: MavlinkLogs, before: tuple[LogEntry, ...], folder: Path, saved: list[Path]
-) -> Iterator[Event]:
-    """Download the logs that are new or have grown since `before`."""
-    known = set(before)
+def listed(logs: Sequence[LogEntry]) -> tuple[tuple[int, int, int], ...]:
+    """As a session keeps them."""
+    return tuple((log.number, log.size, log.time_utc) for log in logs)
+
+
+def fetch(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
+    """Download the logs that are new or have grown since the session began, and are not here already."""
+    known = {*(session.content.logs_before or ())}
+    known |= {(log.number, log.size, log.time_utc) for log in session.content.logs}
     for entry in logs.logs():
-        if entry in known:
+        if (entry.number, entry.size, entry.time_utc) in known:
             continue
-        for event in logs.download(entry, folder / f"log{entry.number}.BIN"):
-            yield event
+        for event in logs.download(entry, _place(session, entry)):
             if isinstance(event, LogSaved):
-                saved.append(event.path)
+                session.fetched(FetchedLog(event.path.name, entry.number, entry.size, entry.time_utc))
+                tell_runs(session, event.path.name)
+            yield event
 
 
-def _describe(
-    session: Session,
-    vehicle: Vehicle,
-    plan: Plan,
-    finished: list[RunFinished],
-    logs: tuple[Path, ...] | list[Path],
-) -> None:
-    manoeuvres = {planned.name: planned.manoeuvre for planned in plan.runs}
-    session.describe(
-        {
-            "format": "rover-sweep session 1",
-            "rover_sweep": __version__,
-            "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            "vehicle": asdict(vehicle),
-            "settings": asdict(plan.settings),
-            "parameters": {p.name: p.value for p in plan.parameters},
-            "runs": [
-                {
-                    **asdict(event),
-                    "tlog": event.tlog.name,
-                    "span_unit": "s since boot",
-                    "manoeuvre": asdict(manoeuvres[event.name]),
-                }
-                for event in finished
-            ],
-            "logs": [path.name for path in logs],
-        }
-    )
+def tell_runs(session: Session, file: str) -> None:
+    """Find which runs a fetched log holds, and write it down."""
+    try:
+        runs = held(session.folder / file, session.content.runs)
+    except DataRefused:  # a log of something else; the tlogs are there
+        return
+    log = next(log for log in session.content.logs if log.file == file)
+    session.fetched(replace(log, runs=runs))
+
+
+def _place(session: Session, entry: LogEntry) -> Path:
+    """logNUMBER.BIN, over an earlier part of the same log, beside another log of that number."""
+    name, number = f"log{entry.number}.BIN", 2
+    known = {log.file: log for log in session.content.logs}
+    while (session.folder / name).exists():
+        earlier = known.get(name)
+        if earlier and earlier.time_utc == entry.time_utc and earlier.size <= entry.size:
+            break
+        name, number = f"log{entry.number}-{number}.BIN", number + 1
+    return session.folder / name

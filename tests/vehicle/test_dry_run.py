@@ -55,7 +55,9 @@ def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
     assert isinstance(events[-1], SessionFinished)
     told = json.loads((tmp_path / "session.json").read_text())
     assert [run["tlog"] for run in told["runs"]] == ["sweep1.tlog", "sweep2.tlog", "doublet.tlog"]
-    assert told["logs"] == [saved.path.name]
+    assert [(log["file"], log["runs"]) for log in told["logs"]] == [
+        (saved.path.name, ["sweep1", "sweep2", "doublet"])
+    ]
 
 
 _STATION = """

@@ -11,6 +11,7 @@ from fake_vehicle import SWITCH, FakeVehicle, wait_until
 from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.identify.sweep import Doublet
+from rover_sweep.session_folder.folder import Session
 from rover_sweep.vehicle import session
 from rover_sweep.vehicle.events import (
     Interrupted,
@@ -31,7 +32,7 @@ TWO = (PlannedRun("one", Doublet()), PlannedRun("two", Doublet()))
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.2)
-    monkeypatch.setattr(session, "_await_estimator", lambda _: iter(()))
+    monkeypatch.setattr(session, "await_estimator", lambda _: iter(()))
 
 
 def interrupted_in_state_6(vehicle: FakeVehicle, events: Generator[Any, None, None]) -> list[Any]:
@@ -98,7 +99,8 @@ def test_what_could_not_be_let_go_is_told(
         vehicle.armed = True
         assert wait_until(lambda: link.receive(0.1) is not None and link.armed)
         finished: list[RunFinished] = []
-        events = session._run(link, TWO[0], tmp_path / "b.tlog", RunSettings(patience=30), finished)
+        folder = Session.open(tmp_path / "b")
+        events = session._run(link, TWO[0], folder, RunSettings(patience=30), finished)
         seen = interrupted_in_state_6(vehicle, events)
     (stopped,) = [e for e in seen if isinstance(e, Interrupted)]
     assert (
