@@ -10,11 +10,13 @@ State = Literal["good", "doubtful", "bad", "unknown"]
 
 @dataclass(frozen=True)
 class Remedy:
-    """What one key does. reboot: the rover has to boot anew afterwards. by_hand: only a person can."""
+    """What one key does. reboot: the rover has to boot anew afterwards. by_hand: only a person can.
+    sets: the parameters that it sets, (name, value)."""
 
     words: str
     reboot: bool = False
     by_hand: bool = False
+    sets: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,29 @@ def stop(link: Link, names: Iterable[str]) -> None:
         _set(link, name, -1)
 
 
+def intervals(link: Link, names: Iterable[str]) -> dict[str, float]:
+    """Interval [us] at which each message comes now, -1 for one that does not; without those of which
+    the vehicle does not tell (MAV_CMD_GET_MESSAGE_INTERVAL)."""
+    found: dict[int, float] = {}
+
+    def keep(message: Message) -> None:
+        if kind(message) == "MESSAGE_INTERVAL":
+            found[int(message.message_id)] = float(message.interval_us)
+
+    numbers = {name: message_id(name) for name in names}
+    with link.listening(keep):
+        for number in numbers.values():
+            link.command("MAV_CMD_GET_MESSAGE_INTERVAL", number)
+        link.receive(0.05)
+    return {name: found[number] for name, number in numbers.items() if found.get(number)}
+
+
+def put_back(link: Link, before: Mapping[str, float]) -> None:
+    """Set the intervals that `intervals` found."""
+    for name, interval_us in before.items():
+        _set(link, name, interval_us)
+
+
 def _set(link: Link, name: str, interval_us: float) -> int:
     return link.command("MAV_CMD_SET_MESSAGE_INTERVAL", message_id(name), interval_us)
 
@@ -84,7 +107,8 @@ def _set(link: Link, name: str, interval_us: float) -> int:
 @dataclass(frozen=True)
 class StreamQuality:
     """How a stream came in, on the vehicle's clock. hz: by the median interval; jitter_ms: standard
-    deviation of the intervals; gap_ms: the longest; lost: share of the samples that did not come."""
+    deviation of the intervals; gap_ms: the longest; lost: share of the samples that did not come;
+    mean_hz: samples that came in a second."""
 
     message: str
     count: int
@@ -92,6 +116,7 @@ class StreamQuality:
     jitter_ms: float
     gap_ms: float
     lost: float
+    mean_hz: float = 0.0
 
     @property
     def verdict(self) -> str:
@@ -143,4 +168,5 @@ def judge(name: str, stamps: list[float]) -> StreamQuality:
         jitter_ms=1e3 * jitter,
         gap_ms=1e3 * max(steps),
         lost=missing / (len(stamps) + missing),
+        mean_hz=1 / mean,
     )

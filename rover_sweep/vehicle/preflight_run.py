@@ -1,0 +1,60 @@
+"""`preflight`: everything that must be right before a run. `remedy`: put one of it right, with one key.
+
+    checks = preflight(link, folder)
+    for event in remedy(link, checks[1], reboot=True): ...
+
+`preflight` changes nothing on the vehicle. `remedy` moves and arms nothing; it refuses all but disarming
+on an armed rover, and reboots only with reboot=True. Without it what needs one is set and noted
+(`vehicle.pending`), and the next preflight in that folder asks for the reboot alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.checks import disk, onboard, radio, rates, readiness, remedies
+from rover_sweep.vehicle.checks.look import look
+from rover_sweep.vehicle.checks.seen import Seen
+from rover_sweep.vehicle.events import Event
+from rover_sweep.vehicle.identity import identify_vehicle
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.preflight import Check, Remedy
+
+_IN_ORDER = (
+    *(readiness.armed, onboard.firmware, onboard.parameters, onboard.applet),
+    *(rates.loop_rate, rates.filters, rates.streams, rates.clock, onboard.logging, disk.disk),
+    *(readiness.battery, readiness.gps, readiness.ekf, radio.rc, radio.switch, readiness.mode),
+)
+NAMES = tuple(check.__name__ for check in _IN_ORDER)
+"""Names of all checks, in the order in which they are to be put right."""
+
+
+def preflight(link: Link, folder: Path, w_max: float | None = None) -> tuple[Check, ...]:
+    """All checks, in the order in which they are to be put right.
+
+    folder: where runs will be recorded. w_max: top of the sweep to come [rad/s], the applet's own if not
+    given. A vehicle that is none of ours gets the check `firmware` alone. LinkError when the link is lost.
+    """
+    try:
+        identify_vehicle(link)
+    except LinkError as error:
+        link.receive(1.0)  # a link that is gone says so itself
+        hand = Remedy("connect an ArduPilot Rover", by_hand=True)
+        return (Check("firmware", "bad", "not usable", str(error), hand),)
+    return judged(look(link, folder, w_max))
+
+
+def judged(seen: Seen) -> tuple[Check, ...]:
+    """The checks on what was seen: pure."""
+    return tuple(check(seen) for check in _IN_ORDER)
+
+
+def remedy(link: Link, check: Check, reboot: bool, folder: Path | None = None) -> Iterator[Event]:
+    """Do what `check` offers; `preflight` then tells whether it helped.
+
+    folder: that of the preflight, by default the one that the link records into. UsageError for what
+    only a person can do, LinkError where the vehicle refuses.
+    """
+    return remedies.carry_out(link, check, reboot, folder or link.tlog.parent)
