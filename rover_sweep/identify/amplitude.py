@@ -180,7 +180,7 @@ def _proposal(
 
 
 def _enough_up_to(bands: tuple[BandAmplitude, ...], limits: tuple[Limit, ...]) -> float | None:
-    """The highest w_max [rad/s] of a sweep whose one amplitude is enough and within the limits; None: none."""
+    """The highest w_max [rad/s] up to which one amplitude is enough and within the limits; None: none."""
     for k in range(len(bands) - 1, 0, -1):
         most = min(limit.within(bands[0].low, bands[k - 1].high) for limit in limits)
         if max(b.wanted for b in bands[:k]) <= most:

@@ -35,18 +35,22 @@ def read_runs(
         logs = read_logs(source, column_map=column_map, filters=filters)
     for whole in logs:
         try:
-            log = screened(whole)
-            refuse_useless(log)
-            found = find_runs(log)
-            if not found:
-                refuse_unexcited(log)
+            runs += runs_of(whole)
         except DataRefused as refusal:  # of one trial or one start of the vehicle; others may do
             refusals.append(refusal)
-            continue
-        runs += [judged(run, log) for run in found]
     if not runs and refusals:
         raise refusals[0]
     return tuple(runs)
+
+
+def runs_of(whole: Log) -> tuple[Recording, ...]:
+    """All runs of one log, judged. Raises DataRefused where there is none that can be used."""
+    log = screened(whole)
+    refuse_useless(log)
+    found = find_runs(log)
+    if not found:
+        refuse_unexcited(log)
+    return tuple(judged(run, log) for run in found)
 
 
 def read_logs(
