@@ -25,7 +25,7 @@ WANTED_COHERENCE = 0.8  # a margin above the .6 that is usable
 WANTED_ERROR = 0.10  # normalised random error of |h|
 LEAST, MOST = 0.05, 8.0  # of the driven amplitude: beyond, one run does not tell
 ENOUGH = 1.1  # of the driven amplitude: less more than that is not worth a repetition
-RISING_FROM = 4.0  # of the lowest frequency: where p and V_y' are asked for an answer
+RISING_FROM = 4.0  # of the lowest frequency, where p and V_y' are asked for an answer (the paper: p from 2)
 
 
 @dataclass(frozen=True)
@@ -115,11 +115,14 @@ def wanted_factor(f: FrequencyResponse, low: float, high: float) -> tuple[float,
 
 
 def propose(
-    found: Mapping[str, FrequencyResponse], driven: float, limits: tuple[Limit, ...] = ()
+    found: Mapping[str, FrequencyResponse],
+    driven: float,
+    limits: tuple[Limit, ...] = (),
+    little: float = 0.0,
 ) -> AmplitudeProposal:
     """The proposal from a run's responses {output: response}, those that are to be answered for.
 
-    driven: amplitude of the run, in the unit of the limits [us].
+    driven: amplitude of the run, in the unit of the limits [us]; little: no less is ever proposed.
     """
     if not found:
         return AmplitudeProposal(driven, (), None, None, "")
@@ -128,13 +131,18 @@ def propose(
     bands = tuple(
         band
         for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-        if (band := _band(found, low, high, driven, limits)) is not None
+        if (band := _band(found, low, high, driven, limits, little)) is not None
     )
     return _proposal(driven, bands, limits)
 
 
 def _band(
-    found: Mapping[str, FrequencyResponse], low: float, high: float, driven: float, limits: tuple[Limit, ...]
+    found: Mapping[str, FrequencyResponse],
+    low: float,
+    high: float,
+    driven: float,
+    limits: tuple[Limit, ...],
+    little: float,
 ) -> BandAmplitude | None:
     needs = {o: need for o, f in found.items() if (need := wanted_factor(f, low, high)) is not None}
     if not needs:
@@ -143,7 +151,7 @@ def _band(
     factor, noise, _ = needs[response]
     f = found[response]
     coherence = float(np.median(f.coherence[(f.w >= low) & (f.w <= high)]))
-    wanted = factor * driven
+    wanted = max(factor * driven, little)
     tightest = min(limits, key=lambda limit: limit.within(low, high), default=None)
     most = tightest.within(low, high) if tightest else np.inf
     amplitude = min(wanted, most)

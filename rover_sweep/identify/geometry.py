@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 GRAVITY = 9.81  # m/s^2, as the paper
+NEAR = 0.8  # of the critical speed or of the friction limit: from here on a run is warned of
+FRICTION = 0.5  # assumed where the vehicle file has none: wet grass, and .8 of it is .4 g, where tyres bend
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,12 @@ from itertools import combinations
 import numpy as np
 
 from rover_sweep.identify.fit import FitResult
-from rover_sweep.identify.geometry import GRAVITY
+from rover_sweep.identify.geometry import FRICTION, GRAVITY, NEAR
 from rover_sweep.identify.models.bicycle import axle_stiffness
 from rover_sweep.identify.recording import Note, Recording
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, number
 
-NEAR = 0.8  # of the critical speed or of the friction limit: from here on a run is warned of
-FRICTION = 0.5  # assumed where the vehicle file has none: wet grass, and .8 of it is .4 g, where tyres bend
 PEAK = 99.0  # percentile of |a_y| that stands for its peak
 STEP = 1e-6  # relative step of the slopes in a parameter
 

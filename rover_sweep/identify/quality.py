@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.identify.amplitude import RISING_FROM, octaves, wanted_factor
 from rover_sweep.identify.conditioned import conditioned_responses
 from rover_sweep.identify.recording import Array, Recording
 from rover_sweep.identify.response import (
@@ -22,12 +24,8 @@ from rover_sweep.identify.response import (
 from rover_sweep.identify.spectra import Transformer
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 
-WANTED_COHERENCE = 0.8  # what a repeated run is asked to reach: a margin above the .6 that is usable
 COVERED = 0.8  # of the swept range, in log w
 VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction (the paper used 3-25 rad/s)
-RISING_FROM = (
-    4.0  # of the lowest frequency: where p and V_y' are judged from (the paper used p from twice w_min)
-)
 SERVO_TRAVEL = 500.0  # us from the trim
 LINE_GAP = 3.0  # rad/s
 LATERAL_LIMIT = 6.0  # m/s^2, above which a rover on asphalt slides or rolls over
@@ -171,14 +169,14 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     input = "delta" if "delta" in run else "pwm"
     measured = found or responses([run], input=input)
     outputs = tuple(_output(f) for f in measured.values())
-    judged = [f for name, f in measured.items() if name in ("r", "ay") or (name == "p" and f.band)]
+    judged = list(answering(measured).values())
     worst = min(judged, key=lambda f: _output(f).covered)
     signal = run.manoeuvre("pwm" if "pwm" in run else input)
     amplitude = float(np.ptp(signal.x)) / 2
     unit = "us" if signal.unit == "us" else signal.unit
     swept = (float(worst.w[0]), float(worst.w[-1]))
     keep = _output(worst).covered >= COVERED
-    factor = None if keep else _factor(worst)
+    factor = None if keep else _factor(judged)
     peak = _peak(measured, float(np.ptp(run.manoeuvre(input).x)) / 2) * (factor or 1.0)
     if run.kind == "doublet":
         said = "doublet: for verification, so its coherence is not judged"
@@ -189,6 +187,11 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
         else _repeat_words(worst, amplitude, unit, factor or 1.0, peak)
     )
     return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, words)
+
+
+def answering(found: Mapping[str, FrequencyResponse]) -> dict[str, FrequencyResponse]:
+    """The responses that a run is judged by: r, a_y, and p of a rover that rolls."""
+    return {name: f for name, f in found.items() if name in ("r", "ay") or (name == "p" and f.band)}
 
 
 def _output(f: FrequencyResponse) -> OutputCoherence:
@@ -208,15 +211,15 @@ def _judged(f: FrequencyResponse) -> tuple[Array, Array]:
     return f.w[f.w >= start], f.coherence[f.w >= start]
 
 
-def _factor(f: FrequencyResponse) -> float:
-    """Amplitude ratio that lifts all but the worst tenth of the poor points to the wanted coherence.
-
-    The signal-to-noise power ratio is g2/(1 - g2) and grows with the square of the amplitude.
-    """
-    g2 = _judged(f)[1]
-    g2 = np.clip(g2[g2 < COHERENCE_GOOD], 0.02, None)
-    wanted = WANTED_COHERENCE / (1 - WANTED_COHERENCE)
-    return float(np.clip(np.sqrt(wanted * (1 - np.percentile(g2, 10)) / np.percentile(g2, 10)), 1.2, 12.0))
+def _factor(judged: Sequence[FrequencyResponse]) -> float:
+    """Amplitude ratio that brings every octave of these to the wanted coherence (`amplitude`)."""
+    needs = [
+        need[0]
+        for f in judged
+        for low, high in pairwise(octaves(float(f.w[0]), float(f.w[-1])).tolist())
+        if (need := wanted_factor(f, low, high)) is not None
+    ]
+    return float(np.clip(max(needs, default=1.0), 1.2, 12.0))
 
 
 def _kind(f: FrequencyResponse) -> str:
