@@ -32,8 +32,8 @@ class DrivenRun:
     """A run that was begun. name: of the plan; tlog: file name in the folder, which tells repeats apart.
 
     manoeuvre: None where the tlog does not tell it. reason: why it ended, in words. span: s since boot,
-    from the switch to the last state. number: the applet's run counter. armed: by this program. quality:
-    of the telemetry streams. verdict: what was said of it, as the fields of `live.snapshot.Verdict`.
+    from the switch to the last state. number: the applet's run counter. left_armed: by this program, as
+    far as is known. quality: of the telemetry streams. verdict: on it, as in `live.snapshot.Verdict`.
     """
 
     name: str
@@ -43,7 +43,7 @@ class DrivenRun:
     reason: str = ""
     span: Span | None = None
     number: int = 0
-    armed: bool = False
+    left_armed: bool = False
     quality: tuple[Mapping[str, Any], ...] = ()
     verdict: Mapping[str, Any] | None = None
 

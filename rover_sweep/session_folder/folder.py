@@ -18,7 +18,6 @@ from rover_sweep.session_folder.content import (
     DrivenRun,
     FetchedLog,
     PlannedRun,
-    Span,
     State,
     from_json,
     to_json,
@@ -107,26 +106,19 @@ class Session:
         if self.content.logs_before is None:
             self._change(logs_before=tuple(listed))
 
-    def begun(self, planned: PlannedRun, tlog: Path, armed: bool) -> None:
-        """A run begins, which is recorded into `tlog`."""
-        run = DrivenRun(planned.name, tlog.name, planned.manoeuvre, "begun", armed=armed)
+    def begun(self, planned: PlannedRun, tlog: Path, arming: bool) -> None:
+        """A run begins, which is recorded into `tlog`. arming: this program arms the rover for it."""
+        run = DrivenRun(planned.name, tlog.name, planned.manoeuvre, "begun", left_armed=arming)
         self._change_runs((*self.content.runs, run))
 
-    def ended(
-        self,
-        tlog: Path,
-        state: State,
-        reason: str,
-        span: Span | None = None,
-        number: int = 0,
-        quality: tuple[Mapping[str, Any], ...] = (),
-    ) -> None:
-        """The run recorded into `tlog` is over."""
-        self._update(tlog.name, state=state, reason=reason, span=span, number=number, quality=quality)
+    def ended(self, tlog: Path, state: State, reason: str, left_armed: bool, **known: Any) -> None:
+        """The run recorded into `tlog` is over. known: its span, number and quality."""
+        self._update(tlog.name, state=state, reason=reason, left_armed=left_armed, **known)
 
     def judged(self, tlog: Path, verdict: Mapping[str, Any]) -> None:
-        """What was said of the run."""
-        self._update(tlog.name, verdict=json.loads(json.dumps(dict(verdict), default=str)))
+        """What was said of the run; paths in it become names, which hold wherever the folder is."""
+        said = json.dumps(dict(verdict), default=lambda x: x.name if isinstance(x, Path) else str(x))
+        self._update(tlog.name, verdict=json.loads(said))
 
     def fetched(self, log: FetchedLog) -> None:
         """A log is here, in place of what its file held before."""

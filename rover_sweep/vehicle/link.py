@@ -67,10 +67,18 @@ class Link:
         self._watch = Watch(url)
 
     @classmethod
-    def open(cls, url: str, tlog_path: Path, timeout: float = 15.0, line: Line | None = None) -> Link:
+    def open(
+        cls,
+        url: str,
+        tlog_path: Path,
+        timeout: float = 15.0,
+        line: Line | None = None,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> Link:
         """Connect, record into `tlog_path` and wait up to `timeout` s for a vehicle's heartbeat.
 
-        line: a real one where none is given.
+        line: a real one where none is given. meanwhile: called again and again, here and wherever the
+        link is waited on; what it raises comes out there.
         """
         line = line or LiveLine()
         transport = line.open(url)
@@ -80,6 +88,8 @@ class Link:
             transport.close()
             raise
         link = cls(url, transport, recorder, line)
+        if meanwhile is not None:
+            link.every(0.0, meanwhile)
         try:
             link._find_vehicle(timeout)
         except BaseException:
@@ -198,6 +208,10 @@ class Link:
         self.texts.append(text)
         for listener in self._text_listeners:
             listener(text)
+
+    def hear(self, messages: Callable[[Message], None]) -> None:
+        """Call `messages` with each message from now on."""
+        self._listeners.append(messages)
 
     @contextmanager
     def listening(

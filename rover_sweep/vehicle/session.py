@@ -12,7 +12,7 @@ from pathlib import Path
 
 from firmware_params.check import WantedParameter, compare
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.session_folder.content import FetchedLog, PlannedRun, State
+from rover_sweep.session_folder.content import FetchedLog, PlannedRun
 from rover_sweep.session_folder.folder import Session
 from rover_sweep.session_folder.recordings import held
 from rover_sweep.vehicle.controls import pump
@@ -87,7 +87,10 @@ def drive(
         stop(link, IDENTIFICATION_RATES)
         if plan.logs and (yield from _disarmed(link, plan.settings.patience)):
             link.record_to(session.tlog("fetch"))
-            yield from fetch(logs, session)
+            for event in fetch(logs, session):
+                if isinstance(event, LogSaved):
+                    tell_runs(session, event.path.name)
+                yield event
     saved = tuple(folder / log.file for log in session.content.logs)
     yield SessionFinished(folder, tuple(finished), saved)
 
@@ -118,15 +121,21 @@ def recorded_run(
     try:
         ended = yield from run(link, planned.manoeuvre, planned.name, tlog, settings)
     except KeyboardInterrupt as stopped:
-        session.ended(tlog, "stopped", "interrupted")
+        session.ended(tlog, "stopped", "interrupted", settings.arm and link.armed)
         yield Interrupted(planned.name, tlog, tuple(getattr(stopped, "__notes__", ())), link.armed)
         return None
     except BaseException as error:
-        session.ended(tlog, "cut", str(error) or "the program ended")
+        session.ended(tlog, "cut", str(error) or "the program ended", settings.arm and link.armed)
         raise
-    quality = tuple(asdict(stream) for stream in ended.quality)
-    state: State = "done" if ended.completed else "stopped"
-    session.ended(tlog, state, ended.reason, ended.span, ended.number, quality)
+    session.ended(
+        tlog,
+        "done" if ended.completed else "stopped",
+        ended.reason,
+        settings.arm and link.armed,
+        span=ended.span,
+        number=ended.number,
+        quality=tuple(asdict(stream) for stream in ended.quality),
+    )
     return ended
 
 
@@ -196,7 +205,8 @@ def listed(logs: Sequence[LogEntry]) -> tuple[tuple[int, int, int], ...]:
 
 
 def fetch(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
-    """Download the logs that are new or have grown since the session began, and are not here already."""
+    """Download the logs that are new or have grown since the session began, and are not here already.
+    After each LogSaved `tell_runs` is the caller's."""
     known = {*(session.content.logs_before or ())}
     known |= {(log.number, log.size, log.time_utc) for log in session.content.logs}
     for entry in logs.logs():
@@ -205,7 +215,6 @@ def fetch(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
         for event in logs.download(entry, _place(session, entry)):
             if isinstance(event, LogSaved):
                 session.fetched(FetchedLog(event.path.name, entry.number, entry.size, entry.time_utc))
-                tell_runs(session, event.path.name)
             yield event
 
 
