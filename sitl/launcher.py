@@ -23,6 +23,7 @@ from typing import TypeVar
 
 from sitl.guard import GRACE
 from sitl.json_server import BASE_PORT, LOOPBACK
+from sitl.transmitter import BASE_PORT as RADIO_PORT
 
 ENVIRONMENT = "ROVER_SWEEP_ARDUROVER"
 HOME = "51.8719,0.6245,30,0"  # latitude, longitude [deg], altitude [m], heading [deg]: north, as the plant
@@ -42,12 +43,14 @@ class Running:
     """A simulated rover that runs: where to connect (pymavlink's notation) and where its files are.
 
     Firmware: `directory` holds logs/, scripts/, eeprom.bin and the programs' output (*.out).
+    radio: UDP port of a simulated transmitter (`sitl.transmitter`), None where there is none.
     """
 
     connection: str
     directory: Path
     _programs: tuple[subprocess.Popen[bytes], ...] = field(repr=False, compare=False)
     _outputs: tuple[Path, ...] = field(repr=False, compare=False)
+    radio: int | None = None
 
     def alive(self) -> bool:
         """Whether everything that was started still runs."""
@@ -137,7 +140,8 @@ def start_ardurover(
         _await(firmware, directory / "ardurover.out", _listens, timeout)
         undo.pop_all()
     outputs = tuple(directory / f"{name}.out" for name in ("ardurover", "physics"))[: len(programs)]
-    return Running(f"tcp:{LOOPBACK}:{_TCP_BASE + 10 * number}", directory, tuple(programs), outputs)
+    connection, radio = f"tcp:{LOOPBACK}:{_TCP_BASE + 10 * number}", RADIO_PORT + 10 * number
+    return Running(connection, directory, tuple(programs), outputs, radio)
 
 
 def start_embedded(
@@ -246,8 +250,9 @@ def _json_line(text: str) -> Mapping[str, object] | None:
 def _free_instance() -> int:
     for number in range(_INSTANCES):
         tcp = [_TCP_BASE + 10 * number + serial for serial in (0, 2, 3)]
-        if all(_free(port, socket.SOCK_STREAM) for port in tcp) and _free(
-            BASE_PORT + 10 * number, socket.SOCK_DGRAM
+        udp = [base + 10 * number for base in (BASE_PORT, RADIO_PORT)]
+        if all(_free(port, socket.SOCK_STREAM) for port in tcp) and all(
+            _free(port, socket.SOCK_DGRAM) for port in udp
         ):
             return number
     raise LaunchError(f"no free instance of ArduRover among the first {_INSTANCES}: stop some that run")

@@ -73,7 +73,7 @@ def diagnose(
         return load(some, vehicle, reading, [s for s in sources if s not in some]) if some else ()
 
     given = material(read(runs), read(held_out), read(simulated))
-    _diagnosed(given, (vehicle, path), settings, Path(out), as_json)
+    diagnosed_into(given, (vehicle, path), settings, Path(out), as_json)
 
 
 def _settings(
@@ -96,7 +96,7 @@ def _settings(
     return DiagnosisSettings(name, chosen, left_out, limit, seed, values)
 
 
-def _diagnosed(
+def diagnosed_into(
     given: Material, rover: tuple[Vehicle, Path], settings: DiagnosisSettings, out: Path, as_json: bool
 ) -> None:
     """Diagnoses, writes the report into `out` and prints summary and path; DataRefused for that verdict."""

@@ -3,36 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from rover_sweep.cli.manoeuvres import ManoeuvreType
 from rover_sweep.cli.options import output_options
+from rover_sweep.cli.simulated_rover import SIMULATORS, own_numbers, rover_text, variants, vehicle_in
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rich.console import RenderableType
-
-    from rover_sweep.identify.identification import Identification
-    from rover_sweep.vehicle_file import Vehicle
-
-
-def _variants() -> tuple[str, ...]:
-    from sitl.parameters import variant_names
-
-    return variant_names()
 
 
 @click.command(name="dry-run")
 @click.option("--out", type=click.Path(file_okay=False), metavar="DIR",
               help="Folder for all that comes of it. [default: dry-run, else dry-run-2, ...]")  # fmt: skip
 @click.option("--vehicle", "simulator", default="embedded", show_default=True,
-              type=click.Choice(("embedded", "ardurover")),
+              type=click.Choice(SIMULATORS),
               help="The embedded rover, or the real firmware in SITL before the same physics.")  # fmt: skip
 @click.option("--ardurover", type=click.Path(dir_okay=False), metavar="FILE",
               help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).")  # fmt: skip
@@ -43,7 +30,7 @@ def _variants() -> tuple[str, ...]:
 @click.option("--rover-file", type=click.Path(dir_okay=False), metavar="FILE",
               help="rover.toml of the vehicle behind --connect.")  # fmt: skip
 @click.option("--variant", default="nominal", show_default=True, metavar="NAME|FILE",
-              help=f"Physics of the simulated rover: {', '.join(_variants())}, or a TOML file.")  # fmt: skip
+              help=f"Physics of the simulated rover: {', '.join(variants())}, or a TOML file.")  # fmt: skip
 @click.option("--amplitude", type=click.FloatRange(0, min_open=True), default=120.0, show_default=True,
               metavar="US",
               help="Amplitude of the first sweep, up to 200 us; the second has twice that.")  # fmt: skip
@@ -94,11 +81,11 @@ def dry_run(
         consent=arm_and_drive,
     )
     _ = settings.plan  # refuses in words before anything is written
-    text = None if rover_file else _rover_file(variant)
+    text = None if rover_file else rover_text(variant)
     folder = session_folder(out, "dry-run", also=() if rover_file else ("rover.toml",))
-    rover = _vehicle(folder, rover_file, text)
+    rover = vehicle_in(folder, rover_file, text)
     session = driven(drive(settings, folder), folder)
-    identified_session(session, rover, as_json, verbose, None if settings.url else _truth(variant))
+    identified_session(session, rover, as_json, verbose, None if settings.url else own_numbers(variant))
 
 
 def _sweep(amplitude: float, wmin: float, wmax: float, trec: float) -> Any:
@@ -108,39 +95,3 @@ def _sweep(amplitude: float, wmin: float, wmax: float, trec: float) -> Any:
         return Sweep(amplitude=amplitude, w_min=wmin, w_max=wmax, t_rec=trec)
     except ValueError as error:
         raise UsageError(str(error)) from error
-
-
-def _rover_file(variant: str) -> str:
-    """rover.toml of a simulated rover: its numbers as its owner would have measured them."""
-    from sitl.parameters import load_variant
-    from sitl.rover_file import rover_file
-
-    try:
-        return rover_file(load_variant(variant), variant)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-
-
-def _vehicle(folder: Path, rover_file: str | None, text: str | None) -> tuple[Vehicle, Path]:
-    """The vehicle file given, else the text written into the folder."""
-    from rover_sweep.vehicle_file import load
-
-    path = Path(rover_file) if rover_file else folder / "rover.toml"
-    if text is not None:
-        path.write_text(text, encoding="utf-8")
-    return load(path), path
-
-
-def _truth(variant: str) -> Callable[[Identification], RenderableType]:
-    """Shows what the simulated rover is made of."""
-
-    def shown(result: Identification) -> RenderableType:
-        from rover_sweep.cli.truth import truth_table
-        from rover_sweep.report.tables import rich_table
-        from sitl.effects.nominal import resolved
-        from sitl.parameters import load_variant
-
-        table = truth_table(result, resolved(load_variant(variant)))
-        return rich_table(table) if table else ""
-
-    return shown

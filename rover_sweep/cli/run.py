@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rover_sweep.cli.manoeuvres import LimitType, ManoeuvreType
 from rover_sweep.cli.options import output_options, vehicle_path
+from rover_sweep.cli.run_job import TRIGGERS, Job, announce, diagnosed_session
+from rover_sweep.cli.run_simulated import (
+    on_simulated,
+    refuse_on_simulated,
+    refuse_without_simulation,
+    simulation_options,
+)
+from rover_sweep.cli.simulated_rover import SIMULATORS
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep, Doublet, Sweep
 
@@ -17,18 +25,20 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rover_sweep.cli.display import PlainDisplay
-    from rover_sweep.vehicle.events import Event
+    from rover_sweep.vehicle.controls import Trigger
+    from rover_sweep.vehicle.events import Event, SessionFinished
     from rover_sweep.vehicle.run import RunSettings
-    from rover_sweep.vehicle.session import Plan, PlannedRun
+    from rover_sweep.vehicle.session import PlannedRun
+    from rover_sweep.vehicle_file import Vehicle
 
 _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disarm at the end
 
 
 @click.command()
-@click.option("--connect", required=True, metavar="URL",
+@click.option("--connect", metavar="URL",
               help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file (default: rover.toml here).")  # fmt: skip
+@click.option("--vehicle", metavar="FILE|embedded|ardurover",
+              help="Vehicle file (default: rover.toml here); or a simulated rover to start.")  # fmt: skip
 @click.option("--sweep", "sweeps", type=ManoeuvreType(Sweep), multiple=True,
               help="In us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.")  # fmt: skip
 @click.option("--doublet", "doublets", type=ManoeuvreType(Doublet), multiple=True,
@@ -42,17 +52,21 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disar
 @click.option("--arm", is_flag=True, help="Let this program arm and disarm the rover.")
 @click.option("--throttle", type=click.IntRange(1000, 2000), metavar="US",
               help="With --arm: let this program drive, with this throttle PWM.")  # fmt: skip
-@click.option("--throw-switch", is_flag=True, help="Let this program throw the applet's switch.")
+@click.option("--throw-switch", is_flag=False, flag_value="override", type=click.Choice(TRIGGERS),
+              help="Let this program throw the applet's switch, by RC override if nothing is said, or by "
+                   "MAV_CMD_DO_AUX_FUNCTION; pilot: it does not.")  # fmt: skip
 @click.option("--no-log", is_flag=True,
               help="Leave the rover's log on its card; identify from telemetry.")  # fmt: skip
+@click.option("--diagnose", is_flag=True, help="Say at the end what the model leaves out of the runs.")
+@simulation_options
 @click.option("--out", type=click.Path(file_okay=False), metavar="DIR",
               help="Folder for recordings and report. [default: run, else run-2, ...]")  # fmt: skip
 @output_options
 def run(
-    connect: str, vehicle_file: str | None, sweeps: tuple[Sweep, ...], doublets: tuple[Doublet, ...],
+    connect: str | None, vehicle: str | None, sweeps: tuple[Sweep, ...], doublets: tuple[Doublet, ...],
     multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...],
-    limits: tuple[tuple[str, float], ...], arm: bool, throttle: int | None, throw_switch: bool, no_log: bool,
-    out: str | None, as_json: bool, verbose: bool,
+    limits: tuple[tuple[str, float], ...], arm: bool, throttle: int | None, throw_switch: Trigger | None,
+    no_log: bool, diagnose: bool, out: str | None, as_json: bool, verbose: bool, **simulated: Any,
 ) -> None:  # fmt: skip
     """Drive sweeps and doublets on a rover, record them, say whether they are good, and identify from them.
 
@@ -64,32 +78,54 @@ def run(
     \b
     rover-sweep run --connect /dev/ttyUSB0,57600 --vehicle rover.toml \\
       --sweep 120 --sweep 200,wmax=20 --doublet 150 --out today
+
+    With --vehicle ardurover the whole job is done on the official firmware in simulation: the applet is
+    brought onto it by MAVLink FTP, parameters are set, it is rebooted, armed and driven.
     """
+    from rover_sweep.cli.session import identified_session
+
+    runs = _planned(sweeps, multisines, bias_sweeps, doublets)
+    job = Job(runs, dict(limits), throw_switch, not no_log)
+    if vehicle in SIMULATORS:
+        refuse_on_simulated(connect, arm, throttle)
+        rover, session, more = on_simulated(job, vehicle, out, **simulated)
+    else:
+        refuse_without_simulation(connect, simulated)
+        rover, session, more = *_on_rover(job, connect or "", vehicle, out, arm, throttle), None
+    identified_session(session, rover, as_json, verbose, more)
+    if diagnose:
+        diagnosed_session(session, rover)
+
+
+def _on_rover(
+    job: Job, connect: str, vehicle_file: str | None, out: str | None, arm: bool, throttle: int | None
+) -> tuple[tuple[Vehicle, Path], SessionFinished]:
+    """The session on a rover behind `connect`; what could only fail after the drive is refused before."""
     from firmware_params.check import read, shipped
     from rover_sweep.cli.folders import session_folder
-    from rover_sweep.cli.session import driven, identified_session
+    from rover_sweep.cli.session import driven
     from rover_sweep.vehicle.manoeuvre import parameters_of
     from rover_sweep.vehicle.run import RunSettings
     from rover_sweep.vehicle.session import Plan, drive
     from rover_sweep.vehicle.transport import parse_url
+    from rover_sweep.vehicle.transport_recorded import NAME, RecordedLine
     from rover_sweep.vehicle_file import load
 
     path = Path(vehicle_path(vehicle_file))
     vehicle = load(path)
-    vehicle.steering()  # refuses in words what could only fail after the drive; so do the next two
+    vehicle.steering()
     parse_url(connect)
-    extra = ({"gcs": 1.0} if throttle is not None else {}) | dict(limits)
-    settings = RunSettings(
-        arm, throttle, "override" if throw_switch else "pilot", extra, patience=_PILOT_PATIENCE
-    )
-    runs = _planned(sweeps, multisines, bias_sweeps, doublets)
-    plan = Plan(runs, settings, checked=read(shipped("identification")), logs=not no_log)
+    extra = ({"gcs": 1.0} if throttle is not None else {}) | job.limits
+    settings = RunSettings(arm, throttle, job.trigger or "pilot", extra, patience=_PILOT_PATIENCE)
+    plan = Plan(job.runs, settings, checked=read(shipped("identification")), logs=job.logs)
     for planned in plan.runs:
         parameters_of(planned.manoeuvre, **extra)
     folder = session_folder(out, "run")
-    _announce(plan, folder)
-    session = driven(drive(connect, folder, plan), folder, talk=True, go_on=True, answer=_asking(settings))
-    identified_session(session, (vehicle, path), as_json, verbose)
+    announce(plan, folder)
+    with RecordedLine(folder / NAME) as line:
+        events = drive(connect, folder, plan, line)
+        session = driven(events, folder, talk=True, go_on=True, answer=_asking(settings))
+    return (vehicle, path), session
 
 
 def _planned(
@@ -109,28 +145,6 @@ def _planned(
         *(PlannedRun(f"bias-sweep{n}", sweep) for n, sweep in enumerate(bias_sweeps, 1)),
         *(PlannedRun(f"doublet{n}" if n > 1 else "doublet", d) for n, d in enumerate(doublets, 1)),
     )
-
-
-def _announce(plan: Plan, folder: Path) -> None:
-    """Who moves what, before anything is connected."""
-    from rover_sweep.cli.output import narration
-
-    own = [
-        words
-        for told, words in (
-            (plan.settings.arm, "arms the rover"),
-            (plan.settings.throttle_us is not None, f"drives with throttle {plan.settings.throttle_us} us"),
-            (plan.settings.trigger == "override", "throws the switch"),
-        )
-        if told
-    ]
-    words = f"this program {', '.join(own)}" if own else "arming, driving and the switch are the pilot's"
-    seconds = sum(planned.manoeuvre.duration for planned in plan.runs)
-    console = narration()
-    console.print(
-        f"{len(plan.runs)} runs, {seconds:.0f} s of steering in all, into {folder}; {words}",
-        markup=False, soft_wrap=True,
-    )  # fmt: skip
 
 
 def _asking(settings: RunSettings) -> Callable[[PlainDisplay, Event], None]:

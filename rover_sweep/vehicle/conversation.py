@@ -106,7 +106,7 @@ def read_conversation(path: Path) -> Conversation:
         known = False
     if not newline or not known:
         raise DataRefused(f"{path} is no conversation recording of this program ({FORMAT})")
-    entries, at = [], 0
+    entries, at = list[Entry](), 0
     while at + _HEAD.size <= len(body):
         kind, us, length = _HEAD.unpack_from(body, at)
         if kind not in Kind.__members__.values():

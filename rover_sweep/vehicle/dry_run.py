@@ -11,22 +11,19 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
 
 from firmware_params.check import WantedParameter, read, shipped
 from firmware_params.parameters import applet_path
-from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.errors import UsageError
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.manoeuvre import parameters_of, refuse_undersampled
 from rover_sweep.vehicle.run import RunSettings
 from rover_sweep.vehicle.session import Plan, PlannedRun, drive
+from rover_sweep.vehicle.simulated import THROTTLE_US, Simulation, Simulator, started
+from rover_sweep.vehicle.transport_recorded import NAME, RecordedLine
 
-Simulator = Literal["embedded", "ardurover"]
-
-# The nominal rover goes 2.5 m/s at 1710 us (sitl/variants/nominal.toml), as in the recordings.
-THROTTLE_US = 1710
 STEERING_US = 400.0  # SERVO1_MIN and SERVO1_MAX, 1100 and 1900 us, about the trim
 _PWM_MAX = 250.0  # SWP_PWM_MAX as it comes
 _FACTORY_LOOP_RATE = 50.0  # Hz, SCHED_LOOP_RATE as it comes
@@ -95,8 +92,8 @@ def dry_run(settings: DryRun, folder: Path) -> Generator[Event, None, None]:
     """Drive all of it into `folder` (see `session`). Yields events; after each RunFinished the run's
     recording is complete and may be judged before the next is asked for."""
     plan = settings.plan
-    with _vehicle(settings, folder) as url:
-        yield from drive(url, folder, plan)
+    with _vehicle(settings, folder) as url, RecordedLine(folder / NAME) as line:
+        yield from drive(url, folder, plan, line)
 
 
 def _numbered(name: str, manoeuvres: Sequence[Manoeuvre]) -> Iterator[PlannedRun]:
@@ -121,26 +118,8 @@ def _vehicle(settings: DryRun, folder: Path) -> Iterator[str]:
     if settings.url is not None:
         yield settings.url
         return
-    from sitl import launcher
-
-    home = folder / "vehicle"
-    model: dict[str, Any] = {"variant": settings.variant, "seed": settings.seed}
-    try:
-        if settings.simulator == "embedded":
-            rover = launcher.start_embedded(
-                home, options=("--applet", "--parameter", "SCR_ENABLE=1"), **model
-            )
-        else:
-            binary = launcher.find_ardurover(settings.ardurover)
-            rover = launcher.start_ardurover(
-                binary, home, scripts=[applet_path()], defaults=[shipped("identification")], **model
-            )
-    except launcher.LaunchError as error:
-        raise LinkError(str(error)) from error
-    with rover:
-        try:
-            yield rover.connection
-        except LinkError as error:
-            if words := rover.last_words():
-                raise LinkError(f"the simulated rover ended: {words}") from error
-            raise
+    simulation = Simulation(
+        settings.simulator, settings.ardurover, variant=settings.variant, seed=settings.seed
+    )
+    with started(simulation, folder / "vehicle") as rover:
+        yield rover.connection

@@ -1,0 +1,58 @@
+"""What `run` does around a session, whatever the rover: says who moves what, diagnoses at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rover_sweep.vehicle.controls import Trigger
+    from rover_sweep.vehicle.events import SessionFinished
+    from rover_sweep.vehicle.session import Plan, PlannedRun
+    from rover_sweep.vehicle_file import Vehicle
+
+TRIGGERS = ("override", "aux", "pilot")
+_SWITCHING = {
+    "override": "throws the switch",
+    "aux": "throws the switch by command",
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be driven. limits: of the applet; trigger: who throws the switch, None as the rover's kind
+    has it; logs: fetch the rover's log."""
+
+    runs: tuple[PlannedRun, ...]
+    limits: dict[str, float]
+    trigger: Trigger | None
+    logs: bool
+
+
+def announce(plan: Plan, folder: Path) -> None:
+    """Who moves what, before anything is connected."""
+    from rover_sweep.cli.output import narration
+
+    throttle, trigger = plan.settings.throttle_us, plan.settings.trigger
+    own = ["arms the rover"] if plan.settings.arm else []
+    own += [f"drives with throttle {throttle} us"] if throttle is not None else []
+    own += [_SWITCHING[trigger]] if trigger in _SWITCHING else []
+    words = f"this program {', '.join(own)}" if own else "arming, driving and the switch are the pilot's"
+    seconds = sum(planned.manoeuvre.duration for planned in plan.runs)
+    console = narration()
+    console.print(
+        f"{len(plan.runs)} runs, {seconds:.0f} s of steering in all, into {folder}; {words}",
+        markup=False, soft_wrap=True,
+    )  # fmt: skip
+
+
+def diagnosed_session(session: SessionFinished, rover: tuple[Vehicle, Path]) -> None:
+    """What the model leaves out of a session's runs, into its report/; doublets are held out."""
+    from rover_sweep.cli.diagnose import diagnosed_into
+    from rover_sweep.cli.session import recordings
+    from rover_sweep.diagnosing import material
+    from rover_sweep.diagnosis.settings import DiagnosisSettings
+
+    given = material(recordings(session, rover[0]), ())
+    diagnosed_into(given, rover, DiagnosisSettings(), session.folder / "report", False)

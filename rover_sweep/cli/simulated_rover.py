@@ -1,0 +1,61 @@
+"""What `dry-run` and `run` share of a simulated rover: its vehicle file, and its own numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rover_sweep.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rich.console import RenderableType
+
+    from rover_sweep.identify.identification import Identification
+    from rover_sweep.vehicle_file import Vehicle
+
+SIMULATORS = ("embedded", "ardurover")
+
+
+def variants() -> tuple[str, ...]:
+    """Names of the physics that come with the program."""
+    from sitl.parameters import variant_names
+
+    return variant_names()
+
+
+def rover_text(variant: str) -> str:
+    """rover.toml of a simulated rover: its numbers as its owner would have measured them."""
+    from sitl.parameters import load_variant
+    from sitl.rover_file import rover_file
+
+    try:
+        return rover_file(load_variant(variant), variant)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def vehicle_in(folder: Path, rover_file: str | None, text: str | None) -> tuple[Vehicle, Path]:
+    """The vehicle file given, else the text written into the folder."""
+    from rover_sweep.vehicle_file import load
+
+    path = Path(rover_file) if rover_file else folder / "rover.toml"
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    return load(path), path
+
+
+def own_numbers(variant: str) -> Callable[[Identification], RenderableType]:
+    """Shows what the simulated rover is made of beside what was identified."""
+
+    def shown(result: Identification) -> RenderableType:
+        from rover_sweep.cli.truth import truth_table
+        from rover_sweep.report.tables import rich_table
+        from sitl.effects.nominal import resolved
+        from sitl.parameters import load_variant
+
+        table = truth_table(result, resolved(load_variant(variant)))
+        return rich_table(table) if table else ""
+
+    return shown
