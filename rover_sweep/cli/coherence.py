@@ -28,8 +28,8 @@ def coherence(
 ) -> None:
     """Say of each run whether its coherence is good enough, and what to change if it is not.
 
-    RUN is a .BIN, a .tlog, a .csv, or log.BIN+log.tlog. No vehicle file is needed. A poor run is an
-    answer, not an error: the exit code is 0.
+    RUN is a .BIN, a .tlog, a .csv, log.BIN+log.tlog, or the folder of a session. No vehicle
+    file is needed. A poor run is an answer, not an error: the exit code is 0.
     """
     from rover_sweep.identify.quality import assess
     from rover_sweep.preparation import load_runs

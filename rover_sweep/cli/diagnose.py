@@ -27,7 +27,7 @@ BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
 @click.command()
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 @click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file (default: rover.toml here).")  # fmt: skip
+              help="Vehicle file (default: the session's, or rover.toml here).")  # fmt: skip
 @click.option("--baseline", type=click.Choice(BASELINES),
               help="The model that something may be left out of (default: roll-yaw).")  # fmt: skip
 @click.option("--model", "model_file", type=click.Path(dir_okay=False), metavar="FILE",
@@ -54,9 +54,9 @@ def diagnose(
 ) -> None:  # fmt: skip
     """Say what the model leaves out of the recorded RUNs: where, what, how much, and on what evidence.
 
-    RUN is a .BIN, a .tlog, a .csv (with --columns), or log.BIN+log.tlog. Two amplitudes and two speeds
-    tell most effects apart; `rover-sweep plan` says which. Ctrl-C ends with what was found until then,
-    and with exit code 130.
+    RUN is a .BIN, a .tlog, a .csv (with --columns), log.BIN+log.tlog, or a session's folder. Two
+    amplitudes and two speeds tell most effects apart; `rover-sweep plan` says which. Ctrl-C ends with what
+    was found until then, and with exit code 130.
     """
     from rover_sweep.diagnosing import material
     from rover_sweep.preparation import Reading, load
@@ -64,7 +64,7 @@ def diagnose(
 
     settings = _settings(baseline, model_file, simulated, only, without, time_limit, seed)
     check_writable(Path(out))
-    path = Path(vehicle_path(vehicle_file))
+    path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
     sources = (*runs, *held_out, *simulated)

@@ -38,7 +38,7 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
 @click.command()
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 @click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file (default: rover.toml here).")  # fmt: skip
+              help="Vehicle file (default: the session's, or rover.toml here).")  # fmt: skip
 @click.option("--verify", "verify_runs", multiple=True, metavar="RUN",
               help="A run that the fit must not see, such as a doublet; may be repeated.")  # fmt: skip
 @click.option("--models", type=ChoicesType(MODELS), default=",".join(MODELS), show_default=True)
@@ -76,9 +76,9 @@ def identify(
 ) -> None:  # fmt: skip
     """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
 
-    RUN is a .BIN, a .tlog, a .csv (with --columns), or a pair of both logs of one drive as
-    log.BIN+log.tlog. Several runs are used together. Doublets among them verify the models unless
-    --verify names runs for that.
+    RUN is a .BIN, a .tlog, a .csv (with --columns), a pair of both logs of one drive as
+    log.BIN+log.tlog, or the folder of a session. Several runs are used together. Doublets among
+    them verify the models unless --verify names runs for that.
     """
     from rover_sweep.identify.grouping import Settings
     from rover_sweep.preparation import (
@@ -94,7 +94,7 @@ def identify(
 
     own = load_structures(structures)
     check_writable(Path(out))
-    path = Path(vehicle_path(vehicle_file))
+    path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
     sweeps, doublets = divided(load(runs, vehicle, reading, verify_runs))

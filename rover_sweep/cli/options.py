@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -92,12 +92,21 @@ class NamesType(click.ParamType):
 EFFECTS = NamesType("ID,ID,...")
 
 
-def vehicle_path(given: str | None) -> str:
-    """The vehicle file: as given, else rover.toml here."""
+def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
+    """The vehicle file: as given, else that of the sessions among the runs, else rover.toml here."""
+    from rover_sweep.session_folder.folder import VEHICLE_FILE
+
     if given:
         return given
-    if Path("rover.toml").is_file():
-        return "rover.toml"
+    kept = [path for run in runs if (path := Path(run) / VEHICLE_FILE).is_file()]
+    if len({path.read_bytes() for path in kept}) > 1:
+        raise UsageError(
+            f"{kept[0]} and those of the other sessions are not the same; say which: --vehicle rover.toml"
+        )
+    if kept:
+        return str(kept[0])
+    if Path(VEHICLE_FILE).is_file():
+        return VEHICLE_FILE
     raise UsageError(
         "no vehicle file: give --vehicle rover.toml; begin one with "
         "`rover-sweep vehicle --example > rover.toml`"

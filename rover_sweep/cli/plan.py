@@ -109,7 +109,7 @@ def plan(
     from rover_sweep.vehicle_file import load as load_vehicle
 
     wanted = effects_named(want)
-    vehicle = load_vehicle(Path(vehicle_path(vehicle_file)))
+    vehicle = load_vehicle(Path(vehicle_path(vehicle_file, have)))
     vehicle.steering()  # refuses in words before anything is read
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
     driven = load(have, vehicle, reading) if have else ()
