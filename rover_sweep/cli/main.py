@@ -36,6 +36,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "redrive": ("rover_sweep.cli.redrive:redrive", "A log's own steering and speed through a simulation."),
     "study": ("rover_sweep.cli.study:study", "The paper's comparison, repeated on a virtual rover."),
     "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),
+    "gains": ("rover_sweep.cli.gains:gains", "Steering gains for the autopilot, with margins."),
     "inertia": ("rover_sweep.cli.inertia:inertia", "Moment of inertia from a swing test."),
     "vehicle": ("rover_sweep.cli.vehicle:vehicle", "Print an example vehicle file, or check yours."),
 }

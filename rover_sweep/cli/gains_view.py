@@ -1,0 +1,95 @@
+"""Gains now and proposed in the terminal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rover_sweep.gains.proposal import Judged, Proposal
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def show(console: Console, proposal: Proposal) -> None:
+    """The verdict, a table of both, and what must be known of them."""
+    _say(console, _verdict(proposal))
+    for why in proposal.support.reasons:
+        _say(console, f"  because {why}")
+    columns = [j for j in (proposal.now, proposal.proposed) if j is not None]
+    if columns:
+        console.print()
+        console.print(_table(proposal))
+        _say(console, _footnote(proposal))
+    for remark in proposal.support.remarks:
+        _say(console, f"note: {remark}")
+    if proposal.autopilot.assumed and columns:
+        _say(console, f"note: {proposal.autopilot.assumed_words} Give them with --now or --connect.")
+
+
+def _verdict(proposal: Proposal) -> str:
+    at, (low, high) = f"for {proposal.speed:.2f} m/s", proposal.holds
+    words = {
+        "gains": f"Gains {at}, good from {low:.2f} to {high:.2f} m/s",
+        "feed-forward only": f"Only the feed-forward can be proposed {at}",
+        "none": f"This identification supports no gains {at}",
+    }
+    return f"{words[proposal.support.level]} ({proposal.found.name} model, {proposal.found.level})."
+
+
+def _table(proposal: Proposal):  # type: ignore[no-untyped-def]
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("", no_wrap=True)
+    pairs = (("now", proposal.now), ("proposed", proposal.proposed))
+    there = [(heading, judged) for heading, judged in pairs if judged is not None]
+    for heading, _ in there:
+        table.add_column(heading, justify="right", no_wrap=True)
+    columns = [_column(judged) for _, judged in there]
+    for label in columns[0]:
+        table.add_row(label, *(column[label] for column in columns))
+    return table
+
+
+def _column(judged: Judged) -> dict[str, str]:
+    step, margins = judged.step, judged.margins
+    return {
+        **{name: f"{value:.4g}" for name, value in judged.gains.parameters.items()},
+        "gain margin": _db(margins.gain_db),
+        "phase margin": _deg(margins.phase_deg),
+        "worst gain margin": _db(judged.worst_gain[0]),
+        "worst phase margin": _deg(judged.worst_phase[0]),
+        "loop's gain is 1 at": _number(margins.crossover, "rad/s"),
+        "bandwidth of r / target": _number(judged.bandwidth, "rad/s"),
+        f"step of {math.degrees(step.size):.0f} deg/s: rise": _number(step.rise, "s"),
+        "  overshoot": f"{step.overshoot:.1f} %",
+        "  settling to 5 %": _number(step.settling, "s"),
+        "steady r / target without I": f"{100 * judged.steady:.0f} %",
+    }
+
+
+def _footnote(proposal: Proposal) -> str:
+    worst = proposal.proposed or proposal.now
+    assert worst is not None
+    return (
+        "Worst: over the 90 % intervals of the parameters and these speeds; gain margin at "
+        f"{worst.worst_gain[1]}, phase margin at {worst.worst_phase[1]}. "
+        "Steps with the firmware's limits of the target."
+    )
+
+
+def _db(value: float) -> str:
+    return f"{value:.1f} dB" if math.isfinite(value) else "unlimited"
+
+
+def _deg(value: float) -> str:
+    return f"{value:.0f} deg" if math.isfinite(value) else "unlimited"
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}" if math.isfinite(value) else "never"
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, markup=False, soft_wrap=True)

@@ -1,0 +1,140 @@
+"""AC_PID as the firmware computes it, in time for many gains at once, and linearly in frequency.
+
+`libraries/AC_PID/AC_PID.cpp` update_all of ArduRover 4.6.3, in its order: target low-pass, error, error
+low-pass, derivative and its low-pass, integrator (only towards zero while the limit flag of the tick before
+is set, cut at IMAX, zero where I is zero), sum; the feed-forward of the filtered target is added behind it. A
+low-pass is x += dt / (dt + 1/(2 pi f)) (new - x) (`AP_Math.cpp` calc_lowpass_alpha_dt), off at 0 Hz. The
+first call after 0.2 s without one only sets the filters. SMAX, PDMX and the notches are off by default and
+not here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.gains.firmware import Autopilot, Gains
+from rover_sweep.gains.plant import SampledPlant
+from rover_sweep.identify.recording import Array
+
+
+def low_pass_share(cutoff_hz: float, dt: float) -> float:
+    """The share of the new value that a low-pass takes over in a tick of dt [s]."""
+    return 1.0 if cutoff_hz <= 0 else dt / (dt + 1.0 / (2 * np.pi * cutoff_hz))
+
+
+class RatePid:
+    """The state of AC_PID for controllers in parallel: p, i, ff may be arrays (n,), all else is shared."""
+
+    def __init__(self, gains: Gains, dt: float, p: Array, i: Array, ff: Array) -> None:
+        self.p, self.i, self.ff, self.gains, self.dt = p, i, ff, gains, dt
+        shares = (low_pass_share(hz, dt) for hz in (gains.fltt, gains.flte, gains.fltd))
+        self.share_t, self.share_e, self.share_d = shares
+        self.target = self.error = self.derivative = self.integrator = np.zeros_like(p)
+        self.fresh = True
+
+    def update(self, target: float, measured: Array, limit: NDArray[np.bool_]) -> Array:
+        """The output (n,) for a target and a measurement (n,) in rad/s; limit: the flag of the last tick."""
+        if self.fresh:
+            self.fresh = False
+            self.target = np.full_like(self.p, target)
+            self.error = self.target - measured
+            change = np.zeros_like(self.p)
+        else:
+            before, last = self.target, self.error
+            self.target = before + self.share_t * (target - before)
+            self.error = last + self.share_e * (self.target - measured - last)
+            self.derivative = self.derivative + self.share_d * (
+                (self.error - last) / self.dt - self.derivative
+            )
+            change = (self.target - before) / self.dt
+        self._integrate(limit)
+        fed = self.target * self.ff + change * self.gains.dff
+        return self.error * self.p + self.derivative * self.gains.d + self.integrator + fed
+
+    def _integrate(self, limit: NDArray[np.bool_]) -> None:
+        free = ~limit | (self.integrator * self.error < 0)
+        grown = np.clip(self.integrator + self.error * self.i * self.dt, -self.gains.imax, self.gains.imax)
+        self.integrator = np.where(self.i == 0, 0.0, np.where(free, grown, self.integrator))
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A simulated drive: t (m,) s, target (m,) behind the firmware's limits and yaw rate (m, n) as measured,
+    rad/s to the right, steering (m, n) as a share of its travel."""
+
+    t: Array
+    target: Array
+    rate: Array
+    steering: Array
+
+
+def drive(
+    autopilot: Autopilot,
+    plant: SampledPlant,
+    angle_per_output: float,
+    wanted: Array,
+    p: Array,
+    i: Array,
+    ff: Array,
+    gains: Gains | None = None,
+    disturbance: Array | None = None,
+) -> Driven:
+    """The firmware's loop around a plant that begins straight ahead.
+
+    wanted (m,): turn rate [rad/s] asked for in each main loop. p, i, ff (n,): controllers driven side by
+    side; gains: what they share (filters, D, IMAX). disturbance (m,): added to the road-wheel angle [rad].
+    """
+    shared, dt = gains or autopilot.gains, autopilot.period
+    pid = RatePid(shared, dt, p, i, ff)
+    scale = autopilot.speed_scale(plant.speed)
+    held = np.full(p.shape, not autopilot.integrates(plant.speed))
+    targets = limited_target(autopilot, plant.speed, wanted)
+    pushed = np.zeros_like(wanted) if disturbance is None else disturbance
+    x, limit = np.zeros((len(plant.a), p.size)), np.zeros(p.shape, dtype=bool)
+    rate, steering = np.empty((wanted.size, p.size)), np.empty((wanted.size, p.size))
+    for k, target in enumerate(targets):
+        rate[k] = plant.c @ x
+        out = pid.update(float(target), rate[k], limit) * scale
+        limit = held | (np.abs(out) >= 1.0)
+        steering[k] = np.clip(out, -1.0, 1.0)
+        x = plant.a @ x + plant.b[:, None] * (steering[k] * angle_per_output + pushed[k])
+    return Driven(np.arange(wanted.size, dtype=np.float64) * dt, targets, rate, steering)
+
+
+def limited_target(autopilot: Autopilot, speed: float, wanted: Array) -> Array:
+    """The target (m,) that the firmware makes of a wanted turn rate (m,) [rad/s], main loop by main loop.
+
+    From rest: change limited first, then size, each from the target of the tick before.
+    """
+    most, step = autopilot.rate_limit(speed), autopilot.accel_max * autopilot.period
+    out, now = np.empty_like(wanted), 0.0
+    for k, want in enumerate(wanted):
+        reached = float(np.clip(want, now - step, now + step)) if step > 0 else float(want)
+        now = out[k] = min(max(reached, -most), most)
+    return out
+
+
+def feedback_response(gains: Gains, p: Array, i: Array, dt: float, w: Array) -> NDArray[np.complex128]:
+    """Response (n, n_w) of the controllers from error (target - measured) to output at w (n_w,) rad/s."""
+    z = np.exp(-1j * w * dt)
+    error, derived = (_low_pass(hz, dt, z) for hz in (gains.flte, gains.fltd))
+    d = gains.d * derived * (1 - z) / dt
+    return np.asarray(error * (p[:, None] + i[:, None] * dt / (1 - z) + d))
+
+
+def forward_response(gains: Gains, ff: float, dt: float, w: Array) -> NDArray[np.complex128]:
+    """Response (n_w,) of the feed-forward alone, from the filtered target to output."""
+    return np.asarray(ff + gains.dff * (1 - np.exp(-1j * w * dt)) / dt)
+
+
+def target_response(gains: Gains, dt: float, w: Array) -> NDArray[np.complex128]:
+    """Response (n_w,) of the target's low-pass."""
+    return _low_pass(gains.fltt, dt, np.exp(-1j * w * dt))
+
+
+def _low_pass(cutoff_hz: float, dt: float, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    share = low_pass_share(cutoff_hz, dt)
+    return np.asarray(share / (1 - (1 - share) * z))

@@ -1,0 +1,198 @@
+"""From turn rate to road-wheel angle as ArduRover does it, and the parameters that decide it.
+
+Read in the source of ArduRover 4.6.3 (tag Rover-4.6.3):
+
+- `Rover/mode_acro.cpp` ModeAcro::update: desired turn rate = stick / 4500 * ACRO_TURN_RATE; the controller's
+  output times 4500 goes to `Mode::set_steering`. AUTO, GUIDED, RTL, SMART_RTL, LOITER and STEERING end in the
+  same `AR_AttitudeControl::get_steering_out_rate` (`Rover/mode.cpp`: calc_steering_from_turn_rate,
+  calc_steering_to_heading, calc_steering_from_lateral_acceleration). MANUAL bypasses it and passes
+  apply_scaling = false.
+- `libraries/APM_Control/AR_AttitudeControl.cpp` get_steering_out_rate: the target is limited in change by
+  ATC_STR_ACC_MAX (deg/s^2), in size by ATC_STR_RAT_MAX (deg/s) and by ATC_TURN_MAX_G over the speed (at
+  least 1 m/s); then AC_PID::update_all plus get_ff; no limit of the output there. The measurement is
+  `AP_AHRS::get_yaw_rate_earth`, made of the gyro behind INS_GYRO_FILTER (second order) less its bias.
+- `libraries/AR_Motors/AP_MotorsUGV.cpp` output_regular, called with apply_scaling in all modes but MANUAL and
+  HOLD: where MOT_SPD_SCA_BASE > 0 and abs(speed) > MOT_SPD_SCA_BASE the steering is multiplied by
+  MOT_SPD_SCA_BASE / abs(speed); otherwise it is not, and the limit flags are set, so that the integrator may
+  only shrink. After that it is cut at +-4500, which sets the flags too (set_limits_from_input). A controller
+  output beyond 1 is therefore of use at speed.
+- `libraries/SRV_Channel/SRV_Channel.cpp` pwm_from_angle: +4500 is SERVOn_MAX, -4500 SERVOn_MIN, 0
+  SERVOn_TRIM, straight lines between, cut to whole us; SERVOn_REVERSED turns the sign.
+- `Rover/Rover.cpp` scheduler table: ahrs_update, update_current_mode and set_servos run in this order in
+  every main loop (up to 400 Hz), so measurement, controller and PWM belong to one tick and the output is held
+  until the next.
+- Defaults: AR_ATTCONTROL_* in AR_AttitudeControl.cpp; its constructor gives the error filter 10 Hz, target
+  and derivative none.
+
+The speed in the scale is `get_forward_speed`, the EKF's, which lags the true one a little.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
+SERVO_OUTPUTS = 16
+GRAVITY = 9.80665  # GRAVITY_MSS
+LEAST_SPEED = 1.0  # m/s, AR_ATTCONTROL_STEER_SPEED_MIN
+
+DEFAULTS: Mapping[str, float] = {
+    "ATC_STR_RAT_FF": 0.2,
+    "ATC_STR_RAT_P": 0.2,
+    "ATC_STR_RAT_I": 0.2,
+    "ATC_STR_RAT_D": 0.0,
+    "ATC_STR_RAT_IMAX": 1.0,
+    "ATC_STR_RAT_FLTT": 0.0,
+    "ATC_STR_RAT_FLTE": 10.0,
+    "ATC_STR_RAT_FLTD": 0.0,
+    "ATC_STR_RAT_D_FF": 0.0,
+    "ATC_STR_RAT_SMAX": 0.0,
+    "ATC_STR_RAT_PDMX": 0.0,
+    "ATC_STR_RAT_NTF": 0.0,
+    "ATC_STR_RAT_NEF": 0.0,
+    "ATC_STR_RAT_MAX": 120.0,
+    "ATC_STR_ACC_MAX": 120.0,
+    "ATC_STR_ANG_P": 2.0,
+    "ATC_TURN_MAX_G": 0.6,
+    "MOT_SPD_SCA_BASE": 1.0,
+    "SCHED_LOOP_RATE": 50.0,
+    "INS_GYRO_FILTER": 4.0,
+}
+"""What ArduRover 4.6.3 has where nothing else was set."""
+SERVO_DEFAULTS: Mapping[str, float] = {"MIN": 1100.0, "MAX": 1900.0, "TRIM": 1500.0, "REVERSED": 0.0}
+
+
+@dataclass(frozen=True)
+class Gains:
+    """ATC_STR_RAT_*: ff, p, d [1/(rad/s) and s/(rad/s)] and i [1/rad] to an output of -1..1, imax of that
+    output, low-passes of target, error and derivative [Hz], 0 for none."""
+
+    ff: float
+    p: float
+    i: float
+    d: float = 0.0
+    imax: float = 1.0
+    fltt: float = 0.0
+    flte: float = 10.0
+    fltd: float = 0.0
+    dff: float = 0.0
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """By the firmware's names."""
+        return {
+            "ATC_STR_RAT_FF": self.ff,
+            "ATC_STR_RAT_P": self.p,
+            "ATC_STR_RAT_I": self.i,
+            "ATC_STR_RAT_D": self.d,
+            "ATC_STR_RAT_IMAX": self.imax,
+            "ATC_STR_RAT_FLTT": self.fltt,
+            "ATC_STR_RAT_FLTE": self.flte,
+            "ATC_STR_RAT_FLTD": self.fltd,
+        }
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """The loop around the controller. loop_hz: main loop; gyro_hz: low-pass of the gyro, 0 for none.
+
+    scale_base: MOT_SPD_SCA_BASE [m/s]. us_right, us_left: PWM [us] from trim to the end on either side.
+    rate_max [rad/s], accel_max [rad/s^2], lateral_g_max [g]: limits of the target, 0 for none (not the last).
+    reversed: SERVOn_REVERSED. assumed: parameters that were not given, at their defaults.
+    """
+
+    gains: Gains
+    loop_hz: float
+    gyro_hz: float
+    scale_base: float
+    us_right: float
+    us_left: float
+    rate_max: float
+    accel_max: float
+    lateral_g_max: float
+    angle_p: float = 2.0
+    servo: int = 1
+    reversed: bool = False
+    assumed: tuple[str, ...] = ()
+    not_modelled: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def assumed_words(self) -> str:
+        """What was assumed, in a sentence; "" where everything was given."""
+        if not self.assumed:
+            return ""
+        if "ATC_STR_RAT_FF" in self.assumed and len(self.assumed) >= len(DEFAULTS):
+            rates = f"SCHED_LOOP_RATE {self.loop_hz:g} Hz, INS_GYRO_FILTER {self.gyro_hz:g} Hz"
+            return (
+                f"The vehicle's parameters were not given: its firmware's defaults are assumed, with {rates}."
+            )
+        return f"Assumed at the firmware's defaults: {', '.join(self.assumed)}."
+
+    @property
+    def period(self) -> float:
+        """Of the main loop, s."""
+        return 1.0 / self.loop_hz
+
+    def speed_scale(self, speed: float) -> float:
+        """What the controller's output is multiplied with at a speed [m/s]."""
+        scaled = self.scale_base > 0 and abs(speed) > self.scale_base
+        return self.scale_base / abs(speed) if scaled else 1.0
+
+    def integrates(self, speed: float) -> bool:
+        """False where the limit flags hold the integrator: at or below the scale's base, or without one."""
+        return self.scale_base > 0 and abs(speed) > self.scale_base
+
+    def rate_limit(self, speed: float) -> float:
+        """Largest target turn rate [rad/s] that the firmware lets through at a speed [m/s]."""
+        by_force = self.lateral_g_max * GRAVITY / max(abs(speed), LEAST_SPEED)
+        by_force = max(by_force, math.radians(1.0))
+        return min(by_force, self.rate_max) if self.rate_max > 0 else by_force
+
+    def angle_per_output(self, rad_per_us: float) -> float:
+        """Road-wheel angle [rad] to the right for an output of 1 behind the speed scale, mean of both sides.
+
+        Negative where servo and linkage turn the wrong way: then the controller steers away from its target.
+        """
+        sign = -1.0 if self.reversed else 1.0
+        return sign * rad_per_us * 0.5 * (self.us_right + self.us_left)
+
+
+def autopilot(parameters: Mapping[str, float], assumed: Mapping[str, float] | None = None) -> Autopilot:
+    """The loop from the autopilot's parameters by name. assumed: better guesses than the defaults.
+
+    Raises ValueError for numbers that make no loop.
+    """
+    filled = {**DEFAULTS, **(assumed or {}), **parameters}
+    servo = steering_servo(parameters)
+    ends = {k: parameters.get(f"SERVO{servo}_{k}", v) for k, v in SERVO_DEFAULTS.items()}
+    lacking = [n for n in (*DEFAULTS, *(f"SERVO{servo}_{k}" for k in SERVO_DEFAULTS)) if n not in parameters]
+    swap = bool(ends["REVERSED"])
+    right, left = ends["MAX"] - ends["TRIM"], ends["TRIM"] - ends["MIN"]
+    if swap:
+        right, left = left, right
+    if not (right > 0 and left > 0 and filled["SCHED_LOOP_RATE"] > 0):
+        raise ValueError(
+            f"SERVO{servo}_MIN {ends['MIN']:g}, _TRIM {ends['TRIM']:g}, _MAX {ends['MAX']:g} us and "
+            f"SCHED_LOOP_RATE {filled['SCHED_LOOP_RATE']:g} Hz make no steering"
+        )
+    unusual = ("ATC_STR_RAT_SMAX", "ATC_STR_RAT_PDMX", "ATC_STR_RAT_NTF", "ATC_STR_RAT_NEF")
+    rat = {k.removeprefix("ATC_STR_RAT_").lower().replace("_", ""): v for k, v in filled.items()
+           if k.startswith("ATC_STR_RAT_")}  # fmt: skip
+    return Autopilot(
+        Gains(**{k: float(rat[k]) for k in Gains.__dataclass_fields__}),
+        float(filled["SCHED_LOOP_RATE"]), float(filled["INS_GYRO_FILTER"]),
+        float(filled["MOT_SPD_SCA_BASE"]), right, left,
+        math.radians(filled["ATC_STR_RAT_MAX"]), math.radians(filled["ATC_STR_ACC_MAX"]),
+        max(float(filled["ATC_TURN_MAX_G"]), 0.1), float(filled["ATC_STR_ANG_P"]), servo, swap,
+        tuple(lacking), {n: float(filled[n]) for n in unusual if filled[n]},
+    )  # fmt: skip
+
+
+def steering_servo(parameters: Mapping[str, float]) -> int:
+    """The output that steers, 1 where the parameters do not tell."""
+    found = (
+        n for n in range(1, SERVO_OUTPUTS + 1) if parameters.get(f"SERVO{n}_FUNCTION") == STEERING_FUNCTION
+    )
+    return next(found, 1)

@@ -1,0 +1,213 @@
+"""What an identification or a diagnosis says that gains need: the model, its uncertainty, where it holds."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from rover_sweep.diagnosis.augmented import AugmentedModel
+from rover_sweep.diagnosis.linear import hidden_filters, left_out, linear
+from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.models.bicycle import bicycle
+from rover_sweep.identify.models.kinematic import kinematic
+from rover_sweep.identify.models.roll_yaw import roll_yaw
+from rover_sweep.identify.recording import LowPass
+from rover_sweep.identify.structure import ModelStructure
+
+PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models that hold at other speeds than that of the runs
+NORMAL_90 = 1.645  # standard deviations of a two-sided 90 % interval
+SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
+GUESSED_DELAY, GUESSED_GAIN = 0.3, 0.15  # relative, where no interval is known
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """A model from road-wheel angle [rad] to yaw rate [rad/s] and what is known of its worth.
+
+    name, level: the model and its verdict. intervals: {parameter: (low, high)} of 90 %. speeds: of the runs
+    [m/s]. band: where the response of r is usable [rad/s], None where it nowhere is. tic: of the
+    verification. rad_per_us: of the vehicle file. gyro_hz: low-pass of the runs; loop_hz: main loop of the
+    runs, both None where unknown. hidden: low-passes that a diagnosis found in front of the known one.
+    remarks: sentences on what the model leaves out. reasons: why there is no model at all.
+    """
+
+    name: str
+    level: str
+    structure: ModelStructure | None
+    intervals: Mapping[str, tuple[float, float]]
+    speeds: tuple[float, ...]
+    band: tuple[float, float] | None = None
+    rad_per_us: float | None = None
+    gyro_hz: float | None = None
+    loop_hz: float | None = None
+    hidden: tuple[LowPass, ...] = ()
+    remarks: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def kinematic(self) -> bool:
+        return self.name.startswith("kinematic")
+
+    def spread(self) -> Iterator[tuple[str, ModelStructure]]:
+        """(label, structure) of the model and of every corner of its parameters' intervals."""
+        structure = self.structure
+        assert structure is not None
+        yield "as identified", structure
+        names = list(self.intervals)
+        for corner in itertools.product((0, 1), repeat=len(names)):
+            values = {n: self.intervals[n][end] for n, end in zip(names, corner, strict=True)}
+            yield (
+                ", ".join(f"{n} {v:.3g}" for n, v in values.items()),
+                structure.with_values(_tied(structure, values)),
+            )
+
+
+def from_identification(document: Mapping[str, Any], wanted: str | None = None) -> Identified:
+    """Out of the document of identification.json. wanted: one of PHYSICAL, None for the best there is.
+
+    Raises KeyError, TypeError or ValueError where it is none.
+    """
+    models = document["models"]
+    name = wanted or _best(document)
+    speeds = tuple(float(g["speed_m_s"]) for g in document["groups"])
+    if name is None or name not in models:
+        reasons = (*document["summary"], *(f"{m}: {why}" for m, why in document["refused"].items()))
+        return Identified(name or "none", "refused", None, {}, speeds, reasons=reasons)
+    model, steering = models[name], document["vehicle"]["steering"]
+    parameters = model["parameters"]
+    lost = [n for n, p in parameters.items() if p["value"] is None]
+    structure = None if lost else _structure(name, document["vehicle"]["geometry"], parameters)
+    run = document["runs"][0]
+    bands = [g["responses"]["r"]["band"] for g in document["groups"] if "r" in g["responses"]]
+    usable = [b for b in bands if b]
+    wait = _wait(run)
+    return Identified(
+        name, model["verdict"]["level"], _sooner(structure, wait), _intervals(parameters, wait), speeds,
+        (max(b[0] for b in usable), min(b[1] for b in usable)) if usable else None,
+        float(steering["rad_per_us"]["value"]) if steering else None,
+        _cutoff(run), _loop(run), (), _limited(document["runs"]), tuple(model["verdict"]["sentences"]),
+    )  # fmt: skip
+
+
+def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
+    """Out of the model of a diagnosis, linearised; it has no intervals of the model's own parameters.
+
+    Its baseline must hold at other speeds: ValueError for the lumped one.
+    """
+    if model.lumped:
+        raise ValueError("a diagnosis of the lumped model holds at one speed and carries no gains")
+    hidden = tuple(f for c, f in hidden_filters(model).items() if c == "r")
+    known = model.filters.get("r")
+    lost = tuple(f"The loop is computed without {words}." for words in left_out(model))
+    levels = {"none": "good", "explained": "good", "partly explained": "acceptable"}
+    structure = linear(model)
+    return Identified(
+        model.name, levels.get(verdict, "poor"), structure, _guessed(structure), (model.speed,),
+        rad_per_us=model.steering[1] if model.steering else None,
+        gyro_hz=known.cutoff_hz if known else None, hidden=hidden, remarks=lost,
+        reasons=(f"the verdict of the diagnosis is: {verdict}",),
+    )  # fmt: skip
+
+
+def with_steering(found: Identified, rad_per_us: float) -> Identified:
+    """With the rad_per_us of another vehicle file."""
+    return replace(found, rad_per_us=rad_per_us)
+
+
+def _best(document: Mapping[str, Any]) -> str | None:
+    """The recommended model where it holds at other speeds, else the richest one of good standing."""
+    recommended = document["recommended"]
+    if recommended in PHYSICAL:
+        return str(recommended)
+    good = (n for n in PHYSICAL if n in document["models"] and _usable(document["models"][n]))
+    return next(good, None)
+
+
+def _usable(model: Mapping[str, Any]) -> bool:
+    return model["verdict"]["level"] in ("good", "acceptable")
+
+
+def _structure(name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> ModelStructure:
+    geometry = Geometry(**{f.name: known[f.name] for f in fields(Geometry) if f.name in known})
+    tied = "C" in parameters
+    made = {
+        "roll-yaw": lambda: roll_yaw(geometry, tied),
+        "bicycle": lambda: bicycle(geometry, tied),
+        "kinematic": lambda: kinematic(geometry),
+    }[name]()
+    return made.with_values({n: float(p["value"]) for n, p in parameters.items()})
+
+
+def _intervals(parameters: Mapping[str, Any], wait: float) -> dict[str, tuple[float, float]]:
+    """The 90 % interval of every free parameter: by the bootstrap, else from the Cramer-Rao bound.
+
+    wait: taken off the delay's.
+    """
+    out = {}
+    for name, p in parameters.items():
+        value, bounds, cr = p["value"], p["interval_90"], p["cr_percent"]
+        if not p["free"] or value is None:
+            continue
+        if bounds is not None and all(isinstance(b, int | float) and math.isfinite(b) for b in bounds):
+            low, high = min(bounds[0], value), max(bounds[1], value)
+        else:
+            half = min(NORMAL_90 * (cr or 0.0) / 100, 0.9) * abs(value)
+            low, high = value - half, value + half
+        out[name] = (max(low - wait, 0.0), max(high - wait, 0.0)) if name == "tau" else (low, high)
+    return out
+
+
+def _guessed(structure: ModelStructure) -> dict[str, tuple[float, float]]:
+    """Where nothing is known of the accuracy: the delay within 30 %, the inputs' gain is not a parameter."""
+    return {
+        name: (value * (1 - GUESSED_DELAY), value * (1 + GUESSED_DELAY))
+        for name, value in structure.values.items()
+        if name in structure.delays and value > 0
+    }
+
+
+def _tied(structure: ModelStructure, values: Mapping[str, float]) -> dict[str, float]:
+    follow = {
+        p.name: p.tied[1] * values[p.tied[0]] for p in structure.parameters if p.tied and p.tied[0] in values
+    }
+    return {**values, **follow}
+
+
+def _sooner(structure: ModelStructure | None, wait: float) -> ModelStructure | None:
+    """With a delay that is shorter by `wait` s."""
+    if structure is None or "tau" not in structure.values:
+        return structure
+    return structure.with_values({"tau": max(structure.values["tau"] - wait, 0.0)})
+
+
+def _wait(run: Mapping[str, Any]) -> float:
+    """How long the recorded command waited for the main loop, which the controller's output does not, s.
+
+    The applet logs its command when it sets it; the servo gets it with the next main loop, half a period
+    later on average (`AP_MotorsUGV::output` calls the one push a loop). A command out of SERVO_OUTPUT_RAW or
+    RCOU was logged when it went out.
+    """
+    loop = _loop(run)
+    commanded = run["channels"].get("delta", {}).get("source", "").startswith("SWEP")
+    return 0.5 / loop if loop and commanded else 0.0
+
+
+def _loop(run: Mapping[str, Any]) -> float | None:
+    """The IMU is logged once a main loop."""
+    rate = run["channels"].get("r", {}).get("rate_hz")
+    return round(float(rate)) * 1.0 if rate and SLOWEST_LOOP <= rate <= FASTEST_LOOP * 1.02 else None
+
+
+def _cutoff(run: Mapping[str, Any]) -> float | None:
+    known = run["filters"].get("r")
+    return float(known["cutoff_hz"]) if known else None
+
+
+def _limited(runs: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Notes of the recordings on steering at its stops or servo limits."""
+    words = ("saturat", "end stop", "limit of the servo", "at its limit", "SERVO")
+    notes = (f"{r['name']}: {n['text']}" for r in runs for n in r["notes"] if n["level"] == "warning")
+    return tuple(dict.fromkeys(t for t in notes if any(w in t for w in words)))

@@ -1,0 +1,80 @@
+"""Gain and phase margin, crossover and bandwidth of a sampled loop from its frequency response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.identify.recording import Array
+
+Complex = NDArray[np.complex128]
+GAIN_MARGIN_DB, PHASE_MARGIN_DEG = 6.0, 45.0  # what is asked of a proposal
+POINTS = 240
+
+
+@dataclass(frozen=True)
+class Margins:
+    """gain_db, phase_deg: inf where there is no such crossing. crossover: the last frequency [rad/s] at which
+    the loop's gain is 1, phase_crossover: the lowest at which it turns the sign; nan where there is none."""
+
+    gain_db: float
+    phase_deg: float
+    crossover: float
+    phase_crossover: float
+
+    @property
+    def enough(self) -> bool:
+        """At least 6 dB and 45 deg."""
+        return self.gain_db >= GAIN_MARGIN_DB and self.phase_deg >= PHASE_MARGIN_DEG
+
+
+def frequencies(period: float, lowest: float = 0.05) -> Array:
+    """Where loops are looked at: up to the Nyquist frequency of the main loop, rad/s."""
+    return np.geomspace(lowest, 0.999 * np.pi / period, POINTS)
+
+
+def all_margins(loops: Complex, w: Array) -> tuple[Array, Array, Array, Array]:
+    """(gain margin [dB], phase margin [deg], crossover, phase crossover [rad/s]), each (n,), of loops."""
+    gain, phase_at = _turning(loops, w)
+    size = np.abs(loops)
+    above = size > 1.0
+    crossed = above[:, :-1] != above[:, 1:]
+    log = np.log(size)
+    share = np.where(crossed, -log[:, :-1] / np.where(crossed, np.diff(log), 1.0), 0.0)
+    angle = np.unwrap(np.angle(loops))
+    there = angle[:, :-1] + share * np.diff(angle)
+    margin = np.where(crossed, np.degrees((there + 2 * np.pi) % (2 * np.pi) - np.pi), np.inf)
+    at = np.where(crossed, w[:-1] * (w[1:] / w[:-1]) ** share, np.nan)
+    last = np.where(crossed.any(axis=1), np.fmax.reduce(np.where(crossed, at, -np.inf), axis=1), np.nan)
+    return gain, margin.min(axis=1), last, phase_at
+
+
+def _turning(loops: Complex, w: Array) -> tuple[Array, Array]:
+    """Gain margins [dB] where the loops cross the negative real axis, and the first such frequency."""
+    re, im = loops.real, loops.imag
+    crossed = (im[:, :-1] * im[:, 1:] < 0) & (np.minimum(re[:, :-1], re[:, 1:]) < 0)
+    share = np.where(crossed, im[:, :-1] / np.where(crossed, im[:, :-1] - im[:, 1:], 1.0), 0.0)
+    real = re[:, :-1] + share * np.diff(re)
+    crossed &= real < 0
+    size = np.where(crossed, np.abs(real), 0.0).max(axis=1)
+    db = np.where(size > 0, -20 * np.log10(np.maximum(size, 1e-12)), np.inf)
+    at = np.where(crossed, w[:-1] * (w[1:] / w[:-1]) ** share, np.inf).min(axis=1)
+    return db, np.where(np.isfinite(at), at, np.nan)
+
+
+def margins(loop: Complex, w: Array) -> Margins:
+    """Of one loop (n_w,)."""
+    return Margins(*(float(found[0]) for found in all_margins(loop[None, :], w)))
+
+
+def bandwidth(closed: Complex, w: Array) -> float:
+    """Where |r / target| (n_w,) first falls 3 dB below its value at the lowest frequency, rad/s."""
+    db = 20 * np.log10(np.abs(closed) / abs(closed[0]))
+    below = np.flatnonzero(db < -3.0)
+    if below.size == 0:
+        return float(w[-1])
+    k = int(below[0])
+    share = (-3.0 - db[k - 1]) / (db[k] - db[k - 1])
+    return float(w[k - 1] * (w[k] / w[k - 1]) ** share)

@@ -1,0 +1,93 @@
+"""The proposal as a parameter file: a reason on every line, as `firmware_params/*.param` are written."""
+
+from __future__ import annotations
+
+from rover_sweep.gains.firmware import Gains
+from rover_sweep.gains.proposal import Judged, Proposal
+
+
+def param_text(proposal: Proposal) -> str:
+    """The .param file; ValueError where nothing is proposed."""
+    judged = proposal.proposed
+    if judged is None:
+        raise ValueError("there are no gains to write")
+    now, reasons = proposal.autopilot.gains.parameters, _reasons(proposal, judged)
+    lines = [
+        f"{name} {value:.6g}  # {reasons[name]}{_was(name, now[name], value, proposal)}"
+        for name, value in judged.gains.parameters.items()
+        if name in reasons
+    ]
+    return "\n".join((*(f"# {line}" for line in _heading(proposal, judged)), "", *lines)) + "\n"
+
+
+def _heading(proposal: Proposal, judged: Judged) -> tuple[str, ...]:
+    """For which speed, on what, with what margins."""
+    loop, (low, high), margins = proposal.autopilot, proposal.holds, judged.margins
+    lines = (
+        f"Turn-rate gains for {proposal.speed:.2f} m/s, from the {proposal.found.name} model; they hold from "
+        f"{low:.2f} to {high:.2f} m/s.",
+        f"They count on MOT_SPD_SCA_BASE {loop.scale_base:g} m/s, SCHED_LOOP_RATE {loop.loop_hz:g} Hz, "
+        f"INS_GYRO_FILTER {loop.gyro_hz:g} Hz and SERVO{loop.servo}_MIN, _TRIM, _MAX {_travel(proposal)}:",
+        "compute them again when one of these changes.",
+        f"By the model: gain margin {margins.gain_db:.1f} dB, phase margin {_degrees(margins.phase_deg)}; "
+        f"worst within the intervals and these speeds {judged.worst_gain[0]:.1f} dB, "
+        f"{_degrees(judged.worst_phase[0])}.",
+        *proposal.support.reasons,
+        *proposal.support.remarks,
+    )
+    return (*lines, loop.assumed_words) if loop.assumed else lines
+
+
+def _reasons(proposal: Proposal, judged: Judged) -> dict[str, str]:
+    """{parameter: why} of what is proposed."""
+    scale = proposal.autopilot.speed_scale(proposal.speed)
+    forward = (
+        f"r per road-wheel angle is {proposal.steady_gain:.3g} 1/s and the firmware scales steering by "
+        f"{scale:.3g} at {proposal.speed:.2f} m/s{_elsewhere(proposal)}{_gathered(proposal, judged)}"
+    )
+    if proposal.support.level != "gains":
+        return {"ATC_STR_RAT_FF": forward}
+    with_p = f"the loop's gain is 1 at {judged.margins.crossover:.2g} rad/s"
+    return {
+        "ATC_STR_RAT_FF": forward,
+        "ATC_STR_RAT_P": with_p if judged.gains.p > 0 else "with delay and FF it brings nothing",
+        "ATC_STR_RAT_I": "with P the fastest answer to a push at the wheels within margins and 5 % overshoot",
+        "ATC_STR_RAT_D": "the loop meets its margins without, and D brings the gyro's noise to the servo",
+        "ATC_STR_RAT_IMAX": "what FF may be wrong by at the largest turn rate and a trim 0.03 rad off",
+    }
+
+
+def _elsewhere(proposal: Proposal) -> str:
+    others = [(v, ff) for v, ff in (proposal.feed_forwards or {}).items() if v != proposal.speed]
+    if not others:
+        return ""
+    here = (proposal.feed_forwards or {})[proposal.speed]
+    elsewhere = ", ".join(f"{ff:.3f} at {v:.2g} m/s" for v, ff in sorted(others))
+    return f": {here:.3f} holds a turn ({elsewhere})"
+
+
+def _gathered(proposal: Proposal, judged: Judged) -> str:
+    right = (proposal.feed_forwards or {}).get(proposal.speed)
+    return ", less what I adds while the rover lags" if right and judged.gains.ff < 0.999 * right else ""
+
+
+def _was(name: str, now: float, value: float, proposal: Proposal) -> str:
+    if name in proposal.autopilot.assumed:
+        return f" (default {now:g})"
+    return " (as it is)" if f"{now:.6g}" == f"{value:.6g}" else f" (was {now:.6g})"
+
+
+def _travel(proposal: Proposal) -> str:
+    loop = proposal.autopilot
+    right, left = (loop.us_left, loop.us_right) if loop.reversed else (loop.us_right, loop.us_left)
+    return f"-{left:g}/0/+{right:g} us about the trim"
+
+
+def _degrees(angle: float) -> str:
+    return f"{angle:.0f} deg" if angle < 1e3 else "none to lose (the gain never reaches 1)"
+
+
+def changed(before: Gains, after: Gains) -> dict[str, tuple[float, float]]:
+    """{parameter: (now, proposed)} of what differs."""
+    old, new = before.parameters, after.parameters
+    return {name: (old[name], new[name]) for name in new if old[name] != new[name]}

@@ -1,0 +1,161 @@
+"""Gains now and gains proposed, side by side, with what the model says of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rover_sweep.gains.controller import feedback_response, forward_response, target_response
+from rover_sweep.gains.design import Family, designed, feed_forward, integrator_limit, speeds_around
+from rover_sweep.gains.firmware import Autopilot, Gains
+from rover_sweep.gains.identified import Identified
+from rover_sweep.gains.margins import Margins, bandwidth, frequencies, margins
+from rover_sweep.gains.plant import SampledPlant, sampled_plant
+from rover_sweep.gains.step import Step, step_of
+from rover_sweep.gains.support import Support, extrapolated, supported, supported_loop
+
+MOST_CORNERS = 5  # parameters whose interval ends are combined: 32 rovers a speed
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Gains on the model. margins: as identified, at the wanted speed; worst_gain, worst_phase: the lowest of
+    the family, with where; bandwidth of r / target [rad/s]; steady: r / target without the integrator."""
+
+    gains: Gains
+    margins: Margins
+    worst_gain: tuple[float, str]
+    worst_phase: tuple[float, str]
+    bandwidth: float
+    steady: float
+    step: Step
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """What to fly at `speed` [m/s], None where nothing is supported, and what is flown now.
+
+    holds: speeds [m/s] from which to which. steady_gain: r / road-wheel angle [1/s]; delay: of the model [s];
+    lag: of everything in the loop but the rover, at low frequency [s].
+    """
+
+    found: Identified
+    autopilot: Autopilot
+    speed: float
+    support: Support
+    now: Judged | None
+    proposed: Judged | None
+    holds: tuple[float, float]
+    steady_gain: float | None = None
+    delay: float | None = None
+    feed_forwards: Mapping[float, float] | None = None
+
+
+def propose(found: Identified, autopilot: Autopilot, speed: float | None = None) -> Proposal:
+    """Gains for a speed [m/s], that of the runs unless given."""
+    at = speed or float(np.mean(found.speeds))
+    holds = (min(speeds_around(at)), max(speeds_around(at)))
+    support = supported(found, autopilot, at)
+    if (
+        found.structure is None
+        or found.rad_per_us is None
+        or autopilot.angle_per_output(found.rad_per_us) <= 0
+    ):
+        return Proposal(found, autopilot, at, support, None, None, holds)
+    family = family_of(found, autopilot, at)
+    support = _stable(support, family)
+    if any(not plant.stable for plant in family.plants):
+        return Proposal(found, autopilot, at, support, None, None, holds)
+    now = judge(family, autopilot.gains)
+    made = _made(support, family, autopilot.gains)
+    judged = judge(family, made) if made else None
+    support, judged = _after(found, support, judged)
+    values = found.structure.values
+    return Proposal(
+        found, autopilot, at, support, now, judged, holds, family.nominal.gain,
+        sum(values[d] for d in found.structure.delays if d.startswith("tau")),
+        {p.speed: _right(family, p) for p in family.plants if p.label.startswith("as identified")},
+    )  # fmt: skip
+
+
+def family_of(found: Identified, autopilot: Autopilot, speed: float) -> Family:
+    """Every corner of the intervals at V, V / 1.5 and 1.5 V, each side of the servo."""
+    assert found.structure is not None and found.rad_per_us is not None
+    kept = dict(list(found.intervals.items())[:MOST_CORNERS])
+    corners = list(replace(found, intervals=kept).spread())
+    plants = tuple(
+        sampled_plant(structure, v, autopilot, found.hidden, label)
+        for v in speeds_around(speed)
+        for label, structure in corners
+    )
+    mean = autopilot.angle_per_output(found.rad_per_us)
+    sides = {abs(found.rad_per_us) * us for us in (autopilot.us_right, autopilot.us_left)}
+    return Family(plants, (mean, *sorted(sides - {mean})), autopilot)
+
+
+def judge(family: Family, gains: Gains) -> Judged:
+    """Margins, bandwidth and step of gains on the family."""
+    loop, plant = family.autopilot, family.nominal
+    w = frequencies(loop.period)
+    one = (np.array([gains.p]), np.array([gains.i]))
+    feedback = feedback_response(gains, *one, loop.period, w)[0]
+    found = [
+        (margins(feedback * p.response(w) * angle, w), f"{p.speed:.2f} m/s, {p.label}")
+        for p, angle in family.loop_gains()
+    ]
+    gain = min(((m.gain_db, where) for m, where in found), key=lambda pair: pair[0])
+    phase = min(((m.phase_deg, where) for m, where in found), key=lambda pair: pair[0])
+    path = plant.response(w) * family.loop_gains()[0][1]
+    forward = forward_response(gains, gains.ff, loop.period, w)
+    closed = target_response(gains, loop.period, w) * path * (forward + feedback) / (1 + path * feedback)
+    unity = gains.ff / feed_forward(family)
+    share = gains.p / feed_forward(family)
+    step = step_of(loop, plant, family.angle_per_output[0], gains)
+    return Judged(gains, found[0][0], gain, phase, bandwidth(closed, w), (unity + share) / (1 + share), step)
+
+
+def _made(support: Support, family: Family, now: Gains) -> Gains | None:
+    """The gains that the support allows."""
+    if support.level == "none":
+        return None
+    if support.level == "feed-forward only":
+        return replace(now, ff=round(feed_forward(family), 3))
+    made = designed(family, now)
+    if made is None:
+        return None
+    rate = family.autopilot.rate_limit(family.nominal.speed)
+    return replace(made, imax=integrator_limit(family, made.ff, rate))
+
+
+def _after(found: Identified, support: Support, judged: Judged | None) -> tuple[Support, Judged | None]:
+    """What the design itself says on the support."""
+    if support.level != "gains":
+        return support, judged
+    if judged is None:
+        why = "no P and I keep 6 dB and 45 deg for every rover that the data allow"
+        return replace(support, level="none", reasons=(why,)), None
+    reasons = supported_loop(found, judged.margins)
+    if reasons:
+        return replace(support, level="none", reasons=reasons), None
+    return replace(support, remarks=(*support.remarks, *_remarks(found, judged))), judged
+
+
+def _remarks(found: Identified, judged: Judged) -> Sequence[str]:
+    return extrapolated(found, judged.margins)
+
+
+def _stable(support: Support, family: Family) -> Support:
+    bad = next((p for p in family.plants if not p.stable), None)
+    if bad is None:
+        return support
+    why = (
+        f"the rover itself is unstable at {bad.speed:.3g} m/s ({bad.label}): it lies above its critical speed"
+    )
+    return replace(support, level="none", reasons=(*support.reasons, why))
+
+
+def _right(family: Family, plant: SampledPlant) -> float:
+    """The FF that would be right for another speed."""
+    return 1.0 / (plant.gain * family.angle_per_output[0] * family.autopilot.speed_scale(plant.speed))

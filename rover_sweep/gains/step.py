@@ -1,0 +1,95 @@
+"""A step of the turn rate and a push at the wheels, as the firmware's loop answers them on the model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_sweep.gains.controller import Driven, drive
+from rover_sweep.gains.firmware import Autopilot, Gains
+from rover_sweep.gains.plant import SampledPlant
+from rover_sweep.identify.recording import Array
+
+SECONDS = 4.0
+BEFORE = 0.2  # s, straight before a step
+SETTLED = 0.05  # of the step
+PUSH = 0.02  # rad, a disturbance of the road-wheel angle: a trim that is off by a degree
+LARGEST_SHARE = 0.5  # of the turn rate that steering and limits leave
+
+
+@dataclass(frozen=True)
+class Step:
+    """size [rad/s] of the target; rise [s] from 10 to 90 %, overshoot [% of size], settling [s] to within 5 %
+    of the size for good, both from the asking, nan where it does not get there; lag [s], mean distance
+    behind the limited target while it turns up; used: largest share of the steering's travel."""
+
+    size: float
+    rise: float
+    overshoot: float
+    settling: float
+    lag: float
+    used: float
+
+
+def step_size(autopilot: Autopilot, plant: SampledPlant, angle_per_output: float) -> float:
+    """Half of the turn rate [rad/s] that steering and limits leave at this speed, at most 0.6."""
+    reach = abs(plant.gain * angle_per_output)
+    return min(LARGEST_SHARE * min(reach, autopilot.rate_limit(plant.speed)), 0.6)
+
+
+def stepped(autopilot: Autopilot, size: float) -> Array:
+    """The wanted turn rate (m,) of a step after `BEFORE` s, main loop by main loop."""
+    t = np.arange(round(SECONDS / autopilot.period)) * autopilot.period
+    return np.where(t >= BEFORE, size, 0.0)
+
+
+def step_of(autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, gains: Gains) -> Step:
+    """The predicted step with all limits of the firmware."""
+    size = step_size(autopilot, plant, angle_per_output)
+    driven = driven_step(autopilot, plant, angle_per_output, gains, size)
+    return measured_step(
+        driven.t - BEFORE, driven.target, driven.rate[:, 0], size, float(np.abs(driven.steering).max())
+    )
+
+
+def driven_step(
+    autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, gains: Gains, size: float
+) -> Driven:
+    """The step in time."""
+    p, i, ff = (np.array([g]) for g in (gains.p, gains.i, gains.ff))
+    return drive(autopilot, plant, angle_per_output, stepped(autopilot, size), p, i, ff, gains)
+
+
+def measured_step(t: Array, target: Array, rate: Array, size: float, used: float = math.nan) -> Step:
+    """The numbers of a step (m,) recorded or computed; t [s] from the asking, from 0 to size."""
+    share = rate / size
+    after = t >= 0
+    outside = np.flatnonzero(np.abs(share - 1.0) > SETTLED)
+    last = int(outside[-1]) if outside.size else 0
+    settling = float(t[last + 1]) if last + 1 < t.size else math.nan
+    behind = float(np.sum((target - rate)[after]) / size * np.mean(np.diff(t)))
+    return Step(
+        size, _first(t, share, 0.9) - _first(t, share, 0.1), 100 * max(float(share.max()) - 1.0, 0.0),
+        settling, behind, used,
+    )  # fmt: skip
+
+
+def _first(t: Array, share: Array, level: float) -> float:
+    """When the share first passes a level, between samples; nan where it never does."""
+    above = np.flatnonzero((share[1:] >= level) & (share[:-1] < level))
+    if above.size == 0:
+        return math.nan
+    k = int(above[0])
+    return float(t[k] + (level - share[k]) / (share[k + 1] - share[k]) * (t[k + 1] - t[k]))
+
+
+def pushed_error(
+    autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, p: Array, i: Array, shared: Gains
+) -> Array:
+    """Integral of abs(error) (n,) [rad] after a push of the wheels by PUSH, over SECONDS."""
+    still = np.zeros(round(SECONDS / autopilot.period))
+    push = np.full(still.size, PUSH)
+    driven = drive(autopilot, plant, angle_per_output, still, p, i, np.zeros_like(p), shared, push)
+    return np.asarray(np.abs(driven.rate).sum(axis=0) * autopilot.period)
