@@ -60,7 +60,7 @@ def open_tlog(path: str | Path, names: frozenset[str]) -> Tlog:
 def parse(data: bytes, names: frozenset[str]) -> Tlog:
     """As `open_tlog`, from the bytes of a file."""
     wanted = {_message(name).id: name for name in names}
-    starts, count, bad = _walk(data, frozenset(wanted))
+    starts, count, bad = walk(data, frozenset(wanted))
     raw = np.frombuffer(data, np.uint8)
     messages, failed = {}, 0
     for number, found in starts.items():
@@ -93,7 +93,7 @@ def _dtype(name: str) -> np.dtype[np.void]:
     return np.dtype(fields)
 
 
-def _walk(data: bytes, wanted: frozenset[int]) -> tuple[dict[int, list[int]], int, int]:
+def walk(data: bytes, wanted: frozenset[int]) -> tuple[dict[int, list[int]], int, int]:
     """Offsets of the wanted frames by message id, the number of all frames, and the bytes outside of them."""
     found: dict[int, list[int]] = {number: [] for number in wanted}
     at = previous = count = good = 0
