@@ -23,6 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # name -> ("module:click command", one line of help). The help stands here so that `--help` imports nothing.
 COMMANDS: dict[str, tuple[str, str]] = {
     "dry-run": ("rover_sweep.cli.dry_run:dry_run", "The whole job on a simulated rover, no hardware needed."),
+    "session": ("rover_sweep.cli.app:session", "The whole afternoon on one screen, by single keys."),
     "run": ("rover_sweep.cli.run:run", "Drive, record, judge and identify a real rover."),
     "firmware": ("rover_sweep.cli.firmware:firmware", "Applet and parameters: write, check, install."),
     "design": ("rover_sweep.cli.design:design", "A sweep or doublet on paper, before it is driven."),

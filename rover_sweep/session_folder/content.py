@@ -21,10 +21,11 @@ _KINDS: Mapping[str, type[Manoeuvre]] = {
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run of a session; name is that of its .tlog."""
+    """One run of a session; name is that of its .tlog. speed [m/s]: the one to hold, where that is known."""
 
     name: str
     manoeuvre: Manoeuvre
+    speed: float | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,9 @@ def from_json(data: Mapping[str, Any]) -> Content:
         vehicle=dict(data["vehicle"]),
         settings=dict(data["settings"]),
         parameters=dict(data["parameters"]),
-        plan=tuple(PlannedRun(run["name"], _manoeuvre(run["manoeuvre"])) for run in data["plan"]),
+        plan=tuple(
+            PlannedRun(run["name"], _manoeuvre(run["manoeuvre"]), run.get("speed")) for run in data["plan"]
+        ),
         runs=tuple(_run(run) for run in data["runs"]),
         logs=tuple(FetchedLog(**{**log, "runs": tuple(log["runs"])}) for log in data["logs"]),
         logs_before=None if before is None else tuple((n, size, utc) for n, size, utc in before),

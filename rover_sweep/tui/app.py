@@ -1,0 +1,158 @@
+"""The application: seven views of a session, keys alone. SPACE and ESC end a run from every view, at once.
+
+Without this laptop the switch low, disarming, another mode, or three seconds without our override end it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+from typing import ClassVar
+
+from textual.binding import Binding
+from textual.theme import Theme
+
+from rover_sweep.live.source import Play, Source
+from rover_sweep.tui.palette import DARK, LIGHT, Palette
+from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.connect import ConnectScreen
+from rover_sweep.tui.screens.frame import VIEWS
+from rover_sweep.tui.screens.log import LogScreen
+from rover_sweep.tui.screens.plan import PlanScreen
+from rover_sweep.tui.screens.preflight import PreflightScreen
+from rover_sweep.tui.screens.results import ResultsScreen
+from rover_sweep.tui.screens.run import RunScreen
+from rover_sweep.tui.screens.verdict import VerdictScreen
+from rover_sweep.tui.session_app import SessionApp
+from rover_sweep.tui.setup import Memory, Setup, remember
+from rover_sweep.tui.state import AbortAsked, reduce
+
+_SCREENS = (ConnectScreen, PreflightScreen, PlanScreen, RunScreen, VerdictScreen, LogScreen, ResultsScreen)
+_SEEK, _SLOWEST, _FASTEST = 10.0, 0.125, 64.0  # s a key; times real time
+
+
+class SweepApp(SessionApp):
+    """The views and the keys that hold in all of them."""
+
+    TITLE = "rover-sweep"
+    ENABLE_COMMAND_PALETTE = False
+    CSS = """
+    Screen { background: $background; color: $foreground; }
+    Static { color: $foreground; }
+    """
+    BINDINGS: ClassVar = [
+        Binding("space", "abort", "ABORT", priority=True),
+        Binding("escape", "abort", "ABORT", priority=True),
+        *(Binding(str(n), f"view('{name}')", "views", key_display="1-7") for n, name in enumerate(VIEWS, 1)),
+        Binding("tab", "turn(1)", show=False),
+        Binding("shift+tab", "turn(-1)", show=False),
+        Binding("space", "pause", "pause"),
+        Binding("comma", "seek(-1)", "10 s back", key_display=","),
+        Binding("full_stop", "seek(1)", "10 s on", key_display="."),
+        Binding("minus", "pace(0.5)", "slower"),
+        Binding("plus,equals_sign", "pace(2.0)", "faster", key_display="+"),
+        Binding("c", "colours", "dark/light"),
+        Binding("q", "leave", "quit"),
+        Binding("ctrl+q,ctrl+c", "leave", show=False, priority=True),
+    ]
+
+    def __init__(self, source: Source, setup: Setup, view: str = "connect") -> None:
+        super().__init__(source, setup)
+        self._first, self._views = view, dict[str, SessionScreen]()
+        for palette in (LIGHT, DARK):
+            self.register_theme(_theme(palette))
+
+    def on_mount(self) -> None:
+        self.theme = self.palette.name
+        self._views = {screen.view: screen() for screen in _SCREENS}
+        self.push_screen(self._views[self._first])
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):  # not the main thread
+                asyncio.get_running_loop().add_signal_handler(number, self.exit)
+        self.source.start(self.feed.tell)
+
+    def on_unmount(self) -> None:
+        self.desk.close()
+
+    def redraw(self) -> None:
+        for screen in self.screen_stack if self.is_running else ():
+            if isinstance(screen, SessionScreen):
+                screen.redraw()
+
+    def turn_to(self, view: str, only_from: tuple[str, ...]) -> None:
+        if isinstance(self.screen, SessionScreen) and self.screen.view in only_from:
+            self.action_view(view)
+
+    # ---- keys ------------------------------------------------------------------------------------
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action == "abort":
+            return self.state.under_way
+        if action in ("pause", "seek", "pace"):
+            return self.state.played is not None
+        return True
+
+    def action_abort(self) -> None:
+        """At once, without a question; what is drawn comes second."""
+        self.source.abort()
+        self.state = reduce(self.state, AbortAsked())
+
+    def action_view(self, view: str) -> None:
+        if isinstance(self.screen, SessionScreen) and self.screen.view != view:
+            self.switch_screen(self._views[view])
+
+    def action_turn(self, step: int) -> None:
+        if isinstance(self.screen, SessionScreen):
+            self.action_view(VIEWS[(VIEWS.index(self.screen.view) + step) % len(VIEWS)])
+
+    def action_colours(self) -> None:
+        self.palette = LIGHT if self.palette is DARK else DARK
+        self.theme = self.palette.name
+        self.memory = Memory(self.memory.urls, self.palette is DARK)
+        remember(self.setup.memory, self.memory)
+        self.redraw()
+
+    def action_leave(self) -> None:
+        """During a run it ends that; once more it leaves."""
+        if self.state.under_way:
+            self.action_abort()
+        else:
+            self.exit()
+
+    def action_pause(self) -> None:
+        played = self.state.played
+        if played is not None:
+            self._paced, rate = (played.rate or self._paced), (self._paced if played.rate == 0 else 0.0)
+            self.ask(Play(rate=rate))
+
+    _paced = 1.0
+
+    def action_seek(self, direction: int) -> None:
+        played = self.state.played
+        if played is not None:
+            self.ask(Play(at=min(max(0.0, played.t + direction * _SEEK), played.length)))
+
+    def action_pace(self, factor: float) -> None:
+        played = self.state.played
+        if played is not None:
+            self.ask(Play(rate=min(max(_SLOWEST, (played.rate or self._paced) * factor), _FASTEST)))
+
+
+def _theme(palette: Palette) -> Theme:
+    return Theme(
+        palette.name, primary=palette.ink, foreground=palette.ink, background=palette.ground,
+        surface=palette.ground, panel=palette.ground, dark=palette is DARK,
+    )  # fmt: skip
+
+
+def show(source: Source, setup: Setup | None = None, view: str = "connect") -> None:
+    """Shows a source until the user leaves; closes it however that happens.
+
+    view: the first one, of `frame.VIEWS`; 'run' for a recording that is played.
+    """
+    app = SweepApp(source, setup or Setup(), view)
+    try:
+        app.run()
+    finally:
+        source.close()

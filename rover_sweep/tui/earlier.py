@@ -1,0 +1,53 @@
+"""What a session's folder tells of before: runs and plan of a session that is taken up again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.identify.sweep import Sweep
+from rover_sweep.live.snapshot import Band, Verdict
+from rover_sweep.session_folder.content import Content, DrivenRun, PlannedRun
+from rover_sweep.tui.plan_rows import SPEED, Row
+from rover_sweep.tui.state import Outcome, RunRecord
+
+_OUTCOMES: Mapping[str, Outcome] = {"done": "done", "stopped": "stopped", "cut": "failed", "begun": "failed"}
+
+
+def records(content: Content, folder: Path) -> tuple[RunRecord, ...]:
+    """The runs that were driven, oldest first."""
+    return tuple(_record(run, folder) for run in content.runs)
+
+
+def rows(content: Content) -> tuple[Row, ...]:
+    """The plan as it stood."""
+    return tuple(Row(run.manoeuvre, run.speed or SPEED, run.name) for run in content.plan)
+
+
+def planned(plan: tuple[Row, ...]) -> tuple[PlannedRun, ...]:
+    """The plan, to be kept in the folder."""
+    return tuple(PlannedRun(row.name, row.manoeuvre, row.speed) for row in plan)
+
+
+def _record(run: DrivenRun, folder: Path) -> RunRecord:
+    outcome = _OUTCOMES[run.state]
+    return RunRecord(
+        run.name, run.manoeuvre or Sweep(), outcome, "" if outcome == "done" else run.reason, run.number,
+        folder / run.tlog, _verdict(run.verdict),
+    )  # fmt: skip
+
+
+def _verdict(said: Mapping[str, Any] | None) -> Verdict | None:
+    """None for one of another version, which is no reason not to go on."""
+    if said is None:
+        return None
+    try:
+        return Verdict(
+            str(said["run"]), said["advice"], str(said["sentence"]),
+            tuple(Band(**band) for band in said.get("bands") or ()), said.get("amplitude"),
+            tuple((float(a), float(b), float(c)) for a, b, c in said.get("per_band") or ()),
+            remarks=tuple(str(remark) for remark in said.get("remarks") or ()),
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError):
+        return None

@@ -1,0 +1,48 @@
+"""Numbers as characters: a bar, a pointer between limits, a short history, a number or a dash."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+_STEPS = "▁▂▃▄▅▆▇█"
+
+
+def bar(share: float, width: int) -> str:
+    """`share` 0..1 of `width` cells; all light where it is not known."""
+    full = round(min(1.0, max(0.0, share)) * width) if math.isfinite(share) else 0
+    return "█" * full + "░" * (width - full)
+
+
+def pointer(value: float, low: float, high: float, width: int) -> str:
+    """Where `value` is between two limits, the middle marked; an arrow at the edge beyond them."""
+    cells = list("[" + "·" * (width - 2) + "]")
+    cells[width // 2] = "|"
+    if math.isfinite(value) and high > low:
+        share = (value - low) / (high - low)
+        if share < 0:
+            cells[0] = "◀"
+        elif share > 1:
+            cells[-1] = "▶"
+        else:
+            cells[1 + round(share * (width - 3))] = "█"
+    return "".join(cells)
+
+
+def history(values: Sequence[float], low: float, high: float, width: int) -> str:
+    """The last `width` values between two limits, the newest at the right; a blank where not known."""
+    shown = [_step(value, low, high) for value in values[-width:]]
+    return "".join(shown).rjust(width)
+
+
+def _step(value: float, low: float, high: float) -> str:
+    if not math.isfinite(value):
+        return " "
+    share = min(1.0, max(0.0, (value - low) / (high - low)))
+    return _STEPS[min(len(_STEPS) - 1, int(share * len(_STEPS)))]
+
+
+def number(value: float, form: str) -> str:
+    """A number, or a dash of the same width while it is not known."""
+    text = format(value if math.isfinite(value) else 0.0, form)
+    return text if math.isfinite(value) else "-".rjust(len(text))

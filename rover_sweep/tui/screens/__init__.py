@@ -1,0 +1,1 @@
+"""The screens, a file each; every one is a picture of the one `State`."""

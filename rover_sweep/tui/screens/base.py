@@ -1,0 +1,111 @@
+"""A screen of the session: a picture of the state, redrawn when that changes or the window does."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.screen import Screen
+from textual.widgets import Static
+
+from rover_sweep.tui.pilot import task
+from rover_sweep.tui.screens import frame
+
+if TYPE_CHECKING:
+    from rover_sweep.tui.palette import Palette
+    from rover_sweep.tui.session_app import SessionApp
+    from rover_sweep.tui.state import State
+
+_AROUND = 5  # rows: views, status, message, keys
+_NAMES = {
+    "up": "↑", "down": "↓", "left": "←", "right": "→", "enter": "ENTER", "space": "SPACE", "escape": "ESC",
+    "plus": "+", "minus": "-", "tab": "TAB", "pageup": "PGUP", "pagedown": "PGDN",
+}  # fmt: skip
+
+
+class SessionScreen(Screen[None]):
+    """`view`: its name; `picture`: what is drawn between status and message."""
+
+    view: ClassVar[str] = ""
+    DEFAULT_CSS = """
+    SessionScreen { layout: vertical; overflow: hidden hidden; }
+    SessionScreen Static { width: 100%; text-wrap: nowrap; text-overflow: clip; }
+    SessionScreen .row { height: 1; }
+    SessionScreen #body { height: 1fr; }
+    SessionScreen #keys { height: 2; }
+    """
+
+    @property
+    def session(self) -> SessionApp:
+        """The application, by its own type."""
+        from rover_sweep.tui.session_app import SessionApp
+
+        assert isinstance(self.app, SessionApp)
+        return self.app
+
+    @property
+    def state(self) -> State:
+        return self.session.state
+
+    @property
+    def palette(self) -> Palette:
+        return self.session.palette
+
+    @abstractmethod
+    def picture(self, width: int, height: int) -> Text:
+        """The body, width columns by height rows."""
+
+    def compose(self) -> ComposeResult:
+        yield Static(id="tabs", classes="row", markup=False)
+        yield Static(id="status", classes="row", markup=False)
+        yield Static(id="body", markup=False)
+        yield Static(id="message", classes="row", markup=False)
+        yield Static(id="keys", markup=False)
+
+    def on_mount(self) -> None:
+        self.redraw()
+
+    def on_screen_resume(self) -> None:
+        self.redraw()
+
+    def on_resize(self) -> None:
+        self.redraw()
+
+    def redraw(self) -> None:
+        """Draws everything anew."""
+        if not self.is_mounted:
+            return
+        width, height = self.size
+        small = width < frame.LEAST[0] or height < frame.LEAST[1]
+        for name in ("tabs", "status", "message", "keys"):
+            self.query_one(f"#{name}").display = not small
+        body = self.query_one("#body", Static)
+        if small:
+            body.update(frame.too_small(self.state, task(self.state), self.palette, width, height))
+            return
+        self.query_one("#tabs", Static).update(frame.tabs(self.view, self.palette, width))
+        self.query_one("#status", Static).update(frame.status(self.state, self.palette, width))
+        body.update(self.picture(width, height - _AROUND))
+        self.query_one("#message", Static).update(frame.message(self.state, self.palette, width))
+        self.query_one("#keys", Static).update(frame.keys(list(self._keys()), self.palette, width))
+
+    def _keys(self) -> Iterator[tuple[str, str]]:
+        """(key, what it does) of all that work now, this screen's own first; keys of one action together."""
+        told: dict[str, tuple[list[str], Binding]] = {}
+        for active in self.active_bindings.values():
+            binding = active.binding
+            if binding.show and active.enabled:
+                told.setdefault(binding.description, ([], binding))[0].append(_key(binding))
+        ordered = sorted(told.items(), key=lambda item: not item[1][1].priority)
+        for what, (names, _) in ordered:
+            yield "/".join(dict.fromkeys(names)), what
+
+
+def _key(binding: Binding) -> str:
+    if binding.key_display:
+        return binding.key_display
+    return _NAMES.get(binding.key, binding.key.upper())

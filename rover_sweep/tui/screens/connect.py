@@ -1,0 +1,99 @@
+"""Where the rover is: the connection of the command line, remembered ones, serial ports that are there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rich.text import Text
+from textual.binding import Binding
+
+from rover_sweep.tui.drawing import Rows, window
+from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.typing import Typing
+
+USUAL = ("udp:127.0.0.1:14550", "tcp:127.0.0.1:5760")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A connection that can be chosen, and where it comes from."""
+
+    url: str
+    origin: str
+
+
+def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> tuple[Place, ...]:
+    """Each once, the likeliest first."""
+    found: dict[str, str] = {}
+    for urls, origin in (
+        ((given,) if given else (), "command line"), (remembered, "used before"),
+        (ports, "plugged in"), (USUAL, "usual"),
+    ):  # fmt: skip
+        for url in urls:
+            found.setdefault(url, origin)
+    return tuple(Place(url, origin) for url, origin in found.items())
+
+
+class ConnectScreen(SessionScreen):
+    """ENTER connects and looks at everything that must be right; nothing is changed by that."""
+
+    view = "connect"
+    BINDINGS = [
+        Binding("enter", "connect", "connect"),
+        Binding("up", "choose(-1)", "choose"),
+        Binding("down", "choose(1)", "choose"),
+        Binding("u", "type_url", "type another"),
+        Binding("r", "look", "look for ports"),
+    ]
+    chosen = 0
+
+    def picture(self, width: int, height: int) -> Text:
+        rows = Rows(self.palette, width, height).blank()
+        rows.add(" Which rover?", style=f"bold {self.palette.ink}").blank()
+        found = self.session.places
+        for n in window(len(found), self.chosen, height - 9):
+            mark = "▶" if n == self.chosen else " "
+            line = f" {mark} {found[n].url:<46.46} {found[n].origin}"
+            if n == self.chosen:
+                rows.filled(line, self.palette.inverse)
+            else:
+                rows.add(line, style=self.palette.ink)
+        rows.blank()
+        if self.state.vehicle is not None:
+            vehicle = self.state.vehicle
+            rows.sentence(f"Connected: {vehicle.firmware} on {self.state.url}", f"bold {self.palette.good}")
+        elif self.state.busy:
+            rows.sentence("Connecting ...", f"bold {self.palette.accent}")
+        rows.sentence(_may(self.session.setup.own_part), self.palette.ink)
+        rows.sentence(f"Recordings go to {self.session.setup.folder or 'no folder yet'}.", self.palette.ink)
+        return rows.text()
+
+    def action_choose(self, step: int) -> None:
+        self.chosen = (self.chosen + step) % len(self.session.places)
+        self.redraw()
+
+    def action_connect(self) -> None:
+        self.session.connect(self.session.places[self.chosen].url)
+
+    def action_look(self) -> None:
+        self.session.look_for_ports()
+        self.chosen = 0
+        self.redraw()
+
+    def action_type_url(self) -> None:
+        hint = "tcp:HOST:PORT, udp:HOST:PORT (listen), udpout:HOST:PORT, or /dev/ttyACM0,115200"
+        self.app.push_screen(Typing("Connection:", hint, self.session.setup.url), self._typed)
+
+    def _typed(self, url: str | None) -> None:
+        if url:
+            self.session.connect(url)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        return action != "connect" or not self.state.busy
+
+
+def _may(own: tuple[str, ...]) -> str:
+    """What this program may do, as the command line said."""
+    if own:
+        return f"As the command line allows, this program {', '.join(own)}; it asks before each run."
+    return "This program records and writes parameters; arming, driving and the switch are the pilot's."

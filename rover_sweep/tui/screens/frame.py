@@ -1,0 +1,114 @@
+"""What all screens have around them: the views, the state of the rover, the last message, the keys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.text import Text
+
+from rover_sweep.tui import words
+from rover_sweep.tui.drawing import Rows, joined
+from rover_sweep.tui.gauges import number
+from rover_sweep.tui.palette import Palette
+from rover_sweep.tui.pilot import Task
+from rover_sweep.tui.state import State
+
+VIEWS = ("connect", "preflight", "plan", "run", "verdict", "log", "results")
+LEAST = (72, 20)  # columns, rows
+ABORT_WORDS = "SPACE or ESC"
+LEVELS = {"info": "", "vehicle": "rover: ", "warning": "WARNING: ", "error": "ERROR: "}
+
+
+def tabs(view: str, palette: Palette, width: int) -> Text:
+    """The views with the digit that leads there; the one that is shown in brackets and inverse."""
+    text = Text(" ", no_wrap=True)
+    for digit, name in enumerate(VIEWS, 1):
+        here = name == view
+        text.append(
+            f"[{digit} {name.upper()}]" if here else f" {digit} {name} ", palette.inverse if here else ""
+        )
+    text.truncate(width)
+    return text
+
+
+def status(state: State, palette: Palette, width: int) -> Text:
+    """Link, arming, mode, switch, battery, GPS and recording in a row, each a word."""
+    link, style = _link(state, palette)
+    now = state.snapshot
+    text = Text(f" {link}", style=f"bold {style}", no_wrap=True)
+    if now is None:
+        return text
+    armed = ("  ARMED ", palette.alarming) if now.armed else ("  disarmed ", palette.ink)
+    text.append(*armed)
+    text.append(f" {words.mode(now.mode)}  switch {words.switch(now.switch)}", palette.ink)
+    battery = joined((
+        f"{now.volts:.1f} V" if math.isfinite(now.volts) else "",
+        f"{100 * now.remaining:.0f} %" if math.isfinite(now.remaining) else "",
+    ))  # fmt: skip
+    gps = f"{words.FIXES.get(now.fix, 'GPS ?')} {now.satellites}"
+    ekf = "EKF ok" if now.ekf else "EKF not ready"
+    text.append("  " + "  ".join(p for p in (battery.replace("   ", " "), gps, ekf) if p), palette.ink)
+    if width >= 110:
+        text.append(
+            f"  {number(now.received, '.0f')} messages/s  recorded {words.size(now.recorded)}", palette.ink
+        )
+    text.truncate(width)
+    return text
+
+
+def _link(state: State, palette: Palette) -> tuple[str, str]:
+    if state.played is not None:
+        played = state.played
+        pace = "PAUSED" if played.rate == 0 else f"x{played.rate:g}"
+        return f"▶ PLAYED {clock(played.t)} of {clock(played.length)} {pace}", palette.accent
+    if state.lost:
+        return "✗ LINK LOST", palette.bad
+    if state.vehicle is not None:
+        return "● LINK", palette.good
+    return "○ no link", palette.quiet
+
+
+def clock(t: float) -> str:
+    """Minutes and seconds."""
+    return f"{int(t) // 60}:{int(t) % 60:02d}"
+
+
+def message(state: State, palette: Palette, width: int) -> Text:
+    """What failed last, else the last line of the log; while a run is under way, how to end it."""
+    if state.aborting:
+        return Text(" ABORTING - the rover is being let go ".center(width), palette.alarming, no_wrap=True)
+    if state.under_way:
+        return Text(f" RUN UNDER WAY - {ABORT_WORDS} ABORTS ".center(width), palette.alarming, no_wrap=True)
+    if state.failure:
+        return Text(f" ✗ {state.failure}"[:width], f"bold {palette.bad}", no_wrap=True)
+    if not state.messages:
+        return Text("")
+    line = state.messages[-1]
+    style = {"warning": palette.doubtful, "error": palette.bad}.get(line.level, palette.quiet)
+    return Text(f" {LEVELS[line.level]}{line.text}"[:width], style, no_wrap=True)
+
+
+def keys(bindings: Sequence[tuple[str, str]], palette: Palette, width: int) -> Text:
+    """The keys that work now, in at most two rows."""
+    rows, room = [Text(" ", no_wrap=True)], width - 1
+    for key, what in bindings:
+        need = len(key) + len(what) + 5
+        if room < need:
+            if len(rows) == 2:
+                break
+            rows.append(Text(" ", no_wrap=True))
+            room = width - 1
+        rows[-1].append(f" {key} ", palette.inverse).append(f" {what}  ", palette.ink)
+        room -= need
+    return Text("\n").join(rows)
+
+
+def too_small(state: State, task: Task, palette: Palette, width: int, height: int) -> Text:
+    """A word where there is no room for a picture; what matters during a run stays."""
+    rows = Rows(palette, width, height)
+    if state.under_way:
+        rows.filled(f" {ABORT_WORDS} ABORTS", palette.alarming)
+        rows.sentence(f"{task.big}: {task.sentence}", f"bold {palette.ink}", most=4)
+    rows.sentence(f"The window is {width}x{height}; make it {LEAST[0]}x{LEAST[1]} or larger.", palette.ink)
+    return rows.text()

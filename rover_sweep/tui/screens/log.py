@@ -1,0 +1,72 @@
+"""All runs of the session with state and verdict, and what rover and program said."""
+
+from __future__ import annotations
+
+from rich.text import Text
+from textual.binding import Binding
+
+from rover_sweep.live.source import FetchLogs
+from rover_sweep.tui import words
+from rover_sweep.tui.drawing import Rows, cells
+from rover_sweep.tui.gauges import bar
+from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.frame import LEVELS
+from rover_sweep.tui.state import RunRecord
+
+
+class LogScreen(SessionScreen):
+    """L fetches the vehicle's own logs, which it gives only while it is disarmed."""
+
+    view = "log"
+    BINDINGS = [
+        Binding("l", "fetch", "fetch the logs"),
+        Binding("up", "scroll(1)", "older"),
+        Binding("down", "scroll(-1)", "newer"),
+        Binding("pageup", "scroll(10)", "older"),
+        Binding("pagedown", "scroll(-10)", "newer"),
+    ]
+    back = 0
+
+    def picture(self, width: int, height: int) -> Text:
+        rows, palette, state = Rows(self.palette, width, height), self.palette, self.state
+        rows.add(f" {len(state.runs)} runs, {sum(r.outcome == 'done' for r in state.runs)} of them whole",
+                 style=f"bold {palette.ink}")  # fmt: skip
+        most = height // 2 - 2
+        for run in state.runs[-most:]:
+            rows.add(f" {line(run, width - 2)}", style=palette.ink)
+        if state.fetching is not None:
+            f = state.fetching
+            share = f.done / f.total if f.total else 0.0
+            rows.add(f" log {f.number}: {bar(share, 30)} {words.size(f.done)} of {words.size(f.total)}",
+                     style=palette.ink)  # fmt: skip
+        if state.logs:
+            rows.sentence("on disk: " + ", ".join(path.name for path in state.logs), palette.good, most=2)
+        rows.add("─" * width, style=palette.quiet)
+        room = rows.left
+        end = len(state.messages) - min(self.back, max(0, len(state.messages) - room))
+        for said in state.messages[max(0, end - room) : end]:
+            style = {"warning": palette.doubtful, "error": f"bold {palette.bad}"}.get(said.level, palette.ink)
+            rows.add(f" {LEVELS[said.level]}{said.text}", style=style)
+        return rows.text()
+
+    def action_fetch(self) -> None:
+        self.session.ask(FetchLogs())
+
+    def action_scroll(self, step: int) -> None:
+        self.back = min(max(0, self.back + step), max(0, len(self.state.messages) - 1))
+        self.redraw()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action != "fetch":
+            return True
+        return self.state.vehicle is not None and not self.state.busy and not self.state.armed
+
+
+def line(run: RunRecord, width: int) -> str:
+    """A run with its outcome and verdict."""
+    sign, outcome = words.OUTCOMES[run.outcome]
+    verdict = run.reason
+    if run.verdict is not None:
+        verdict = " ".join((*words.ADVICE[run.verdict.advice], run.verdict.sentence))
+    return cells((run.name, f"{sign} {outcome}", f"±{run.manoeuvre.amplitude:g} us", verdict),
+                 (13, 11, 8, width - 36))  # fmt: skip

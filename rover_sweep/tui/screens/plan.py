@@ -1,0 +1,170 @@
+"""What to drive: amplitudes and speeds, the ground and time they need, proposals, what was driven."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from rich.text import Text
+from textual.binding import Binding
+
+from rover_sweep.tui import words
+from rover_sweep.tui.drawing import Rows, cells, window
+from rover_sweep.tui.plan_rows import SPEED, Row, largest, needs, new
+from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.edit import EditRow
+from rover_sweep.tui.state import RunRecord
+
+
+class PlanScreen(SessionScreen):
+    """A, D, M, B add rows; E changes one; G drives it; P asks `rover-sweep plan`, T takes that."""
+
+    view = "plan"
+    BINDINGS = [
+        Binding("g", "go", "drive"),
+        Binding("up", "choose(-1)", "choose"),
+        Binding("down", "choose(1)", "choose"),
+        Binding("e", "edit", "change"),
+        Binding("a", "add('sweep')", "sweep"),
+        Binding("d", "add('doublet')", "doublet"),
+        Binding("m", "add('multisine')", "multisine"),
+        Binding("b", "add('bias_sweep')", "bias"),
+        Binding("x", "remove", "remove"),
+        Binding("p", "propose", "propose"),
+        Binding("t", "take", "take"),
+    ]
+
+    @property
+    def chosen(self) -> int:
+        """Index of the row that is driven next."""
+        return self.session.chosen
+
+    def picture(self, width: int, height: int) -> Text:
+        rows, palette, session = Rows(self.palette, width, height), self.palette, self.session
+        plan = session.plan
+        asked = needs(plan, session.setup.vehicle)
+        wide = width >= 110
+        sizes = (2, 12, -9, -7, 16, -6, 13 if not wide else 18, width - (75 if not wide else 80))
+        rows.add(
+            cells(("", "run", "us", "m/s", "rad/s", "s", "ground, m", "driven"), sizes), style=palette.quiet
+        )
+        room = max(3, height - 7 - (4 if session.desk.proposal or session.desk.proposing else 0))
+        for n in window(len(plan), self.chosen, room):
+            row, space = plan[n], asked.spaces[n]
+            ground = f"{space.length:.0f} x {space.width:.0f}" if space else "?"
+            line = cells(
+                ("▶" if n == self.chosen else "", row.name, _amplitude(row), f"{row.speed:.1f}",
+                 _frequencies(row), f"{row.manoeuvre.duration:.0f}", ground, driven(row, self.state.runs)),
+                sizes,
+            )  # fmt: skip
+            if n == self.chosen:
+                rows.filled(line, palette.inverse)
+            else:
+                rows.add(line, style=palette.ink)
+        if not plan:
+            rows.sentence(
+                "Nothing is planned: A adds a sweep, D a doublet, P asks what is worth driving.", palette.ink
+            )
+        rows.blank()
+        self._sums(rows)
+        if plan and plan[min(self.chosen, len(plan) - 1)].settles:
+            rows.sentence(plan[min(self.chosen, len(plan) - 1)].settles, palette.ink, most=2)
+        self._proposal(rows)
+        return rows.text()
+
+    def _sums(self, rows: Rows) -> None:
+        palette, session = self.palette, self.session
+        asked = needs(session.plan, session.setup.vehicle)
+        length, width = largest(asked.spaces)
+        ground = asked.words or f"ground {length:.0f} m long, {width:.0f} m wide"
+        if not math.isfinite(length) and not asked.words:
+            ground = "no ground is needed"
+        now = self.state.snapshot
+        battery = f"; battery {100 * now.remaining:.0f} %" if now and math.isfinite(now.remaining) else ""
+        if now and not battery and math.isfinite(now.volts):
+            battery = f"; battery {now.volts:.1f} V"
+        rows.sentence(f"{len(session.plan)} runs, {words.seconds(asked.seconds)} of steering; "
+                      f"{ground}{battery}", f"bold {palette.ink}", most=2)  # fmt: skip
+
+    def _proposal(self, rows: Rows) -> None:
+        palette, session = self.palette, self.session
+        if session.desk.proposing:
+            rows.sentence(
+                f"Looking at what these runs can tell apart: {session.desk.proposing}", palette.accent, most=2
+            )
+        elif session.desk.proposal:
+            told = ", ".join(
+                f"{row.kind} {row.manoeuvre.amplitude:g} us at {row.speed:g} m/s"
+                for row in session.desk.proposal
+            )
+            rows.sentence(f"PROPOSED (T takes them): {told}", f"bold {palette.accent}", most=3)
+        for sentence in session.desk.next_runs[:2]:
+            rows.sentence(f"The diagnosis proposes: {sentence}", palette.accent, most=2)
+
+    def action_choose(self, step: int) -> None:
+        self.session.choose(self.chosen + step)
+
+    def action_go(self) -> None:
+        self.session.drive_next()
+
+    def action_add(self, kind: str) -> None:
+        plan = self.session.plan
+        speed = plan[self.chosen].speed if plan else SPEED
+        at = min(self.chosen + 1, len(plan))
+        self.session.replan((*plan[:at], new(kind, speed), *plan[at:]), at)
+
+    def action_remove(self) -> None:
+        plan, at = self.session.plan, self.chosen
+        self.session.replan((*plan[:at], *plan[at + 1 :]), at)
+
+    def action_edit(self) -> None:
+        row = self.session.plan[self.chosen]
+        self.app.push_screen(EditRow(row, self.session.setup.settings.extra), self._edited)
+
+    def _edited(self, row: Row | None) -> None:
+        plan, at = self.session.plan, self.chosen
+        if row is not None and at < len(plan):
+            self.session.replan((*plan[:at], row, *plan[at + 1 :]), at)
+
+    def action_propose(self) -> None:
+        self.session.propose()
+
+    def action_take(self) -> None:
+        session = self.session
+        rows, session.desk.proposal = session.desk.proposal, ()
+        session.replan((*session.plan, *(replace(row) for row in rows)), len(session.plan))
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action == "go":
+            return self.session.may_drive
+        if action in ("edit", "remove", "choose"):
+            return bool(self.session.plan)
+        if action == "take":
+            return bool(self.session.desk.proposal)
+        if action == "propose":
+            return self.session.setup.vehicle_path is not None and not self.session.desk.proposing.startswith(
+                "this"
+            )
+        return True
+
+
+def driven(row: Row, runs: tuple[RunRecord, ...]) -> str:
+    """What came of it, as often as it was driven."""
+    mine = [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
+    return ", ".join(
+        " ".join(words.ADVICE[run.verdict.advice] if run.verdict else words.OUTCOMES[run.outcome])
+        for run in mine
+    )
+
+
+def _amplitude(row: Row) -> str:
+    m = row.manoeuvre
+    bias = getattr(m, "bias", 0.0)
+    return f"±{m.amplitude:g}" + (f"{bias:+g}" if bias else "")
+
+
+def _frequencies(row: Row) -> str:
+    m = row.manoeuvre
+    if m.kind == "doublet":
+        return f"{m.count} x {m.pulse:g} s"
+    return f"{m.w_min:g} to {m.w_max:g}"

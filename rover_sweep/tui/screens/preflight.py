@@ -1,0 +1,119 @@
+"""What must be right before a run: each thing with a word, what was seen, and what one key does about it."""
+
+from __future__ import annotations
+
+from rich.text import Text
+from textual.binding import Binding
+
+from rover_sweep.live.source import Fix, Preflight
+from rover_sweep.tui import words
+from rover_sweep.tui.drawing import Rows, cells, window
+from rover_sweep.tui.palette import Palette
+from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.question import Question
+from rover_sweep.vehicle.preflight import Check
+
+_BELOW = 6  # rows for what is said about the chosen one
+
+
+class PreflightScreen(SessionScreen):
+    """F does the remedy of the chosen check; one that reboots the rover is asked about first."""
+
+    view = "preflight"
+    BINDINGS = [
+        Binding("f", "fix", "fix it"),
+        Binding("up", "choose(-1)", "choose"),
+        Binding("down", "choose(1)", "choose"),
+        Binding("r", "look", "look again"),
+    ]
+    chosen = 0
+
+    @property
+    def check(self) -> Check | None:
+        checks = self.state.checks
+        return checks[min(self.chosen, len(checks) - 1)] if checks else None
+
+    def picture(self, width: int, height: int) -> Text:
+        rows, palette = Rows(self.palette, width, height), self.palette
+        checks = self.state.checks
+        rows.add(f" {summary(checks)}", style=f"bold {palette.ink}")
+        chosen = min(self.chosen, len(checks) - 1)
+        name = 12 if width < 110 else 20
+        for n in window(len(checks), chosen, height - 2 - _BELOW):
+            check = checks[n]
+            sign, word = words.CHECKS[check.state]
+            line = cells(
+                (f"{sign} {word}", check.name.replace("_", " "), check.seen), (11, name, width - name - 18)
+            )
+            line = f" {'▶' if n == chosen else ' '} {line}"
+            if n == chosen:
+                rows.filled(line, palette.inverse)
+            else:
+                rows.add((line[:14], f"bold {_style(check, palette)}"), (line[14:], palette.ink))
+        rows.down_to(height - _BELOW)
+        if self.check is not None:
+            _about(rows, self.check)
+        return rows.text()
+
+    def action_choose(self, step: int) -> None:
+        if count := len(self.state.checks):
+            self.chosen = (min(self.chosen, count - 1) + step) % count
+            self.redraw()
+
+    def action_look(self) -> None:
+        self.session.ask(Preflight())
+
+    def action_fix(self) -> None:
+        check = self.check
+        if check is None or check.remedy is None or check.remedy.by_hand:
+            return
+        if not check.remedy.reboot:
+            self.session.ask(Fix(check.name))
+            return
+        question = (
+            f"{check.remedy.words}\n\nThe rover boots anew for that. It must stand still and be disarmed."
+        )
+        self.app.push_screen(Question(question, "do it and reboot the rover"), self._answered(check.name))
+
+    def _answered(self, name: str):  # type: ignore[no-untyped-def]
+        def answer(yes: bool | None) -> None:
+            if yes:
+                self.session.ask(Fix(name, reboot=True))
+
+        return answer
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action == "fix":
+            remedy = self.check.remedy if self.check else None
+            return remedy is not None and not remedy.by_hand and not self.state.busy
+        return action != "look" or (self.state.vehicle is not None and not self.state.busy)
+
+
+def summary(checks: tuple[Check, ...]) -> str:
+    """How many of which state."""
+    if not checks:
+        return "Nothing was looked at yet."
+    bad = sum(check.state == "bad" for check in checks)
+    other = sum(check.state in ("doubtful", "unknown") for check in checks)
+    if not bad and not other:
+        return f"All {len(checks)} are good: drive."
+    return f"{bad} bad, {other} doubtful or unknown, {len(checks) - bad - other} good"
+
+
+def _style(check: Check, palette: Palette) -> str:
+    return {"good": palette.good, "doubtful": palette.doubtful, "bad": palette.bad}.get(
+        check.state, palette.ink
+    )
+
+
+def _about(rows: Rows, check: Check) -> None:
+    palette = rows.palette
+    rows.add("─" * rows.width, style=palette.quiet)
+    rows.sentence(check.sentence or f"{check.name.replace('_', ' ')}: {check.seen}", palette.ink, most=2)
+    if check.remedy is None:
+        return
+    if check.remedy.by_hand:
+        rows.sentence(f"BY HAND: {check.remedy.words}", f"bold {palette.accent}", most=3)
+        return
+    after = " (the rover reboots; asked first)" if check.remedy.reboot else ""
+    rows.sentence(f"F: {check.remedy.words}{after}", f"bold {palette.accent}", most=3)

@@ -1,0 +1,110 @@
+"""The verdict on a run: keep it or what to change, coherence by band in plain words, amplitudes proposed."""
+
+from __future__ import annotations
+
+from rich.text import Text
+from textual.binding import Binding
+
+from rover_sweep.tui import words
+from rover_sweep.tui.big import big
+from rover_sweep.tui.drawing import Rows, cells
+from rover_sweep.tui.gauges import bar, number
+from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.state import RunRecord
+
+
+class VerdictScreen(SessionScreen):
+    """W writes the amplitude that is proposed into the plan as a further run."""
+
+    view = "verdict"
+    BINDINGS = [
+        Binding("g", "go", "drive the next"),
+        Binding("w", "take", "plan the repeat"),
+        Binding("left", "turn(-1)", "other run"),
+        Binding("right", "turn(1)", "other run"),
+    ]
+    back = 0  # runs before the latest
+
+    @property
+    def run_shown(self) -> RunRecord | None:
+        runs = self.state.runs
+        return runs[max(0, len(runs) - 1 - self.back)] if runs else None
+
+    def picture(self, width: int, height: int) -> Text:
+        rows, palette = Rows(self.palette, width, height), self.palette
+        run = self.run_shown
+        if run is None:
+            return rows.blank().sentence("No run was driven yet.", palette.ink).text()
+        sign, outcome = words.OUTCOMES[run.outcome]
+        rows.add(
+            f" {run.name}: {words.manoeuvre(run.manoeuvre)}: {sign} {outcome}", style=f"bold {palette.ink}"
+        )
+        if run.reason:
+            rows.sentence(run.reason, f"bold {palette.bad}", most=2)
+        if run.verdict is None:
+            waiting = (
+                "The verdict is being worked out."
+                if run.outcome == "running"
+                else "There is no verdict on it."
+            )
+            return rows.blank().sentence(waiting, palette.ink).text()
+        self._advice(rows, run)
+        self._bands(rows, run)
+        return rows.text()
+
+    def _advice(self, rows: Rows, run: RunRecord) -> None:
+        verdict, palette = run.verdict, self.palette
+        assert verdict is not None
+        style = {"keep": palette.good, "repeat": palette.doubtful}.get(verdict.advice, palette.bad)
+        sign, word = words.ADVICE[verdict.advice]
+        for line in big(word):
+            rows.filled(f"  {line}", f"bold {palette.ground} on {style}")
+        rows.sentence(f"{sign} {word}: {verdict.sentence}", f"bold {palette.ink}", most=3)
+        for remark in verdict.remarks[: 2 if rows.height < 30 else 6]:
+            rows.sentence(remark, palette.ink, most=2)
+
+    def _bands(self, rows: Rows, run: RunRecord) -> None:
+        verdict, palette = run.verdict, self.palette
+        assert verdict is not None
+        if verdict.amplitude is not None:
+            rows.sentence(f"Amplitude proposed: {verdict.amplitude:g} us (W puts it into the plan)",
+                          f"bold {palette.accent}")  # fmt: skip
+        if verdict.per_band:
+            told = ", ".join(f"{low:g}-{high:g} rad/s {us:.0f} us" for low, high, us in verdict.per_band)
+            rows.sentence(f"By band: {told}", palette.ink, most=2)
+        if not verdict.bands or rows.left < 3:
+            return
+        gauge = 10 if rows.width < 110 else 40
+        rows.blank().add(cells(("", "response", "rad/s", "coherence", ""), (0, 13, 12, gauge + 5, 20)),
+                         style=palette.quiet)  # fmt: skip
+        hidden = len(verdict.bands) - rows.left
+        for band in verdict.bands[: rows.left - (hidden > 0)]:
+            name = words.RESPONSES.get(band.response, band.response)
+            span = f"{band.low:.3g} to {band.high:.3g}"
+            rows.add(
+                (
+                    f" {name:<13} {span:<12} {bar(band.coherence, gauge)} {number(band.coherence, '.2f')} ",
+                    palette.ink,
+                ),
+                (band.words, f"bold {palette.ink}"),
+            )
+        if hidden > 0:
+            rows.add(f" and {hidden + 1} more", style=palette.quiet)
+
+    def action_go(self) -> None:
+        self.session.drive_next()
+
+    def action_turn(self, step: int) -> None:
+        self.back = min(max(0, self.back - step), max(0, len(self.state.runs) - 1))
+        self.redraw()
+
+    def action_take(self) -> None:
+        if self.run_shown is not None:
+            self.session.plan_repeat(self.run_shown)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action == "go":
+            return self.session.may_drive
+        if action == "take":
+            return self.run_shown is not None and self.run_shown.verdict is not None
+        return action != "turn" or len(self.state.runs) > 1
