@@ -50,7 +50,9 @@ class Vehicle:
     roll_inertia [kg m^2] of the sprung mass about its own CG; yaw_inertia [kg m^2] of the whole vehicle
     about its CG; roll_yaw_inertia [kg m^2], Ixz in the sign of equation (18), 0 if not stated; friction:
     peak side force of the tyres over their load;
-    trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right;
+    trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right; what `bench` measures of the
+    steering: asymmetry e [-], nonlinearity c3 [1/rad^2], deadband, backlash (halves) [rad], servo_lag,
+    servo_delay [s], servo_rate_limit [rad/s], all at the road wheel;
     imu_position [m] (forward, right, down) from the CG of the sprung mass;
     free: the [vehicle] numbers that a fit may change; material: sizes that the file states in place of the
     usual ones, by the keys of `material_sizes.MATERIAL`. None: not in the file.
@@ -68,6 +70,13 @@ class Vehicle:
     friction: Measured | None = None
     trim_us: Measured | None = None
     rad_per_us: Measured | None = None
+    asymmetry: Measured | None = None
+    nonlinearity: Measured | None = None
+    deadband: Measured | None = None
+    backlash: Measured | None = None
+    servo_lag: Measured | None = None
+    servo_delay: Measured | None = None
+    servo_rate_limit: Measured | None = None
     imu_position: tuple[Measured, Measured, Measured] | None = None
     free: tuple[str, ...] = ()
     material: Mapping[str, float] = field(default_factory=dict)
@@ -143,18 +152,35 @@ def parse(text: str, name: str = "rover.toml") -> Vehicle:
 
 
 def set_number(path: str | os.PathLike[str], key: str, number: Measured) -> Vehicle:
-    """Write `number` at `key` ("vehicle.yaw_inertia") into the file, comments and order kept.
+    """`set_numbers` of one."""
+    return set_numbers(path, {key: number})
+
+
+def set_numbers(path: str | os.PathLike[str], numbers: Mapping[str, Measured]) -> Vehicle:
+    """Write numbers by their keys ("vehicle.yaw_inertia") into the file, comments and order kept.
 
     The new text is judged as a whole before the file is touched; returns the vehicle as it now reads.
     """
     import tomlkit
 
-    if key not in KEYS:
-        raise ValueError(f"{key} is not a number of the vehicle file")
     path = Path(path)
     old = _read(path)
     parse(old, str(path))
     document: Any = tomlkit.parse(old)
+    for key, number in numbers.items():
+        _put(document, key, number)
+    text = tomlkit.dumps(document)
+    vehicle = parse(text, str(path))
+    _replace(path, text)
+    return vehicle
+
+
+def _put(document: Any, key: str, number: Measured) -> None:
+    """A number into the parsed file."""
+    import tomlkit
+
+    if key not in KEYS:
+        raise ValueError(f"{key} is not a number of the vehicle file")
     section, _, name = key.partition(".")
     table = document[section] if section in document else document.setdefault(section, tomlkit.table())
     fields = {"value": number.value} | ({} if number.sd is None else {"sd": number.sd})
@@ -163,10 +189,6 @@ def set_number(path: str | os.PathLike[str], key: str, number: Measured) -> Vehi
     else:
         inside = ", ".join(f"{field} = {x!r}" for field, x in fields.items())
         table[name] = tomlkit.value(f"{{ {inside} }}")
-    text = tomlkit.dumps(document)
-    vehicle = parse(text, str(path))
-    _replace(path, text)
-    return vehicle
 
 
 def _read(path: Path) -> str:

@@ -45,10 +45,19 @@ KEYS: dict[str, Key] = {
     "steering.rad_per_us": Key(
         "rad/us", "road-wheel angle per us", "rad_per_us = 0.00095  # rad/us", sign=0, required=True
     ),
+    "steering.asymmetry": Key("-", "gain 1+e left, 1-e right", "asymmetry = 0.02", sign=0),
+    "steering.nonlinearity": Key("1/rad^2", "gain 1 + c3 u^2", "nonlinearity = 0.5  # 1/rad^2", sign=0),
+    "steering.deadband": Key("rad", "half band without an answer", "deadband = 0.002  # rad", sign=0),
+    "steering.backlash": Key("rad", "half gap at the road wheel", "backlash = 0.004  # rad", sign=0),
+    "steering.servo_lag": Key("s", "first-order lag of the servo", "servo_lag = 0.025  # s", sign=0),
+    "steering.servo_delay": Key("s", "output to first movement", "servo_delay = 0.015  # s", sign=0),
+    "steering.servo_rate_limit": Key(
+        "rad/s", "fastest rate of the road wheel", "servo_rate_limit = 6.0  # rad/s"
+    ),
 }
 SECTIONS: dict[str, tuple[str, ...]] = {
     "vehicle": ("name", *(key.partition(".")[2] for key in KEYS if key.startswith("vehicle."))),
-    "steering": ("trim_us", "rad_per_us"),
+    "steering": tuple(key.partition(".")[2] for key in KEYS if key.startswith("steering.")),
     "imu": ("position",),
     "fit": ("free",),
     "material": tuple(MATERIAL),
@@ -64,6 +73,17 @@ WHEELBASE = (0.05, 5.0)  # m
 TRIM = (800.0, 2200.0)  # us, what a servo output can be
 LARGEST_LOCK = 60.0  # deg of road-wheel angle at 500 us
 SMALLEST_LOCK = 1.0
+# Largest size of what `bench` measures, beyond which it is a slip of units, and the unit that it was then in.
+LARGEST_OF_STEERING = {
+    "asymmetry": (0.6, "percent? give a ratio"),
+    "nonlinearity": (30.0, "per degree squared? give 1/rad^2"),
+    "deadband": (0.2, "degrees? give radians"),
+    "backlash": (0.2, "degrees? give radians"),
+    "servo_lag": (0.5, "milliseconds? give seconds"),
+    "servo_delay": (0.5, "milliseconds? give seconds"),
+    "servo_rate_limit": (100.0, "degrees per second? give rad/s"),
+}
+EITHER_SIGN = ("asymmetry", "nonlinearity")
 LARGEST_FRICTION = 2.0
 DENSEST = 5000.0  # kg per wheelbase cubed; rovers and cars have 20..200
 
@@ -231,4 +251,17 @@ def _steering(v: Mapping[str, float]) -> list[str]:
             f"[steering] rad_per_us {scale:g} turns the wheels by only {lock:.2g} deg at 500 us; "
             "rovers have 15..45 deg, which is 0.0005..0.0016 rad/us"
         )
+    return problems + _bench(v)
+
+
+def _bench(v: Mapping[str, float]) -> list[str]:
+    problems = []
+    for key, (largest, slip) in LARGEST_OF_STEERING.items():
+        if key not in v:
+            continue
+        unit = KEYS[f"steering.{key}"].unit
+        if abs(v[key]) > largest:
+            problems.append(f"[steering] {key} is {v[key]:g}, beyond {largest:g} {unit}; {slip}")
+        elif v[key] < 0 and key not in EITHER_SIGN:
+            problems.append(f"[steering] {key} is {v[key]:g} {unit}; it cannot be below 0")
     return problems

@@ -29,6 +29,7 @@ from sitl.mavlink_server import MavlinkServer, Peer
 from sitl.parameters import PlantParameters, load_variant, variant_names
 from sitl.rover import Rover
 from sitl.vehicle_parameters import Parameter, ParameterStore
+from sitl.wheel_imu import WheelImu
 
 APPLET = Path(__file__).parent.parent / "firmware_params" / "rover_sweep.lua"
 PARAMETER_FILE = "parameters.txt"
@@ -42,8 +43,9 @@ LOOPBACK = "127.0.0.1"
 class EmbeddedRover:
     """A vehicle that survives reboots: its directory, its server, and one `Rover` per boot.
 
-    directory: holds parameters.txt, scripts/ and logs/. speedup: simulated over real time, 0 for as fast as
-    it can. Call `run`; `stop` ends it from a signal handler.
+    directory: holds parameters.txt, scripts/ and logs/. wheel: file of an IMU on the front wheel.
+    speedup: simulated over real time, 0 for as fast as it can. Call `run`;
+    `stop` ends it from a signal handler.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class EmbeddedRover:
         server: MavlinkServer,
         speedup: float = 0.0,
         seed: int = 1,
+        wheel: Path | None = None,
     ) -> None:
         self.directory, self.plant, self.server, self.speedup, self.seed = (
             directory,
@@ -61,6 +64,7 @@ class EmbeddedRover:
             speedup,
             seed,
         )
+        self.wheel = wheel
         self._stopping = False
         self._boot()
 
@@ -82,6 +86,8 @@ class EmbeddedRover:
         parameters.set("STAT_BOOTCNT", parameters["STAT_BOOTCNT"] + 1)
         self.rover = rover = Rover(self.directory, self.plant, self.seed, parameters)
         self.records = LogRecords(rover)
+        if self.wheel is not None:
+            self._mount(WheelImu(self.wheel, self.seed))
         self.logs, self.files = LogTransfer(rover), FileTransfer(self.directory)
         self.links = [self._link(peer) for peer in self.server.peers]
         rover.on_text, rover.on_named_float, rover.on_parameter = (
@@ -92,6 +98,16 @@ class EmbeddedRover:
         self._reboot_at_us: int | None = None
         self._accepted_us = 0
         self._pace_from()
+
+    def _mount(self, imu: WheelImu) -> None:
+        """An IMU on the front wheel, sampled with the rover's own."""
+        rover, before = self.rover, self.rover.on_sample
+
+        def sample() -> None:
+            before()
+            imu.sample(rover.now_us * 1e-6, rover.plant.state)
+
+        rover.on_sample = sample
 
     def _link(self, peer: Peer) -> GroundLink:
         return GroundLink(self.rover, peer, self.logs, self.files, self._reboot_soon)
@@ -239,6 +255,9 @@ def parser() -> argparse.ArgumentParser:
         help="parameters, scripts and logs live there (default: a new temporary one)",
     )
     p.add_argument("--seed", type=int, default=1, help="of noise and road (default 1)")
+    p.add_argument(
+        "--wheel", type=Path, metavar="FILE", help="an IMU on the front wheel writes this CSV file"
+    )
     p.add_argument("--applet", action="store_true", help="put the sweep applet into the scripts directory")
     p.add_argument(
         "--parameter",
@@ -278,7 +297,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         plant = load_variant(options.variant)
         prepare(directory, options.applet, options.parameter)
         server = MavlinkServer(listening_address(options), options.udp)
-        vehicle = EmbeddedRover(directory, plant, server, options.speedup, options.seed)
+        vehicle = EmbeddedRover(directory, plant, server, options.speedup, options.seed, options.wheel)
     except (ValueError, OSError) as error:
         print(f"embedded rover: {error}", file=sys.stderr)
         return 2

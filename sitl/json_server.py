@@ -21,6 +21,7 @@ from typing import TextIO
 from sitl.parameters import PlantParameters, load_variant
 from sitl.plant import Plant
 from sitl.sensors import Sensors
+from sitl.wheel_imu import WheelImu
 
 BASE_PORT = 9002
 LOOPBACK = "127.0.0.1"
@@ -62,12 +63,14 @@ class Physics:
         steering_channel: int = 1,
         throttle_channel: int = 3,
         truth: TextIO | None = None,
+        wheel: WheelImu | None = None,
     ) -> None:
         self.parameters = parameters
         self.seed = seed
         self.rate_hz = rate_hz
         self._steering, self._throttle = steering_channel - 1, throttle_channel - 1
         self._truth = truth
+        self._wheel = wheel
         self._reset()
 
     def _reset(self) -> None:
@@ -88,6 +91,8 @@ class Physics:
             self.sensors.update(self.plant.state)
             self._reply = reply_line(self.plant.state.t, self.sensors)
             self._write_truth(steering)
+            if self._wheel is not None:
+                self._wheel.sample(self.plant.state.t, self.plant.state)
         return self._reply
 
     def _write_truth(self, pwm: int) -> None:
@@ -142,6 +147,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--truth", type=Path, help=f"write the true motion to this CSV file ({TRUTH_HEADER.strip()})"
     )
+    parser.add_argument("--wheel", type=Path, help="an IMU on the front wheel writes this CSV file")
     arguments = parser.parse_args(argv)
     if not 100 <= arguments.rate <= 4000:
         parser.error(f"--rate {arguments.rate} must lie in 100..4000 Hz")
@@ -169,6 +175,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         arguments.steering_channel,
         arguments.throttle_channel,
         truth,
+        WheelImu(arguments.wheel, arguments.seed) if arguments.wheel else None,
     )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         try:

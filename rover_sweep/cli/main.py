@@ -39,6 +39,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),
     "gains": ("rover_sweep.cli.gains:gains", "Steering gains for the autopilot, with margins."),
     "inertia": ("rover_sweep.cli.inertia:inertia", "Moment of inertia from a swing test."),
+    "bench": ("rover_sweep.cli.bench:bench", "The steering on blocks: gain, play, lag into the vehicle file."),
     "vehicle": ("rover_sweep.cli.vehicle:vehicle", "Print an example vehicle file, or check yours."),
 }
 

@@ -1,0 +1,231 @@
+"""A bench on a vehicle: look, ask, move, read, let go. What is measured is on disk before it is looked at."""
+
+from __future__ import annotations
+
+import datetime
+import shutil
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from math import isfinite, isnan
+from pathlib import Path
+from typing import Protocol
+
+from rover_sweep import __version__
+from rover_sweep.bench.folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
+from rover_sweep.bench.override import SteeringOverride
+from rover_sweep.bench.programme import Movement, Target, path
+from rover_sweep.bench.standing import ASTRAY, NotStanding, Standing
+from rover_sweep.bench.steering_output import NAMES, SteeringOutput, names_of, steering_output
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.identity import identify_vehicle
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.parameters import read_present
+from rover_sweep.vehicle.streams import Stream, request_all, stop
+
+INTERVAL = 0.05  # s between two positions of a ramp
+RATES = {"SERVO_OUTPUT_RAW": 50.0, "ATTITUDE": 50.0, "RC_CHANNELS": 5.0, "GPS_RAW_INT": 5.0,
+         "LOCAL_POSITION_NED": 5.0, "SYSTEM_TIME": 1.0}  # fmt: skip
+WHEEL_RATES = {"ATTITUDE": 50.0}
+LOOK = 1.5  # s to see the rover before anything moves
+FOLLOWS = 1.0  # s within which the output must be where it was asked to be
+Keep = Callable[[], None]
+
+
+class Operator(Protocol):
+    """Who stands beside the rover. keep: to be called again and again while waiting for an answer."""
+
+    def allow(self, movement: Movement, stops: str, keep: Keep) -> bool: ...
+
+    def angle(self, number: int, of: int, offset: float, keep: Keep) -> tuple[float, str]:
+        """(rad, left positive, NaN for none; what was typed)."""
+        ...
+
+    def tell(self, text: str) -> None: ...
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """What tells the road wheel's angle: a CSV file that is copied at the end, or the URL of a vehicle on it.
+
+    same_clock: the file's times are those of the rover's clock.
+    """
+
+    file: Path | None = None
+    url: str = ""
+    same_clock: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a bench does; unasked: nobody is asked, which only a simulated rover allows."""
+
+    movements: tuple[Movement, ...]
+    wheel: Wheel | None = None
+    unasked: bool = False
+
+
+def drive(url: str, folder: BenchFolder, plan: Plan, operator: Operator) -> bool:
+    """Carry it out, recording into the folder; True where all was done.
+
+    NotStanding and other LinkErrors where the rover does not allow it; the steering is then let go.
+    """
+    with ExitStack() as stack:
+        link = stack.enter_context(Link.open(url, folder.path / TELEMETRY))
+        vehicle = identify_vehicle(link)
+        output = _look(link)
+        _refuse(plan, output, url)
+        for advice in (stream.advice for stream in _streams(link)):
+            if advice:
+                operator.tell(advice)
+        wheel = None
+        if plan.wheel and plan.wheel.url:
+            wheel = stack.enter_context(Link.open(plan.wheel.url, folder.path / WHEEL_TLOG))
+            request_all(wheel, _loop_rate(wheel), WHEEL_RATES)
+        bench = _Bench(link, output, folder, operator, wheel)
+        done: list[str] = []
+        try:
+            with link.listening(bench.standing):
+                bench.wait(LOOK)
+                bench.standing.require()
+                if isnan(bench.standing.speed):
+                    operator.tell("no GPS: that the rover stands is yours to see; disarmed, its motor is off")
+                for movement in plan.movements:
+                    folder.describe(_content(url, vehicle, output, plan, done))
+                    if operator.allow(movement, output.stops, bench.keep):
+                        bench.carry_out(movement)
+                        done.append(movement.name)
+                stop(link, RATES)
+        finally:
+            _copy(plan.wheel, folder)
+            folder.describe(_content(url, vehicle, output, plan, done))
+    return len(done) == len(plan.movements)
+
+
+def _look(link: Link) -> SteeringOutput:
+    have = read_present(link, NAMES)
+    return steering_output(have | read_present(link, names_of(have)))
+
+
+def _loop_rate(link: Link) -> float:
+    return read_present(link, ["SCHED_LOOP_RATE"]).get("SCHED_LOOP_RATE", 50.0)
+
+
+def _streams(link: Link) -> tuple[Stream, ...]:
+    return request_all(link, _loop_rate(link), RATES)
+
+
+def _refuse(plan: Plan, output: SteeringOutput, url: str) -> None:
+    """Before anything moves: what is asked for must be in reach, and nobody unasked but a simulation."""
+    largest = max(movement.largest for movement in plan.movements)
+    if largest > output.reach:
+        why = "" if output.stick == 4500.0 else (
+            "; more would hold the steering stick where ArduPilot arms the rover after 2 s, unless "
+            "ARMING_RUDDER is 0"
+        )  # fmt: skip
+        raise UsageError(
+            f"steps of {largest:g} us are out of reach: SERVO{output.servo}_MIN {output.low:g}, _TRIM "
+            f"{output.trim:g}, _MAX {output.high:g} allow {output.reach:.0f} us on both sides{why}"
+        )
+    if plan.unasked and not (output.simulated and "127.0.0.1" in url):
+        raise UsageError(
+            "--yes is for a simulated rover on this machine (it has SIM_ parameters and a link to "
+            "127.0.0.1); a real one is moved only after somebody beside it has said so at the terminal"
+        )
+
+
+class _Bench:
+    """The link while it moves: time is the vehicle's."""
+
+    def __init__(
+        self, link: Link, output: SteeringOutput, folder: BenchFolder, operator: Operator, wheel: Link | None
+    ) -> None:
+        self.link, self.output, self.folder, self.operator = link, output, folder, operator
+        self.wheel = wheel
+        self.standing = Standing(link, output)
+
+    def wait(self, seconds: float, until: float | None = None) -> None:
+        """Until the vehicle's clock is `seconds` on (or at `until`)."""
+        end = self.link.clock.now + seconds if until is None else until
+        while self.link.clock.now < end:
+            self.keep()
+
+    def keep(self) -> None:
+        """A little while on both links; nothing is asked for that a rover on its way could not bear."""
+        self.link.receive(0.05)
+        while self.wheel is not None and self.wheel.receive(0.0) is not None:
+            pass
+
+    def _watched(self) -> None:
+        self.keep()
+        self.standing.require()
+
+    def carry_out(self, movement: Movement) -> None:
+        """One movement from the trim and back to it, let go at its end."""
+        self.standing.require()
+        reads, number = sum(target.read for target in movement.targets), 0
+        with SteeringOverride(self.link, self.output) as steering:
+            began, waited = self.link.clock.now, 0.0
+            steering.to(0.0)
+            for t, offset, target in path(movement, 0.0, INTERVAL):
+                steering.to(offset)
+                while self.link.clock.now < began + waited + t:
+                    self._watched()
+                if target is None:
+                    continue
+                self._follows(offset)
+                if target.read:
+                    number += 1
+                    asked = self.link.clock.now
+                    self._read(movement, target, number, reads)
+                    waited += self.link.clock.now - asked
+
+    def _read(self, movement: Movement, target: Target, number: int, reads: int) -> None:
+        angle, typed = self.operator.angle(number, reads, target.offset, self._watched)
+        self._follows(target.offset)
+        now, pwm = self.link.clock.now, self.standing.pwm
+        self.folder.add(Reading(now, movement.name, target.offset, pwm, angle, typed))
+
+    def _follows(self, offset: float) -> None:
+        """NotStanding where the output is not where it was asked to be."""
+        wanted, end = self.output.trim + offset, self.link.clock.now + FOLLOWS
+        while not abs(self.standing.pwm - wanted) <= ASTRAY:
+            if self.link.clock.now > end:
+                seen = f"{self.standing.pwm:.0f}" if isfinite(self.standing.pwm) else "nothing"
+                raise NotStanding(
+                    f"the steering output does not follow: {seen} us, asked for {wanted:.0f}; is the radio "
+                    "on (without one MANUAL holds the steering at its trim), and does nothing else steer?"
+                )
+            self._watched()
+
+
+def _copy(wheel: Wheel | None, folder: BenchFolder) -> None:
+    """The wheel's file as it is now; where it comes later, `bench --from` takes it."""
+    if wheel and wheel.file and wheel.file.is_file():
+        try:
+            shutil.copyfile(wheel.file, folder.path / WHEEL_CSV)
+        except OSError as error:
+            raise LinkError(f"{wheel.file} cannot be copied into the bench's folder: {error}") from error
+
+
+def _content(
+    url: str, vehicle: object, output: SteeringOutput, plan: Plan, done: list[str]
+) -> dict[str, object]:
+    return {
+        "rover_sweep": __version__,
+        "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "url": url,
+        "vehicle": asdict(vehicle),  # type: ignore[call-overload]
+        "steering_output": asdict(output),
+        "movements": [
+            {
+                "name": m.name,
+                "kind": m.kind,
+                "offsets_us": [t.offset for t in m.targets],
+                "duration_s": m.duration,
+            }
+            for m in plan.movements
+        ],
+        "done": done,
+        "wheel": asdict(plan.wheel) if plan.wheel else None,
+    }

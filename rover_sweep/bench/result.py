@@ -1,0 +1,68 @@
+"""What a bench found: numbers with intervals, or a word on why one cannot be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite, nan
+
+LEVEL = 0.90  # of every interval
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number with its standard deviation and interval. key: that of the vehicle file, '' for none of it."""
+
+    name: str
+    unit: str
+    value: float
+    sd: float
+    low: float
+    high: float
+    meaning: str
+    key: str = ""
+
+    @property
+    def told(self) -> bool:
+        """False where the data do not hold it (a rate limit that no step reached, say)."""
+        return isfinite(self.value) and isfinite(self.sd)
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} {self.unit} ({self.low:.4g} to {self.high:.4g})"
+
+
+@dataclass(frozen=True)
+class BenchResult:
+    """All of it. untold: what was not measured, and why; remarks: what to know; residual [rad] rms."""
+
+    source: str
+    numbers: tuple[Number, ...]
+    untold: tuple[str, ...]
+    remarks: tuple[str, ...]
+    residual: float
+    samples: int
+
+    def get(self, name: str) -> Number | None:
+        """A number by its name."""
+        return next((number for number in self.numbers if number.name == name), None)
+
+
+def interval(
+    name: str, unit: str, value: float, sd: float, factor: float, meaning: str, key: str = "",
+    least: float = -inf,
+) -> Number:  # fmt: skip
+    """value +- factor sd; least: what it cannot be below (neither can its value be then)."""
+    value, sd = float(value), float(sd)  # plain, as files and JSON take them
+    low, high = value - factor * sd, value + factor * sd
+    return Number(name, unit, max(value, least), sd, max(low, least), max(high, least), meaning, key)
+
+
+def rate_limit(slowness: float, sd: float, factor: float) -> Number:
+    """The rate out of its inverse [s/rad]; NaN with a lower end alone where no step reached it."""
+    slowness, sd = float(slowness), float(sd)
+    least, most = slowness - factor * sd, slowness + factor * sd
+    meaning = "fastest rate of the road wheel"
+    key = "steering.servo_rate_limit"
+    if least <= 0:
+        return Number("servo_rate_limit", "rad/s", nan, nan, 1.0 / max(most, 1e-6), inf, meaning, key)
+    rate = 1.0 / slowness
+    return Number("servo_rate_limit", "rad/s", rate, sd * rate**2, 1.0 / most, 1.0 / least, meaning, key)
