@@ -62,12 +62,16 @@ class Telemetry:
 
     def message(self, message: Message, t: float) -> None:
         """Take a message that came at `t` s of the vehicle's clock."""
+        self.heard(t)
+        if reader := self._readers.get(kind(message)):
+            reader(message)
+
+    def heard(self, t: float) -> None:
+        """Some message came that nothing is read from."""
         if t < self.t - RATE_OVER:  # rebooted: nothing of before holds
             self._forget()
         self.t = t
         self._came.append(t)
-        if reader := self._readers.get(kind(message)):
-            reader(message)
 
     def snapshot(self, recorded: int = 0) -> Snapshot:
         """The rover now. recorded: bytes of its .tlog on disk."""
@@ -178,7 +182,13 @@ class Telemetry:
         self.parameters[name] = value
         if (match := _OUTPUT.match(name)) and round(value) == _STEERING_FUNCTION:
             self.steering = int(match[1])
-        elif name == f"{PREFIX}CHAN" and value > 0:
-            self.switch = int(value)
-        elif (match := _RADIO.match(name)) and round(value) == AUX_FUNCTION:
-            self.switch = int(self.parameters.get(f"{PREFIX}CHAN", 0)) or int(match[1])
+        elif name == f"{PREFIX}CHAN" or _RADIO.match(name):
+            self.switch = switch_of(self.parameters, self.switch)
+
+
+def switch_of(parameters: Mapping[str, float], otherwise: int = 6) -> int:
+    """RC channel of the applet's switch: SWP_CHAN, else the one with RCn_OPTION 300."""
+    if (raw := int(parameters.get(f"{PREFIX}CHAN", 0))) > 0:
+        return raw
+    told = (int(m[1]) for n, x in parameters.items() if (m := _RADIO.match(n)) and round(x) == AUX_FUNCTION)
+    return next(told, otherwise)

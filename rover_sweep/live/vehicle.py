@@ -60,6 +60,7 @@ class VehicleSource:
             self.session.keep_vehicle_file(vehicle_file)
         self._line = line
         self._requests: SimpleQueue[Request] = SimpleQueue()
+        self._forgotten: SimpleQueue[Request] = SimpleQueue()
         self._stop, self._closing = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work_on, name="vehicle", daemon=True)
         self._tell_screen: Callable[[Told], None] = lambda told: None
@@ -78,7 +79,9 @@ class VehicleSource:
         self._requests.put(request)
 
     def abort(self) -> None:
-        """End the run under way, let the rover go, forget what else was asked. From any thread."""
+        """End the run under way, let the rover go, forget what was asked before. From any thread."""
+        while (request := self._next(0.0)) is not None:
+            self._forgotten.put(request)
         self._stop.set()
 
     def close(self) -> None:
@@ -132,7 +135,7 @@ class VehicleSource:
             for told in self._doing(request):
                 self._tell(told)
         except Aborted:
-            self._forget_requests()
+            self._tell_forgotten()
             failure = "aborted"
         except RoverSweepError as error:
             failure = "; ".join([str(error), *getattr(error, "__notes__", ())])
@@ -223,16 +226,17 @@ class VehicleSource:
         """While no run is under way: stop whatever the applet does (it may be the pilot's run)."""
         self._stopping = True
         try:
-            self._forget_requests()
+            self._tell_forgotten()
             if self._link is not None and self._link.armed:
                 for told in let_go_late(self._link, disarm=False):
                     self._tell(told)
         finally:
             self._stopped()
 
-    def _forget_requests(self) -> None:
-        while (request := self._next(0.0)) is not None:
-            self._tell(Ended(request, "aborted before it began"))
+    def _tell_forgotten(self) -> None:
+        with contextlib.suppress(Empty):
+            while True:
+                self._tell(Ended(self._forgotten.get_nowait(), "aborted before it began"))
 
     # ---- telling ---------------------------------------------------------------------------------
 

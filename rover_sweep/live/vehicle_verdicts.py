@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
-from rover_sweep.errors import RoverSweepError
+from rover_sweep.errors import UsageError
 from rover_sweep.live.snapshot import Verdict
+
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,9 @@ class Beside:
         self._given: SimpleQueue[Given] = SimpleQueue()
         self._pool.submit(_load)
 
-    def judge(self, tlog: Path, span: tuple[float, float], name: str) -> None:
+    def judge(self, tlog: Path, span: Span, name: str, vehicle_file: Path | None) -> None:
         """Begin to judge a run that came to its end."""
-        self._pool.submit(lambda: self._given.put(Given(tlog, _judged(tlog, span, name))))
+        self._pool.submit(lambda: self._given.put(Given(tlog, _judged(tlog, span, name, vehicle_file))))
 
     def tell(self, tlog: Path, verdict: Verdict) -> None:
         """A verdict that needs no computing, after those that are being worked on."""
@@ -57,13 +59,14 @@ def _load() -> None:
     import scipy.signal  # noqa: F401
 
 
-def _judged(tlog: Path, span: tuple[float, float], name: str) -> Verdict:
+def _judged(tlog: Path, span: Span, name: str, vehicle_file: Path | None) -> Verdict:
     from rover_sweep.live.verdict import judge
+    from rover_sweep.vehicle_file import load
 
     try:
-        return judge(tlog, span, name)
-    except RoverSweepError as error:  # the vehicle's own log may still do
-        return Verdict(name, "repeat", f"its telemetry cannot be judged: {error}", source=tlog)
+        return judge(tlog, span, name, load(vehicle_file) if vehicle_file else None)
+    except UsageError as error:  # a vehicle file that was written into meanwhile
+        return replace(judge(tlog, span, name), remarks=(str(error),))
     except Exception as error:  # a verdict is not worth the session
         return Verdict(
             name, "repeat", f"it could not be judged ({error!r}); its recording is kept", source=tlog

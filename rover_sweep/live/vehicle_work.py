@@ -96,7 +96,7 @@ class Work:
             link.record_to(self.session.between())
         tlog = self.session.folder / self.session.content.runs[-1].tlog
         if ended is not None and ended.completed:
-            self._beside.judge(tlog, ended.span, planned.name)
+            self._beside.judge(tlog, ended.span, planned.name, self.session.vehicle_file)
             return
         reason = "aborted" if ended is None else ended.reason
         sentence = f"it did not come to its end ({reason}): drive it again"

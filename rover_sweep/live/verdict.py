@@ -46,8 +46,13 @@ def judge(tlog: Path, span: Span, name: str, vehicle: Vehicle | None = None) -> 
             refusal = str(error)
             continue
         if runs:
-            return replace(verdict_of(runs[-1], log, vehicle), run=name, source=tlog)
+            return named(verdict_of(runs[-1], log, vehicle), name, tlog)
     return Verdict(name, "discard", f"discard: {refusal}", source=tlog)
+
+
+def named(verdict: Verdict, name: str, source: Path) -> Verdict:
+    """The verdict under the run's name, with the recording that was judged."""
+    return replace(verdict, run=name, source=source)
 
 
 def verdict_of(run: Recording, log: Log, vehicle: Vehicle | None = None) -> Verdict:

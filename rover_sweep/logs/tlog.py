@@ -7,6 +7,7 @@ a message are decoded together; layouts and checksum seeds come from pymavlink's
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -93,9 +94,12 @@ def _dtype(name: str) -> np.dtype[np.void]:
     return np.dtype(fields)
 
 
-def walk(data: bytes, wanted: frozenset[int]) -> tuple[dict[int, list[int]], int, int]:
-    """Offsets of the wanted frames by message id, the number of all frames, and the bytes outside of them."""
-    found: dict[int, list[int]] = {number: [] for number in wanted}
+def walk(data: bytes, wanted: frozenset[int] | None = None) -> tuple[dict[int, list[int]], int, int]:
+    """Offsets of the wanted frames by message id, the number of all frames, and the bytes outside of them.
+
+    wanted: ids of messages, None for all.
+    """
+    found: defaultdict[int, list[int]] = defaultdict(list)
     at = previous = count = good = 0
     size = len(data)
     while at + STAMP + 8 <= size:
@@ -111,7 +115,7 @@ def walk(data: bytes, wanted: frozenset[int]) -> tuple[dict[int, list[int]], int
             continue
         if start + length > size:
             break
-        if number in wanted:
+        if wanted is None or number in wanted:
             found[number].append(start)
         previous, at = at, start + length
         count += 1
