@@ -73,7 +73,7 @@ class PlainDisplay:
 
     def run_finished(self, event: e.RunFinished) -> None:
         if event.completed:
-            self.say(f"  {event.name}: {_coherence(event) or 'done'}")
+            self.say(f"  {event.name}: {_verdict(event)}")
         else:
             self.say(f"  {event.name} did not run to its end: {event.reason}", "bold red")
 
@@ -188,15 +188,9 @@ def _title(event: e.RunStarted) -> str:
     return f"{event.name}: {m.kind.replace('_', ' ')}, +-{m.amplitude:g} us{about}"
 
 
-def _coherence(event: e.RunFinished) -> str | None:
-    """The verdict on a run from its telemetry, None for a manoeuvre that coherence does not judge."""
-    from rover_sweep.errors import RoverSweepError
-    from rover_sweep.identify.quality import assess
-    from rover_sweep.logs import read_runs
+def _verdict(event: e.RunFinished) -> str:
+    """The verdict on a run from its telemetry; "done" for a doublet, which is kept whatever its coherence."""
+    from rover_sweep.live.verdict import judge
 
-    try:
-        found = read_runs(str(event.tlog))
-    except RoverSweepError as error:  # the vehicle's own log may still do
-        return f"its telemetry cannot be judged: {error}"
-    runs = [r for r in found if r.span[0] < event.span[1] and r.span[1] > event.span[0]]
-    return assess(runs[-1]).sentence if runs and runs[-1].kind not in ("doublet", "other") else None
+    verdict = judge(event.tlog, event.span, event.name)
+    return verdict.sentence if verdict.bands or verdict.advice != "keep" else "done"

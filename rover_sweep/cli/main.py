@@ -34,6 +34,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "diagnose": ("rover_sweep.cli.diagnose:diagnose", "What the model leaves out: where, what, how much."),
     "plan": ("rover_sweep.cli.plan:plan", "Which runs tell which effects apart, before they are driven."),
     "coherence": ("rover_sweep.cli.coherence:coherence", "Is this run good enough? The verdict alone."),
+    "replay": ("rover_sweep.cli.replay:replay", "Play a recording: pause, jump, any speed."),
     "redrive": ("rover_sweep.cli.redrive:redrive", "A log's own steering and speed through a simulation."),
     "study": ("rover_sweep.cli.study:study", "The paper's comparison, repeated on a virtual rover."),
     "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),

@@ -24,6 +24,7 @@ from rover_sweep.vehicle.identity import Vehicle
 TICK = 0.1  # s between two snapshots
 STRIDE = 5.0  # s of the recording that are played without looking at what was asked
 AT_ONCE = 0.5  # s of the recording between two snapshots, as fast as it goes
+EDGE = 1e-6  # s: positions are sums, so what happens at one may lie a rounding error off
 MANOEUVRE = 6  # state of the applet
 
 
@@ -170,12 +171,12 @@ def played(track: Track, since: float, to: float) -> Iterator[Event | Judged]:
     )
     for at, begins, place in turns:
         if begins:
-            yield from track.play(math.nextafter(at, -math.inf))
+            yield from track.play(at - EDGE)
             yield place.run.started
             if not track.told_states:
                 yield StateChanged(place.run.begin, MANOEUVRE, STATES[MANOEUVRE])
         else:
-            yield from track.play(at)
+            yield from track.play(at + EDGE)
             if not track.told_states:
                 yield StateChanged(place.run.end, IDLE, STATES[IDLE])
             yield place.run.finished

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from firmware_params.parameters import STATES
 from rover_sweep.identify.multisine import Multisine
-from rover_sweep.identify.sweep import Doublet
+from rover_sweep.identify.sweep import Doublet, Manoeuvre
 from rover_sweep.live.planned import manoeuvre_of
 from rover_sweep.live.played_runs import Place, runs_in
 from rover_sweep.live.snapshot import Snapshot
@@ -35,6 +35,7 @@ SAMPLE_EVERY = 0.1  # s
 INFO = 6  # MAV_SEVERITY; the log does not tell the severity of a message
 HORIZONTAL_SPEED, HORIZONTAL_PLACE, NO_PLACE = 1 << 1, 1 << 4, 1 << 7  # nav_filter_status in XKF4.SS
 STEERED = range(3, 9)
+FIX_3D = 3  # GPS_FIX_TYPE
 
 
 class Column:
@@ -56,6 +57,8 @@ class FlashPart:
         self.begin, self.end = extent(log)
         self._flash = flash
         self._set = self._named_values()
+        self._set_at = np.array([t for t, *_ in self._set])
+        self._planned: dict[int, Manoeuvre | None] = {}
         self._columns = {n: Column(s.t, s.x, STALE) for n, s in log.signals.items()}
         if log.steering:
             self._columns["pwm"] = Column(log.steering[0].t, log.steering[0].x, STALE)
@@ -66,12 +69,12 @@ class FlashPart:
             ("satellites", "GPS", "NSats", STALE_SLOW),
             ("fix", "GPS", "Status", STALE_SLOW),
             ("switch", "RCIN", switch, STALE),
-            ("armed", "ARM", "ArmState", math.inf),
             ("mode", "MODE", "ModeNum", math.inf),
             ("ekf", "XKF4", "SS", STALE_SLOW),
         ):
             if flash.has(message, column):
                 self._columns[name] = Column(flash.seconds(message), flash.column(message, column), stale)
+        self._armed = self._arming()
         self.states = self._states()
         self._entered = np.array([t for t, _ in self.states])
         bytes_of = flash.positions.get("IMU", np.empty(0, np.int64))
@@ -80,7 +83,15 @@ class FlashPart:
 
     def parameters(self, t: float) -> dict[str, float]:
         """As they were at a time: the last value of each up to it."""
-        return {name: value for when, name, value in self._set if when <= t}
+        count = int(np.searchsorted(self._set_at, t, "right"))
+        return {name: value for _, name, value in self._set[:count]}
+
+    def planned(self, t: float) -> Manoeuvre | None:
+        """The manoeuvre that stood in the parameters at a time."""
+        count = int(np.searchsorted(self._set_at, t, "right"))
+        if count not in self._planned:
+            self._planned[count] = manoeuvre_of(self.parameters(t))
+        return self._planned[count]
 
     def state(self, t: float) -> int:
         k = int(np.searchsorted(self._entered, t, "right")) - 1
@@ -89,10 +100,10 @@ class FlashPart:
     def snapshot(self, t: float) -> Snapshot:
         state = self.state(t)
         progress, frequency = self._manoeuvre(t, state)
-        remaining, ekf = self._value("remaining", t), self._value("ekf", t)
+        remaining, fix = self._value("remaining", t), _whole(self._value("fix", t), 0)
         return Snapshot(
             t=t,
-            armed=self._value("armed", t) == 1,
+            armed=self._armed.at(t) == 1,
             mode=_whole(self._value("mode", t), -1),
             **{name: self._value(name, t) for name in ("pwm", "r", "p", "ay", "phi", "speed")},
             state=state,
@@ -103,8 +114,8 @@ class FlashPart:
             volts=self._value("volts", t),
             remaining=remaining / 100,
             satellites=_whole(self._value("satellites", t), 0),
-            fix=_whole(self._value("fix", t), 0),
-            ekf=_has_place(_whole(ekf, 0)),
+            fix=fix,
+            ekf=self._uses_gps(t, fix),
             recorded=_whole(self._bytes.at(t), 0),
         )
 
@@ -121,6 +132,19 @@ class FlashPart:
             now = self.snapshot(k * SAMPLE_EVERY)
             found.append((now.t, Sample(now.t, now.state, now.pwm, now.r, now.ay, now.speed, now.frequency)))
         yield from (event for _, event in sorted(found, key=lambda entry: entry[0]))
+
+    def _uses_gps(self, t: float, fix: int) -> bool:
+        """By the estimator's own word; a log without it (LOG_BITMASK) has a velocity where there is a fix."""
+        if "ekf" in self._columns:
+            return _has_place(_whole(self._value("ekf", t), 0))
+        return fix >= FIX_3D and math.isfinite(self._value("speed", t))
+
+    def _arming(self) -> Column:
+        """1 armed, 0 not. A log opens on arming, before that is written: what the first entry ends was so."""
+        if not self._flash.has("ARM", "ArmState"):
+            return Column(np.empty(0), np.empty(0), math.inf)
+        t, armed = self._flash.seconds("ARM"), self._flash.column("ARM", "ArmState")
+        return Column(np.append(-math.inf, t), np.append(1 - armed[0], armed), math.inf)
 
     def _value(self, name: str, t: float) -> float:
         return self._columns[name].at(t) if name in self._columns else math.nan
@@ -153,7 +177,7 @@ class FlashPart:
         rows = self.log.applet
         if rows is None or state == 0 or is_old(rows):
             return math.nan, math.nan
-        planned = manoeuvre_of(self.parameters(t))
+        planned = self.planned(t)
         if planned is None or state in (1, 2, 9):
             return {1: 0.0, 2: 0.0, 9: 1.0}.get(state, math.nan), math.nan
         clock = float(rows.clock[max(int(np.searchsorted(rows.t, t, "right")) - 1, 0)])

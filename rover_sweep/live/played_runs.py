@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -106,16 +105,17 @@ def runs_in(
 
 def _extent(recording: Recording, states: Sequence[Entry]) -> tuple[float, float]:
     """From leaving idle to being idle or stopped again, around the excitation."""
-    middle = sum(recording.span) / 2
-    begin, end = recording.span
-    if not states:
-        return begin, end
-    for (t, state), (after, _) in pairwise([*states, (np.inf, IDLE)]):
-        if state in (IDLE, STOPPED) and t <= middle:
-            begin = after  # the state that followed
-        if state in (IDLE, STOPPED) and t > middle:
-            return min(begin, recording.span[0]), t
-    return min(begin, recording.span[0]), end
+    first, last = recording.span
+    middle = (first + last) / 2
+    begin = end = None
+    for k, (t, state) in enumerate(states):
+        resting = state in (IDLE, STOPPED)
+        if t <= middle:
+            fresh = not resting and (k == 0 or states[k - 1][1] in (IDLE, STOPPED))
+            begin = t if fresh else None if resting else begin
+        elif resting and end is None:
+            end = t
+    return min(first, begin if begin is not None else first), end if end is not None else last
 
 
 def _as_driven(recording: Recording) -> Manoeuvre:

@@ -41,6 +41,8 @@ class Track(Protocol):
 
 def open_track(path: Path) -> Track:
     """A .tlog or .BIN. UsageError for anything else, DataRefused for one that cannot be played."""
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; give the path of a .BIN or .tlog in it")
     if not path.is_file():
         raise UsageError(f"{path}: there is no such file; give the path of a .BIN or .tlog")
     match path.suffix.lower():
