@@ -108,7 +108,7 @@ def _on_rover(
     from rover_sweep.vehicle.run import RunSettings
     from rover_sweep.vehicle.session import Plan, drive
     from rover_sweep.vehicle.transport import parse_url
-    from rover_sweep.vehicle.transport_recorded import NAME, RecordedLine
+    from rover_sweep.vehicle.transport_recorded import RecordedLine, conversation_in
     from rover_sweep.vehicle_file import load
 
     path = Path(vehicle_path(vehicle_file))
@@ -122,7 +122,7 @@ def _on_rover(
         parameters_of(planned.manoeuvre, **extra)
     folder = session_folder(out, "run")
     announce(plan, folder)
-    with RecordedLine(folder / NAME) as line:
+    with RecordedLine(conversation_in(folder)) as line:
         events = drive(connect, folder, plan, line)
         session = driven(events, folder, talk=True, go_on=True, answer=_asking(settings))
     return (vehicle, path), session

@@ -80,7 +80,7 @@ def on_simulated(
     from rover_sweep.cli.session import driven
     from rover_sweep.vehicle.session import drive
     from rover_sweep.vehicle.simulated import Simulation, pilot, started
-    from rover_sweep.vehicle.transport_recorded import NAME, RecordedLine
+    from rover_sweep.vehicle.transport_recorded import RecordedLine, conversation_in
 
     simulation = Simulation(
         "ardurover" if simulator == "ardurover" else "embedded",
@@ -95,7 +95,7 @@ def on_simulated(
     announce(plan, folder)
     with ExitStack() as stack:
         running = stack.enter_context(started(simulation, folder / "vehicle"))
-        line = stack.enter_context(RecordedLine(folder / NAME))
+        line = stack.enter_context(RecordedLine(conversation_in(folder)))
         answer = None
         if plan.settings.trigger == "pilot":
             told = stack.enter_context(pilot(running, simulation.throttle_us))

@@ -22,7 +22,7 @@ from rover_sweep.vehicle.manoeuvre import parameters_of, refuse_undersampled
 from rover_sweep.vehicle.run import RunSettings
 from rover_sweep.vehicle.session import Plan, PlannedRun, drive
 from rover_sweep.vehicle.simulated import THROTTLE_US, Simulation, Simulator, started
-from rover_sweep.vehicle.transport_recorded import NAME, RecordedLine
+from rover_sweep.vehicle.transport_recorded import RecordedLine, conversation_in
 
 STEERING_US = 400.0  # SERVO1_MIN and SERVO1_MAX, 1100 and 1900 us, about the trim
 _PWM_MAX = 250.0  # SWP_PWM_MAX as it comes
@@ -92,7 +92,7 @@ def dry_run(settings: DryRun, folder: Path) -> Generator[Event, None, None]:
     """Drive all of it into `folder` (see `session`). Yields events; after each RunFinished the run's
     recording is complete and may be judged before the next is asked for."""
     plan = settings.plan
-    with _vehicle(settings, folder) as url, RecordedLine(folder / NAME) as line:
+    with _vehicle(settings, folder) as url, RecordedLine(conversation_in(folder)) as line:
         yield from drive(url, folder, plan, line)
 
 

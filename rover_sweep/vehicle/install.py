@@ -1,4 +1,9 @@
-"""Brings a rover to what identification needs: parameters, applet, and the reboots in between."""
+"""Brings a rover to what identification needs: parameters, applet, and the reboots in between.
+
+It can be interrupted anywhere and begun again. A parameter that was set before the interruption reads as
+right but does not count until the reboot, which is therefore asked of the firmware's behaviour: it
+denies a stream that only the new loop rate allows, and refuses to restart scripts.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +14,12 @@ from firmware_params.check import WantedParameter, compare
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.applet import await_applet, reboot, restart_scripts, upload
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
-from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.parameters import read_present, write
+from rover_sweep.vehicle.streams import fastest_interval_ms, grants
 
 Consent = Callable[[tuple[str, ...]], bool]  # may the rover be rebooted, for these reasons?
+_FACTORY_RATE = 50  # Hz, SCHED_LOOP_RATE as it comes
 _SCRIPTS_START = 20.0  # s after boot within which scripts begin to run
 
 
@@ -38,6 +45,7 @@ def install(
     rebooted = False
     for _ in range(2):  # scripting's own parameters may appear only after scripting was switched on
         because, missing = yield from _set(link, parameters)
+        because = because or (() if rebooted else _set_but_not_booted(link, parameters))
         if not because:
             break
         if not may_reboot(because):
@@ -70,15 +78,33 @@ def _set(
     return tuple(because), tuple(missing)
 
 
+def _set_but_not_booted(link: Link, parameters: Sequence[WantedParameter]) -> tuple[str, ...]:
+    """SCHED_LOOP_RATE where the loop does not run at it yet. A higher one than 50 Hz is told from it by a
+    stream that is denied at 50 Hz (see `streams`)."""
+    wanted = next((p for p in parameters if p.name == "SCHED_LOOP_RATE" and p.needs_reboot), None)
+    has = read_present(link, [wanted.name]) if wanted else {}
+    if (
+        not has
+        or wanted is None
+        or fastest_interval_ms(has[wanted.name]) >= fastest_interval_ms(_FACTORY_RATE)
+    ):
+        return ()
+    return () if grants(link, "SYSTEM_TIME", has[wanted.name]) else (wanted.name,)
+
+
 def _bring_applet(link: Link, applet: Path, may_reboot: Consent) -> Iterator[Event]:
     place = upload(link, applet)
     yield Notice("info", f"the applet was copied to {place}")
-    restart_scripts(link)
-    if await_applet(link):
+    try:
+        restart_scripts(link)
+        because = applet.name
+    except Refused:
+        because = "SCR_ENABLE"
+    if because == applet.name and await_applet(link):
         return
-    if not may_reboot((applet.name,)):
+    if not may_reboot((because,)):
         yield Notice("warning", "the applet will run after a reboot")
         return
-    yield Rebooting((applet.name,))
+    yield Rebooting((because,))
     reboot(link)
     await_applet(link)

@@ -82,15 +82,28 @@ def _start(simulation: Simulation, home: Path) -> Running:
     if simulation.simulator == "embedded":
         options = ("--applet", "--parameter", "SCR_ENABLE=1") if prepared else ()
         return launcher.start_embedded(home, options=options, **model)
+    defaults = [shipped("identification")] if prepared else []
     if simulation.physics == "own":
         model["variant"] = None
-    return launcher.start_ardurover(
-        launcher.find_ardurover(simulation.ardurover),
-        home,
-        scripts=[applet_path()] if prepared else [],
-        defaults=[shipped("identification")] if prepared else [],
-        **model,
+        defaults.append(_calibrated(home))
+    scripts = [applet_path()] if prepared else []
+    binary = launcher.find_ardurover(simulation.ardurover)
+    return launcher.start_ardurover(binary, home, scripts=scripts, defaults=defaults, **model)
+
+
+def _calibrated(home: Path) -> Path:
+    """A parameter file of calibrated accelerometers: with its own rover the firmware does not arm without
+    (seen in 4.6.3), as a real one, whose owner does it once by hand. Values of ArduPilot's rover.parm."""
+    home.mkdir(parents=True, exist_ok=True)
+    path = home / "calibrated.param"
+    lines = (
+        f"INS_ACC{n}{what}_{axis} {value}\n"
+        for n in ("", "2")
+        for what, value in (("OFFS", 0.001), ("SCAL", 1.001))
+        for axis in "XYZ"
     )
+    path.write_text("".join(lines), encoding="ascii")
+    return path
 
 
 @contextmanager

@@ -13,7 +13,14 @@ from rover_sweep.vehicle.conversation import ConversationWriter, Kind
 from rover_sweep.vehicle.recorder import writing
 from rover_sweep.vehicle.transport import Line, LiveLine, Transport
 
-NAME = "session.conversation"  # in the folder of a session
+
+
+def conversation_in(folder: Path) -> Path:
+    """A path for a new conversation in the folder of a session that overwrites none."""
+    path, number = folder / "session.conversation", 2
+    while path.exists():
+        path, number = folder / f"session-{number}.conversation", number + 1
+    return path
 
 
 class RecordedLine:
