@@ -64,6 +64,14 @@ def request(link: Link, name: str, hz: float, loop_rate: float) -> Stream:
     return Stream(name, hz, 0.0, f"this vehicle does not send {name}")
 
 
+def grants(link: Link, name: str, loop_rate: float) -> bool:
+    """Whether the vehicle grants what a loop of `loop_rate` Hz allows, that is, runs at it; the message
+    goes back to its usual rate."""
+    granted = _set(link, name, fastest_interval_ms(loop_rate) * 1000) == _ACCEPTED
+    _set(link, name, 0)
+    return granted
+
+
 def request_all(
     link: Link, loop_rate: float, rates: Mapping[str, float] = IDENTIFICATION_RATES
 ) -> tuple[Stream, ...]:
