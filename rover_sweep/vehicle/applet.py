@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.checksum import crc32, remote_crc32
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import ftp_get, ftp_put
 from rover_sweep.vehicle.parameters import read_present
@@ -33,8 +34,14 @@ def version_of(text: str) -> str:
     return found[1] if found else ""
 
 
-def read_applet(link: Link, name: str) -> AppletFile | None:
-    """The file `name` out of the vehicle's script folder; None where there is none or no MAVLink FTP."""
+def read_applet(link: Link, name: str, ours: str = "") -> AppletFile | None:
+    """The file `name` out of the vehicle's script folder; None where there is none or no MAVLink FTP.
+
+    ours: where the checksum of the vehicle's file is that of this text, it need not be read.
+    """
+    for place in (HARDWARE, SITL) if ours else ():
+        if remote_crc32(link, f"{place}/{name}") == crc32(ours.encode()):
+            return AppletFile(f"{place}/{name}", version_of(ours), ours)
     with tempfile.TemporaryDirectory() as folder:
         local = Path(folder) / name
         for place in (HARDWARE, SITL):

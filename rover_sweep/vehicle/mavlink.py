@@ -19,7 +19,7 @@ Message = Any  # a pymavlink message: attributes are the MAVLink fields
 GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
 GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
 V1, V2 = 0xFE, 0xFD
-_FTP_IDLE = 1.5  # s of silence that end a download; mavftp's 3.7 s are spent on every file that is not there
+_FTP_IDLE = 3.0  # s of silence on our side that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
 _SIGNED, _SIGNATURE = 0x01, 13  # incompatibility flag, bytes of the signature
 _CRC_EXTRA = {number: cls.crc_extra for number, cls in dialect.mavlink_map.items()}
 

@@ -84,7 +84,7 @@ def survey(link: Link, wanted: Sequence[WantedParameter]) -> Survey:
     """Reads; changes nothing. LinkError for anything but an ArduPilot Rover."""
     vehicle = identify_vehicle(link)
     has = read_present(link, [*(p.name for p in wanted), *(p.name for p in PARAMETERS)])
-    file = read_applet(link, applet_path().name)
+    file = read_applet(link, applet_path().name, applet_source())
     lacking = tuple(p.name for p in PARAMETERS if p.name not in has)
     current = file is not None and file.text == applet_source()
     applet = AppletState(file, lacking, has.get("SWP_ENABLE") == 1, current)

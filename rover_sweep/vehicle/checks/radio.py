@@ -33,7 +33,7 @@ def rc(seen: Seen) -> Check:
     steering, throttle = _stick(seen, "RCMAP_ROLL", 1), _stick(seen, "RCMAP_THROTTLE", 3)
     told = f"{len(seen.channels)} channels, steering {steering[1]:.0f} us, throttle {throttle[1]:.0f} us"
     if seen.channels.get(throttle[0], 0) < seen.parameter("FS_THR_VALUE"):
-        sentence = f"throttle {throttle[1]:.0f} us is below FS_THR_VALUE: the receiver reports that it lost the radio"
+        sentence = f"throttle {throttle[1]:.0f} us is below FS_THR_VALUE: the receiver lost the radio"
         return Check("rc", "bad", told, sentence, Remedy("switch the transmitter on", by_hand=True))
     for words, (number, pwm, trim, zone) in (("steering", steering), ("throttle", throttle)):
         if abs(pwm - trim) > zone:
