@@ -1,0 +1,133 @@
+"""A whole session through the source of a screen, on the embedded rover; its folder here and elsewhere."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from asked_source import PLAN, READY, SETTINGS, Asked
+
+from rover_sweep.cli.main import run as rover_sweep
+from rover_sweep.cli.options import vehicle_path
+from rover_sweep.identify.grouping import Settings as IdentificationSettings
+from rover_sweep.identify.identification import identify
+from rover_sweep.live.snapshot import Snapshot
+from rover_sweep.live.source import Checked, Drive, FetchLogs, Judged, Preflight
+from rover_sweep.preparation import Reading, divided, geometry_of, load
+from rover_sweep.session_folder.folder import Session, read
+from rover_sweep.session_folder.recordings import session_runs
+from rover_sweep.vehicle.events import Connected, LogSaved, RunFinished
+from rover_sweep.vehicle_file import load as load_vehicle
+from sitl import launcher
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
+    home = tmp_path_factory.mktemp("live")
+    rover_file = Path(__file__).parents[1] / "data" / "rover.toml"
+    with (
+        launcher.start_embedded(home / "vehicle", options=READY, speedup=25) as rover,
+        Asked(home / "session", rover_file) as asked,
+    ):
+        asked.source.session.plan(PLAN)
+        asked.connect(rover.connection)
+        failures = [asked.do(Preflight()), *(asked.do(Drive(run, SETTINGS)) for run in PLAN)]
+        asked.wait(Judged, lambda judged: judged.verdict.run == "doublet")
+        failures += [asked.do(FetchLogs())]
+        asked.wait(Snapshot)
+        yield SimpleNamespace(folder=home / "session", asked=asked, failures=failures)
+
+
+def test_everything_asked_was_done(session: SimpleNamespace) -> None:
+    asked = session.asked
+    assert session.failures == ["", "", "", ""]
+    assert [event.vehicle.version for event in asked.all(Connected)] == [(4, 6, 3)]
+    (checked,) = asked.all(Checked)
+    assert {"firmware", "parameters", "applet"} <= {check.name for check in checked.checks}
+    finished = [(run.name, run.completed) for run in asked.all(RunFinished)]
+    assert finished == [("sweep1", True), ("doublet", True)]
+    assert [log.path.name for log in asked.all(LogSaved)] == ["log1.BIN"]
+    verdicts = [(judged.verdict.run, judged.verdict.advice) for judged in asked.all(Judged)]
+    assert verdicts == [("sweep1", "keep"), ("doublet", "keep")]
+
+
+def test_snapshots_flow_all_the_time(session: SimpleNamespace) -> None:
+    times = session.asked.when(Snapshot)
+    steps = [b - a for a, b in zip(times, times[1:], strict=False)]
+    assert max(steps) < 1.0
+    assert sorted(steps)[len(steps) // 2] == pytest.approx(0.1, abs=0.02)
+    driving = [s for s in session.asked.all(Snapshot) if s.state == 6]
+    assert driving and all(s.armed and s.speed > 1 and s.recorded > 0 for s in driving)
+    assert session.asked.all(Snapshot)[-1].armed is False
+
+
+def test_the_folder_says_what_is_what(session: SimpleNamespace) -> None:
+    content = read(session.folder)
+    assert content.plan == PLAN and content.to_drive == ()
+    assert [(r.label, r.state, r.manoeuvre, r.left_armed) for r in content.runs] == [
+        (run.name, "done", run.manoeuvre, False) for run in PLAN
+    ]
+    assert [(log.file, log.runs) for log in content.logs] == [("log1.BIN", ("sweep1", "doublet"))]
+    assert [run.verdict["advice"] for run in content.runs if run.verdict] == ["keep", "keep"]
+    assert str(session.folder.parent) not in (session.folder / "session.json").read_text()
+
+
+def _identified(folder: str) -> tuple[str, list[float]]:
+    """(names of the runs, every number of the bicycle) by the vehicle file in the folder."""
+    vehicle = load_vehicle(vehicle_path(None, (folder,)))
+    sweeps, doublets = divided(load([folder], vehicle, Reading()))
+    settings = IdentificationSettings(models=("bicycle",), bootstrap=0)
+    found = identify(sweeps, geometry_of(vehicle), doublets, settings)
+    numbers = [estimate.value for estimate in found.models["bicycle"].fit.estimates]
+    return " ".join(run.name for run in (*sweeps, *doublets)), numbers
+
+
+def test_carried_elsewhere_it_is_identified_the_same(
+    session: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names, numbers = _identified(str(session.folder))
+    assert names == "sweep1 doublet" and len(numbers) > 2
+    shutil.copytree(session.folder, tmp_path / "elsewhere" / "car park")
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert _identified("car park") == (names, numbers)
+
+
+def test_commands_take_the_folder(session: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rover_sweep(["coherence", str(session.folder), "--json"]) == 0
+    assert [said["run"] for said in json.loads(capsys.readouterr().out)] == ["sweep1", "doublet"]
+
+
+def test_without_logs_the_tlogs_are_read(session: SimpleNamespace, tmp_path: Path) -> None:
+    from_log = session_runs(session.folder)
+    assert all("log1.BIN" in dict(run.sources) for run in from_log)
+    shutil.copytree(session.folder, tmp_path / "s", ignore=shutil.ignore_patterns("*.BIN"))
+    from_tlog = session_runs(tmp_path / "s")
+    assert [dict(run.sources).keys() for run in from_tlog] == [{"sweep1.tlog"}, {"doublet.tlog"}]
+    assert [(r.name, r.kind) for r in from_tlog] == [(r.name, r.kind) for r in from_log]
+
+
+def test_a_lost_description_is_made_up_for_by_the_tlogs(session: SimpleNamespace, tmp_path: Path) -> None:
+    shutil.copytree(session.folder, tmp_path / "s", ignore=shutil.ignore_patterns("session.json"))
+    found = Session.open(tmp_path / "s").content
+    told = read(session.folder)
+    assert [(r.name, r.state, r.manoeuvre, r.number) for r in found.runs] == [
+        (r.name, r.state, r.manoeuvre, r.number) for r in told.runs
+    ]
+    assert [run.name for run in session_runs(tmp_path / "s")] == ["sweep1", "doublet"]
+
+
+def test_a_run_that_did_not_end_is_left_out_with_a_word(session: SimpleNamespace, tmp_path: Path) -> None:
+    shutil.copytree(session.folder, tmp_path / "s")
+    with (tmp_path / "s" / "doublet.tlog").open("r+b") as file:
+        file.truncate((tmp_path / "s" / "doublet.tlog").stat().st_size // 2)
+    told = json.loads((tmp_path / "s" / "session.json").read_text())
+    told["runs"][1]["state"] = "begun"  # as a kill leaves it
+    (tmp_path / "s" / "session.json").write_text(json.dumps(told))
+    (run,) = session_runs(tmp_path / "s")
+    assert run.name == "sweep1"
+    assert any(note.text.startswith("doublet was left out: the recording ends") for note in run.notes)
+    assert [planned.name for planned in Session.open(tmp_path / "s").to_drive] == ["doublet"]
