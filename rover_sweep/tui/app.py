@@ -59,14 +59,15 @@ class SweepApp(SessionApp):
 
     def __init__(self, source: Source, setup: Setup, view: str = "connect") -> None:
         super().__init__(source, setup)
-        self._first, self._views = view, dict[str, SessionScreen]()
+        self._first = view
         for palette in (LIGHT, DARK):
             self.register_theme(_theme(palette))
 
     def on_mount(self) -> None:
         self.theme = self.palette.name
-        self._views = {screen.view: screen() for screen in _SCREENS}
-        self.push_screen(self._views[self._first])
+        for screen in _SCREENS:  # installed, or a view that is left would be thrown away
+            self.install_screen(screen(), screen.view)
+        self.push_screen(self._first)
         for number in (signal.SIGTERM, signal.SIGHUP):
             with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):  # not the main thread
                 asyncio.get_running_loop().add_signal_handler(number, self.exit)
@@ -100,7 +101,7 @@ class SweepApp(SessionApp):
 
     def action_view(self, view: str) -> None:
         if isinstance(self.screen, SessionScreen) and self.screen.view != view:
-            self.switch_screen(self._views[view])
+            self.switch_screen(view)
 
     def action_turn(self, step: int) -> None:
         if isinstance(self.screen, SessionScreen):
@@ -153,6 +154,6 @@ def show(source: Source, setup: Setup | None = None, view: str = "connect") -> N
     """
     app = SweepApp(source, setup or Setup(), view)
     try:
-        app.run()
+        app.run(mouse=False)  # the pointer stays free to select and copy text
     finally:
         source.close()

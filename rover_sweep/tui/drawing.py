@@ -43,7 +43,7 @@ class Rows:
 
     def sentence(self, text: str, style: str = "", indent: int = 1, most: int = 99) -> Rows:
         """Wrapped at the width, at most so many rows."""
-        rows = textwrap.wrap(text, max(10, self.width - 2 * indent))
+        rows = wrapped(text, self.width - 2 * indent)
         if len(rows) > most:
             rows = [*rows[: most - 1], rows[most - 1][: self.width - 2 * indent - 2] + " …"]
         for row in rows:
@@ -57,6 +57,11 @@ class Rows:
     def text(self) -> Text:
         """All of it."""
         return Text("\n").join(self._rows[: self.height])
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Rows of text; line breaks in it count."""
+    return [row for line in text.splitlines() for row in textwrap.wrap(line, max(10, width))]
 
 
 def cells(values: Sequence[str], widths: Sequence[int]) -> str:

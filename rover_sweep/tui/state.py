@@ -258,7 +258,7 @@ def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> S
 
 def _judged(state: State, verdict: Verdict) -> State:
     index = next((n for n in reversed(range(len(state.runs))) if state.runs[n].name == verdict.run), None)
-    state = _said(state, "info", f"{verdict.run}: {verdict.advice}. {verdict.sentence}")
+    state = _said(state, "info", f"{verdict.run}: {verdict.sentence}")
     if index is None:
         return state
     new = replace(state.runs[index], verdict=verdict)

@@ -12,6 +12,7 @@ from textual.binding import Binding
 from textual.screen import Screen
 from textual.widgets import Static
 
+from rover_sweep.tui.drawing import Rows
 from rover_sweep.tui.pilot import task
 from rover_sweep.tui.screens import frame
 
@@ -89,9 +90,17 @@ class SessionScreen(Screen[None]):
             return
         self.query_one("#tabs", Static).update(frame.tabs(self.view, self.palette, width))
         self.query_one("#status", Static).update(frame.status(self.state, self.palette, width))
-        body.update(self.picture(width, height - _AROUND))
+        body.update(self._drawn(width, height - _AROUND))
         self.query_one("#message", Static).update(frame.message(self.state, self.palette, width))
         self.query_one("#keys", Static).update(frame.keys(list(self._keys()), self.palette, width))
+
+    def _drawn(self, width: int, height: int) -> Text:
+        """A view that cannot be drawn says so: the run under way matters more, and so does its end."""
+        try:
+            return self.picture(width, height)
+        except Exception as error:
+            words = f"This view cannot be drawn ({error!r}); the others, and SPACE to abort, go on."
+            return Rows(self.palette, width, height).sentence(words, f"bold {self.palette.bad}").text()
 
     def _keys(self) -> Iterator[tuple[str, str]]:
         """(key, what it does) of all that work now, this screen's own first; keys of one action together."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
+from rover_sweep.live.source import Connect, Drive, FetchLogs, Fix, Play, Preflight, Request
 from rover_sweep.tui import words
 from rover_sweep.tui.drawing import Rows, joined
 from rover_sweep.tui.gauges import number
@@ -80,6 +81,8 @@ def message(state: State, palette: Palette, width: int) -> Text:
         return Text(" ABORTING - the rover is being let go ".center(width), palette.alarming, no_wrap=True)
     if state.under_way:
         return Text(f" RUN UNDER WAY - {ABORT_WORDS} ABORTS ".center(width), palette.alarming, no_wrap=True)
+    if state.asked:
+        return Text(f" … {working_on(state.asked[0])}"[:width], f"bold {palette.accent}", no_wrap=True)
     if state.failure:
         return Text(f" ✗ {state.failure}"[:width], f"bold {palette.bad}", no_wrap=True)
     if not state.messages:
@@ -87,6 +90,23 @@ def message(state: State, palette: Palette, width: int) -> Text:
     line = state.messages[-1]
     style = {"warning": palette.doubtful, "error": palette.bad}.get(line.level, palette.quiet)
     return Text(f" {LEVELS[line.level]}{line.text}"[:width], style, no_wrap=True)
+
+
+def working_on(request: Request) -> str:
+    """What the source does now, in words."""
+    match request:
+        case Connect():
+            return f"connecting to {request.url}"
+        case Preflight():
+            return "looking at what must be right"
+        case Fix():
+            return f"putting right: {request.name.replace('_', ' ')}"
+        case Drive():
+            return f"driving {request.planned.name}"
+        case FetchLogs():
+            return "fetching the logs"
+        case Play():
+            return "playing"
 
 
 def keys(bindings: Sequence[tuple[str, str]], palette: Palette, width: int) -> Text:

@@ -7,10 +7,11 @@ from textual.binding import Binding
 
 from rover_sweep.live.source import FetchLogs
 from rover_sweep.tui import words
-from rover_sweep.tui.drawing import Rows, cells
+from rover_sweep.tui.drawing import Rows, cells, wrapped
 from rover_sweep.tui.gauges import bar
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.frame import LEVELS
+from rover_sweep.tui.screens.verdict import said
 from rover_sweep.tui.state import RunRecord
 
 
@@ -33,7 +34,7 @@ class LogScreen(SessionScreen):
                  style=f"bold {palette.ink}")  # fmt: skip
         most = height // 2 - 2
         for run in state.runs[-most:]:
-            rows.add(f" {line(run, width - 2)}", style=palette.ink)
+            rows.add(f" {run_line(run, width - 2)}", style=palette.ink)
         if state.fetching is not None:
             f = state.fetching
             share = f.done / f.total if f.total else 0.0
@@ -42,11 +43,14 @@ class LogScreen(SessionScreen):
         if state.logs:
             rows.sentence("on disk: " + ", ".join(path.name for path in state.logs), palette.good, most=2)
         rows.add("─" * width, style=palette.quiet)
-        room = rows.left
-        end = len(state.messages) - min(self.back, max(0, len(state.messages) - room))
-        for said in state.messages[max(0, end - room) : end]:
-            style = {"warning": palette.doubtful, "error": f"bold {palette.bad}"}.get(said.level, palette.ink)
-            rows.add(f" {LEVELS[said.level]}{said.text}", style=style)
+        told = [
+            (row, {"warning": palette.doubtful, "error": f"bold {palette.bad}"}.get(line.level, palette.ink))
+            for line in state.messages
+            for row in wrapped(f"{LEVELS[line.level]}{line.text}", width - 2)
+        ]
+        end = len(told) - min(self.back, max(0, len(told) - rows.left))
+        for row, style in told[max(0, end - rows.left) : end]:
+            rows.add(f" {row}", style=style)
         return rows.text()
 
     def action_fetch(self) -> None:
@@ -62,11 +66,11 @@ class LogScreen(SessionScreen):
         return self.state.vehicle is not None and not self.state.busy and not self.state.armed
 
 
-def line(run: RunRecord, width: int) -> str:
+def run_line(run: RunRecord, width: int) -> str:
     """A run with its outcome and verdict."""
     sign, outcome = words.OUTCOMES[run.outcome]
     verdict = run.reason
     if run.verdict is not None:
-        verdict = " ".join((*words.ADVICE[run.verdict.advice], run.verdict.sentence))
+        verdict = f"{words.ADVICE[run.verdict.advice][0]} {said(run.verdict)}"
     return cells((run.name, f"{sign} {outcome}", f"±{run.manoeuvre.amplitude:g} us", verdict),
                  (13, 11, 8, width - 36))  # fmt: skip

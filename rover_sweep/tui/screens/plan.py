@@ -44,14 +44,16 @@ class PlanScreen(SessionScreen):
         plan = session.plan
         asked = needs(plan, session.setup.vehicle)
         wide = width >= 110
-        sizes = (2, 12, -9, -7, 16, -6, 13 if not wide else 18, width - (75 if not wide else 80))
+        sizes = (
+            (1, 12, -8, -4, 11, -4, 9, width - 56) if not wide else (2, 16, -10, -8, 18, -8, 16, width - 85)
+        )
         rows.add(
-            cells(("", "run", "us", "m/s", "rad/s", "s", "ground, m", "driven"), sizes), style=palette.quiet
+            cells(("", "run", "us", "m/s", "rad/s", "s", "ground", "driven"), sizes), style=palette.quiet
         )
         room = max(3, height - 7 - (4 if session.desk.proposal or session.desk.proposing else 0))
         for n in window(len(plan), self.chosen, room):
             row, space = plan[n], asked.spaces[n]
-            ground = f"{space.length:.0f} x {space.width:.0f}" if space else "?"
+            ground = f"{space.length:.0f}x{space.width:.0f} m" if space else "?"
             line = cells(
                 ("▶" if n == self.chosen else "", row.name, _amplitude(row), f"{row.speed:.1f}",
                  _frequencies(row), f"{row.manoeuvre.duration:.0f}", ground, driven(row, self.state.runs)),

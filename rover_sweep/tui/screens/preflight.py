@@ -26,20 +26,29 @@ class PreflightScreen(SessionScreen):
         Binding("down", "choose(1)", "choose"),
         Binding("r", "look", "look again"),
     ]
-    chosen = 0
+    chosen: int | None = None  # until somebody chooses, the first that is not good
+
+    @property
+    def index(self) -> int:
+        """Of the chosen check."""
+        checks = self.state.checks
+        if self.chosen is not None:
+            return min(self.chosen, len(checks) - 1)
+        return next((n for n, check in enumerate(checks) if check.state == "bad"), 0)
 
     @property
     def check(self) -> Check | None:
         checks = self.state.checks
-        return checks[min(self.chosen, len(checks) - 1)] if checks else None
+        return checks[self.index] if checks else None
 
     def picture(self, width: int, height: int) -> Text:
         rows, palette = Rows(self.palette, width, height), self.palette
-        checks = self.state.checks
-        rows.add(f" {summary(checks)}", style=f"bold {palette.ink}")
-        chosen = min(self.chosen, len(checks) - 1)
+        checks, chosen = self.state.checks, self.index
+        shown = window(len(checks), chosen, height - 2 - _BELOW)
+        hidden = f"; {len(checks) - len(shown)} more, ↑ ↓" if len(shown) < len(checks) else ""
+        rows.add(f" {summary(checks)}{hidden}", style=f"bold {palette.ink}")
         name = 12 if width < 110 else 20
-        for n in window(len(checks), chosen, height - 2 - _BELOW):
+        for n in shown:
             check = checks[n]
             sign, word = words.CHECKS[check.state]
             line = cells(
@@ -57,10 +66,11 @@ class PreflightScreen(SessionScreen):
 
     def action_choose(self, step: int) -> None:
         if count := len(self.state.checks):
-            self.chosen = (min(self.chosen, count - 1) + step) % count
+            self.chosen = (self.index + step) % count
             self.redraw()
 
     def action_look(self) -> None:
+        self.chosen = None
         self.session.ask(Preflight())
 
     def action_fix(self) -> None:

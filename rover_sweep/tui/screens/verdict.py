@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.text import Text
 from textual.binding import Binding
 
+from rover_sweep.live.snapshot import Verdict
 from rover_sweep.tui import words
 from rover_sweep.tui.big import big
 from rover_sweep.tui.drawing import Rows, cells
@@ -59,7 +60,7 @@ class VerdictScreen(SessionScreen):
         sign, word = words.ADVICE[verdict.advice]
         for line in big(word):
             rows.filled(f"  {line}", f"bold {palette.ground} on {style}")
-        rows.sentence(f"{sign} {word}: {verdict.sentence}", f"bold {palette.ink}", most=3)
+        rows.sentence(f"{sign} {said(verdict)}", f"bold {palette.ink}", most=3)
         for remark in verdict.remarks[: 2 if rows.height < 30 else 6]:
             rows.sentence(remark, palette.ink, most=2)
 
@@ -108,3 +109,11 @@ class VerdictScreen(SessionScreen):
         if action == "take":
             return self.run_shown is not None and self.run_shown.verdict is not None
         return action != "turn" or len(self.state.runs) > 1
+
+
+def said(verdict: Verdict) -> str:
+    """The sentence, begun with the advice in capitals."""
+    word, sentence = words.ADVICE[verdict.advice][1], verdict.sentence
+    if sentence.lower().startswith(word.lower()):
+        return word + sentence[len(word) :]
+    return f"{word}: {sentence}"
