@@ -14,7 +14,6 @@ from rover_sweep.vehicle.recorder import writing
 from rover_sweep.vehicle.transport import Line, LiveLine, Transport
 
 
-
 def conversation_in(folder: Path) -> Path:
     """A path for a new conversation in the folder of a session that overwrites none."""
     path, number = folder / "session.conversation", 2
