@@ -100,7 +100,8 @@ def drive(
         out = pid.update(float(target), rate[k], limit) * scale
         limit = held | (np.abs(out) >= 1.0)
         steering[k] = np.clip(out, -1.0, 1.0)
-        x = plant.a @ x + plant.b[:, None] * (steering[k] * angle_per_output + pushed[k])
+        felt = steering[k - plant.late] * angle_per_output if k >= plant.late else np.zeros(p.shape)
+        x = plant.a @ x + plant.b[:, None] * (felt + pushed[k])
     return Driven(np.arange(wanted.size, dtype=np.float64) * dt, targets, rate, steering)
 
 

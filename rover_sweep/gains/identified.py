@@ -11,11 +11,13 @@ from typing import Any
 from rover_sweep.diagnosis.augmented import AugmentedModel
 from rover_sweep.diagnosis.linear import hidden_filters, left_out, linear
 from rover_sweep.identify.geometry import Geometry
+from rover_sweep.identify.model_results import UNTIED
 from rover_sweep.identify.models.bicycle import bicycle
 from rover_sweep.identify.models.kinematic import kinematic
 from rover_sweep.identify.models.roll_yaw import roll_yaw
 from rover_sweep.identify.recording import LowPass
 from rover_sweep.identify.structure import ModelStructure
+from rover_sweep.identify.verdicts import CR_LOST, I_LOST
 
 PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models that hold at other speeds than that of the runs
 NORMAL_90 = 1.645  # standard deviations of a two-sided 90 % interval
@@ -30,7 +32,8 @@ class Identified:
     name, level: the model and its verdict. intervals: {parameter: (low, high)} of 90 %. speeds: of the runs
     [m/s]. band: where the response of r is usable [rad/s], None where it nowhere is. tic: of the
     verification. rad_per_us: of the vehicle file. gyro_hz: low-pass of the runs; loop_hz: main loop of the
-    runs, both None where unknown. hidden: low-passes that a diagnosis found in front of the known one.
+    runs, both None where unknown. amplitude_us: smallest PWM amplitude of the runs.
+    hidden: low-passes that a diagnosis found in front of the known one.
     remarks: sentences on what the model leaves out. reasons: why there is no model at all.
     """
 
@@ -43,6 +46,7 @@ class Identified:
     rad_per_us: float | None = None
     gyro_hz: float | None = None
     loop_hz: float | None = None
+    amplitude_us: float | None = None
     hidden: tuple[LowPass, ...] = ()
     remarks: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
@@ -52,17 +56,20 @@ class Identified:
         return self.name.startswith("kinematic")
 
     def spread(self) -> Iterator[tuple[str, ModelStructure]]:
-        """(label, structure) of the model and of every corner of its parameters' intervals."""
+        """(label, structure) of the model and of every corner of its parameters' intervals.
+
+        Both axles' stiffness moves together: their sum is uncertain, not so much their ratio.
+        """
         structure = self.structure
         assert structure is not None
         yield "as identified", structure
-        names = list(self.intervals)
-        for corner in itertools.product((0, 1), repeat=len(names)):
-            values = {n: self.intervals[n][end] for n, end in zip(names, corner, strict=True)}
-            yield (
-                ", ".join(f"{n} {v:.3g}" for n, v in values.items()),
-                structure.with_values(_tied(structure, values)),
-            )
+        axles = tuple(n for n in ("Cf", "Cr") if n in self.intervals)
+        groups = [g for g in (axles, *((n,) for n in self.intervals if n not in axles)) if g]
+        for corner in itertools.product((0, 1), repeat=len(groups)):
+            ends = [(n, end) for group, end in zip(groups, corner, strict=True) for n in group]
+            values = {n: self.intervals[n][end] for n, end in ends}
+            label = ", ".join(f"{n} {v:.3g}" for n, v in values.items())
+            yield label, structure.with_values(_tied(structure, values))
 
 
 def from_identification(document: Mapping[str, Any], wanted: str | None = None) -> Identified:
@@ -77,7 +84,7 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
         reasons = (*document["summary"], *(f"{m}: {why}" for m, why in document["refused"].items()))
         return Identified(name or "none", "refused", None, {}, speeds, reasons=reasons)
     model, steering = models[name], document["vehicle"]["steering"]
-    parameters = model["parameters"]
+    parameters = _closer(model)
     lost = [n for n, p in parameters.items() if p["value"] is None]
     structure = None if lost else _structure(name, document["vehicle"]["geometry"], parameters)
     run = document["runs"][0]
@@ -88,7 +95,8 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
         name, model["verdict"]["level"], _sooner(structure, wait), _intervals(parameters, wait), speeds,
         (max(b[0] for b in usable), min(b[1] for b in usable)) if usable else None,
         float(steering["rad_per_us"]["value"]) if steering else None,
-        _cutoff(run), _loop(run), (), _limited(document["runs"]), tuple(model["verdict"]["sentences"]),
+        _cutoff(run), _loop(run), _amplitude(document["runs"]), (), (),
+        tuple(model["verdict"]["sentences"]),
     )  # fmt: skip
 
 
@@ -128,6 +136,33 @@ def _best(document: Mapping[str, Any]) -> str | None:
 
 def _usable(model: Mapping[str, Any]) -> bool:
     return model["verdict"]["level"] in ("good", "acceptable")
+
+
+def _closer(model: Mapping[str, Any]) -> dict[str, Any]:
+    """The model's parameters, with a stiffness for each axle where that fits closer and is identified.
+
+    One C for both axles fixes the understeer by the place of the CG alone, and with it the steady turn rate
+    that FF must hold. The intervals are then those of the fit with one C, about the closer values.
+    """
+    tied, free = model["parameters"], model["variants"].get(UNTIED)
+    if free is None or not free["cost"]["average"] < model["cost"]["average"]:
+        return dict(tied)
+    own = dict(free["parameters"])
+    if any(p["value"] is None or _lost(n, p) for n, p in own.items() if p["free"]):
+        return dict(tied)
+    for name, p in own.items():
+        known = tied.get(name) or tied["C"]
+        ends, value = known["interval_90"], known["value"]
+        if ends is not None:
+            own[name] = {**p, "interval_90": [p["value"] * end / value for end in ends]}
+        elif p["free"]:
+            own[name] = {**p, "cr_percent": known["cr_percent"]}
+    return own
+
+
+def _lost(name: str, p: Mapping[str, Any]) -> bool:
+    beyond = (p["cr_percent"] or 0.0) > CR_LOST or (p["insensitivity_percent"] or 0.0) > I_LOST
+    return name != "tau" and bool(p["at_bound"] or beyond)
 
 
 def _structure(name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> ModelStructure:
@@ -206,8 +241,7 @@ def _cutoff(run: Mapping[str, Any]) -> float | None:
     return float(known["cutoff_hz"]) if known else None
 
 
-def _limited(runs: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Notes of the recordings on steering at its stops or servo limits."""
-    words = ("saturat", "end stop", "limit of the servo", "at its limit", "SERVO")
-    notes = (f"{r['name']}: {n['text']}" for r in runs for n in r["notes"] if n["level"] == "warning")
-    return tuple(dict.fromkeys(t for t in notes if any(w in t for w in words)))
+def _amplitude(runs: Sequence[Mapping[str, Any]]) -> float | None:
+    """The smallest PWM amplitude [us] of the runs, as the quick verdict found it."""
+    found = [r["amplitude"] for r in runs if r.get("amplitude") and r.get("amplitude_unit") == "us"]
+    return float(min(found)) if found else None

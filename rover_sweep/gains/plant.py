@@ -16,18 +16,20 @@ from rover_sweep.identify.structure import ModelStructure
 
 @dataclass(frozen=True, eq=False)
 class SampledPlant:
-    """x(k+1) = a x(k) + b u(k), y(k) = c x(k): road-wheel angle [rad] held over `period` s to the filtered
-    yaw rate [rad/s]. The delay is exact, part of a period included. gain: steady y/u [1/s]."""
+    """x(k+1) = a x(k) + b u(k - late), y(k) = c x(k): road-wheel angle [rad] held over `period` s to the
+    filtered yaw rate [rad/s]. What a delay has beside `late` whole periods is within a and b."""
 
     a: Array
     b: Array
     c: Array
+    late: int
     period: float
     speed: float
     label: str = ""
 
     @property
     def gain(self) -> float:
+        """Steady y/u, 1/s."""
         return float(self.c @ np.linalg.solve(np.eye(len(self.a)) - self.a, self.b))
 
     @property
@@ -41,7 +43,7 @@ class SampledPlant:
         x = np.linalg.solve(
             system, np.broadcast_to(self.b.astype(complex)[:, None], (w.size, len(self.b), 1))
         )
-        return np.asarray(x[:, :, 0] @ self.c.astype(complex))
+        return np.asarray(x[:, :, 0] @ self.c.astype(complex) * z**-self.late)
 
 
 def sampled_plant(
@@ -57,14 +59,24 @@ def sampled_plant(
     computed in order.
     """
     sensors = {"r": LowPass(autopilot.gyro_hz, "INS_GYRO_FILTER")} if autopilot.gyro_hz > 0 else {}
-    system = to_scipy(structure, speed, dt=autopilot.period, sensors=sensors)
+    late, rest = _whole(structure, autopilot.period)
+    system = to_scipy(rest, speed, dt=autopilot.period, sensors=sensors)
     row = structure.outputs.index("r")
     if abs(system.D[row, 0]) > 1e-12:
         raise ValueError(f"in the {structure.name} model the yaw rate follows the steering at once")
     a, b, c = np.asarray(system.A), np.asarray(system.B)[:, 0], np.asarray(system.C)[row]
     for low_pass in hidden:
         a, b, c = _behind(a, b, c, low_pass, autopilot.period)
-    return SampledPlant(*_reduced(a, b, c), autopilot.period, speed, label)
+    return SampledPlant(*_reduced(a, b, c), late, autopilot.period, speed, label)
+
+
+def _whole(structure: ModelStructure, period: float) -> tuple[int, ModelStructure]:
+    """Whole periods of the steering's delay, and the structure with what is left of it."""
+    name = structure.input_delays.get(structure.inputs[0])
+    if name is None:
+        return 0, structure
+    late = int(np.floor(structure.values[name] / period + 1e-9))
+    return late, structure.with_values({name: max(structure.values[name] - late * period, 0.0)})
 
 
 def _behind(a: Array, b: Array, c: Array, low_pass: LowPass, period: float) -> tuple[Array, Array, Array]:

@@ -16,7 +16,7 @@ from rover_sweep.gains.plant import SampledPlant, sampled_plant
 from rover_sweep.gains.step import Step, step_of
 from rover_sweep.gains.support import Support, extrapolated, supported, supported_loop
 
-MOST_CORNERS = 5  # parameters whose interval ends are combined: 32 rovers a speed
+MOST_CORNERS = 6  # parameters whose interval ends are combined: 32 rovers a speed
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,16 @@ def supported(found: Identified, autopilot: Autopilot, speed: float) -> Support:
     """Before anything is computed. speed: wanted [m/s]."""
     if found.structure is None:
         return Support("none", ("there is no model to compute gains from", *found.reasons))
-    none = [why for why in (_poor(found), _too_far(found, speed), _wrong_way(found, autopilot)) if why]
+    none = [
+        why
+        for why in (
+            _poor(found),
+            _too_far(found, speed),
+            _wrong_way(found, autopilot),
+            _cut(found, autopilot),
+        )
+        if why
+    ]
     if none:
         return Support("none", tuple(none), found.remarks)
     if found.kinematic:
@@ -93,6 +102,16 @@ def _wrong_way(found: Identified, autopilot: Autopilot) -> str | None:
     return (
         f"rad_per_us {found.rad_per_us:g} with SERVO{autopilot.servo}_REVERSED {int(autopilot.reversed)} "
         "steers left where the controller wants right: correct SERVO_REVERSED (or rad_per_us) first"
+    )
+
+
+def _cut(found: Identified, autopilot: Autopilot) -> str | None:
+    least = min(autopilot.us_left, autopilot.us_right)
+    if found.amplitude_us is None or found.amplitude_us < FULL_TRAVEL * least:
+        return None
+    return (
+        f"all runs steered to the stops (amplitude {found.amplitude_us:.0f} us of {least:g} us): what was "
+        "cut off looks like delay and lost gain; drive one with a smaller amplitude"
     )
 
 

@@ -1,0 +1,195 @@
+"""What is proposed for the nominal rover, and when nothing is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from firmware_params.check import parse
+from rover_sweep.gains.controller import feedback_response
+from rover_sweep.gains.document import gains_document
+from rover_sweep.gains.firmware import autopilot
+from rover_sweep.gains.identified import from_identification
+from rover_sweep.gains.margins import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, frequencies, margins
+from rover_sweep.gains.param_file import param_text
+from rover_sweep.gains.plant import sampled_plant
+from rover_sweep.gains.proposal import Proposal, propose
+
+LOOP = autopilot({"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 20.0})
+TRUE_STEADY = 2.5 / 0.391  # r/delta of the nominal plant at 2.5 m/s, which hardly understeers
+
+
+def test_the_steady_turn_rate_is_the_rovers(proposal: Proposal):
+    assert proposal.steady_gain == pytest.approx(TRUE_STEADY, rel=0.03)
+    held = proposal.feed_forwards[2.5]
+    assert held == pytest.approx(1 / (TRUE_STEADY * 400 * 0.00095 / 2.5), rel=0.03)
+    assert 0.8 * held <= proposal.proposed.gains.ff <= held
+
+
+def test_the_proposal_keeps_the_margins_wherever_it_says(proposal: Proposal):
+    judged = proposal.proposed
+    assert judged.worst_gain[0] >= GAIN_MARGIN_DB
+    assert judged.worst_phase[0] >= PHASE_MARGIN_DEG
+    assert judged.margins.gain_db >= judged.worst_gain[0]
+    assert judged.step.overshoot <= 5.1
+
+
+def test_the_margins_are_those_of_the_true_plant_too(proposal: Proposal):
+    """With another implementation: model times delay times half a period times the controller, continuous."""
+    w, gains = frequencies(0.01), proposal.proposed.gains
+    structure, w0 = proposal.found.structure, 2 * np.pi * 20
+    gyro = w0**2 / (-(w**2) + np.sqrt(2) * w0 * 1j * w + w0**2)
+    error = 1 / (1 + 1j * w / (2 * np.pi * 10))
+    path = structure.response(w, 2.5, "r") * gyro * np.exp(-0.005j * w) * 400 * 0.00095 / 2.5
+    loop = path * error * (gains.p + gains.i / (1j * w))
+    found = margins(loop[w < 100], w[w < 100])
+    assert proposal.proposed.margins.gain_db == pytest.approx(found.gain_db, abs=1.0)
+    assert proposal.proposed.margins.phase_deg == pytest.approx(found.phase_deg, abs=5.0)
+
+
+def test_more_of_the_same_gains_would_break_them(proposal: Proposal):
+    """The gain margin is what it says: that many dB more, and the sampled loop no longer holds still."""
+    judged, structure = proposal.proposed, proposal.found.structure
+    plant, w = sampled_plant(structure, 2.5, LOOP), frequencies(LOOP.period)
+    angle = LOOP.angle_per_output(0.00095) * LOOP.speed_scale(2.5)
+    more = 10 ** (judged.margins.gain_db / 20)
+    for factor, stable in ((0.97 * more, True), (1.03 * more, False)):
+        p, i = (np.array([factor * g]) for g in (judged.gains.p, judged.gains.i))
+        loop = feedback_response(judged.gains, p, i, LOOP.period, w)[0] * plant.response(w) * angle
+        assert (margins(loop, w).gain_db > 0) == stable
+
+
+def test_another_speed_scale_changes_the_gains_by_its_factor(document: Any):
+    """Twice MOT_SPD_SCA_BASE is twice the steering for the same output."""
+    found = from_identification(document)
+    one, two = (
+        propose(found, autopilot({"MOT_SPD_SCA_BASE": b, "SCHED_LOOP_RATE": 100.0}), 3.0) for b in (1, 1.9)
+    )
+    assert one.proposed.gains.ff / two.proposed.gains.ff == pytest.approx(1.9, rel=0.02)
+
+
+def test_a_slow_gyro_filter_costs_gain(document: Any, proposal: Proposal):
+    slow = propose(
+        from_identification(document), autopilot({"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 4.0}), 2.5
+    )
+    assert slow.proposed.worst_gain[0] >= GAIN_MARGIN_DB
+    assert slow.proposed.gains.p < proposal.proposed.gains.p
+    assert slow.proposed.gains.i < proposal.proposed.gains.i
+
+
+def test_the_parameter_file_reads_back_with_a_reason_on_every_line(proposal: Proposal):
+    lines = parse(param_text(proposal))
+    gains = proposal.proposed.gains.parameters
+    assert {p.name: p.value for p in lines} == {n: gains[n] for n in ("ATC_STR_RAT_FF", "ATC_STR_RAT_P",
+            "ATC_STR_RAT_I", "ATC_STR_RAT_D", "ATC_STR_RAT_IMAX")}  # fmt: skip
+    assert all(p.reason for p in lines)
+    assert "2.50 m/s" in param_text(proposal)
+
+
+def test_the_document_has_both_and_is_strict_json(proposal: Proposal):
+    import json
+
+    told = json.loads(json.dumps(gains_document(proposal), allow_nan=False))
+    assert told["support"]["level"] == "gains"
+    assert told["proposed"]["parameters"]["ATC_STR_RAT_FF"] == proposal.proposed.gains.ff
+    assert told["now"]["parameters"]["ATC_STR_RAT_FF"] == 0.2
+    assert told["now"]["step"]["settling_s"] is None
+
+
+def refused(document: Any, **at: Any) -> str:
+    """The reasons of a proposal that must not be one."""
+    made = propose(from_identification(document), at.pop("loop", LOOP), at.pop("speed", 2.5))
+    assert made.proposed is None
+    assert made.support.level == "none"
+    with pytest.raises(ValueError, match="no gains"):
+        param_text(made)
+    return " ".join(made.support.reasons)
+
+
+def roll_yaw(document: Any) -> Any:
+    return document["models"]["roll-yaw"]
+
+
+def test_a_poor_model_supports_nothing(document: Any):
+    roll_yaw(document)["verdict"] = {"level": "poor", "sentences": ["J_ave 300: a poor fit"]}
+    assert "roll-yaw model is poor: J_ave 300" in refused(document)
+
+
+def test_no_model_supports_nothing(document: Any):
+    document["models"], document["recommended"] = {}, None
+    document["summary"] = ["the coherence is too low"]
+    assert "the coherence is too low" in refused(document)
+
+
+def test_lost_coherence_below_the_crossover_supports_nothing(document: Any):
+    document["groups"][0]["responses"]["r"]["band"] = [0.3, 1.0]
+    assert "not coherent (usable from 0.3 to 1 rad/s)" in refused(document)
+
+
+def test_too_long_a_delay_supports_nothing(document: Any):
+    for p in (
+        roll_yaw(document)["parameters"],
+        roll_yaw(document)["variants"]["Cf and Cr free"]["parameters"],
+    ):
+        p["tau"] |= {"value": 1.5, "interval_90": [1.4, 1.6]}
+    assert "no loop worth having" in refused(document)
+
+
+@pytest.mark.parametrize("speed", [1.0, 4.5])
+def test_speeds_far_from_the_runs_support_nothing(document: Any, speed: float):
+    assert "too far from the runs" in refused(document, speed=speed)
+
+
+def test_an_unknown_steering_scale_supports_nothing(document: Any):
+    document["vehicle"]["steering"] = None
+    assert "rad_per_us" in refused(document)
+
+
+def test_steering_the_wrong_way_supports_nothing(document: Any):
+    assert "SERVO1_REVERSED" in refused(document, loop=autopilot({"SERVO1_REVERSED": 1.0}))
+
+
+def test_runs_cut_at_the_stops_support_nothing(document: Any):
+    for run in document["runs"]:
+        run |= {"amplitude": 400.0, "amplitude_unit": "us"}
+    assert "stops" in refused(document)
+
+
+def test_an_unstable_rover_supports_nothing(document: Any):
+    """Above its critical speed: the rear axle three times weaker than the front one."""
+    for p in (roll_yaw(document)["variants"]["Cf and Cr free"]["parameters"],):
+        p["Cf"]["value"], p["Cr"]["value"] = 60.0, 8.0
+    assert "above its critical speed" in refused(document)
+
+
+def test_the_kinematic_model_carries_the_feed_forward_alone(document: Any):
+    document["models"]["kinematic"]["verdict"] = {"level": "good", "sentences": []}
+    made = propose(from_identification(document, "kinematic"), LOOP, 2.5)
+    assert made.support.level == "feed-forward only"
+    wheelbase = document["models"]["kinematic"]["parameters"]["L_eff"]["value"]
+    assert made.proposed.gains.ff == pytest.approx(wheelbase / 0.38, abs=0.001)
+    assert (made.proposed.gains.p, made.proposed.gains.i) == (0.2, 0.2)
+    assert [p.name for p in parse(param_text(made))] == ["ATC_STR_RAT_FF"]
+
+
+def test_at_the_scales_base_it_says_that_the_integrator_is_held(document: Any):
+    made = propose(from_identification(document), autopilot({"MOT_SPD_SCA_BASE": 2.6}), 2.5)
+    assert any("integrator only shrink" in remark for remark in made.support.remarks)
+
+
+def test_without_intervals_the_cramer_rao_bound_makes_the_family(document: Any):
+    for p in roll_yaw(document)["parameters"].values():
+        p["interval_90"] = None
+    found = from_identification(document)
+    low, high = found.intervals["Izz"]
+    cr = roll_yaw(document)["parameters"]["Izz"]["cr_percent"] / 100
+    assert high / low == pytest.approx((1 + 1.645 * cr) / (1 - 1.645 * cr), rel=1e-6)
+
+
+def test_the_wait_for_the_main_loop_is_taken_off_the_delay(document: Any):
+    tau = roll_yaw(document)["variants"]["Cf and Cr free"]["parameters"]["tau"]["value"]
+    assert from_identification(document).structure.values["tau"] == pytest.approx(tau - 0.005)
+    document["runs"][0]["channels"]["delta"]["source"] = "SERVO_OUTPUT_RAW.servo1_raw"
+    assert from_identification(document).structure.values["tau"] == pytest.approx(tau)
