@@ -56,8 +56,7 @@ class CountedProxy:
         with socket.create_connection(self._rover) as rover, contextlib.suppress(OSError):
             for each in (station, rover):
                 each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            station.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
-            rover.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            station.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
             self.to_station = self.from_station = b""
             self.station = station
             while not (self._end.is_set() or self._cut.is_set()):
@@ -72,7 +71,7 @@ class CountedProxy:
                     return
 
     def _pass_on(self, rover: socket.socket, station: socket.socket) -> bool:
-        data = rover.recv(4096)
+        data = rover.recv(16384)
         while data and not self._end.is_set():
             if select.select([], [station], [], 0.02)[1]:
                 sent = station.send(data)

@@ -1,0 +1,100 @@
+"""The program killed at a random instant while it drives: nothing that was received is lost, and a new
+process finishes what was planned."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from asked_source import PLAN, READY
+from counted_proxy import CountedProxy
+
+from rover_sweep.session_folder.folder import read
+from rover_sweep.session_folder.recordings import session_runs
+from rover_sweep.vehicle.mavlink import Framer
+from sitl import launcher
+from sitl.unread import PeerQueue
+
+_STATION = """
+import sys, pathlib
+from asked_source import PLAN, SETTINGS, Asked
+from rover_sweep.live.source import Drive, FetchLogs
+with Asked(pathlib.Path(sys.argv[2])) as asked:
+    asked.source.session.plan(PLAN)
+    asked.connect(sys.argv[1])
+    for planned in asked.source.session.to_drive:
+        print("drives", planned.name, flush=True)
+        assert asked.do(Drive(planned, SETTINGS)) == ""
+    assert asked.do(FetchLogs()) == ""
+"""
+
+
+def station(url: str, folder: Path) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", _STATION, url, str(folder)]
+    here = Path(__file__)
+    paths = os.pathsep.join([str(here.parents[2]), str(here.parent)])
+    return subprocess.Popen(
+        command, env={**os.environ, "PYTHONPATH": paths}, stdout=subprocess.PIPE, text=True
+    )
+
+
+def frames_of(tlog: Path) -> list[bytes]:
+    """The frames of a .tlog, each after 8 bytes of time; of the last one a part may be missing."""
+    frames, data, at = list[bytes](), tlog.read_bytes(), 8
+    while at + 12 < len(data):
+        length = 12 + data[at + 1]  # MAVLink 2, unsigned
+        assert data[at] == 0xFD, f"{tlog.name} is damaged at {at} of {len(data)}"
+        frames.append(data[at : at + length])
+        at += length + 8
+    return frames
+
+
+def unread(proxy: CountedProxy) -> int:
+    """Bytes that wait in the station's socket."""
+    assert proxy.station is not None
+    own, peer = proxy.station.getsockname(), proxy.station.getpeername()
+    queue = PeerQueue(socket.IPPROTO_TCP, own, peer)
+    count = queue.unread()
+    queue.close()
+    assert count is not None
+    return count
+
+
+def test_killed_while_driving_nothing_received_is_lost(tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    with (
+        launcher.start_embedded(tmp_path / "vehicle", options=READY, speedup=10) as rover,
+        CountedProxy(rover.connection) as proxy,
+    ):
+        killed = station(proxy.url, folder)
+        assert killed.stdout is not None and killed.stdout.readline() == "drives sweep1\n"
+        time.sleep(random.uniform(0.1, 2.5))
+        killed.send_signal(signal.SIGSTOP)  # so that what was received can be counted
+        time.sleep(0.1)
+        received = proxy.to_station[: len(proxy.to_station) - unread(proxy)]
+        killed.send_signal(signal.SIGKILL)
+        killed.wait()
+        sent = [frame for frame, whole in Framer().feed(received) if whole]
+        kept = frames_of(folder / "connect.tlog") + frames_of(folder / "sweep1.tlog")
+        print("received", len(received), "in", len(sent), "frames; kept", len(kept))
+        assert kept == sent[: len(kept)]
+        assert len(sent) - len(kept) <= 1
+
+        again = station(proxy.url, folder)
+        assert again.stdout is not None
+        assert again.stdout.read().split() == ["drives", "sweep1", "drives", "doublet"]
+        assert again.wait(60) == 0
+    content = read(folder)
+    assert [(run.label, run.state) for run in content.runs] == [
+        ("sweep1", "cut"),
+        ("sweep1-2", "done"),
+        ("doublet", "done"),
+    ]
+    assert content.to_drive == () and content.plan == PLAN
+    assert [run.name for run in session_runs(folder)] == ["sweep1-2", "doublet"]
