@@ -122,7 +122,7 @@ def propose(
 ) -> AmplitudeProposal:
     """The proposal from a run's responses {output: response}, those that are to be answered for.
 
-    driven: amplitude of the run, in the unit of the limits [us]; little: no less is ever proposed.
+    driven: amplitude of the run, in the unit of the limits [us]; little: no cut below it is ever proposed.
     """
     if not found:
         return AmplitudeProposal(driven, (), None, None, "")
@@ -151,7 +151,7 @@ def _band(
     factor, noise, _ = needs[response]
     f = found[response]
     coherence = float(np.median(f.coherence[(f.w >= low) & (f.w <= high)]))
-    wanted = max(factor * driven, little)
+    wanted = max(factor * driven, min(little, driven))
     tightest = min(limits, key=lambda limit: limit.within(low, high), default=None)
     most = tightest.within(low, high) if tightest else np.inf
     amplitude = min(wanted, most)
@@ -169,10 +169,10 @@ def _proposal(
         return AmplitudeProposal(driven, (), None, None, "")
     needy = max(bands, key=lambda b: b.wanted)
     if needy.wanted <= ENOUGH * driven:
-        spare = f"; {needy.wanted:.0f} us would do" if needy.wanted < driven / ENOUGH**2 else ""
-        return AmplitudeProposal(driven, bands, None, None, f"{driven:.0f} us is enough{spare}")
+        spare = f"; {_said(needy.wanted)} would do" if needy.wanted < driven / ENOUGH**2 else ""
+        return AmplitudeProposal(driven, bands, None, None, f"{_said(driven)} is enough{spare}")
     where = f"at {needy.low:.2g}-{needy.high:.3g} rad/s"
-    asked = f"{'at least ' if needy.drowned else ''}{needy.wanted:.0f} us"
+    asked = f"{'at least ' if needy.drowned else ''}{_said(needy.wanted)}"
     # The wave has one amplitude, so that of the whole range must keep within the limits of every band.
     first, last = bands[0].low, bands[-1].high
     tightest = min(limits, key=lambda limit: limit.within(first, last), default=None)
@@ -180,7 +180,7 @@ def _proposal(
     if tightest is None or needy.wanted <= most:
         said = f"{asked}: {needy.response} needs it {where}"
         return AmplitudeProposal(driven, bands, needy.wanted, None, said + _less(driven, bands))
-    said = f"{needy.response} asks for {asked} {where}, but {tightest.words} allows {most:.0f} us"
+    said = f"{needy.response} asks for {asked} {where}, but {tightest.words} allows {_said(most)}"
     stop = _enough_up_to(bands, limits)
     return AmplitudeProposal(
         driven, bands, most if most > ENOUGH * driven else None, stop, said + _less(driven, bands)
@@ -205,4 +205,9 @@ def _less(driven: float, bands: tuple[BandAmplitude, ...]) -> str:
         spare.append(band)
     if not spare:
         return ""
-    return f"; below {spare[-1].high:.2g} rad/s {max(b.wanted for b in spare):.0f} us would do"
+    return f"; below {spare[-1].high:.2g} rad/s {_said(max(b.wanted for b in spare))} would do"
+
+
+def _said(amplitude: float) -> str:
+    """In us; of a recording that has the wheels' angle alone in rad, which is never more than 2."""
+    return f"{amplitude:.0f} us" if amplitude > 2.0 else f"{amplitude:.2g} rad"
