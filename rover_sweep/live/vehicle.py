@@ -90,6 +90,7 @@ class VehicleSource:
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(_GOODBYE)
+        self.session.close()
 
     # ---- the thread ------------------------------------------------------------------------------
 
@@ -234,9 +235,8 @@ class VehicleSource:
             self._stopped()
 
     def _tell_forgotten(self) -> None:
-        with contextlib.suppress(Empty):
-            while True:
-                self._tell(Ended(self._forgotten.get_nowait(), "aborted before it began"))
+        while not self._forgotten.empty():
+            self._tell(Ended(self._forgotten.get(), "aborted before it began"))
 
     # ---- telling ---------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from rover_sweep import __version__
 from rover_sweep.errors import UsageError
+from rover_sweep.session_folder.claim import Claim
 from rover_sweep.session_folder.content import (
     FORMAT,
     Content,
@@ -38,18 +39,31 @@ class Session:
     def __init__(self, folder: Path, content: Content) -> None:
         self.folder, self.content = folder, content
         self._lock = threading.RLock()
+        self._claim: Claim | None = None
 
     @classmethod
     def open(cls, folder: Path) -> Session:
         """Take up the session in `folder`, or begin one there; runs that a kill cut short are found.
 
-        UsageError where the folder cannot be written or its session.json is none.
+        UsageError where the folder cannot be written, its session.json is none, or another program
+        drives into it; `close` gives it free, and so does the end of the program.
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        session = cls(folder, read(folder))
-        session._write()
+        claim = Claim(folder)
+        try:
+            session = cls(folder, read(folder))
+            session._claim = claim
+            session._write()
+        except BaseException:
+            claim.close()
+            raise
         return session
+
+    def close(self) -> None:
+        """Others may drive into it; harmless a second time."""
+        if self._claim is not None:
+            self._claim.close()
 
     @property
     def vehicle_file(self) -> Path | None:

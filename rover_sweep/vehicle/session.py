@@ -60,9 +60,13 @@ def drive(
     copied into the folder. Ctrl-C (or KeyboardInterrupt thrown in) during a run ends that run and all
     further ones, and the logs are fetched; so does a run that was stopped on a rover that this program arms.
     """
-    session = Session.open(folder)
-    if vehicle_file is not None:
-        session.keep_vehicle_file(vehicle_file)
+    with contextlib.closing(Session.open(folder)) as session:
+        if vehicle_file is not None:
+            session.keep_vehicle_file(vehicle_file)
+        yield from _drive(url, session, plan, line)
+
+
+def _drive(url: str, session: Session, plan: Plan, line: Line | None) -> Generator[Event, None, None]:
     session.plan(plan.runs)
     session.set(asdict(plan.settings), {p.name: p.value for p in plan.parameters})
     with Link.open(url, session.between(), line=line) as link:
@@ -91,8 +95,8 @@ def drive(
                 if isinstance(event, LogSaved):
                     tell_runs(session, event.path.name)
                 yield event
-    saved = tuple(folder / log.file for log in session.content.logs)
-    yield SessionFinished(folder, tuple(finished), saved)
+    saved = tuple(session.folder / log.file for log in session.content.logs)
+    yield SessionFinished(session.folder, tuple(finished), saved)
 
 
 def refuse_impossible(link: Link, runs: Sequence[PlannedRun], settings: RunSettings) -> None:

@@ -1,0 +1,143 @@
+"""What stands in a session's folder, without any vehicle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rover_sweep.cli.options import vehicle_path
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.identify.multisine import Multisine
+from rover_sweep.identify.sweep import BiasSweep, Doublet, Sweep
+from rover_sweep.live.snapshot import Verdict
+from rover_sweep.session_folder.content import FetchedLog, PlannedRun
+from rover_sweep.session_folder.folder import Session, is_session, read
+from rover_sweep.session_folder.recordings import session_runs
+
+PLAN = (
+    PlannedRun("sweep1", Sweep(amplitude=120)),
+    PlannedRun("bias", BiasSweep(amplitude=80, bias=-100)),
+    PlannedRun("multisine1", Multisine()),
+    PlannedRun("doublet", Doublet()),
+)
+
+
+def test_what_was_written_is_read_again(tmp_path: Path) -> None:
+    session = Session.open(tmp_path / "s")
+    session.plan(PLAN)
+    session.on({"firmware": "ArduRover 4.6.3", "uid": 7})
+    session.logs_before(((1, 100, 0),))
+    session.logs_before(((1, 100, 0), (2, 200, 0)))  # only the first word counts
+    for planned, state in zip(PLAN, ("done", "stopped", "cut", "done"), strict=True):
+        tlog = session.tlog(planned.name)
+        session.begun(planned, tlog, arming=True)
+        session.ended(tlog, state, "why", left_armed=False, span=(1.5, 20.25), number=3)  # type: ignore[arg-type]
+        session.judged(tlog, {"sentence": "keep", "source": tlog})
+    session.fetched(FetchedLog("log4.BIN", 4, 10, 99))
+    session.fetched(FetchedLog("log4.BIN", 4, 20, 99, ("sweep1",)))
+    found = read(tmp_path / "s")
+    assert found == session.content
+    assert found.logs == (FetchedLog("log4.BIN", 4, 20, 99, ("sweep1",)),)
+    assert found.logs_before == ((1, 100, 0),)
+    assert found.run("sweep1").verdict == {"sentence": "keep", "source": "sweep1.tlog"}
+    assert [run.name for run in found.to_drive] == ["bias", "multisine1"]
+
+
+def test_a_run_is_driven_again_where_the_plan_says_otherwise_than_it_was(tmp_path: Path) -> None:
+    session = Session.open(tmp_path)
+    session.plan(PLAN[:1])
+    session.begun(PLAN[0], tmp_path / "sweep1.tlog", arming=False)
+    session.ended(tmp_path / "sweep1.tlog", "done", "", left_armed=False)
+    assert session.to_drive == ()
+    larger = PlannedRun("sweep1", Sweep(amplitude=200))
+    session.plan((larger,))
+    assert session.to_drive == (larger,)
+    assert session.tlog("sweep1").name == "sweep1-2.tlog"  # the first has no file and is kept all the same
+
+
+def test_one_program_at_a_time(tmp_path: Path) -> None:
+    first = Session.open(tmp_path)
+    with pytest.raises(UsageError, match="another rover-sweep drives into"):
+        Session.open(tmp_path)
+    read(tmp_path)  # looking is free
+    first.close()
+    Session.open(tmp_path).close()
+
+
+def test_a_session_is_of_one_rover(tmp_path: Path) -> None:
+    session = Session.open(tmp_path / "s")
+    session.on({"uid": 1})
+    session.on({"uid": 2})  # nothing was driven yet
+    session.begun(PLAN[0], tmp_path / "s" / "sweep1.tlog", arming=False)
+    with pytest.raises(UsageError, match="begun on another rover .autopilot 2, this one is 3."):
+        session.on({"uid": 3})
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{", '{"format": 1}', '{"format": "rover-sweep session 2", "runs": 3}']
+)
+def test_a_damaged_description_is_refused_in_words(tmp_path: Path, text: str) -> None:
+    (tmp_path / "session.json").write_text(text)
+    with pytest.raises(UsageError, match="session.json is damaged|of another rover-sweep"):
+        Session.open(tmp_path)
+    assert (tmp_path / "session.json").read_text() == text
+
+
+@pytest.mark.parametrize("content", [b"", b"nothing of a tlog", bytes(3000)])
+def test_a_tlog_that_tells_nothing_is_no_run(tmp_path: Path, content: bytes) -> None:
+    session = Session.open(tmp_path)
+    session.begun(PLAN[0], tmp_path / "sweep1.tlog", arming=False)
+    session.close()
+    (tmp_path / "sweep1.tlog").write_bytes(content)
+    (tmp_path / "unknown.tlog").write_bytes(content)
+    (run,) = read(tmp_path).runs
+    assert (run.state, run.reason) == ("cut", "the program ended before the run began")
+    with pytest.raises(DataRefused, match="no run in .* came to its end .sweep1 was left out: the program"):
+        session_runs(tmp_path)
+
+
+def test_the_vehicle_file_is_the_sessions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("one", "a"), ("two", "a"), ("three", "b")):
+        (tmp_path / "rover.toml").write_text(text)
+        Session.open(tmp_path / name).keep_vehicle_file(tmp_path / "rover.toml")
+    assert vehicle_path(None, ("one", "two", "x.BIN")) == "one/rover.toml"
+    assert vehicle_path("mine.toml", ("one",)) == "mine.toml"
+    assert vehicle_path(None, ("x.BIN",)) == "rover.toml"
+    with pytest.raises(UsageError, match="say which: --vehicle"):
+        vehicle_path(None, ("one", "three"))
+
+
+def test_what_is_a_session(tmp_path: Path) -> None:
+    assert not is_session(tmp_path) and not is_session(tmp_path / "none")
+    (tmp_path / "a.BIN").touch()
+    assert not is_session(tmp_path)
+    (tmp_path / "a.tlog").touch()
+    assert is_session(tmp_path)
+    assert not is_session(tmp_path / "a.tlog")
+
+
+def test_a_description_is_whole_or_the_one_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = Session.open(tmp_path)
+    session.plan(PLAN[:1])
+    monkeypatch.setattr(
+        Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device"))
+    )
+    with pytest.raises(UsageError, match="No space left"):
+        session.plan(PLAN)
+    monkeypatch.undo()
+    assert read(tmp_path).plan == PLAN[:1]
+    assert json.loads((tmp_path / "session.json").read_text())["format"] == "rover-sweep session 2"
+
+
+def test_verdicts_fit_into_the_description(tmp_path: Path) -> None:
+    from dataclasses import asdict
+
+    session = Session.open(tmp_path)
+    session.begun(PLAN[0], tmp_path / "sweep1.tlog", arming=False)
+    verdict = Verdict("sweep1", "repeat", "with 200 us", amplitude=200.0, source=tmp_path / "sweep1.tlog")
+    session.judged(tmp_path / "sweep1.tlog", asdict(verdict))
+    kept = read(tmp_path).run("sweep1").verdict
+    assert kept is not None and (kept["advice"], kept["source"]) == ("repeat", "sweep1.tlog")
