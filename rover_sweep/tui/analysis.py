@@ -9,14 +9,16 @@ import asyncio
 import os
 import sys
 import time
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator, Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Literal
 
 from rover_sweep.tui.summary import page_of, summary_of
 
 _KEPT = 200  # lines of what a command says
+_TICK = 1.0  # s after which a job is told although it says nothing
 _NICENESS = 10  # the vehicle's messages come first
 
 
@@ -54,11 +56,18 @@ async def followed(job: Job) -> AsyncGenerator[Job, None]:
     try:
         job = replace(job, process=process.pid)
         yield job
-        while line := await process.stderr.readline():
-            text = line.decode(errors="replace").rstrip()
-            if text.strip():
-                job = replace(job, lines=(*job.lines[-_KEPT:], text), seconds=time.monotonic() - began)
-                yield job
+        reading = asyncio.create_task(process.stderr.readline())
+        while True:
+            done, _ = await asyncio.wait({reading}, timeout=_TICK)
+            text = ""
+            if done:
+                if not (line := reading.result()):
+                    break
+                text = line.decode(errors="replace").rstrip()
+                reading = asyncio.create_task(process.stderr.readline())
+            lines = (*job.lines[-_KEPT:], text) if text.strip() else job.lines
+            job = replace(job, lines=lines, seconds=time.monotonic() - began)
+            yield job
         job = replace(job, output=(await output).decode(errors="replace"))
         code = await process.wait()
     finally:
@@ -69,7 +78,7 @@ async def followed(job: Job) -> AsyncGenerator[Job, None]:
 
 def ended(job: Job, code: int) -> Job:
     """With outcome, summary and page. A report that was written counts although the data were refused."""
-    lines = job.lines or tuple(job.output.splitlines()[-_KEPT:])
+    lines = tuple(row for row in (*job.output.splitlines(), *job.lines) if row.strip())[-_KEPT:]
     if code not in (0, 130):
         return replace(job, outcome="failed", lines=lines or (f"it ended with code {code}",), process=None)
     summary = summary_of(job.kind, job.out) if job.out is not None else ()
@@ -82,14 +91,19 @@ def _step_back() -> None:
     os.nice(_NICENESS)
 
 
+def gains_of(report: Path, logs: Sequence[Path], out: Path) -> tuple[str, ...]:
+    """The command line of steering gains; logs: of the vehicle, which tell what it flies now."""
+    now = ("--now", str(logs[-1])) if logs else ()
+    return ("gains", str(report), *now, "--out", str(out))
+
+
 def arguments_of(kind: str, recordings: Sequence[Path], vehicle: Path, out: Path) -> tuple[str, ...]:
-    """The command line of a job."""
+    """The command line of `identify` or `diagnose`."""
     return (kind, *(str(path) for path in recordings), "--vehicle", str(vehicle), "--out", str(out))
 
 
-def free_folder(folder: Path, name: str) -> Path:
-    """report, report-2, ...: the first that is not there."""
-    number = 1
-    while (found := folder / (name if number == 1 else f"{name}-{number}")).exists():
-        number += 1
-    return found
+def free_path(folder: Path, name: str, taken: Collection[Path] = ()) -> Path:
+    """report, report-2, ...: the first that is not there, nor about to be."""
+    stem, suffix = Path(name).stem, Path(name).suffix
+    numbered = (folder / (f"{stem}-{n}{suffix}" if n > 1 else name) for n in count(1))
+    return next(path for path in numbered if not path.exists() and path not in taken)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from rover_sweep.tui.analysis import Job, arguments_of, followed, free_folder
+from rover_sweep.tui.analysis import Job, arguments_of, followed, free_path, gains_of
 from rover_sweep.tui.plan_rows import Row, proposed
 from rover_sweep.tui.state import State
-from rover_sweep.tui.summary import next_runs
+from rover_sweep.tui.summary import next_runs, page_of, summary_of
 
-NAMES = {"identify": "report", "diagnose": "diagnosis", "gains": "gains"}
+NAMES = {"identify": "report", "diagnose": "diagnosis", "gains": "gains.param"}
 
 
 def recordings(state: State, folder: Path) -> tuple[Path, ...]:
@@ -38,24 +38,31 @@ class Desk:
     a diagnosis wants driven.
     """
 
-    def __init__(self, changed: Callable[[], object]) -> None:
+    def __init__(self, changed: Callable[[], object], folder: Path | None = None) -> None:
         self._changed = changed
-        self.jobs: tuple[Job, ...] = ()
+        self.jobs: tuple[Job, ...] = tuple(_before(folder)) if folder else ()
         self.proposal: tuple[Row, ...] = ()
         self.proposing = ""
         self.next_runs: tuple[str, ...] = ()
         self._tasks: dict[tuple[str, ...], asyncio.Task[None]] = {}
 
     def start(self, kind: str, state: State, folder: Path, vehicle: Path) -> None:
-        """Identify, diagnose or gains, into a folder of its own beside the recordings."""
-        taken = {job.out for job in self.jobs}
-        out, number = free_folder(folder, NAMES[kind]), 1
-        while out in taken:
-            number += 1
-            out = folder / f"{NAMES[kind]}-{number}"
-        job = Job(kind, arguments_of(kind, recordings(state, folder), vehicle, out), out)
+        """Identify or diagnose into a folder beside the recordings, or gains into a .param file there."""
+        taken = {job.out for job in self.jobs if job.out is not None}
+        out = free_path(folder, NAMES[kind], taken)
+        report = self.report
+        if kind == "gains" and report is not None:
+            job = Job(kind, gains_of(report, state.logs, out), out)
+        else:
+            job = Job(kind, arguments_of(kind, recordings(state, folder), vehicle, out), out)
         self.jobs = (*self.jobs, job)
         self._tasks[job.arguments] = asyncio.create_task(self._follow(job))
+
+    @property
+    def report(self) -> Path | None:
+        """Folder of the latest identification or diagnosis, of which gains can be made."""
+        done = (job.out for job in reversed(self.jobs) if job.kind != "gains" and job.outcome == "done")
+        return next(done, None)
 
     def stop(self, job: Job) -> None:
         """Ends its process."""
@@ -104,6 +111,14 @@ class Desk:
             self.proposing = f"no proposal: {error}"
         self._tasks.pop(job.arguments, None)
         self._changed()
+
+
+def _before(folder: Path) -> Iterator[Job]:
+    """The reports that a session, taken up again, has already."""
+    for kind in ("identify", "diagnose"):
+        for out in sorted(folder.glob(f"{NAMES[kind]}*/")):
+            if page := page_of(kind, out):
+                yield Job(kind, (kind, str(out)), out, "done", summary=summary_of(kind, out), page=page)
 
 
 def _none(job: Job) -> str:

@@ -45,4 +45,6 @@ def _step(value: float, low: float, high: float) -> str:
 def number(value: float, form: str) -> str:
     """A number, or a dash of the same width while it is not known."""
     text = format(value if math.isfinite(value) else 0.0, form)
-    return text if math.isfinite(value) else "-".rjust(len(text))
+    if not math.isfinite(value):
+        return "-".rjust(len(text))
+    return text if float(text) else format(0.0, form)  # no -0

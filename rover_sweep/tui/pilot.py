@@ -33,6 +33,8 @@ def task(state: State, speed: float = float("nan")) -> Task:
         return Task("SWITCH LOW", f"The run is over: throw switch {state.wanted.channel} low.")
     if applet == 0:
         return _before(state)
+    if applet in (1, 9) and settings.throttle_us is not None:
+        return Task("WAIT", "This program keeps the rover still: the standstill is being recorded.", False)
     if applet == 1:
         return Task(
             "STAND STILL", "The rover stands: the standstill is being recorded. Throttle at zero.", False

@@ -48,7 +48,7 @@ class SessionApp(App[None]):
         self.palette: Palette = DARK if self.memory.dark else LIGHT
         self.places: tuple[Place, ...] = ()
         self.look_for_ports()
-        self.desk = Desk(self.redraw)
+        self.desk = Desk(self.redraw, setup.folder)
         self.feed = Feed(lambda: self.post_message(Arrived()))
         self._speed = math.nan
         self.set_reactive(SessionApp.state, State(runs=setup.driven))
@@ -191,6 +191,8 @@ class SessionApp(App[None]):
         """Whether there is something to identify from, and a command that does it."""
         folder = self.setup.folder
         ready = folder is not None and self.setup.vehicle_path is not None and has_command(kind)
+        if kind == "gains":
+            return ready and self.desk.report is not None
         return ready and folder is not None and bool(recordings(self.state, folder))
 
     def analyse(self, kind: str) -> None:

@@ -22,9 +22,9 @@ CHECKS = {
     "unknown": ("·", "unknown"),
 }
 APPLET = {
-    0: "idle", 1: "records the standstill", 2: "waits for speed", 3: "straight, before", 4: "fades in",
-    5: "dwells at the lowest frequency", 6: "steers", 7: "fades out", 8: "straight, after",
-    9: "records the standstill", 10: "stopped",
+    0: "idle", 1: "standstill recorded", 2: "waits for speed", 3: "straight, before", 4: "fades in",
+    5: "dwells at w_min", 6: "steers", 7: "fades out", 8: "straight, after",
+    9: "standstill recorded", 10: "stopped",
 }  # fmt: skip
 ADVICE = {"keep": ("✓", "KEEP"), "repeat": ("↻", "REPEAT"), "discard": ("✗", "DISCARD")}
 OUTCOMES = {

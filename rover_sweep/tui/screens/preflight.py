@@ -34,7 +34,8 @@ class PreflightScreen(SessionScreen):
         checks = self.state.checks
         if self.chosen is not None:
             return min(self.chosen, len(checks) - 1)
-        return next((n for n, check in enumerate(checks) if check.state == "bad"), 0)
+        worst = (n for state in ("bad", "doubtful") for n, check in enumerate(checks) if check.state == state)
+        return next(worst, 0)
 
     @property
     def check(self) -> Check | None:
@@ -106,7 +107,7 @@ def summary(checks: tuple[Check, ...]) -> str:
     bad = sum(check.state == "bad" for check in checks)
     other = sum(check.state in ("doubtful", "unknown") for check in checks)
     if not bad and not other:
-        return f"All {len(checks)} are good: drive."
+        return f"All {len(checks)} are good: 3 plans the runs."
     return f"{bad} bad, {other} doubtful or unknown, {len(checks) - bad - other} good"
 
 

@@ -19,6 +19,7 @@ from rover_sweep.tui.screens.frame import ABORT_WORDS
 from rover_sweep.tui.state import State
 
 _DEFAULTS = {p.name: p.default for p in PARAMETERS}
+_STEERED = range(3, 9)  # states of the applet
 _TRIM = 1500.0  # us, where no vehicle file says
 
 
@@ -113,7 +114,7 @@ class RunScreen(SessionScreen):
         for name, field, scale, unit, form, low, high, limits in signals:
             values = [scale * getattr(one, field) for one in state.history]
             value = values[-1] if values else math.nan
-            off = math.isfinite(value) and bool(limits) and not low <= value <= high and self.state.driving
+            off = state.applet in _STEERED and bool(limits) and not low <= value <= high
             style = f"bold {self.palette.bad}" if off else self.palette.ink
             rows.add(
                 (f" {name:<9} {number(value, form)} {unit:<5}", f"bold {style.split()[-1]}"),

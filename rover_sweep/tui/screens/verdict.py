@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.live.snapshot import Verdict
+from rover_sweep.live.snapshot import Band, Verdict
 from rover_sweep.tui import words
 from rover_sweep.tui.big import big
 from rover_sweep.tui.drawing import Rows, cells
@@ -70,27 +70,8 @@ class VerdictScreen(SessionScreen):
         if verdict.amplitude is not None:
             rows.sentence(f"Amplitude proposed: {verdict.amplitude:g} us (W puts it into the plan)",
                           f"bold {palette.accent}")  # fmt: skip
-        if verdict.per_band:
-            told = ", ".join(f"{low:g}-{high:g} rad/s {us:.0f} us" for low, high, us in verdict.per_band)
-            rows.sentence(f"By band: {told}", palette.ink, most=2)
-        if not verdict.bands or rows.left < 3:
-            return
-        gauge = 10 if rows.width < 110 else 40
-        rows.blank().add(cells(("", "response", "rad/s", "coherence", ""), (0, 13, 12, gauge + 5, 20)),
-                         style=palette.quiet)  # fmt: skip
-        hidden = len(verdict.bands) - rows.left
-        for band in verdict.bands[: rows.left - (hidden > 0)]:
-            name = words.RESPONSES.get(band.response, band.response)
-            span = f"{band.low:.3g} to {band.high:.3g}"
-            rows.add(
-                (
-                    f" {name:<13} {span:<12} {bar(band.coherence, gauge)} {number(band.coherence, '.2f')} ",
-                    palette.ink,
-                ),
-                (band.words, f"bold {palette.ink}"),
-            )
-        if hidden > 0:
-            rows.add(f" and {hidden + 1} more", style=palette.quiet)
+        if rows.left > 2 and (verdict.bands or verdict.per_band):
+            _matrix(rows.blank(), verdict)
 
     def action_go(self) -> None:
         self.session.drive_next()
@@ -117,3 +98,30 @@ def said(verdict: Verdict) -> str:
     if sentence.lower().startswith(word.lower()):
         return word + sentence[len(word) :]
     return f"{word}: {sentence}"
+
+
+def _matrix(rows: Rows, verdict: Verdict) -> None:
+    """A row for each band, a column for each response, and what amplitude the next run wants there."""
+    responses = tuple(dict.fromkeys(band.response for band in verdict.bands))
+    spans = sorted(
+        {(b.low, b.high) for b in verdict.bands} | {(low, high) for low, high, _ in verdict.per_band}
+    )
+    there = {(band.response, band.low, band.high): band for band in verdict.bands}
+    wanted = {(low, high): us for low, high, us in verdict.per_band}
+    wide = rows.width >= 110
+    widths = (13, *((24 if wide else 13) for _ in responses), 8)
+    names = (words.RESPONSES.get(response, response) for response in responses)
+    rows.add(" " + cells(("rad/s", *names, "us wanted"[: widths[-1]]), widths), style=rows.palette.quiet)
+    for low, high in spans[: rows.left - (len(spans) > rows.left)]:
+        told = (_told(there.get((response, low, high)), wide) for response in responses)
+        us = f"{wanted[low, high]:.0f}" if (low, high) in wanted else ""
+        rows.add(" " + cells((f"{low:.2g} to {high:.2g}", *told, us), widths), style=rows.palette.ink)
+    if rows.left == 1 and len(spans) > 1:
+        rows.add(" ... and more in a larger window", style=rows.palette.quiet)
+
+
+def _told(band: Band | None, wide: bool) -> str:
+    if band is None:
+        return "-"
+    word = band.words.partition(":")[0]
+    return f"{bar(band.coherence, 6)} {number(band.coherence, '.2f')} {word}" if wide else word
