@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.run_job import Job, announce
-from rover_sweep.cli.simulated_rover import own_numbers, rover_text, variants, vehicle_in
+from rover_sweep.cli.simulated_rover import firmware_rover_text, own_numbers, rover_text, variants, vehicle_in
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def on_simulated(
         variant, seed, prepared=False,
     )  # fmt: skip
     plan = _plan(job, simulation)
-    text = None if rover_file else rover_text(variant)
+    text = None if rover_file else firmware_rover_text() if physics == "own" else rover_text(variant)
     folder = session_folder(out, "run", also=() if rover_file else ("rover.toml",))
     rover = vehicle_in(folder, rover_file, text)
     announce(plan, folder)

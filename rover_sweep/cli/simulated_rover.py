@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import radians, sin
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,25 @@ def rover_text(variant: str) -> str:
         return rover_file(load_variant(variant), variant)
     except ValueError as error:
         raise UsageError(str(error)) from error
+
+
+def firmware_rover_text() -> str:
+    """rover.toml of ArduPilot's own simulated rover (SIM_Rover.h, 4.6.3): 35 deg of steering at 500 us, and
+    the wheelbase that its turning circle of 1.8 m then means. It has no tyres and no body, so that the masses,
+    which are the nominal plant's, play no part in what is identified of it."""
+    from dataclasses import replace
+
+    from sitl.parameters import load_variant
+    from sitl.rover_file import rover_file
+
+    half = 1.8 / 2 * sin(radians(35)) / 2
+    own = replace(
+        load_variant("nominal"),
+        rad_per_us=round(radians(35) / 500, 6),
+        cg_to_front_axle=round(half, 4),
+        cg_to_rear_axle=round(half, 4),
+    )
+    return rover_file(own, "of the firmware")
 
 
 def vehicle_in(folder: Path, rover_file: str | None, text: str | None) -> tuple[Vehicle, Path]:

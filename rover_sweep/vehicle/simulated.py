@@ -25,7 +25,7 @@ Physics = Literal["plant", "own"]
 
 # The nominal rover goes 2.5 m/s at 1710 us (sitl/variants/nominal.toml), as in the recordings.
 THROTTLE_US = 1710
-OWN_THROTTLE_US = 1550  # ArduPilot's own rover: 20 m/s at full throttle of 400 us (SIM_Rover.h, 4.6.3)
+OWN_THROTTLE_US = 1590  # 2.5 m/s of ArduPilot's own rover (4.6.3)
 _SWITCH, _THROTTLE = 6, 3  # RC channels of the simulated pilot
 _HIGH, _LOW, _CENTRE = 1900, 1000, 1500  # us
 
