@@ -168,7 +168,7 @@ class FlashPart:
         ):
             if not found or found[-1][1] != state:
                 found.append((t, state))
-            if last and state:
+            if last and state and t + SILENT < self.end:
                 found.append((t + SILENT, 0))
         return tuple(found)
 
