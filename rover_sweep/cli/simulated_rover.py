@@ -39,7 +39,7 @@ def rover_text(variant: str) -> str:
 
 def firmware_rover_text() -> str:
     """rover.toml of ArduPilot's own simulated rover (SIM_Rover.h, 4.6.3): 35 deg of steering at 500 us, and
-    the wheelbase that its turning circle of 1.8 m then means. It has no tyres and no body, so that the masses,
+    the wheelbase that its turning circle of 1.8 m then means. It has no tyres and no body: the masses,
     which are the nominal plant's, play no part in what is identified of it."""
     from dataclasses import replace
 
