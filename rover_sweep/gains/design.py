@@ -31,6 +31,9 @@ MOST_OVERSHOOT = 5.0  # percent
 SPEED_RANGE = 1.5  # the gains are meant to hold from V / 1.5 to 1.5 V
 GATHERED, MOST_GATHERED = 0.5, 0.2  # of I times lag, and of FF
 MOST_P, MOST_I = 2.0, 2.0  # ranges that ground stations offer (AR_AttitudeControl.cpp, var_info)
+MOST_D, D_WORTH = 0.4, 0.7
+_I_ENOUGH = 0.9  # of MOST_I: no D can bring much then
+_D_OF_FF = (0.02, 0.05)  # s
 _P_OF_FF = np.concatenate(([0.0], np.geomspace(0.03, 6.0, 40)))  # P in units of FF
 _I_OF_FF = np.geomspace(0.05, 40.0, 40)  # I in units of FF, 1/s
 
@@ -69,12 +72,27 @@ def feed_forward(family: Family) -> float:
 
 
 def designed(family: Family, keep: Gains) -> Gains | None:
-    """The gains with what `keep` has of filters and IMAX; None where no pair keeps the margins."""
+    """The gains with what `keep` has of filters and IMAX; None where no pair keeps the margins.
+
+    D only where it brings the error of a push below `D_WORTH` of that without: behind a slow gyro filter.
+    """
     right = feed_forward(family)
+    found = _fastest(family, replace(keep, ff=right, d=0.0))
+    if found is not None and found[0].i >= _I_ENOUGH * MOST_I:
+        return found[0]
+    for share in _D_OF_FF:
+        other = _fastest(family, replace(keep, ff=right, d=_below(min(share * right, MOST_D))))
+        if other is not None and (found is None or other[1] < D_WORTH * found[1]):
+            found = other
+    return found[0] if found else None
+
+
+def _fastest(family: Family, shared: Gains) -> tuple[Gains, float] | None:
+    """(gains, error of a push [rad]) of the best pair of P and I with the D and filters of `shared`."""
+    right = shared.ff
     p, i = (grid.ravel() for grid in np.meshgrid(_P_OF_FF * right, _I_OF_FF * right))
     offered = (p <= MOST_P) & (i <= MOST_I)
     p, i = p[offered], i[offered]
-    shared = replace(keep, ff=right, d=0.0)
     keeps = robust(family, shared, p, i)
     p, i = p[keeps], i[keeps]
     if p.size == 0:
@@ -85,8 +103,8 @@ def designed(family: Family, keep: Gains) -> Gains | None:
         return None
     p, i, ff = p[tame], i[tame], ff[tame]
     error = pushed_error(family.autopilot, family.nominal, family.angle_per_output[0], p, i, shared)
-    best = int(np.argmin(error))
-    return replace(shared, ff=round(float(ff[best]), 3), p=_below(p[best]), i=_below(i[best]))
+    k = int(np.argmin(error))
+    return replace(shared, ff=round(float(ff[k]), 3), p=_below(p[k]), i=_below(i[k])), float(error[k])
 
 
 def robust(family: Family, shared: Gains, p: Array, i: Array) -> np.ndarray:

@@ -43,9 +43,8 @@ def all_margins(loops: Complex, w: Array) -> tuple[Array, Array, Array, Array]:
     crossed = above[:, :-1] != above[:, 1:]
     log = np.log(size)
     share = np.where(crossed, -log[:, :-1] / np.where(crossed, np.diff(log), 1.0), 0.0)
-    angle = np.unwrap(np.angle(loops))
-    there = angle[:, :-1] + share * np.diff(angle)
-    margin = np.where(crossed, np.degrees((there + 2 * np.pi) % (2 * np.pi) - np.pi), np.inf)
+    there = loops[:, :-1] + share * np.diff(loops)
+    margin = np.where(crossed, np.degrees(np.angle(-there)), np.inf)
     at = np.where(crossed, w[:-1] * (w[1:] / w[:-1]) ** share, np.nan)
     last = np.where(crossed.any(axis=1), np.fmax.reduce(np.where(crossed, at, -np.inf), axis=1), np.nan)
     return gain, margin.min(axis=1), last, phase_at

@@ -52,7 +52,9 @@ def _reasons(proposal: Proposal, judged: Judged) -> dict[str, str]:
         "ATC_STR_RAT_FF": forward,
         "ATC_STR_RAT_P": with_p if judged.gains.p > 0 else "with delay and FF it brings nothing",
         "ATC_STR_RAT_I": "with P the fastest answer to a push at the wheels within margins and 5 % overshoot",
-        "ATC_STR_RAT_D": "the loop meets its margins without, and D brings the gyro's noise to the servo",
+        "ATC_STR_RAT_D": "it would bring little here but the gyro's noise to the servo"
+        if judged.gains.d == 0
+        else "makes up for a part of the loop's lag, so that P and I may be larger",
         "ATC_STR_RAT_IMAX": "what FF may be wrong by at the largest turn rate and a trim 0.03 rad off",
     }
 

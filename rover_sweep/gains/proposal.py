@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -139,11 +139,7 @@ def _after(found: Identified, support: Support, judged: Judged | None) -> tuple[
     reasons = supported_loop(found, judged.margins)
     if reasons:
         return replace(support, level="none", reasons=reasons), None
-    return replace(support, remarks=(*support.remarks, *_remarks(found, judged))), judged
-
-
-def _remarks(found: Identified, judged: Judged) -> Sequence[str]:
-    return extrapolated(found, judged.margins)
+    return replace(support, remarks=(*support.remarks, *extrapolated(found, judged.margins))), judged
 
 
 def _stable(support: Support, family: Family) -> Support:

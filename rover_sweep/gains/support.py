@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +13,7 @@ from rover_sweep.gains.margins import Margins
 
 Level = Literal["gains", "feed-forward only", "none"]
 LEAST_CROSSOVER = 0.5  # rad/s: a slower loop takes longer than 2 s to correct anything; a pilot is faster
+SLOW_GYRO_HZ = 10.0  # below it the filter's lag is above 22 ms, as much as a servo's
 FULL_TRAVEL = 0.98  # of the servo's travel: a run that far was cut
 
 
@@ -122,6 +124,12 @@ def _conditions(autopilot: Autopilot, speed: float) -> tuple[str, ...]:
         said.append(
             f"at {speed:.3g} m/s, at or below {base}, the firmware does not scale the steering and lets the "
             "integrator only shrink: I does nothing there"
+        )
+    if 0 < autopilot.gyro_hz < SLOW_GYRO_HZ:
+        lag = 1000 * math.sqrt(2) / (2 * math.pi * autopilot.gyro_hz)
+        said.append(
+            f"INS_GYRO_FILTER {autopilot.gyro_hz:g} Hz holds the loop back by {lag:.0f} ms: raised to 20 Hz "
+            "it allows a faster one (compute again)"
         )
     said += [
         f"{name} = {value:g} is set and not part of this computation"

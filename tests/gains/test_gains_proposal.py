@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from rover_sweep.gains.param_file import param_text
 from rover_sweep.gains.plant import sampled_plant
 from rover_sweep.gains.proposal import Proposal, propose
 
-LOOP = autopilot({"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 20.0})
+AS_RECORDED = {"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 20.0}
+LOOP = autopilot(AS_RECORDED)
 TRUE_STEADY = 2.5 / 0.391  # r/delta of the nominal plant at 2.5 m/s, which hardly understeers
 
 
@@ -62,21 +64,22 @@ def test_more_of_the_same_gains_would_break_them(proposal: Proposal):
 
 
 def test_another_speed_scale_changes_the_gains_by_its_factor(document: Any):
-    """Twice MOT_SPD_SCA_BASE is twice the steering for the same output."""
-    found = from_identification(document)
+    """Nearly twice MOT_SPD_SCA_BASE is as much more steering for the same output: the loop stays the same."""
+    found = replace(from_identification(document), intervals={})
     one, two = (
-        propose(found, autopilot({"MOT_SPD_SCA_BASE": b, "SCHED_LOOP_RATE": 100.0}), 3.0) for b in (1, 1.9)
+        propose(found, autopilot({**AS_RECORDED, "MOT_SPD_SCA_BASE": base}), 3.0) for base in (1.0, 1.9)
     )
-    assert one.proposed.gains.ff / two.proposed.gains.ff == pytest.approx(1.9, rel=0.02)
+    assert one.feed_forwards[3.0] / two.feed_forwards[3.0] == pytest.approx(1.9)
+    assert one.now.margins.gain_db - two.now.margins.gain_db == pytest.approx(20 * np.log10(1.9), abs=0.01)
 
 
 def test_a_slow_gyro_filter_costs_gain(document: Any, proposal: Proposal):
-    slow = propose(
-        from_identification(document), autopilot({"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 4.0}), 2.5
-    )
+    slow = propose(from_identification(document), autopilot({**AS_RECORDED, "INS_GYRO_FILTER": 4.0}), 2.5)
     assert slow.proposed.worst_gain[0] >= GAIN_MARGIN_DB
     assert slow.proposed.gains.p < proposal.proposed.gains.p
     assert slow.proposed.gains.i < proposal.proposed.gains.i
+    assert slow.proposed.gains.d > 0 == proposal.proposed.gains.d
+    assert any("INS_GYRO_FILTER 4 Hz holds the loop back by 56 ms" in r for r in slow.support.remarks)
 
 
 def test_the_parameter_file_reads_back_with_a_reason_on_every_line(proposal: Proposal):
@@ -175,7 +178,8 @@ def test_the_kinematic_model_carries_the_feed_forward_alone(document: Any):
 
 
 def test_at_the_scales_base_it_says_that_the_integrator_is_held(document: Any):
-    made = propose(from_identification(document), autopilot({"MOT_SPD_SCA_BASE": 2.6}), 2.5)
+    found = replace(from_identification(document), intervals={})
+    made = propose(found, autopilot({**AS_RECORDED, "MOT_SPD_SCA_BASE": 2.6}), 2.5)
     assert any("integrator only shrink" in remark for remark in made.support.remarks)
 
 

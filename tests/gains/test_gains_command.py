@@ -1,0 +1,119 @@
+"""`rover-sweep gains` from files to the terminal, JSON and a parameter file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware_params.check import read
+from rover_sweep.cli.main import run
+
+DATA = Path(__file__).parents[1] / "data"
+LOG = DATA / "ardurover-4.6.3" / "nominal" / "run1.BIN"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, nominal_text: str) -> Path:
+    """The --out folder of identify, as far as gains read it."""
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "identification.json").write_text(nominal_text)
+    return tmp_path
+
+
+def test_a_folder_and_a_log_give_a_table_and_a_file(folder: Path, capsys: pytest.CaptureFixture[str]):
+    out = folder / "gains.param"
+    assert run(["gains", str(folder), "--now", str(LOG), "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert "Gains for 2.45 m/s, good from 1.64 to 3.68 m/s (roll-yaw model, good)" in said.out
+    assert "ATC_STR_RAT_FF" in said.out
+    assert f"parameters written to {out}" in said.err
+    written = {p.name: p for p in read(out)}
+    assert set(written) == {f"ATC_STR_RAT_{k}" for k in ("FF", "P", "I", "D", "IMAX")}
+    assert "(was 0.75)" in written["ATC_STR_RAT_FF"].reason  # the recordings flew sim_vehicle's 0.75
+
+
+def test_json_stands_alone_on_stdout(folder: Path, capsys: pytest.CaptureFixture[str]):
+    assert run(["gains", str(folder / "report" / "identification.json"), "--speed", "2.5", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["support"]["level"] == "gains"
+    assert told["proposed"]["worst"]["gain_margin_db"] >= 6
+    assert told["autopilot"]["gyro_filter_hz"] == 20.0  # that of the runs, where nothing else is known
+    assert "INS_GYRO_FILTER" in told["autopilot"]["assumed"]
+
+
+def test_a_saved_result_is_read_like_the_report(
+    nominal_result: Any, folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    nominal_result.save(folder / "result.json")
+    found = []
+    for place in (folder / "result.json", folder):
+        assert run(["gains", str(place), "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    assert found[0] == found[1]
+
+
+def test_the_vehicles_own_parameters_are_compared(folder: Path, capsys: pytest.CaptureFixture[str]):
+    now = folder / "now.param"
+    now.write_text(
+        "ATC_STR_RAT_FF 2.5\nATC_STR_RAT_P 1.5\nSCHED_LOOP_RATE 50\nSERVO1_MAX 1700\nSERVO1_MIN 1300\n"
+    )
+    assert run(["gains", str(folder), "--now", str(now), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["now"]["parameters"]["ATC_STR_RAT_FF"] == 2.5
+    assert told["autopilot"]["travel_us"] == {"right": 200.0, "left": 200.0}
+    assert told["autopilot"]["loop_rate_hz"] == 50
+
+
+def test_what_is_not_supported_writes_no_file(
+    folder: Path, nominal_text: str, capsys: pytest.CaptureFixture[str]
+):
+    out = folder / "gains.param"
+    assert run(["gains", str(folder), "--speed", "9", "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert "supports no gains for 9.00 m/s" in said.out
+    assert "too far from the runs" in said.out
+    assert "was not written" in said.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere"], "holds no identification"),
+        (["{folder}", "--model", "lumped"], "--model lumped"),
+        (["{folder}", "--now", "missing.param"], "missing.param cannot be read"),
+        (["{folder}", "--now", "a.param", "--connect", "udp:x"], "give one of them"),
+        ([str(DATA / "rover.toml")], "cannot be read as an identification"),
+        (["{folder}", "--out", "no/such/gains.param"], "there is no folder"),
+    ],
+)
+def test_mistakes_are_one_sentence(
+    arguments: list[str], words: str, folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert run(["gains", *(a.format(folder=folder) for a in arguments)]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert "Traceback" not in said
+
+
+def test_a_diagnosis_carries_gains_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """The diagnosed linear model of a rover whose servo lags."""
+    from dataclasses import asdict
+
+    from rover_sweep.diagnosis.augmented import AugmentedModel
+    from rover_sweep.gains.firmware import autopilot
+    from rover_sweep.gains.identified import from_diagnosis
+    from rover_sweep.gains.proposal import propose
+    from rover_sweep.identify.geometry import Geometry
+
+    car = Geometry(mass=2.66, a=0.203, b=0.188, yaw_inertia=0.071)
+    model = AugmentedModel(
+        "bicycle", car, ("servo_lag",), {"servo_lag.T": 0.05}, 2.5, steering=(1500, 0.00095)
+    )
+    assert asdict(car)["mass"] == 2.66
+    made = propose(from_diagnosis(model, "explained"), autopilot({"INS_GYRO_FILTER": 20.0}), 2.5)
+    assert made.support.level == "gains"
+    assert made.proposed.worst_gain[0] >= 6
