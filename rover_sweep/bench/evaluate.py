@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.bench.by_hand import Readings, by_hand
-from rover_sweep.bench.by_wheel import Command, Wheel, by_wheel
+from rover_sweep.bench.by_wheel import by_wheel
 from rover_sweep.bench.folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
 from rover_sweep.bench.result import BenchResult
 from rover_sweep.bench.wheel_file import arrivals, read_wheel, wheel_of_telemetry
+from rover_sweep.bench.wheel_problem import Command, Wheel
 from rover_sweep.errors import DataRefused
 from rover_sweep.vehicle_file import Vehicle
 

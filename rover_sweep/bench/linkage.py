@@ -34,14 +34,18 @@ def play(servo: Array, half_gap: float) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def driven(due: Array, target: Array, t: Array, lag: float, slowness: float, half_gap: float) -> Array:
+def driven(
+    due: Array, target: Array, t: Array, lag: float, slowness: float, half_gap: float, begin: float
+) -> Array:
     """Wheel (n,) rad at the times t: targets (m,) rad come due at `due` (m,) s, exactly solved between.
 
-    slowness: 1/rate limit [s/rad]. Begins at rest at the first target.
+    slowness: 1/rate limit [s/rad]. Begins at rest at the first target, the wheel `begin` rad from the middle
+    of the gap.
     """
     out = np.empty(t.size)
     servo = target[0]
-    x, goal, now, j = servo, target[0], t[0], 0
+    x = servo + min(max(begin, -half_gap), half_gap)
+    goal, now, j = target[0], t[0], 0
     for k in range(t.size):
         while True:
             end = t[k]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_sweep.bench.by_wheel import Wheel
+from rover_sweep.bench.wheel_problem import Wheel
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.recording import Array
 
