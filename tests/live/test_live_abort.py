@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from asked_source import LIMITS, PLAN, READY, SETTINGS, Asked
+from asked_source import PLAN, READY, SETTINGS, Asked
 from counted_proxy import CountedProxy
 
 from rover_sweep.identify.sweep import Sweep
@@ -16,18 +17,18 @@ from rover_sweep.live.source import Drive, Ended, FetchLogs, Judged, Lost, Play
 from rover_sweep.logs.tlog import open_tlog
 from rover_sweep.session_folder.folder import read
 from rover_sweep.vehicle.events import Connected, Interrupted, Notice, RunFinished, StateChanged
+from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.run import RunSettings
 from rover_sweep.vehicle.session import PlannedRun
 from sitl import launcher
 
 FAST = PlannedRun("sweep1", Sweep(amplitude=200, w_min=5, w_max=20, t_rec=30, straight=1))
 TRIM = 1500
-_SPEEDUP = 5.0
 
 
 @pytest.fixture
 def rover(tmp_path: Path) -> Iterator[launcher.Running]:
-    with launcher.start_embedded(tmp_path / "vehicle", options=READY, speedup=_SPEEDUP) as running:
+    with launcher.start_embedded(tmp_path / "vehicle", options=READY, speedup=8) as running:
         yield running
 
 
@@ -68,15 +69,49 @@ def test_an_abort_in_mid_sweep_lets_the_steering_go(rover: launcher.Running, tmp
     assert (run.state, run.left_armed) == ("stopped", False)
 
 
-def test_an_abort_stops_the_pilots_sweep_too(rover: launcher.Running, tmp_path: Path) -> None:
-    """The switch is not ours: the applet is told to stop, and who armed disarms."""
-    planned, own = FAST, RunSettings(arm=True, throttle_us=1710, trigger="aux", extra=LIMITS)
+class Pilot:
+    """The person with the radio, as another ground station: arms, drives, holds the switch high."""
+
+    def __init__(self, url: str, tlog: Path) -> None:
+        self._link, self._end = Link.open(url, tlog), threading.Event()
+        self._thread = threading.Thread(target=self._drive, daemon=True)
+        self._thread.start()
+
+    def _drive(self) -> None:
+        self._link.require("arm", "MAV_CMD_COMPONENT_ARM_DISARM", 1.0)
+        self._link.every(0.2, self._hold)
+        while not self._end.is_set():
+            self._link.receive(0.05)
+
+    def _hold(self) -> None:
+        sticks = {f"chan{n}_raw": {3: 1710, 6: 1900}.get(n, 65535) for n in range(1, 17)}
+        self._link.to_vehicle("RC_CHANNELS_OVERRIDE", **sticks, chan17_raw=0, chan18_raw=0)
+
+    def __enter__(self) -> Pilot:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end.set()
+        self._thread.join(5)
+        self._link.close()
+
+
+def test_an_abort_stops_the_applet_while_the_pilot_holds_the_switch(
+    rover: launcher.Running, tmp_path: Path
+) -> None:
     with Asked(tmp_path / "s") as asked:
         asked.connect(rover.connection)
-        in_mid_sweep(asked, planned, own)
-        asked.source.abort()
-        assert asked.wait(Interrupted).failures == ()
-        asked.wait(Snapshot, lambda snapshot: not snapshot.armed and snapshot.state in (0, 10))
+        asked.source.ask(Drive(FAST, RunSettings(extra={"v_max": 5.0, "still": 0.0}, patience=60)))
+        asked.wait(Notice, lambda notice: "waiting for the pilot to arm" in notice.text)
+        with Pilot(rover.connection, tmp_path / "pilot.tlog"):
+            asked.wait(StateChanged, lambda event: event.state == 6)
+            asked.source.abort()
+            stopped = asked.wait(Interrupted)
+            assert (stopped.failures, stopped.armed) == ((), True)  # who armed disarms
+            asked.wait(Snapshot, lambda now: now.state in (0, 10) and now.pwm == TRIM and now.armed)
+            assert asked.wait(Snapshot).switch == 1900
+    (run,) = read(tmp_path / "s").runs
+    assert (run.state, run.left_armed) == ("stopped", False)
 
 
 def test_an_abort_while_nothing_is_driven_harms_nothing(rover: launcher.Running, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from rover_sweep.session_folder.folder import Session, is_session, read
 from rover_sweep.session_folder.recordings import session_runs
 
 PLAN = (
-    PlannedRun("sweep1", Sweep(amplitude=120)),
+    PlannedRun("sweep1", Sweep(amplitude=120), speed=2.4),
     PlannedRun("bias", BiasSweep(amplitude=80, bias=-100)),
     PlannedRun("multisine1", Multisine()),
     PlannedRun("doublet", Doublet()),
