@@ -21,7 +21,7 @@ from rover_sweep.vehicle.transport import Transport
 
 _SLACK = 0.05  # s: a wait here may end that much before it did then, since the code itself takes no time
 _EARLY = 0.5  # s: ... and a message may be sent that much sooner
-_PATIENCE = 5.0  # s that the code may wait where something was sent then
+_PATIENCE = 3.0  # s that the code may wait where something was sent then; less than a link takes for silence
 _LEAST = 1e-4  # s that pass in a wait, so that no loop without a wait runs for ever
 _SPOKEN = (Kind.SENT, Kind.UNSENT)
 _OPENING = (Kind.OPENED, Kind.REFUSED)
@@ -83,7 +83,7 @@ class ReplayedLine:
         then, turns = _Hearing(), []
         for entry in conversation.entries:
             said = then.said(entry.data) if entry.kind in _SPOKEN else None
-            if said is not None or entry.kind not in _SPOKEN:
+            if said is not None or entry.kind != Kind.SENT:  # a heartbeat that failed told of the end
                 turns.append(_Turn(entry.kind, entry.t, entry.data, said))
         self._turns = turns
         self._now_hearing = _Hearing()
@@ -119,10 +119,10 @@ class ReplayedLine:
     def receive(self, timeout: float) -> bytes:
         self._refuse_after_difference()
         turn, until = self._next(), self._now + max(timeout, _LEAST)
-        if turn is not None and turn.kind in (Kind.RECEIVED, Kind.ENDED) and turn.t <= until + _SLACK:
+        if turn is not None and _comes(turn) and turn.t <= until + _SLACK:
             self._take(turn)
-            if turn.kind == Kind.ENDED:
-                raise ConnectionResetError(turn.data.decode())
+            if turn.kind != Kind.RECEIVED:
+                raise ConnectionResetError("the connection had ended")
             return turn.data
         since = self._turns[-1].t if turn is None else turn.t
         if until > since + _PATIENCE:
@@ -133,12 +133,20 @@ class ReplayedLine:
     def send(self, data: bytes) -> None:
         self._refuse_after_difference()
         said = self._now_hearing.said(data)
-        if said is None:
-            return
         index = self._at
         while index < len(self._turns) and (self._turns[index].kind == Kind.RECEIVED or index in self._early):
             index += 1
         turn = self._turns[index] if index < len(self._turns) else None
+        if (
+            turn is not None
+            and turn.kind == Kind.UNSENT
+            and turn.said is None
+            and turn.t <= self._now + _SLACK
+        ):
+            self._at = index + 1
+            raise BrokenPipeError("the connection had ended")
+        if said is None:
+            return
         if turn is None or turn.said != said or turn.t > self._now + _EARLY:
             raise self._differs(f"sends {said}", turn)
         if index == self._at:
@@ -149,7 +157,7 @@ class ReplayedLine:
             raise BrokenPipeError("the connection had ended")
 
     def close(self) -> None:
-        while (turn := self._next()) is not None and turn.kind in (Kind.RECEIVED, Kind.ENDED):
+        while (turn := self._next()) is not None and _comes(turn):
             self._at += 1
         if turn is None or turn.kind != Kind.CLOSED:
             if not self._difference:  # a close while another difference is on its way must not hide it
@@ -169,7 +177,7 @@ class ReplayedLine:
         self._now = max(self._now, turn.t)
 
     def _counts(self, index: int) -> bool:
-        return index not in self._early and self._turns[index].kind not in (Kind.RECEIVED, Kind.ENDED)
+        return index not in self._early and not _comes(self._turns[index])
 
     def _refuse_after_difference(self) -> None:
         if self._difference:
@@ -196,6 +204,11 @@ class ReplayedTransport:
 
     def close(self) -> None:
         self._line.close()
+
+
+def _comes(turn: _Turn) -> bool:
+    """Whether it came from outside: bytes, or the end of the connection."""
+    return turn.kind in (Kind.RECEIVED, Kind.ENDED) or (turn.kind == Kind.UNSENT and turn.said is None)
 
 
 def _words(turn: _Turn | None, now: float) -> str:

@@ -1,0 +1,133 @@
+"""A conversation on disk: what comes back, what a kill leaves, what damage is told."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import pytest
+from fake_vehicle import FakeVehicle
+
+from rover_sweep.errors import DataRefused, LinkError
+from rover_sweep.vehicle.conversation import Conversation, ConversationWriter, Entry, Kind
+from rover_sweep.vehicle.conversation import read_conversation as read
+from rover_sweep.vehicle.conversation import write_conversation as write
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.parameters import read_present, write_all
+from rover_sweep.vehicle.transport_recorded import RecordedLine, conversation_in
+from rover_sweep.vehicle.transport_replayed import ConversationDiffers, ReplayedLine
+
+ENTRIES = tuple(Entry(kind, 0.25 * kind, bytes(range(40 * kind))) for kind in Kind)
+
+
+def test_what_is_written_comes_back(tmp_path: Path) -> None:
+    write(tmp_path / "a", Conversation(ENTRIES, {"url": "tcp:x"}))
+    found = read(tmp_path / "a")
+    assert found.entries == ENTRIES and found.about["url"] == "tcp:x" and found.whole
+
+
+def test_a_killed_program_loses_no_more_than_the_last_second(tmp_path: Path) -> None:
+    writer = ConversationWriter(tmp_path / "a", {})
+    for n in range(50):
+        writer.write(Kind.RECEIVED, 100_000 * n, bytes([n]) * 200)
+    left = (tmp_path / "a").read_bytes()  # as it is on disk while the program still runs
+    (tmp_path / "b").write_bytes(left)
+    found = read(tmp_path / "b")
+    assert not found.whole
+    assert 40 <= len(found.entries) <= 50
+    assert all(entry.data == bytes([n]) * 200 for n, entry in enumerate(found.entries))
+    writer.close()
+    assert len(read(tmp_path / "a").entries) == 50
+
+
+def test_damage_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    write(path, Conversation(ENTRIES))
+    data = bytearray(path.read_bytes())
+    data[-20] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(DataRefused, match="damaged"):
+        read(path)
+    path.write_bytes(gzip.compress(b'{"format": "something else"}\n'))
+    with pytest.raises(DataRefused, match="no conversation recording"):
+        read(path)
+    with pytest.raises(DataRefused, match="cannot be read"):
+        read(tmp_path / "nothing")
+
+
+def test_no_recording_overwrites_another(tmp_path: Path) -> None:
+    for name in ("session.conversation", "session-2.conversation"):
+        path = conversation_in(tmp_path)
+        assert path.name == name
+        RecordedLine(path).close()
+
+
+def _conversation(vehicle: FakeVehicle, folder: Path) -> tuple[Path, dict[str, float]]:
+    path = folder / "a.conversation"
+    with RecordedLine(path) as line, Link.open(vehicle.url, folder / "a.tlog", line=line) as link:
+        write_all(link, {"SWP_V_MAX": 3.0})
+        return path, read_present(link, ["SWP_V_MAX", "NONE_SUCH"])
+
+
+def test_a_reboot_is_part_of_the_conversation(vehicle: FakeVehicle, tmp_path: Path) -> None:
+    path = tmp_path / "a.conversation"
+    with RecordedLine(path) as line, Link.open(vehicle.url, tmp_path / "a.tlog", line=line) as link:
+        vehicle.hang_up()
+        link.reconnect(10.0)
+        then = link.clock.now
+    kinds = [entry.kind for entry in read(path).entries]
+    assert kinds.count(Kind.OPENED) == kinds.count(Kind.CLOSED) == 2
+    again = ReplayedLine(read(path))
+    with Link.open(vehicle.url, tmp_path / "b.tlog", line=again) as link:
+        link.reconnect(10.0)
+        assert link.clock.now == then
+    again.finish()
+
+
+def test_a_refused_connection_is_refused_again(tmp_path: Path) -> None:
+    path = tmp_path / "a.conversation"
+    with RecordedLine(path) as line, pytest.raises(LinkError) as then:
+        Link.open("tcp:127.0.0.1:1", tmp_path / "a.tlog", line=line)
+    with pytest.raises(LinkError) as now:
+        Link.open("tcp:127.0.0.1:1", tmp_path / "b.tlog", line=ReplayedLine(read(path)))
+    assert str(now.value) == str(then.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "name", "words"),
+    [
+        (3.5, "SWP_V_MAX", "sends PARAM_SET.*param_value=3.5.*it sent PARAM_SET.*param_value=3.0"),
+        (3.0, "SWP_V_MIN", "sends PARAM_REQUEST_READ.*param_id=SWP_V_MIN.*param_id=SWP_V_MAX"),
+    ],
+)
+def test_the_first_difference_is_named(
+    vehicle: FakeVehicle, tmp_path: Path, value: float, name: str, words: str
+) -> None:
+    path, _ = _conversation(vehicle, tmp_path)
+    again = ReplayedLine(read(path))
+    with pytest.raises(ConversationDiffers, match=words):
+        link = Link.open(vehicle.url, tmp_path / "b.tlog", line=again)
+        write_all(link, {name: value})
+
+
+def test_less_and_more_than_then_are_differences(vehicle: FakeVehicle, tmp_path: Path) -> None:
+    path, found = _conversation(vehicle, tmp_path)
+    assert found == {"SWP_V_MAX": 3.0}
+    again = ReplayedLine(read(path))
+    link = Link.open(vehicle.url, tmp_path / "b.tlog", line=again)
+    with pytest.raises(ConversationDiffers, match="closes the connection, where then it sent PARAM_REQUEST"):
+        link.close()
+    again = ReplayedLine(read(path))
+    with pytest.raises(ConversationDiffers, match="waits, where then it sent PARAM_REQUEST"):
+        Link.open(vehicle.url, tmp_path / "c.tlog", line=again).wait_for("NOTHING", 30.0)
+    again = ReplayedLine(read(path))
+    with pytest.raises(ConversationDiffers, match="has ended, where then"):
+        again.open(vehicle.url)
+        again.finish()
+    again = ReplayedLine(read(path))
+    with Link.open(vehicle.url, tmp_path / "d.tlog", line=again) as link:
+        write_all(link, {"SWP_V_MAX": 3.0})
+        assert read_present(link, ["SWP_V_MAX", "NONE_SUCH"]) == found
+    again.finish()
+    with pytest.raises(ConversationDiffers, match="opens a connection, where then nothing more"):
+        again.open(vehicle.url)
