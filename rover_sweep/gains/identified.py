@@ -109,9 +109,10 @@ def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
         raise ValueError("a diagnosis of the lumped model holds at one speed and carries no gains")
     hidden = tuple(f for c, f in hidden_filters(model).items() if c == "r")
     known = model.filters.get("r")
-    lost = tuple(f"The loop is computed without {words}." for words in left_out(model))
+    lost = tuple(f"not in the loop that was computed: {words}" for words in left_out(model))
     levels = {"none": "good", "explained": "good", "partly explained": "acceptable"}
-    structure = linear(model)
+    structure = _sooner(linear(model), model.wait)
+    assert structure is not None
     return Identified(
         model.name, levels.get(verdict, "poor"), structure, _guessed(structure), (model.speed,),
         rad_per_us=model.steering[1] if model.steering else None,
@@ -196,12 +197,10 @@ def _intervals(parameters: Mapping[str, Any], wait: float) -> dict[str, tuple[fl
 
 
 def _guessed(structure: ModelStructure) -> dict[str, tuple[float, float]]:
-    """Where nothing is known of the accuracy: the delay within 30 %, the inputs' gain is not a parameter."""
-    return {
-        name: (value * (1 - GUESSED_DELAY), value * (1 + GUESSED_DELAY))
-        for name, value in structure.values.items()
-        if name in structure.delays and value > 0
-    }
+    """Where no accuracy is known: the gain of the steering within 15 %, its delay within 30 %."""
+    shares = {"gain": GUESSED_GAIN, "tau": GUESSED_DELAY}
+    known = {n: structure.values[n] for n in shares if structure.values.get(n, 0.0) > 0}
+    return {n: (value * (1 - shares[n]), value * (1 + shares[n])) for n, value in known.items()}
 
 
 def _tied(structure: ModelStructure, values: Mapping[str, float]) -> dict[str, float]:

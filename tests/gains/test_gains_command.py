@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from firmware_params.check import read
 from rover_sweep.cli.main import run
 
 DATA = Path(__file__).parents[1] / "data"
+sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
 LOG = DATA / "ardurover-4.6.3" / "nominal" / "run1.BIN"
 
 
@@ -99,21 +101,19 @@ def test_mistakes_are_one_sentence(
     assert "Traceback" not in said
 
 
-def test_a_diagnosis_carries_gains_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    """The diagnosed linear model of a rover whose servo lags."""
-    from dataclasses import asdict
+def test_a_diagnosis_carries_gains_too(tmp_path: Path):
+    """Its linear part, with the lag of the servo as a lag; what is not linear is said."""
+    from augmented_models import model
 
-    from rover_sweep.diagnosis.augmented import AugmentedModel
     from rover_sweep.gains.firmware import autopilot
     from rover_sweep.gains.identified import from_diagnosis
     from rover_sweep.gains.proposal import propose
-    from rover_sweep.identify.geometry import Geometry
 
-    car = Geometry(mass=2.66, a=0.203, b=0.188, yaw_inertia=0.071)
-    model = AugmentedModel(
-        "bicycle", car, ("servo_lag",), {"servo_lag.T": 0.05}, 2.5, steering=(1500, 0.00095)
-    )
-    assert asdict(car)["mass"] == 2.66
-    made = propose(from_diagnosis(model, "explained"), autopilot({"INS_GYRO_FILTER": 20.0}), 2.5)
+    found = from_diagnosis(model("servo_lag", "steering_backlash"), "explained")
+    made = propose(found, autopilot({"INS_GYRO_FILTER": 20.0, "SCHED_LOOP_RATE": 100.0}), 2.5)
     assert made.support.level == "gains"
     assert made.proposed.worst_gain[0] >= 6
+    assert made.delay == pytest.approx(0.02 - 0.005)  # the wait for the main loop is not the loop's
+    assert any("steering_backlash" in remark for remark in made.support.remarks)
+    slow = propose(from_diagnosis(model("servo_lag"), "unexplained"), made.autopilot, 2.5)
+    assert "the verdict of the diagnosis is: unexplained" in slow.support.reasons[0]
