@@ -25,9 +25,8 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-sys.path.insert(0, str(ROOT / "tests" / "gains"))
+sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "gains"))
 
 from acro_drive import (
     ACRO,
@@ -54,6 +53,7 @@ from rover_sweep.vehicle.mavlink import constant
 from rover_sweep.vehicle.parameters import read_all, write_all
 from sitl.launcher import find_ardurover, start_ardurover
 
+ROOT = Path(__file__).parents[2]
 SETTINGS = {
     "ACRO_TURN_RATE": ACRO_RATE, "CRUISE_SPEED": SPEED, "CRUISE_THROTTLE": CRUISE_THROTTLE,
     "SCR_ENABLE": 0,
