@@ -1,121 +1,175 @@
-"""What no candidate explains: a residual that the state predicts on a run the regression did not see."""
+"""What no candidate explains: a residual that stands out, or one that follows a law without a name.
+
+The residual is regressed on the laws' signatures, a term at a time (a SINDy-type sketch of the missing force,
+moment or steering), and the sketch has to predict a run that the regression did not see. A law alone counts
+where its gain is beyond the parametric bootstrap, as that of a candidate is.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
-from rover_sweep.diagnosis.choose import LOUD, Round
-from rover_sweep.diagnosis.experiment import RATE
-from rover_sweep.diagnosis.problem import Problem
-from rover_sweep.diagnosis.result import Unknown
-from rover_sweep.diagnosis.simulate import Sensors, Structure, motion
+from rover_sweep.diagnosis.choose import LOUD, MOST_NOISE, Round
+from rover_sweep.diagnosis.laws import Law, laws
+from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
+from rover_sweep.diagnosis.signatures import Signature
+from rover_sweep.diagnosis.threshold import null
 from rover_sweep.identify.recording import Array
 
-PREDICTED = 0.3  # share of the residual above the floor that the state must predict on the other runs
+PREDICTED = 0.3  # share of the residual above the floor that a sketch must predict on the other runs
 BLOCK = 8  # lines
-WORDS = {"r": "the yaw rate", "ay": "the lateral acceleration", "p": "the roll rate"}
+WORDS = {
+    "r": "the yaw rate",
+    "ay": "the lateral acceleration",
+    "p": "the roll rate",
+    "vy": "the lateral velocity",
+}
 KEPT = 3  # terms of the sketch of a law
-MEMORIES = (0.05, 0.15, 0.5)  # s, of low-passes of the state
+BEYOND = 3.0  # times what chance makes, in place of a material size, which a law without a name has none of
+NEW = 1e-3  # share of a signature that the model must not reach, for its law to be told
 
 
-def unknown(last: Round) -> Unknown | None:
-    """The answer on what the final model leaves, None where it is at the noise floor or only noise.
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Laws that the recordings could show.
 
-    The residual of each channel is regressed on functions of the model's state, terms taken one at a
-    time (a SINDy-type sketch); it counts where it predicts the last run, which the regression does not
-    see. Of a single run every other block of lines is left out instead.
+    rows (size, k): of each, unit length outside the model's reach. gains (k,): drop of the cost with that law
+    alone; over (k,): the same over what chance would make.
     """
-    problem, rows = last.problem, last.fitted.rows
-    best: Unknown | None = None
+
+    laws: tuple[Law, ...]
+    rows: Array
+    gains: Array
+    over: Array
+
+
+def unknown(last: Round, named: bool, seed: int) -> Unknown | None:
+    """The answer on what the final model leaves, None where it is at the noise floor.
+
+    named: effects were found; what their laws are inexact by is then no unknown, unless it is loud.
+    """
     loud = {c: m for c, m in last.mean_squares.items() if m > LOUD}
-    for channel, mean in loud.items():
-        terms = _terms(problem, last.model.structure, dict(last.fitted.x), channel)
-        chosen, gain = _sketch(problem, rows, channel, terms)
-        if gain < PREDICTED:
-            continue
-        ratio = float(np.sqrt(mean))
-        if best is None or ratio > best.residual_over_noise:
-            on = ", ".join(chosen)
-            best = Unknown(
-                channel, on, ratio,
-                f"{WORDS[channel]} still differs by {ratio:.1f} times the noise; it follows {on}, "
-                "and no candidate explains it",
-                f"residual of {channel} ~ " + " + ".join(chosen), gain,
-            )  # fmt: skip
-    return best or _unpredicted(loud)
-
-
-def _unpredicted(loud: dict[str, float]) -> Unknown | None:
-    """Something that no function of the state tried here predicts on the run left out."""
-    if not loud:
+    if named and not loud:
         return None
+    seen = _seen(last, seed)
+    if loud:
+        return _loud(last, seen, loud)
+    if seen.over.size == 0 or np.max(seen.over) <= BEYOND:
+        return None
+    return _quiet(last, seen, int(np.argmax(seen.over)))
+
+
+def standing_out(places: Sequence[Mismatch]) -> Unknown | None:
+    """What stands out under a condition, or in V_y, where no law and no candidate was found.
+
+    What is there in r, a_y or p throughout may be the little of everything that an ordinary rover has.
+    """
+    told = [m for m in places if m.condition != THROUGHOUT or m.channel == "vy"]
+    if not told:
+        return None
+    worst = max(told, key=lambda m: m.residual_over_noise)
+    sentence = f"{worst.sentence}; no candidate explains it"
+    return Unknown(worst.channel, worst.condition, worst.residual_over_noise, sentence)
+
+
+def _loud(last: Round, seen: _Seen, loud: dict[str, float]) -> Unknown:
     channel = max(loud, key=lambda c: loud[c])
     ratio = float(np.sqrt(loud[channel]))
-    return Unknown(
-        channel, "nothing that was tried", ratio,
-        f"{WORDS[channel]} still differs by {ratio:.1f} times the noise; no candidate explains it, and no "
-        "simple function of the state predicts it",
-    )  # fmt: skip
+    still = f"{WORDS[channel]} still differs by {ratio:.1f} times the noise"
+    chosen, gain = _sketch(last, seen)
+    if gain < PREDICTED:
+        return Unknown(
+            channel, "nothing that was tried", ratio,
+            f"{still}; no candidate explains it, and no simple function of the state predicts it",
+        )  # fmt: skip
+    on = ", ".join(dict.fromkeys(law.on for law in chosen))
+    sentence = f"{still}; it follows {on}, and no candidate explains it"
+    return Unknown(channel, on, ratio, sentence, " + ".join(law.words for law in chosen), gain)
 
 
-def _terms(problem: Problem, structure: Structure, x: dict[str, float], channel: str) -> dict[str, Array]:
-    """Rows (size of the channel's,) of functions of the state, scaled to unit length."""
-    columns: dict[str, list[Array]] = {}
-    for k, run in enumerate(problem.runs):
-        m = motion(run, structure, x)
-        base = {
-            "v": m["v"],
-            "r": m["r"],
-            "p": m["p"],
-            "phi": m["phi"],
-            "delta": m["delta"],
-            "a_y": m["across"],
-        }
-        if run.has_heading:
-            base |= {"sin(psi)": np.sin(m["psi"]), "cos(psi)": np.cos(m["psi"])}
-        functions = dict(base)
-        for name, s in base.items():
-            functions[f"{name}^3"] = s**3
-            functions[f"abs({name})"] = np.abs(s)
-            functions[f"sgn({name})"] = np.tanh(s / (0.1 * np.std(s) + 1e-9))
-            functions[f"d{name}/dt"] = np.gradient(s, 1 / RATE)
-            for memory in MEMORIES:
-                keep = float(np.exp(-1 / (RATE * memory)))
-                functions[f"{name} of the last {memory:g} s"] = lfilter([1 - keep], [1, -keep], s)
-        logs = Sensors.of(run).through(functions, structure, x)
-        row = next(r for r in problem.rows if r.run == k and r.channel == channel)
-        for name, y in logs.items():
-            lines = np.fft.rfft(y * run.taper)[row.bins] * row.weight
-            columns.setdefault(name, []).append(np.concatenate((lines.real, lines.imag)))
-    return {n: np.concatenate(parts) for n, parts in columns.items()}
+def _quiet(last: Round, seen: _Seen, best: int) -> Unknown:
+    """One law that is beyond chance, though no channel stands out as a whole."""
+    law, row = seen.laws[best], seen.rows[:, best]
+    power = {c: float(np.sum(last.problem.part(row, channel=c) ** 2)) for c in WORDS}
+    channel = max(power, key=lambda c: power[c])
+    spread = float(np.sum(row**2) ** 2 / np.sum(row**4))  # rows over which it is spread
+    ratio = float(np.sqrt(1.0 + seen.gains[best] / spread))
+    times = f"{seen.over[best]:.1f} times" if seen.over[best] < 10 else f"{seen.over[best]:.0f} times"
+    sentence = (
+        f"{WORDS[channel]} differs by {ratio:.1f} times the noise where it follows {law.on}, as if acting on "
+        f"the {law.place}, {times} what chance would make; no candidate explains it"
+    )
+    share = _predicted(last, seen, [best])
+    return Unknown(channel, law.on, ratio, sentence, law.words, share)
 
 
-def _sketch(problem: Problem, rows: Array, channel: str, terms: dict[str, Array]) -> tuple[list[str], float]:
-    """(terms chosen on the seen rows, share of the others' residual above the floor that they predict)."""
-    target = problem.part(rows, channel=channel)
-    test = _unseen([r.bins.size for r in problem.rows if r.channel == channel])
-    left, chosen = target[~test], []
-    fitted: Array = np.zeros(0)
-    for _ in range(KEPT):
-        scores = {
-            n: abs(float(c[~test] @ left)) / (np.linalg.norm(c[~test]) + 1e-12) for n, c in terms.items()
-        }
-        best = max((n for n in scores if n not in chosen), key=lambda n: scores[n])
-        chosen.append(best)
-        a = np.column_stack([terms[n] for n in chosen])
-        fitted = np.asarray(np.linalg.lstsq(a[~test], target[~test], rcond=None)[0], np.float64)
-        left = target[~test] - a[~test] @ fitted
-    a = np.column_stack([terms[n] for n in chosen])
-    before, after = float(np.sum(target[test] ** 2)), float(np.sum((target[test] - a[test] @ fitted) ** 2))
-    above = before - test.sum()
-    return chosen, float((before - after) / above) if above > 0.1 * test.sum() else 0.0
+def _seen(last: Round, seed: int) -> _Seen:
+    structure, problem = last.model.structure, last.problem
+    x, every = dict(last.fitted.x), laws()
+    now = problem.model(structure, x)
+
+    def signature(law: Law) -> Array:
+        more = replace(structure, effects=(*structure.effects, law.effect))
+        amount = law.effect.parameters[0]
+        return problem.model(more, {**x, law.effect.key(amount.name): amount.size}) - now
+
+    recorded = {r.channel for r in problem.rows}
+    every = tuple(w for w in every if not w.place.startswith("sensor") or w.place.split()[-1] in recorded)
+    with ThreadPoolExecutor(2) as pool:
+        rows = list(pool.map(signature, every))
+    kept: list[tuple[Law, Array, Array]] = []
+    for law, row in zip(every, rows, strict=True):
+        outside = last.tangent.outside(row)
+        power = float(outside @ outside)
+        if power > max(NEW * float(row @ row), 1e-12):
+            size = 1.0 / np.sqrt(power)
+            kept.append((law, row * size, outside * size))
+    found = [Signature(law.effect.id, "amount", 1.0, True, row) for law, row, _ in kept]
+    chance = null(found, last.tiny, last.tangent, min(last.fitted.overdispersion, MOST_NOISE), seed)
+    left = last.tangent.outside(last.fitted.rows)
+    gains = np.array([float(o @ left) ** 2 for _, _, o in kept])
+    needed = np.array([chance.thresholds[law.effect.id] for law, _, _ in kept])
+    table = np.column_stack([o[: problem.size] for _, _, o in kept]) if kept else np.zeros((problem.size, 0))
+    return _Seen(tuple(law for law, _, _ in kept), table, gains, gains / needed)
 
 
-def _unseen(lines: list[int]) -> NDArray[np.bool_]:
-    """Rows left out of a regression; lines: of each run, whose real parts come before the imaginary ones."""
-    if len(lines) > 1:
-        return np.repeat([False] * (len(lines) - 1) + [True], [2 * n for n in lines])
-    # neighbours share what the taper spreads, so whole blocks
-    return np.tile(np.arange(lines[0]) // BLOCK % 2 == 1, 2)
+def _sketch(last: Round, seen: _Seen) -> tuple[list[Law], float]:
+    """(laws chosen on the seen rows, share of the others' residual above the floor that they predict)."""
+    target, test = last.fitted.rows, _unseen_rows(last)
+    terms = seen.rows
+    size = np.linalg.norm(terms[~test], axis=0) + 1e-12
+    left, chosen = target[~test], list[int]()
+    while len(chosen) < min(KEPT, len(seen.laws)):
+        scores = np.abs(terms[~test].T @ left) / size
+        scores[chosen] = -1.0
+        chosen.append(int(np.argmax(scores)))
+        amounts = np.linalg.lstsq(terms[~test][:, chosen], target[~test], rcond=None)[0]
+        left = target[~test] - terms[~test][:, chosen] @ amounts
+    return [seen.laws[k] for k in chosen], _predicted(last, seen, chosen)
+
+
+def _predicted(last: Round, seen: _Seen, chosen: Sequence[int]) -> float:
+    """Share of the residual above the floor of the unseen rows that laws fitted to the others predict."""
+    target, test = last.fitted.rows, _unseen_rows(last)
+    terms = seen.rows[:, list(chosen)]
+    amounts = np.linalg.lstsq(terms[~test], target[~test], rcond=None)[0]
+    before, after = (float(np.sum(y**2)) for y in (target[test], target[test] - terms[test] @ amounts))
+    above = before - float(test.sum())
+    return (before - after) / above if above > 0.1 * test.sum() else 0.0
+
+
+def _unseen_rows(last: Round) -> NDArray[np.bool_]:
+    """Rows left out of a regression: those of the last run; of a single run every other block of lines."""
+    out = np.zeros(last.problem.size, bool)
+    runs = {r.run for r in last.problem.rows}
+    for r in last.problem.rows:
+        if len(runs) > 1:
+            out[r.start : r.start + r.size] = r.run == max(runs)
+        else:  # neighbours share what the taper spreads, so whole blocks
+            out[r.start : r.start + r.size] = np.tile(np.arange(r.bins.size) // BLOCK % 2 == 1, 2)
+    return out

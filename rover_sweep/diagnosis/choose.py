@@ -5,7 +5,7 @@ Every round has its own noise floor and its own metric, since both depend on the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -106,7 +106,8 @@ class Named:
 class Choice:
     """What was chosen. first: the round of the nominal model; last: that of the model with all effects.
 
-    withdrawn: effects that were found and yet leave most of what is to be explained. stopped: before all
+    withdrawn: effects that were found and yet leave most of what is to be explained, or are so many that
+    another would help as well. stopped: before all
     had been tried.
     """
 
@@ -184,8 +185,7 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
     named: list[Named] = []
     removed: set[str] = set()
     while len(named) < MOST and not options.stop():
-        doubtful = INEXACT * sum(n.trial.gain for n in named if n.trial.effect not in WHOLE)
-        found = [t for t in current.significant() if t.effect not in removed and t.gain > doubtful]
+        found = _wanting(current, named, removed)
         if not found:
             break
         best = found[0]
@@ -208,9 +208,16 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
     if stopped and not named and (found := current.significant()):  # what there is, as it was fitted
         named = [Named(found[0], first.fitted, first.thresholds.thresholds.get(found[0].effect, 0.0), ())]
         current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
-    if not named or (not stopped and _explains_little(first, current)):
+    endless = len(named) == MOST and bool(_wanting(current, named, removed))
+    if not named or (not stopped and (endless or _explains_little(first, current))):
         return Choice(first, first, (), tuple(n.trial.effect for n in named), stopped)
     return Choice(first, current, tuple(named), stopped=stopped)
+
+
+def _wanting(current: Round, named: Sequence[Named], removed: Collection[str]) -> list[Trial]:
+    """Effects that would be findings beside those that are named."""
+    doubtful = INEXACT * sum(n.trial.gain for n in named if n.trial.effect not in WHOLE)
+    return [t for t in current.significant() if t.effect not in removed and t.gain > doubtful]
 
 
 def _explains_little(first: Round, last: Round, share: float = LEFT) -> bool:

@@ -10,7 +10,7 @@ from math import exp, log
 from rover_sweep.diagnosis import lumped
 from rover_sweep.diagnosis.alike import Alike
 from rover_sweep.diagnosis.augmented import augmented
-from rover_sweep.diagnosis.beyond import unknown
+from rover_sweep.diagnosis.beyond import standing_out, unknown
 from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.choose import LOUD, Choice, Named, Options, choose
 from rover_sweep.diagnosis.experiment import Experiment, experiment
@@ -28,7 +28,7 @@ from rover_sweep.diagnosis.result import (
 from rover_sweep.diagnosis.rung import followed
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.diagnosis.speed_finding import ID as SPEED
-from rover_sweep.diagnosis.speed_finding import speed_finding
+from rover_sweep.diagnosis.speed_finding import speed_finding, unknown_loss
 from rover_sweep.diagnosis.speed_loss import speed_loss
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
@@ -122,27 +122,33 @@ def _answer(
     shown = tuple(held_out(run, *whole) for run in unused)
     findings = tuple(_finding(n, choice, drawn, unused, whole) for n in choice.named)
     gains = {t.effect: max(t.gain, 0.0) for t in first.trials}
-    unseen = dict(last.unseen)
+    unseen, slower = dict(last.unseen), None
     if last.model.lumped:  # no front force, whose own drag is to be told from a loss
         unseen[SPEED] = "its derivatives hold no force of the front wheels"
     elif choice.stopped:
         unseen |= {e.id: STOPPED for e in library().values() if e.id not in gains and e.id not in unseen}
     elif max(last.mean_squares.values(), default=1.0) > LOUD:  # the own drag is that of a model that holds
         unseen[SPEED] = "the motion is not explained, without which the wheels' own drag is not known"
-    elif settings.candidates((SPEED,)):
+    else:
         lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
-        gains[SPEED] = max(lost.gain, 0.0)
-        findings += (speed_finding(lost, whole[1], unused),) if lost.found else ()
+        if not settings.candidates((SPEED,)):
+            slower = unknown_loss(lost) if lost.found else None
+        else:
+            gains[SPEED] = max(lost.gain, 0.0)
+            findings += (speed_finding(lost, whole[1], unused),) if lost.found else ()
     if [f.effect for f in findings] == [SPEED]:  # nothing else changed the model
         shown = findings[0].held_out
-    left = None if choice.stopped else unknown(last)
+    places = mismatches(plain, rows)
+    left = None if choice.stopped else unknown(last, bool(findings), settings.seed) or slower
+    if not (left or findings or choice.stopped):
+        left = standing_out(places)
     variance = last.fitted.data_cost / last.problem.size
     pictures = fresh or used[:1]
     return Diagnosis(
         verdict_of(findings, left, variance, choice.stopped),
         sentence_of(findings, left, variance, choice.stopped),
         settings.baseline,
-        mismatches(plain, rows),
+        places,
         findings,
         left,
         tuple(Unseen(e, why) for e, why in unseen.items()),

@@ -13,6 +13,7 @@ from rover_sweep.diagnosis.augmented import AugmentedModel
 
 Array = NDArray[np.float64]
 Verdict = Literal["none", "explained", "partly explained", "unexplained", "refused"]
+THROUGHOUT = "throughout"  # condition of a mismatch that has none
 
 
 @dataclass(frozen=True)

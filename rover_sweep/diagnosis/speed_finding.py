@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, fit_of
-from rover_sweep.diagnosis.result import EffectValue, Finding, HeldOut
+from rover_sweep.diagnosis.result import EffectValue, Finding, HeldOut, Unknown
 from rover_sweep.diagnosis.speed_loss import SpeedLoss, speed_predicted
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Array
@@ -47,6 +47,17 @@ def speed_finding(found: SpeedLoss, whole: Modelled, unused: Sequence[Fresh]) ->
     return Finding(
         ID, (), (value,), {"gain": found.gain, "threshold": found.threshold}, shown, effect.next_run, told,
         effect.equation,
+    )  # fmt: skip
+
+
+def unknown_loss(found: SpeedLoss) -> Unknown:
+    """The same loss where the effect is not among the candidates."""
+    times = float(np.sqrt(found.gain / found.threshold))
+    return Unknown(
+        "V", "a_y", times,
+        f"up to {100 * found.drop:.1f} % of the speed goes with a_y, beyond what the turned wheels take; no "
+        "candidate explains it",
+        "V' ~ a_y^2",
     )  # fmt: skip
 
 

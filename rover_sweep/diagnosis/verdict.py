@@ -45,7 +45,7 @@ def remarks_of(
     if len({round(run.amplitude, 2) for run in used}) < 2:
         out.append("all runs have one amplitude: what saturates is not told from what is linear")
     if withdrawn:
-        out.append(f"{', '.join(withdrawn)} fit a part of it and leave most: no explanation")
+        out.append(f"{', '.join(withdrawn)} fit a part of it and leave too much: no explanation")
     for finding in findings:
         worse = [h.run for h in finding.held_out if h.share_removed is not None and h.share_removed < 0]
         if worse:

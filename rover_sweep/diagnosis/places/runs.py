@@ -14,7 +14,7 @@ from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.places.residual import EDGES, SURE, clear, floor_error, spectrum
 from rover_sweep.diagnosis.places.words import between, called, times
 from rover_sweep.diagnosis.problem import Problem
-from rover_sweep.diagnosis.result import Mismatch, Profile
+from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Profile
 from rover_sweep.identify.recording import Array
 
 WITHIN = 0.5  # of the power above the floor at the peak, down to which a band reaches: -3 dB
@@ -63,7 +63,7 @@ def place(problem: Problem, rows: Array, channel: str) -> Place | None:
 def by_frequency(p: Place) -> Mismatch:
     """The band as a mismatch."""
     sentence = f"{called(p.channel)} differs {between(p.band)} by {times(p.ratio)}"
-    return Mismatch(p.channel, p.band, "throughout", p.ratio, sentence, p.profile)
+    return Mismatch(p.channel, p.band, THROUGHOUT, p.ratio, sentence, p.profile)
 
 
 def by_run(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
