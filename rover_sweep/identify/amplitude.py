@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.identify.recording import Array
-from rover_sweep.identify.response import RISING, FrequencyResponse
+from rover_sweep.identify.response import COHERENCE_GOOD, RISING, FrequencyResponse
 from rover_sweep.identify.spectra import OVERLAP_CONSTANT
 
 WANTED_COHERENCE = 0.8  # a margin above the .6 that is usable
@@ -69,8 +69,9 @@ class BandAmplitude:
 class AmplitudeProposal:
     """Amplitudes for the next run like this one. driven [us] or the unit that the limits have.
 
-    amplitude: for the whole range, None where the one that was driven will do. w_max [rad/s]: up to where
-    the limits allow enough, None where that is everywhere. sentence: all that in words, '' for no bands.
+    amplitude: for the whole range, or up to w_max [rad/s]; None where the one that was driven will do, or
+    no more can be had. w_max: up to where the limits allow a usable coherence, None where that is everywhere
+    or nowhere. sentence: all that in words, '' for no bands.
     """
 
     driven: float
@@ -155,9 +156,8 @@ def _band(
     tightest = min(limits, key=lambda limit: limit.within(low, high), default=None)
     most = tightest.within(low, high) if tightest else np.inf
     amplitude = min(wanted, most)
-    reached = 1 / (1 + noise * (driven / amplitude) ** 2) if np.isfinite(noise) else 0.0
     return BandAmplitude(
-        low, high, response, coherence, noise, wanted, amplitude, reached,
+        low, high, response, coherence, noise, wanted, amplitude, _reached(noise, driven, amplitude),
         cap=tightest.words if tightest and wanted > most else "", drowned=factor >= MOST,
     )  # fmt: skip
 
@@ -171,7 +171,8 @@ def _proposal(
     if needy.wanted <= ENOUGH * driven:
         spare = f"; {_said(needy.wanted)} would do" if needy.wanted < driven / ENOUGH**2 else ""
         return AmplitudeProposal(driven, bands, None, None, f"{_said(driven)} is enough{spare}")
-    where = f"at {needy.low:.2g}-{needy.high:.3g} rad/s"
+    alike = [b for b in bands if b.response == needy.response and b.wanted > 0.9 * needy.wanted]
+    where = f"at {alike[0].low:.2g}-{alike[-1].high:.3g} rad/s"
     asked = f"{'at least ' if needy.drowned else ''}{_said(needy.wanted)}"
     # The wave has one amplitude, so that of the whole range must keep within the limits of every band.
     first, last = bands[0].low, bands[-1].high
@@ -181,19 +182,30 @@ def _proposal(
         said = f"{asked}: {needy.response} needs it {where}"
         return AmplitudeProposal(driven, bands, needy.wanted, None, said + _less(driven, bands))
     said = f"{needy.response} asks for {asked} {where}, but {tightest.words} allows {_said(most)}"
-    stop = _enough_up_to(bands, limits)
+    count, amplitude = _usable(driven, bands, limits)
     return AmplitudeProposal(
-        driven, bands, most if most > ENOUGH * driven else None, stop, said + _less(driven, bands)
+        driven,
+        bands,
+        amplitude if amplitude > ENOUGH * driven else None,
+        bands[count - 1].high if 0 < count < len(bands) else None,
+        said + _less(driven, bands),
     )
 
 
-def _enough_up_to(bands: tuple[BandAmplitude, ...], limits: tuple[Limit, ...]) -> float | None:
-    """The highest w_max [rad/s] up to which one amplitude is enough and within the limits; None: none."""
-    for k in range(len(bands) - 1, 0, -1):
-        most = min(limit.within(bands[0].low, bands[k - 1].high) for limit in limits)
-        if max(b.wanted for b in bands[:k]) <= most:
-            return bands[k - 1].high
-    return None
+def _usable(driven: float, bands: tuple[BandAmplitude, ...], limits: tuple[Limit, ...]) -> tuple[int, float]:
+    """Up to how many of the bands one amplitude within the limits gives a usable coherence; and it."""
+    for count in range(len(bands), 0, -1):
+        some = bands[:count]
+        most = min(limit.within(some[0].low, some[-1].high) for limit in limits)
+        amplitude = min(max(band.wanted for band in some), most)
+        if all(_reached(band.noise_to_signal, driven, amplitude) >= COHERENCE_GOOD for band in some):
+            return count, amplitude
+    return 0, min(limit.within(bands[0].low, bands[-1].high) for limit in limits)
+
+
+def _reached(noise: float, driven: float, amplitude: float) -> float:
+    """Coherence at another amplitude. noise: noise to signal as it was driven."""
+    return 1 / (1 + noise * (driven / amplitude) ** 2)
 
 
 def _less(driven: float, bands: tuple[BandAmplitude, ...]) -> str:

@@ -39,9 +39,10 @@ def advice(
     """What to do with a sweep or multisine, and why."""
     for fault in (*_of_mounting(run, found, vehicle), *_of_driving(run)):
         return fault
+    unit = measured.amplitude_unit
     if not measured.keep:
         return "repeat", _repeat(answering(found), measured, proposal)
-    better = f"; next time {proposal.sentence.partition(';')[0]}" if proposal.amplitude else ""
+    better = "" if proposal.amplitude is None else f"; better with {_us(proposal.amplitude, unit)} {unit}"
     return "keep", measured.sentence + better
 
 
@@ -118,7 +119,7 @@ def _repeat(judged: Responses, measured: CoherenceVerdict, proposal: AmplitudePr
     lower = f"lower w_max to {proposal.w_max:.2g} rad/s" if proposal.w_max else ""
     if proposal.amplitude is not None:
         more = f"repeat with {_us(proposal.amplitude, unit)} {unit} in place of {_us(proposal.driven, unit)}"
-        capped = f"; {proposal.sentence}" if lower else ""
+        capped = f"; {proposal.sentence}" if any(band.cap for band in proposal.bands) else ""
         return f"{more}{f' and {lower}' if lower else ''}: {why}{capped}"
     if lower:
         return f"repeat, and {lower}: {why}; {proposal.sentence}"
