@@ -87,7 +87,7 @@ def _limit(problem: Problem, q: dict[str, float], sd: dict[str, float], factor: 
     asked = largest / max(q["lag"] + factor * sd["lag"], 1e-3)
     least, most = (q["slowness"] + side * factor * sd["slowness"] for side in (-1, 1))
     if sd["slowness"] > 0 and least * asked > 1.0:
-        return rate_limit(q["slowness"], sd["slowness"], factor)
+        return rate_limit(q["slowness"], float(np.hypot(sd["slowness"], SCALE * q["slowness"])), factor)
     return rate_limit(0.0, max(most, 1.0 / asked) / factor, factor)
 
 
@@ -108,7 +108,7 @@ def _timing(
             f"servo_rate_limit: no step reached it, it is above {found[1].low:.3g} rad/s; take larger steps"
         )
     if isfinite(problem.wheel.clock):
-        unseen = problem.jitter / float(problem.step.max() + 1) ** 0.5  # when the outputs changed
+        unseen = problem.jitter  # of all alike: outputs and their messages may keep step
         deviation = float(np.sqrt(sd["delay"] ** 2 + unseen**2 + problem.wheel.clock**2))
         delay = q["delay"] + problem.offset
         meaning = "from the output to the first movement"

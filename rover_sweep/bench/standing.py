@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, nan
+from math import hypot, isnan, nan
 
 from rover_sweep.bench.steering_output import SteeringOutput
 from rover_sweep.errors import LinkError
@@ -51,6 +51,10 @@ class Standing:
             return f"the rover is not in MANUAL (mode {self.link.mode})"
         if self.speed > MOVING:
             return f"the rover moves ({self.speed:.1f} m/s); it must stand, its front wheels off the ground"
+        if isnan(self.pwm) or isnan(self.throttle):
+            return "the rover does not send SERVO_OUTPUT_RAW and RC_CHANNELS; is the link too slow?"
+        if self.throttle == 0:
+            return "the rover has no radio; its pilot's mode switch must be able to stop this"
         if abs(self.throttle - self.output.throttle_trim) > self.output.throttle_zone:
             return (
                 f"the throttle stick is not at rest ({self.throttle:.0f} us, rest "

@@ -106,7 +106,7 @@ def problem_of(command: Command, wheel: Wheel, offset: float, slope: float) -> P
     if cut.is_rate:
         cut = replace(cut, value=_summed(cut))
     stride = max(1, round(STRIDE / float(np.median(np.diff(cut.t))))) if cut.is_rate else 1
-    names = ("k", "e", "c3", "w", "b", "lag", "slowness", "delay", "begin", "zero")
+    names: tuple[str, ...] = ("k", "e", "c3", "w", "b", "lag", "slowness", "delay", "begin", "zero")
     names = names if cut.is_rate else (*names, "drift")
     noise = max(_noise(cut, stride), 1e-5)
     spread = np.hypot(noise, slope * _rungs(command, cut.t))

@@ -1,0 +1,206 @@
+"""`rover-sweep bench` on the embedded rover: moved, recorded, measured, written; refused; stopped; resumed."""
+
+from __future__ import annotations
+
+import json
+import threading
+from math import degrees
+from pathlib import Path
+
+import pytest
+from conftest import OnBlocks
+
+from rover_sweep.bench.drive import Keep, Plan, drive
+from rover_sweep.bench.folder import BenchFolder
+from rover_sweep.bench.programme import Movement, programme
+from rover_sweep.bench.standing import NotStanding
+from rover_sweep.cli.main import run
+from rover_sweep.errors import UsageError
+from rover_sweep.logs.tlog import open_tlog
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.parameters import write
+from rover_sweep.vehicle_file import load
+from sitl.effects.steering import Linkage
+
+NOBODY = 65535
+
+
+class Beside:
+    """Somebody beside the rover who reads angles off a linkage with known play, and may do something else."""
+
+    def __init__(self, at: int = 0, does: object = None) -> None:
+        self.linkage = Linkage({"steering_backlash": {"b": 0.012}, "steering_asymmetry": {"e": 0.05}})
+        self.at, self.does, self.asked, self.told = at, does, [], []
+
+    def tell(self, text: str) -> None:
+        self.told.append(text)
+
+    def allow(self, movement: Movement, stops: str, keep: Keep) -> bool:
+        self.asked.append((movement.name, stops))
+        return True
+
+    def angle(self, number: int, of: int, offset: float, keep: Keep) -> tuple[float, str]:
+        if number == self.at and callable(self.does):
+            self.does()
+            for _ in range(400):
+                keep()
+        angle = self.linkage.played(self.linkage.wanted(-offset * 0.00095))
+        return angle, f"{degrees(angle):.2f}"
+
+
+def overrides(tlog: Path) -> set[int]:
+    """Channels that were not the radio's, by what the rover says its inputs were."""
+    rows = open_tlog(tlog, frozenset({"RC_CHANNELS"})).messages["RC_CHANNELS"].rows
+    return {n for n in range(1, 9) if len(set(rows[f"chan{n}_raw"].tolist())) > 1}
+
+
+def test_a_wheel_imu_finds_what_the_rover_was_made_with(
+    on_blocks: OnBlocks, vehicle_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    wheel, out = tmp_path / "imu.csv", tmp_path / "bench"
+    url = on_blocks("--wheel", str(wheel))
+    common = ["--vehicle", str(vehicle_toml), "--json"]
+    code = run(["bench", "--connect", url, "--wheel-imu", str(wheel), "--wheel-clock", "vehicle", "--yes",
+                "--steps", "100,250", "--out", str(out), *common])  # fmt: skip
+    told = capsys.readouterr()
+    assert code == 0, told.err
+    assert "JUMP" in told.err and "RC_OVERRIDE_TIME" in told.err
+    numbers = {number["name"]: number for number in json.loads(told.out)["numbers"]}
+    truth = {"rad_per_us": 0.00095, "asymmetry": 0.05, "backlash": 0.012, "servo_lag": 0.035,
+             "servo_rate_limit": 3.0, "servo_delay": 0.015}  # fmt: skip
+    for name, value in truth.items():
+        number = numbers[name]
+        assert name == "servo_delay" or value == pytest.approx(number["value"], rel=0.03), name
+        assert abs(value - number["value"]) < 4 * number["sd"], name
+    vehicle = load(vehicle_toml)
+    assert vehicle.backlash is not None and vehicle.backlash.value == pytest.approx(0.012, rel=0.03)
+    assert "# From the turning circle" in vehicle_toml.read_text() or "#" in vehicle_toml.read_text()
+    assert overrides(out / "bench.tlog") == {1}
+
+    assert run(["bench", "--from", str(out), "--no-write", *common]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert {n["name"]: n["value"] for n in again["numbers"]} == pytest.approx(
+        {name: number["value"] for name, number in numbers.items()}, rel=1e-6
+    )
+    assert again["written"] == {}
+
+
+def test_angles_by_hand_are_kept_one_by_one_and_evaluated_after_a_stop(
+    on_blocks: OnBlocks, vehicle_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    folder = BenchFolder(tmp_path / "bench")
+    folder.path.mkdir()
+    url = on_blocks()
+
+    def pulls_the_plug() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        drive(url, folder, Plan(programme((60.0, 120.0, 180.0), True, False)), Beside(20, pulls_the_plug))
+    assert len(folder.readings()) == 19
+    assert folder.description()["done"] == []
+    code = run(["bench", "--from", str(folder.path), "--vehicle", str(vehicle_toml), "--json"])
+    told = capsys.readouterr()
+    assert code == 0, told.err
+    numbers = {number["name"]: number["value"] for number in json.loads(told.out)["numbers"]}
+    assert numbers["backlash"] == pytest.approx(0.012, rel=0.05)
+    assert numbers["left"] / numbers["right"] == pytest.approx(1.05 / 0.95, rel=0.01)
+    assert load(vehicle_toml).servo_lag is None
+
+
+def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: OnBlocks, tmp_path: Path):
+    folder = BenchFolder(tmp_path / "bench")
+    folder.path.mkdir()
+    url = on_blocks()
+
+    def takes_it() -> None:
+        with Link.open(url, tmp_path / "pilot.tlog") as pilot:
+            pilot.require("go into HOLD", "MAV_CMD_DO_SET_MODE", 1.0, 4.0)
+
+    def hold() -> None:
+        threading.Thread(target=takes_it, daemon=True).start()  # the rover waits for who does not read
+
+    with pytest.raises(NotStanding, match="not in MANUAL"):
+        drive(url, folder, Plan(programme((100.0,), True, False)), Beside(3, hold))
+    assert 0 < len(folder.readings()) < 3
+    with Link.open(url, tmp_path / "after.tlog") as link:
+        inputs = link.request_message("RC_CHANNELS")
+        assert inputs is not None and inputs.chan1_raw == 1500
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("RC_OVERRIDE_TIME", 10.0, "RC_OVERRIDE_TIME is 10 s"),
+        ("RC_OVERRIDE_TIME", -1.0, "RC_OVERRIDE_TIME is -1 s"),
+        ("RC_OVERRIDE_TIME", 0.0, "RC_OVERRIDE_TIME is 0 s"),
+        ("RC_OPTIONS", 34.0, "ignore MAVLink overrides"),
+        ("SERVO1_FUNCTION", 73.0, "steers by its drive"),
+        ("SERVO1_FUNCTION", 0.0, "one output must steer"),
+        ("SERVO1_MAX", 1600.0, "out of reach"),
+    ],
+)
+def test_what_makes_it_unsafe_is_refused_before_anything_moves(
+    on_blocks: OnBlocks, tmp_path: Path, name: str, value: float, sentence: str
+):
+    folder = BenchFolder(tmp_path / "bench")
+    folder.path.mkdir()
+    operator = Beside()
+    with pytest.raises(UsageError, match=sentence):
+        drive(
+            on_blocks("--parameter", f"{name}={value}"),
+            folder,
+            Plan(programme((150.0,), True, False)),
+            operator,
+        )
+    assert operator.asked == []
+
+
+def test_the_stick_stays_away_from_where_it_arms(on_blocks: OnBlocks, tmp_path: Path):
+    """3800 of 4500 unless ARMING_RUDDER is 0: ArduPilot arms at 4000 held to the right for 2 s."""
+    folder = BenchFolder(tmp_path / "bench")
+    folder.path.mkdir()
+    url = on_blocks()
+    with Link.open(url, tmp_path / "set.tlog") as link:
+        write(link, "SERVO1_MIN", 1100)
+        write(link, "SERVO1_MAX", 1900)
+    with pytest.raises(UsageError, match=r"allow 338 us on both sides; .* arms the rover after 2 s"):
+        drive(url, folder, Plan(programme((350.0,), True, False)), Beside())
+
+
+def test_an_armed_rover_is_refused(on_blocks: OnBlocks, tmp_path: Path):
+    folder = BenchFolder(tmp_path / "bench")
+    folder.path.mkdir()
+    url = on_blocks()
+    with Link.open(url, tmp_path / "arm.tlog") as link:
+        for _ in range(200):
+            link.receive(0.05)
+            if link.clock.now > 4.0 and link.command("MAV_CMD_COMPONENT_ARM_DISARM", 1.0) == 0:
+                break
+    operator = Beside()
+    with pytest.raises(NotStanding, match="the rover is armed"):
+        drive(url, folder, Plan(programme((100.0,), True, False)), operator)
+    assert operator.asked == []
+
+
+def test_nobody_at_the_terminal_means_nothing_moves(
+    vehicle_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    import io
+
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    arguments = ["bench", "--connect", "tcp:127.0.0.1:1", "--vehicle", str(vehicle_toml), "--hand"]
+    assert run([*arguments, "--out", str(tmp_path / "bench")]) == 2
+    assert "nobody can answer" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [
+    (), ("--connect", "tcp:127.0.0.1:1"), ("--connect", "tcp:127.0.0.1:1", "--hand", "--wheel-imu", "x.csv"),
+    ("--connect", "tcp:127.0.0.1:1", "--from", "x"), ("--from", "x"),
+    ("--connect", "tcp:127.0.0.1:1", "--hand", "--yes", "--steps", "1"),
+])  # fmt: skip
+def test_what_makes_no_sense_is_a_usage_error(
+    vehicle_toml: Path, tmp_path: Path, arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert run(["bench", "--vehicle", str(vehicle_toml), *arguments]) == 2
