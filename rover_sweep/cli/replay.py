@@ -25,10 +25,10 @@ def replay(log: str, speed: float | None, start: float, text: bool) -> None:
 
     Runs are found whether the applet drove them or a person did. Nothing is asked of any vehicle.
     """
-    from rover_sweep.cli.output import narration
+    from rover_sweep.cli.output import narration, results
     from rover_sweep.live.played import PlayedSource
 
-    as_text = text or not narration().is_terminal
+    as_text = text or not (narration().is_terminal and results().is_terminal)
     source = PlayedSource(log, speed or (math.inf if as_text else 1.0), start)
     if as_text:
         as_lines(source)

@@ -168,16 +168,17 @@ def _proposal(
     if not bands:
         return AmplitudeProposal(driven, (), None, None, "")
     needy = max(bands, key=lambda b: b.wanted)
-    if needy.wanted <= ENOUGH * driven:
-        spare = f"; {_said(needy.wanted)} would do" if needy.wanted < driven / ENOUGH**2 else ""
-        return AmplitudeProposal(driven, bands, None, None, f"{_said(driven)} is enough{spare}")
-    alike = [b for b in bands if b.response == needy.response and b.wanted > 0.9 * needy.wanted]
-    where = f"at {alike[0].low:.2g}-{alike[-1].high:.3g} rad/s"
-    asked = f"{'at least ' if needy.drowned else ''}{_said(needy.wanted)}"
     # The wave has one amplitude, so that of the whole range must keep within the limits of every band.
     first, last = bands[0].low, bands[-1].high
     tightest = min(limits, key=lambda limit: limit.within(first, last), default=None)
     most = tightest.within(first, last) if tightest else np.inf
+    if needy.wanted <= ENOUGH * driven:
+        spare = f"; {_said(needy.wanted)} would do" if needy.wanted < driven / ENOUGH**2 else ""
+        past = f", but {tightest.words} allows {_said(most)}" if tightest and driven > ENOUGH * most else ""
+        return AmplitudeProposal(driven, bands, None, None, f"{_said(driven)} is enough{past}{spare}")
+    alike = [b for b in bands if b.response == needy.response and b.wanted > 0.9 * needy.wanted]
+    where = f"at {alike[0].low:.2g}-{alike[-1].high:.3g} rad/s"
+    asked = f"{'at least ' if needy.drowned else ''}{_said(needy.wanted)}"
     if tightest is None or needy.wanted <= most:
         said = f"{asked}: {needy.response} needs it {where}"
         return AmplitudeProposal(driven, bands, needy.wanted, None, said + _less(driven, bands))
