@@ -40,6 +40,7 @@ from rover_sweep.preparation import (
     with_delta,
 )
 from rover_sweep.report.provenance import Provenance, provenance
+from rover_sweep.session_folder.folder import kept_vehicle_file
 from rover_sweep.structure_file import load_structures
 from rover_sweep.vehicle_file import Vehicle
 from rover_sweep.vehicle_file import load as load_vehicle
@@ -128,14 +129,16 @@ def read(
     gyro_hz: float | None = None,
     accel_hz: float | None = None,
 ) -> Runs:
-    """All runs of .BIN, .tlog or .csv files, or of pairs "log.BIN+log.tlog".
+    """All runs of .BIN, .tlog or .csv files, of pairs "log.BIN+log.tlog", or of the folder of a session.
 
-    vehicle: a vehicle file (rover.toml) or a `Vehicle`, which makes the PWM a road-wheel angle.
+    vehicle: a vehicle file (rover.toml) or a `Vehicle`, which makes the PWM a road-wheel angle; of a
+    session its own, if not given.
     columns: the column map of a .csv. gyro_hz, accel_hz: sensor low-passes [Hz, 0 = off] in place of
     the recorded ones. Raises UsageError for what cannot be opened, DataRefused for what cannot be used.
     """
     if not sources:
         raise UsageError("nothing to read: give the path of a .BIN, .tlog or .csv")
+    vehicle = kept_vehicle_file([str(source) for source in sources]) if vehicle is None else vehicle
     rover = load_vehicle(vehicle) if isinstance(vehicle, str | PathLike) else vehicle
     filters = {k: v for k, v in (("gyro_hz", gyro_hz), ("accel_hz", accel_hz)) if v is not None}
     column_map = columns if columns is None or isinstance(columns, Mapping) else str(columns)

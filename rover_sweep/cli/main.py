@@ -25,6 +25,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "dry-run": ("rover_sweep.cli.dry_run:dry_run", "The whole job on a simulated rover, no hardware needed."),
     "session": ("rover_sweep.cli.app:session", "The whole afternoon on one screen, by single keys."),
     "run": ("rover_sweep.cli.run:run", "Drive, record, judge and identify a real rover."),
+    "resume": ("rover_sweep.cli.session_resume:resume", "Drive what a session left to drive."),
+    "status": ("rover_sweep.cli.session_status:status", "What a session holds, and what is to drive."),
     "firmware": ("rover_sweep.cli.firmware:firmware", "Applet and parameters: write, check, install."),
     "design": ("rover_sweep.cli.design:design", "A sweep or doublet on paper, before it is driven."),
     "identify": (
@@ -40,7 +42,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),
     "gains": ("rover_sweep.cli.gains:gains", "Steering gains for the autopilot, with margins."),
     "inertia": ("rover_sweep.cli.inertia:inertia", "Moment of inertia from a swing test."),
-    "bench": ("rover_sweep.cli.bench:bench", "The steering on blocks: gain, play, lag into the vehicle file."),
+    "bench": (
+        "rover_sweep.cli.bench:bench",
+        "The steering on blocks: gain, play, lag into the vehicle file.",
+    ),
     "vehicle": ("rover_sweep.cli.vehicle:vehicle", "Print an example vehicle file, or check yours."),
 }
 

@@ -94,17 +94,12 @@ EFFECTS = NamesType("ID,ID,...")
 
 def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
     """The vehicle file: as given, else that of the sessions among the runs, else rover.toml here."""
-    from rover_sweep.session_folder.folder import VEHICLE_FILE
+    from rover_sweep.session_folder.folder import VEHICLE_FILE, kept_vehicle_file
 
     if given:
         return given
-    kept = [path for run in runs if (path := Path(run) / VEHICLE_FILE).is_file()]
-    if len({path.read_bytes() for path in kept}) > 1:
-        raise UsageError(
-            f"{kept[0]} and those of the other sessions are not the same; say which: --vehicle rover.toml"
-        )
-    if kept:
-        return str(kept[0])
+    if kept := kept_vehicle_file(runs):
+        return str(kept)
     if Path(VEHICLE_FILE).is_file():
         return VEHICLE_FILE
     raise UsageError(

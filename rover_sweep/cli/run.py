@@ -123,7 +123,7 @@ def _on_rover(
     folder = session_folder(out, "run")
     announce(plan, folder)
     with RecordedLine(conversation_in(folder)) as line:
-        events = drive(connect, folder, plan, line)
+        events = drive(connect, folder, plan, line, path)
         session = driven(events, folder, talk=True, go_on=True, answer=_asking(settings))
     return (vehicle, path), session
 

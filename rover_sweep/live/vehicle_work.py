@@ -89,6 +89,7 @@ class Work:
         planned, settings = request.planned, request.settings
         refuse_impossible(link, (planned,), settings)
         self._remember_logs(link)
+        self.session.set(asdict(settings))
         yield from await_estimator(link)
         try:
             ended = yield from recorded_run(link, planned, self.session, settings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -111,9 +111,11 @@ class Session:
             )
         self._change(vehicle=dict(vehicle))
 
-    def set(self, settings: Mapping[str, Any], parameters: Mapping[str, float]) -> None:
-        """With what it is driven."""
-        self._change(settings=dict(settings), parameters=dict(parameters))
+    def set(self, settings: Mapping[str, Any], parameters: Mapping[str, float] | None = None) -> None:
+        """With what it is driven; parameters: those that were set for it, None: as before."""
+        kept = self.content.parameters if parameters is None else parameters
+        if (self.content.settings, self.content.parameters) != (settings, kept):
+            self._change(settings=dict(settings), parameters=dict(kept))
 
     def logs_before(self, listed: tuple[tuple[int, int, int], ...]) -> None:
         """The vehicle's logs that are older than the session; only the first word on them counts."""
@@ -173,6 +175,16 @@ def _replace(path: Path, data: bytes) -> None:
 def is_session(folder: Path) -> bool:
     """Whether a folder holds a session, or the tlogs of one."""
     return folder.is_dir() and ((folder / DESCRIPTION).is_file() or any(folder.glob("*.tlog")))
+
+
+def kept_vehicle_file(sources: Sequence[str]) -> Path | None:
+    """The vehicle file that the sessions among the sources hold; UsageError where they differ."""
+    kept = [path for source in sources if (path := Path(source) / VEHICLE_FILE).is_file()]
+    if len({path.read_bytes() for path in kept}) > 1:
+        raise UsageError(
+            f"{kept[0]} and those of the other sessions are not the same; say which: --vehicle rover.toml"
+        )
+    return kept[0] if kept else None
 
 
 def read(folder: Path) -> Content:
