@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.checksum import crc32, remote_crc32
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import ftp_get, ftp_put
 from rover_sweep.vehicle.parameters import read_present
+from rover_sweep.vehicle.remote_files import crc32, remote_crc32
 
 HARDWARE, SITL = "/APM/scripts", "scripts"  # folder of scripts on a flight controller, in SITL
 VERSION = re.compile(r'^local VERSION = "(.*)"$', re.MULTILINE)  # as the applet states it

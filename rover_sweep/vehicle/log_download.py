@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -17,6 +18,7 @@ from rover_sweep.vehicle.recorder import writing
 
 _BLOCK = 90  # bytes in a LOG_DATA
 _WINDOW = 2048 * _BLOCK  # asked for at a time
+_COMPARED = 64 * _BLOCK  # of an earlier download's end, before it is gone on with
 _QUIET, _TRIES = 0.5, 12  # s without data until the gaps are asked for again; how often without any progress
 
 
@@ -30,10 +32,15 @@ class LogEntry:
 
 
 class LogSource(Protocol):
-    """Lists and fetches logs."""
+    """Lists and fetches logs. Both raise LinkError in words while the rover is armed."""
 
-    def logs(self) -> tuple[LogEntry, ...]: ...
-    def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]: ...
+    def logs(self) -> tuple[LogEntry, ...]:
+        """All logs, oldest first."""
+        ...
+
+    def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
+        """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -44,7 +51,7 @@ class MavlinkLogs:
 
     def logs(self) -> tuple[LogEntry, ...]:
         """All logs, oldest first."""
-        self._refuse_armed()
+        refuse_armed(self.link)
         entries: dict[int, LogEntry] = {}
         for _ in range(3):
             self.link.to_vehicle("LOG_REQUEST_LIST", start=0, end=0xFFFF)
@@ -61,13 +68,19 @@ class MavlinkLogs:
         return tuple(entries[number] for number in sorted(entries))
 
     def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
-        """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved."""
-        self._refuse_armed()
+        """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved.
+
+        What an interrupted download left in NAME.part is kept where its end is what the vehicle has there.
+        """
+        refuse_armed(self.link)
         partial = path.with_name(path.name + ".part")
-        began, done = self.link.line.monotonic(), 0
+        began = self.link.line.monotonic()
         try:
-            with writing(path), partial.open("wb") as file:
-                for start in range(0, entry.size, _WINDOW):
+            done = self._resumed(entry, partial)
+            with writing(path), partial.open("r+b" if done else "wb") as file:
+                file.seek(done)
+                file.truncate()
+                for start in range(done, entry.size, _WINDOW):
                     block = self._window(entry, start, min(_WINDOW, entry.size - start))
                     file.write(block)
                     done += len(block)
@@ -77,6 +90,16 @@ class MavlinkLogs:
         with writing(path):
             partial.replace(path)
         yield LogSaved(path, done, self.link.line.monotonic() - began)
+
+    def _resumed(self, entry: LogEntry, partial: Path) -> int:
+        """Bytes of an earlier download that are good, whole blocks; 0 where it is of another log."""
+        with suppress(OSError), partial.open("rb") as file:
+            size = min(partial.stat().st_size, entry.size) // _BLOCK * _BLOCK
+            tail = min(size, _COMPARED)
+            file.seek(size - tail)
+            if tail and self._window(entry, size - tail, tail) == file.read(tail):
+                return size
+        return 0
 
     def _window(self, entry: LogEntry, start: int, size: int) -> bytes:
         data, missing = bytearray(size), set(range(0, size, _BLOCK))
@@ -111,9 +134,11 @@ class MavlinkLogs:
             if at >= last:
                 return len(missing) < before
 
-    def _refuse_armed(self) -> None:
-        if self.link.armed:
-            raise LinkError("logs cannot be downloaded while the rover is armed; disarm first")
+
+def refuse_armed(link: Link) -> None:
+    """LinkError on an armed rover: ArduPilot then gives no logs."""
+    if link.armed:
+        raise LinkError("logs cannot be downloaded while the rover is armed; disarm first")
 
 
 def _spans(offsets: set[int]) -> list[tuple[int, int]]:

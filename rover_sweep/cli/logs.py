@@ -1,0 +1,126 @@
+"""`rover-sweep logs`: the autopilot's own logs, listed and fetched."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from rover_sweep.vehicle.link import Link
+    from rover_sweep.vehicle.log_download import LogEntry
+    from rover_sweep.vehicle.log_fetch import FetchedFile
+    from rover_sweep.vehicle.sources import Via
+
+_connect = click.option("--connect", required=True, metavar="URL",
+                        help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
+_json = click.option("--json", "as_json", is_flag=True, help="JSON on stdout, nothing else there.")
+_via = click.option("--via", type=click.Choice(["mavlink", "mavsdk"]), default="mavlink", show_default=True,
+                    help="Library that fetches; the same bytes come either way.")  # fmt: skip
+
+
+@click.group()
+def logs() -> None:
+    """The autopilot's own logs, over the link; only of a disarmed rover."""
+
+
+@logs.command("list", short_help="Which logs are on the card.")
+@_connect
+@_json
+@_via
+def list_(connect: str, as_json: bool, via: Via) -> None:
+    """List the logs on the card, oldest first."""
+    from rover_sweep.cli.output import results
+    from rover_sweep.vehicle.sources import log_source
+
+    with _link(connect) as link:
+        entries = log_source(link, via).logs()
+    if as_json:
+        click.echo(json.dumps({"logs": [_told(e) for e in entries]}, indent=2))
+        return
+    console = results()
+    if not entries:
+        console.print("no log on the card")
+    for entry in entries:
+        console.print(f"{entry.number:5}  {entry.size / 1e6:9.2f} MB  {_when(entry)}", markup=False)
+
+
+@logs.command(short_help="Bring logs here: a number, latest or all.")
+@click.argument("which", metavar="[NUMBER|latest|all]", default="latest")
+@_connect
+@click.option(
+    "--out", type=click.Path(file_okay=False), default=".", metavar="DIR", help="Folder; here if not said."
+)
+@_json
+@_via
+def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
+    """Bring logs here as log<NUMBER>.BIN; what is here already is not fetched again.
+
+    An interrupted download goes on where it ended. Size and, where the autopilot has MAVLink FTP, the
+    checksum are compared with the file on the card. The rover must be disarmed.
+    """
+    from rover_sweep.cli.output import results
+    from rover_sweep.vehicle.log_fetch import FetchedFile, choose
+    from rover_sweep.vehicle.log_fetch import fetch as bring
+    from rover_sweep.vehicle.sources import log_source
+
+    console, fetched = results(as_json), list[FetchedFile]()
+    with _link(connect) as link:
+        source = log_source(link, via)
+        last = -1
+        for event in bring(link, source, choose(source.logs(), which), Path(out)):
+            if isinstance(event, FetchedFile):
+                fetched.append(event)
+                console.print(_sentence(event), markup=False, soft_wrap=True)
+            elif console.is_terminal and (tenth := 10 * event.done // max(event.total, 1)) != last:
+                last = tenth
+                click.echo(
+                    f"log {event.number}: {event.done / 1e6:.1f} of {event.total / 1e6:.1f} MB", err=True
+                )
+    if as_json:
+        click.echo(json.dumps({"logs": [_file(f) for f in fetched]}, indent=2))
+
+
+def _sentence(f: FetchedFile) -> str:
+    how = "checksum as on the card" if f.checked else "size as on the card; it told no checksum"
+    if not f.seconds:
+        return f"{f.path} was here already ({how})"
+    return (
+        f"{f.path}: {f.size / 1e6:.2f} MB in {f.seconds:.1f} s, {f.size / 1e6 / f.seconds:.2f} MB/s ({how})"
+    )
+
+
+def _file(f: FetchedFile) -> dict[str, object]:
+    import hashlib
+
+    with f.path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    told = {"number": f.number, "path": str(f.path), "size": f.size, "seconds": f.seconds}
+    return told | {"checked": f.checked, "sha256": digest}
+
+
+def _told(entry: LogEntry) -> dict[str, object]:
+    return {"number": entry.number, "size": entry.size, "time_utc": entry.time_utc}
+
+
+def _when(entry: LogEntry) -> str:
+    """In UTC; a log that began before the GPS told the time has none."""
+    return (
+        datetime.fromtimestamp(entry.time_utc, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+        if entry.time_utc
+        else "-"
+    )
+
+
+@contextmanager
+def _link(url: str) -> Iterator[Link]:
+    from rover_sweep.vehicle.link import Link
+
+    with tempfile.TemporaryDirectory() as folder, Link.open(url, Path(folder) / "logs.tlog") as link:
+        yield link
