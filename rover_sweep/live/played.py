@@ -153,7 +153,7 @@ class PlayedSource:
         """With the state that an applet would have told, where there was none."""
         now = self.track.snapshot()
         place = self._place()
-        if self.track.told_states or place is None:
+        if place is None or place.told:
             return now
         progress = (self.at - place.begin) / (place.end - place.begin)
         return replace(now, state=MANOEUVRE, state_name=STATES[MANOEUVRE], progress=progress)
@@ -173,11 +173,11 @@ def played(track: Track, since: float, to: float) -> Iterator[Event | Judged]:
         if begins:
             yield from track.play(at - EDGE)
             yield place.run.started
-            if not track.told_states:
+            if not place.told:
                 yield StateChanged(place.run.begin, MANOEUVRE, STATES[MANOEUVRE])
         else:
             yield from track.play(at + EDGE)
-            if not track.told_states:
+            if not place.told:
                 yield StateChanged(place.run.end, IDLE, STATES[IDLE])
             yield place.run.finished
             yield Judged(place.run.verdict)

@@ -206,12 +206,12 @@ class FlashTrack:
         lengths = [part.end - part.begin for part in self._parts]
         self._offsets = np.concatenate(([0.0], np.cumsum(lengths)))
         self.length, self.log, self._at = float(self._offsets[-1]), logs[0], 0.0
-        self.told_states = any(part.states for part in self._parts)
         places: list[Place] = []
         remarks: list[str] = []
         for part, offset in zip(self._parts, self._offsets.tolist(), strict=False):
             runs, refusal = runs_in(part.log, path, part.states, part.parameters)
-            places += [Place(r, offset + r.begin - part.begin, offset + r.end - part.begin) for r in runs]
+            start, told = offset - part.begin, bool(part.states)
+            places += [Place(run, start + run.begin, start + run.end, told) for run in runs]
             remarks += [refusal] if refusal else []
         self.places, self.remarks = tuple(places), tuple(remarks)
 

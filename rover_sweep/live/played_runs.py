@@ -71,11 +71,15 @@ class PlayedRun:
 
 @dataclass(frozen=True)
 class Place:
-    """A run and the positions [s from the start of its recording] between which it lies."""
+    """A run and the positions [s from the start of its recording] between which it lies.
+
+    told: the applet told its states there.
+    """
 
     run: PlayedRun
     begin: float
     end: float
+    told: bool
 
 
 def runs_in(
@@ -89,7 +93,7 @@ def runs_in(
     try:
         found = runs_of(log)
     except DataRefused as refusal:
-        return (), str(refusal)
+        return (), f"no run: {refusal}"
     runs = []
     for k, recording in enumerate(found):
         begin, end = _extent(recording, states)

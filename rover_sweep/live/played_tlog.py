@@ -30,8 +30,8 @@ class TlogTrack:
     """Where a telemetry log stands while it is played.
 
     length [s]; places: its runs and the positions [s from the start] where each begins and ends;
-    told_states: whether the applet told its states; remarks: what has to be said of the recording; log:
-    the first start of the vehicle. Raises DataRefused as `logs.read` does.
+    remarks: what has to be said of the recording; log: of the first start of the vehicle. Raises
+    DataRefused as `logs.read` does.
     """
 
     def __init__(self, path: Path) -> None:
@@ -41,7 +41,6 @@ class TlogTrack:
         self._read = self.index.of(*READ)
         self._codec, self._next = Codec(), 0
         self._changes = _changes(self.index)
-        self.told_states = bool(self._changes)
         found = [self._runs(path, k, log) for k, log in enumerate(logs)]
         self.places = tuple(place for places, _ in found for place in places)
         self.remarks = tuple(refusal for _, refusal in found if refusal)
@@ -96,9 +95,10 @@ class TlogTrack:
             return tuple(judge(n, t[(t >= a) & (t <= b)].tolist()) for n, t in stamps.items())
 
         runs, refusal = runs_in(log, path, states, lambda t: _parameters(session, t), quality)
-        return tuple(
-            Place(run, index.position(k, run.begin), index.position(k, run.end)) for run in runs
-        ), refusal
+        places = (
+            Place(run, index.position(k, run.begin), index.position(k, run.end), bool(states)) for run in runs
+        )
+        return tuple(places), refusal
 
 
 def _changes(index: FrameIndex) -> tuple[tuple[int, int], ...]:

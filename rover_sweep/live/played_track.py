@@ -16,13 +16,11 @@ from rover_sweep.vehicle.events import Event
 class Track(Protocol):
     """Positions are s of the vehicle's clock from the start of the recording; a restart takes no time.
 
-    length [s]; places: its runs; told_states: whether the applet told its states; remarks: what has to be
-    said of the recording; log: the first in it.
+    length [s]; places: its runs; remarks: what has to be said of the recording; log: the first in it.
     """
 
     length: float
     places: tuple[Place, ...]
-    told_states: bool
     remarks: tuple[str, ...]
     log: Log
 

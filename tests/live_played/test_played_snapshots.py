@@ -84,6 +84,25 @@ def test_the_same_happens_in_small_steps_and_in_one(track: Track) -> None:
     assert pieces == whole and len(whole) > 300
 
 
+@pytest.mark.parametrize("kind", ["tlog", "BIN"])
+def test_a_restart_of_the_vehicle_takes_no_time(data: Path, tmp_path: Path, kind: str) -> None:
+    parts = [data / f"ardurover-4.6.3/{folder}/run1.{kind}" for folder in ("applet", "nominal")]
+    both = tmp_path / f"both.{kind}"
+    both.write_bytes(b"".join(part.read_bytes() for part in parts))
+    first, second, joined = (open_track(part) for part in (*parts, both))
+    assert joined.length == pytest.approx(first.length + second.length, abs=0.1)
+    assert [place.told for place in joined.places] == [True, False]
+    offset = joined.length - second.length
+    assert joined.places[1].begin == pytest.approx(offset + second.places[0].begin, abs=0.1)
+    for at in (20.0, 70.0):
+        for alone, there in ((first, at), (second, at + offset)):
+            alone.seek(at)
+            joined.seek(there)
+            assert joined.snapshot().t == pytest.approx(alone.snapshot().t, abs=0.1)
+            assert joined.snapshot().speed == pytest.approx(alone.snapshot().speed, abs=0.05)
+            assert joined.snapshot().state == alone.snapshot().state
+
+
 def test_the_state_of_the_applet_is_shown_with_progress_and_frequency(data: Path) -> None:
     shown = []
     for kind in ("tlog", "BIN"):
