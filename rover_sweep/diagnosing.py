@@ -15,6 +15,7 @@ from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSetting
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Recording
+from rover_sweep.known_steering import has_linkage, known
 from rover_sweep.material_sizes import spread_of
 from rover_sweep.preparation import doublets_apart, geometry_of, refuse_overlap
 from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
@@ -84,7 +85,9 @@ def diagnosed(
     from rover_sweep.diagnosis.diagnose import diagnose
 
     begun = time.monotonic()
-    settings = replace(settings, spread=spread_of(vehicle.material))
+    bench = known(vehicle, spread_of(vehicle.material))
+    settled = {effect: why for effect, why in bench.settled.items() if effect not in settings.with_effects}
+    settings = replace(settings, spread=bench.spread, without_effects=(*settings.without_effects, *settled))
     try:
         found = diagnose(
             given.runs, geometry_of(vehicle), settings, given.held_out, given.simulated, progress, stop
@@ -94,6 +97,12 @@ def diagnosed(
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
         found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
+    remarks += [f"{effect} was not looked for: {why}" for effect, why in settled.items()]
+    if has_linkage(vehicle):
+        remarks.append(
+            "the steering was taken through what the bench measured ([steering] of the vehicle file); a "
+            "rover simulated from this report lacks that"
+        )
     if stop is not None and stop():
         seconds = time.monotonic() - begun
         remarks.append(f"stopped by hand after {seconds:.0f} s: this is what was found until then, no more")

@@ -16,6 +16,7 @@ from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import Settings
 from rover_sweep.identify.models.lumped import COLUMNS, ROWS
 from rover_sweep.identify.recording import Note, Recording, steered
+from rover_sweep.known_steering import through_linkage
 from rover_sweep.logs import read_runs
 from rover_sweep.run_names import named, source_names
 from rover_sweep.session_folder.folder import is_session
@@ -111,7 +112,7 @@ def with_delta(run: Recording, vehicle: Vehicle) -> Recording:
         return run
     if "pwm" not in run:
         raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
-    return steered(run, *vehicle.steering())
+    return through_linkage(steered(run, *vehicle.steering()), vehicle)
 
 
 def parameter_names(names: Sequence[str]) -> tuple[str, ...]:

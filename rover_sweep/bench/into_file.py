@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import hypot
 from pathlib import Path
 
 from rover_sweep.bench.result import BenchResult, Number
@@ -28,8 +29,16 @@ def numbers_for_file(result: BenchResult) -> dict[str, Measured]:
         out["steering.rad_per_us"] = rounded(Measured(slope.value, slope.sd))
     for number in result.numbers:
         if number.key in KEYS and number.told:
-            out[number.key] = rounded(Measured(number.value, number.sd))
+            out[number.key] = rounded(_worth(number))
     return out
+
+
+def _worth(number: Number) -> Measured:
+    """The number, or 0 where its interval holds 0, with what it might be as the uncertainty: whoever reads
+    the file uses what stands there, and must not bend the steering by noise."""
+    if number.low <= 0.0 <= number.high:
+        return Measured(0.0, hypot(number.value, number.sd))
+    return Measured(number.value, number.sd)
 
 
 def write(path: Path, result: BenchResult) -> dict[str, Measured]:

@@ -65,6 +65,7 @@ def _column(judged: Judged) -> dict[str, str]:
         f"step of {math.degrees(step.size):.0f} deg/s: rise": _number(step.rise, "s"),
         "  overshoot": f"{step.overshoot:.1f} %",
         "  settling to 5 %": _number(step.settling, "s"),
+        "  steering used": f"{100 * step.used:.0f} % of its travel",
         "steady r / target without I": f"{100 * judged.steady:.0f} %",
     }
 

@@ -1,18 +1,18 @@
 """From turn rate to road-wheel angle as ArduRover does it, and the parameters that decide it.
 
-Read in the source of ArduRover 4.6.3 (tag Rover-4.6.3):
+Read in the source of ArduRover 4.6.3 (tag Rover-4.6.3); 4.5.7 has the same in all of these:
 
 - `Rover/mode_acro.cpp` ModeAcro::update: desired turn rate = stick / 4500 * ACRO_TURN_RATE; the controller's
   output times 4500 goes to `Mode::set_steering`. AUTO, GUIDED, RTL, SMART_RTL, LOITER and STEERING end in the
   same `AR_AttitudeControl::get_steering_out_rate` (`Rover/mode.cpp`: calc_steering_from_turn_rate,
-  calc_steering_to_heading, calc_steering_from_lateral_acceleration). MANUAL bypasses it and passes
-  apply_scaling = false.
+  calc_steering_to_heading, calc_steering_from_lateral_acceleration). MANUAL bypasses it.
 - `libraries/APM_Control/AR_AttitudeControl.cpp` get_steering_out_rate: the target is limited in change by
   ATC_STR_ACC_MAX (deg/s^2), in size by ATC_STR_RAT_MAX (deg/s) and by ATC_TURN_MAX_G over the speed (at
   least 1 m/s); then AC_PID::update_all plus get_ff; no limit of the output there. The measurement is
   `AP_AHRS::get_yaw_rate_earth`, made of the gyro behind INS_GYRO_FILTER (second order) less its bias.
-- `libraries/AR_Motors/AP_MotorsUGV.cpp` output_regular, called with apply_scaling in all modes but MANUAL and
-  HOLD: where MOT_SPD_SCA_BASE > 0 and abs(speed) > MOT_SPD_SCA_BASE the steering is multiplied by
+- `libraries/AR_Motors/AP_MotorsUGV.cpp` output_regular, with apply_scaling in all modes but MANUAL (unless
+  MANUAL_OPTIONS has bit 0) and GUIDED driven by steering-and-throttle messages (`Rover/mode_guided.cpp`):
+  where MOT_SPD_SCA_BASE > 0 and abs(speed) > MOT_SPD_SCA_BASE the steering is multiplied by
   MOT_SPD_SCA_BASE / abs(speed); otherwise it is not, and the limit flags are set, so that the integrator may
   only shrink. After that it is cut at +-4500, which sets the flags too (set_limits_from_input). A controller
   output beyond 1 is therefore of use at speed.
@@ -164,7 +164,9 @@ def autopilot(parameters: Mapping[str, float], assumed: Mapping[str, float] | No
 
     Raises ValueError for numbers that make no loop.
     """
-    filled = {**DEFAULTS, **(assumed or {}), **parameters}
+    filled = {
+        n: float(f"{v:.7g}") for n, v in {**DEFAULTS, **(assumed or {}), **parameters}.items()
+    }  # float32
     servo = steering_servo(parameters)
     ends = {k: parameters.get(f"SERVO{servo}_{k}", v) for k, v in SERVO_DEFAULTS.items()}
     lacking = [n for n in (*DEFAULTS, *(f"SERVO{servo}_{k}" for k in SERVO_DEFAULTS)) if n not in parameters]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -65,7 +66,7 @@ def propose(found: Identified, autopilot: Autopilot, speed: float | None = None)
     ):
         return Proposal(found, autopilot, at, support, None, None, holds)
     family = family_of(found, autopilot, at)
-    support = _stable(support, family)
+    support = _reach(_stable(support, family), family)
     if any(not plant.stable for plant in family.plants):
         return Proposal(found, autopilot, at, support, None, None, holds)
     now = judge(family, autopilot.gains)
@@ -140,6 +141,19 @@ def _after(found: Identified, support: Support, judged: Judged | None) -> tuple[
     if reasons:
         return replace(support, level="none", reasons=reasons), None
     return replace(support, remarks=(*support.remarks, *extrapolated(found, judged.margins))), judged
+
+
+def _reach(support: Support, family: Family) -> Support:
+    """With a remark where the steering, and not a limit of the target, bounds the turn rate."""
+    plant, most = family.nominal, family.autopilot.rate_limit(family.nominal.speed)
+    reach = min(plant.gain * abs(angle) for angle in family.angle_per_output)
+    if reach >= most:
+        return support
+    words = (
+        f"at {plant.speed:.3g} m/s the steering reaches its stops at {math.degrees(reach):.0f} deg/s, below "
+        f"the {math.degrees(most):.0f} deg/s that the firmware lets through: lower ATC_STR_RAT_MAX"
+    )
+    return replace(support, remarks=(*support.remarks, words))
 
 
 def _stable(support: Support, family: Family) -> Support:

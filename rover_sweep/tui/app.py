@@ -17,6 +17,7 @@ from rover_sweep.live.source import Play, Source
 from rover_sweep.tui.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.connect import ConnectScreen
+from rover_sweep.tui.screens.edit import EditRow
 from rover_sweep.tui.screens.frame import VIEWS
 from rover_sweep.tui.screens.log import LogScreen
 from rover_sweep.tui.screens.plan import PlanScreen
@@ -78,7 +79,7 @@ class SweepApp(SessionApp):
 
     def redraw(self) -> None:
         for screen in self.screen_stack if self.is_running else ():
-            if isinstance(screen, SessionScreen):
+            if isinstance(screen, SessionScreen | EditRow):
                 screen.redraw()
 
     def turn_to(self, view: str, only_from: tuple[str, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Words in letters three rows high, for a screen an arm's length away: five rows of dots in half blocks."""
+"""Words in large letters, for a screen an arm's length away: dots in blocks, three or five rows high."""
 
 from __future__ import annotations
 
@@ -21,11 +21,20 @@ _BLOCKS = {"00": " ", "10": "▀", "01": "▄", "11": "█"}
 
 
 def big(words: str) -> tuple[str, str, str]:
-    """Three rows of equal length, A to Z and blanks; letters that are not known are left out."""
-    letters = [_DOTS[letter].split() for letter in words.upper() if letter in _DOTS]
-    rows = ["0".join(letter[n] for letter in letters) for n in range(5)]
-    rows.append("0" * len(rows[0]))
+    """Three rows of equal length, a dot a half block; letters that are not known are left out."""
+    rows = (*_rows(words), "0" * len(_rows(words)[0]))
     return (_pair(rows[0], rows[1]), _pair(rows[2], rows[3]), _pair(rows[4], rows[5]))
+
+
+def huge(words: str) -> tuple[str, ...]:
+    """Five rows, a dot two columns wide."""
+    return tuple("".join("██" if dot == "1" else "  " for dot in row) for row in _rows(words))
+
+
+def _rows(words: str) -> tuple[str, ...]:
+    """Five rows of dots, 0 and 1."""
+    letters = [_DOTS[letter].split() for letter in words.upper() if letter in _DOTS]
+    return tuple("0".join(letter[n] for letter in letters) for n in range(5))
 
 
 def _pair(upper: str, lower: str) -> str:

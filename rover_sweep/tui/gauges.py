@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-_STEPS = "▁▂▃▄▅▆▇█"
+_STEPS = " ▁▂▃▄▅▆▇█"
 
 
 def bar(share: float, width: int) -> str:
@@ -29,17 +29,24 @@ def pointer(value: float, low: float, high: float, width: int) -> str:
     return "".join(cells)
 
 
-def history(values: Sequence[float], low: float, high: float, width: int) -> str:
-    """The last `width` values between two limits, the newest at the right; a blank where not known."""
-    shown = [_step(value, low, high) for value in values[-width:]]
-    return "".join(shown).rjust(width)
+def history(values: Sequence[float], low: float, high: float, width: int, rows: int = 1) -> list[str]:
+    """The last `width` values between two limits as columns, the newest at the right; blank where not known.
+
+    Returns `rows` rows, the uppermost first.
+    """
+    heights = [_height(value, low, high, rows) for value in values[-width:]]
+    return [
+        "".join(_STEPS[min(8, max(0, height - 8 * row))] for height in heights).rjust(width)
+        for row in reversed(range(rows))
+    ]
 
 
-def _step(value: float, low: float, high: float) -> str:
+def _height(value: float, low: float, high: float, rows: int) -> int:
+    """Of a column in eighths of a row: at least one, and none where the value is not known."""
     if not math.isfinite(value):
-        return " "
+        return 0
     share = min(1.0, max(0.0, (value - low) / (high - low)))
-    return _STEPS[min(len(_STEPS) - 1, int(share * len(_STEPS)))]
+    return max(1, round(share * 8 * rows))
 
 
 def number(value: float, form: str) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from rover_sweep.tui.state import State
+from rover_sweep.tui.words import APPLET
 
 SWITCH_HIGH = 1800  # us, above which the firmware reads high
 
@@ -23,6 +24,10 @@ def task(state: State, speed: float = float("nan")) -> Task:
     """Of the run under way; speed [m/s]: at which it is planned."""
     if state.aborting:
         return Task("ABORTING", "The run is being ended. Switch low ends it as well.")
+    if state.played is not None:
+        return Task(
+            "PLAYED", f"A recording: nothing moves. The applet: {APPLET.get(state.applet, 'unknown')}.", False
+        )
     if state.lost:
         return Task("NO LINK", f"{state.lost} The switch low stops the rover without this laptop.")
     drive = state.driving
@@ -73,7 +78,7 @@ def _let_go(state: State) -> Task:
     """No run of ours: is anything left to do?"""
     now = state.snapshot
     high = now is not None and now.switch > SWITCH_HIGH
-    if state.played is None and (high or (state.wanted is not None and state.wanted.position == "low")):
+    if high or (state.wanted is not None and state.wanted.position == "low"):
         return Task("SWITCH LOW", "No run is under way: throw the switch low.")
     if state.under_way:
         return Task("IT STEERS", "The applet steers, and this program did not ask for it.")

@@ -68,11 +68,12 @@ class SessionApp(App[None]):
     # ---- from the source -------------------------------------------------------------------------
 
     def on_arrived(self) -> None:
-        """Everything that has come, in one go."""
+        """Everything that has come, drawn once."""
         for told in self.feed.take():
             before = self.state
-            self.state = reduce(self.state, told)
+            self.set_reactive(SessionApp.state, reduce(before, told))
             self._follow(told, before)
+        self.redraw()
 
     def watch_state(self) -> None:
         self.redraw()

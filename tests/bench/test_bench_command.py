@@ -1,14 +1,14 @@
-"""`rover-sweep bench` on the embedded rover: moved, recorded, measured, written; refused; stopped; resumed."""
+"""`rover-sweep bench` on the embedded rover: moved, recorded, measured, written; refused; stopped."""
 
 from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Callable
 from math import degrees
 from pathlib import Path
 
 import pytest
-from conftest import OnBlocks
 
 from rover_sweep.bench.drive import Keep, Plan, drive
 from rover_sweep.bench.folder import BenchFolder
@@ -22,7 +22,7 @@ from rover_sweep.vehicle.parameters import write
 from rover_sweep.vehicle_file import load
 from sitl.effects.steering import Linkage
 
-NOBODY = 65535
+OnBlocks = Callable[..., str]
 
 
 class Beside:

@@ -117,3 +117,33 @@ def test_a_diagnosis_carries_gains_too(tmp_path: Path):
     assert any("steering_backlash" in remark for remark in made.support.remarks)
     slow = propose(from_diagnosis(model("servo_lag"), "unexplained"), made.autopilot, 2.5)
     assert "the verdict of the diagnosis is: unexplained" in slow.support.reasons[0]
+
+
+def test_what_a_vehicle_flies_is_read_over_the_link(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """From the embedded rover; nothing but reading, and its own defaults are those of the firmware."""
+    from sitl.launcher import start_embedded
+
+    with start_embedded(tmp_path / "rover", options=("--parameter", "ATC_STR_RAT_P=0.4")) as rover:
+        assert run(["gains", str(folder), "--connect", rover.connection, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["now"]["parameters"]["ATC_STR_RAT_P"] == 0.4
+    assert "ATC_STR_RAT_FF" not in told["autopilot"]["assumed"]
+
+
+def test_the_core_knows_no_files_links_or_terminals():
+    import ast
+
+    forbidden = (
+        "sitl",
+        "rover_sweep.logs",
+        "rover_sweep.vehicle",
+        "rover_sweep.cli",
+        "rover_sweep.report",
+        "click",
+    )
+    for path in (Path(__file__).parents[2] / "rover_sweep" / "gains").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                assert not str(node.module).startswith(forbidden), f"{path.name} imports {node.module}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from acro_drive import LENGTH, STEP, judge, predicted, profile, segments
+from acro_drive import EACH, FULL, STEP, Profile, judge, predicted, segments
 
 from rover_sweep.gains.controller import RatePid
 from rover_sweep.gains.firmware import DEFAULTS, Autopilot, Gains, autopilot
@@ -38,7 +38,7 @@ def gains_of(name: str) -> Gains:
 def during(flash: DataFlash, message: str, name: str) -> tuple[Array, dict[str, Array]]:
     """(t from the start of a segment [s], columns) within it."""
     t = flash.seconds(message) - FLOWN[name].start
-    inside = (t >= 0) & (t < LENGTH)
+    inside = (t >= 0) & (t < FULL.length)
     columns = flash.formats[message].columns[1:]
     return t[inside], {c: flash.column(message, c)[inside] for c in columns}
 
@@ -109,8 +109,8 @@ def test_the_target_is_the_stick_behind_the_acceleration_limit(flash: DataFlash,
     t, logged = during(flash, "PIDS", "proposed")
     slope = np.abs(np.diff(logged["Tar"]) / np.diff(t))
     assert np.percentile(slope, 99) == pytest.approx(loop.accel_max, rel=0.02)
-    settled = (t % 5.0 > 1.0) & (t % 5.0 < 2.8) & (t < 40)
-    asked = np.array([profile(x) for x in t[settled]])
+    settled = (t % EACH > 1.0) & (t % EACH < 2.8) & (t < FULL.steps * EACH)
+    asked = np.array([FULL.rate(x) for x in t[settled]])
     assert logged["Tar"][settled] == pytest.approx(asked, abs=0.005)
     assert np.abs(asked).max() == pytest.approx(STEP)
 
@@ -121,3 +121,23 @@ def test_turn_rates_of_ster_are_those_of_pids(flash: DataFlash):
     fine, fast = during(flash, "PIDS", "proposed")
     for ster, pids in (("DesTurnRate", "Tar"), ("TurnRate", "Act")):
         assert np.radians(slow[ster]) == pytest.approx(np.interp(t, fine, fast[pids]), abs=0.06)
+
+
+@pytest.mark.ardurover
+def test_a_short_drive_on_the_firmware(proposal: Proposal, tmp_path: Path):
+    """Two steps each, as fast as the machine allows; the parameters read over the link by the command too."""
+    from acro_on_firmware import drive
+
+    from sitl.launcher import LaunchError, find_ardurover
+
+    try:
+        binary = find_ardurover()
+    except LaunchError as error:
+        pytest.skip(str(error))
+    short = Profile(steps=2, sine_s=4.0)
+    log, told, loop = drive(binary, tmp_path, proposal.proposed.gains, short, speedup=4.0)
+    before, after = (judge(log, segment, short) for segment in told)
+    assert after.rms < before.rms / 2
+    assert after.step.overshoot == pytest.approx(
+        predicted(proposal, loop, proposal.proposed.gains).overshoot, abs=6
+    )

@@ -117,7 +117,7 @@ def under_way() -> list[Told]:
         e.Said(4.0, 6, "SWP: run 1 start sweep"),
         e.StateChanged(5.0, 3, "straight before"),
         e.StateChanged(9.0, 6, "manoeuvre"),
-        *(snapshot(9.0 + 0.1 * n) for n in range(120)),
+        *(snapshot(9.0 + 0.1 * n) for n in range(60)),
     ]
 
 

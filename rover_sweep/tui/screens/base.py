@@ -29,9 +29,11 @@ _NAMES = {
 
 
 class SessionScreen(Screen[None]):
-    """`view`: its name; `picture`: what is drawn between status and message."""
+    """`view`: its name; `picture`: what is drawn between status and message. `repeats_messages`: whether the
+    last line of the log is shown below."""
 
     view: ClassVar[str] = ""
+    repeats_messages: ClassVar[bool] = True
     DEFAULT_CSS = """
     SessionScreen { layout: vertical; overflow: hidden hidden; }
     SessionScreen Static { width: 100%; text-wrap: nowrap; text-overflow: clip; }
@@ -91,7 +93,9 @@ class SessionScreen(Screen[None]):
         self.query_one("#tabs", Static).update(frame.tabs(self.view, self.palette, width))
         self.query_one("#status", Static).update(frame.status(self.state, self.palette, width))
         body.update(self._drawn(width, height - _AROUND))
-        self.query_one("#message", Static).update(frame.message(self.state, self.palette, width))
+        self.query_one("#message", Static).update(
+            frame.message(self.state, self.palette, width, self.repeats_messages)
+        )
         self.query_one("#keys", Static).update(frame.keys(list(self._keys()), self.palette, width))
 
     def _drawn(self, width: int, height: int) -> Text:

@@ -89,7 +89,9 @@ class ConnectScreen(SessionScreen):
             self.session.connect(url)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        return action != "connect" or not self.state.busy
+        if action == "type_url":
+            return not self.state.under_way
+        return action != "connect" or not (self.state.busy or self.state.under_way)
 
 
 def _may(own: tuple[str, ...]) -> str:

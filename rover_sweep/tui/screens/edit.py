@@ -16,6 +16,7 @@ from textual.widgets import Static
 from rover_sweep.errors import UsageError
 from rover_sweep.tui.drawing import Rows
 from rover_sweep.tui.plan_rows import Field, Row, changed, fields, value
+from rover_sweep.tui.screens.frame import ABORT_WORDS
 
 if TYPE_CHECKING:
     from rover_sweep.tui.palette import Palette
@@ -28,7 +29,7 @@ class EditRow(ModalScreen[Row | None]):
 
     BINDINGS = [
         Binding("enter", "keep", "keep", priority=True),
-        Binding("escape", "leave", "leave"),
+        Binding("escape,q", "leave", "leave"),
         Binding("up", "choose(-1)", "choose"),
         Binding("down", "choose(1)", "choose"),
         Binding("left", "step(-1)", "less"),
@@ -58,9 +59,11 @@ class EditRow(ModalScreen[Row | None]):
         from rover_sweep.tui.session_app import SessionApp
 
         assert isinstance(self.app, SessionApp)
-        self.query_one("#fields", Static).update(self.picture(self.app.palette))
+        for shown in self.query("#fields").results(Static):
+            shown.update(self.picture(self.app.palette, self.app.state.under_way))
 
-    def picture(self, palette: Palette) -> Text:
+    def picture(self, palette: Palette, under_way: bool) -> Text:
+        """under_way: a run is, and ESC ends that."""
         rows = Rows(palette, _WIDTH, 30)
         rows.add(f" {self.row.kind}", style=f"bold {palette.ink}").blank()
         for n, field in enumerate(fields(self.row)):
@@ -75,7 +78,9 @@ class EditRow(ModalScreen[Row | None]):
         rows.blank().sentence(self._refusal or f"{self.row.manoeuvre.duration:.0f} s of steering",
                               f"bold {palette.bad}" if self._refusal else palette.ink, most=3)  # fmt: skip
         rows.blank().sentence("↑ ↓ choose   ← → less, more   or type the number", palette.ink)
-        rows.sentence("ENTER keeps   ESC leaves it as it was", palette.ink)
+        rows.sentence(f"ENTER keeps   {'Q' if under_way else 'ESC'} leaves it as it was", palette.ink)
+        if under_way:
+            rows.blank().filled(f" RUN UNDER WAY - {ABORT_WORDS} ABORTS", palette.alarming)
         return rows.text()
 
     @property

@@ -75,8 +75,8 @@ def clock(t: float) -> str:
     return f"{int(t) // 60}:{int(t) % 60:02d}"
 
 
-def message(state: State, palette: Palette, width: int) -> Text:
-    """What failed last, else the last line of the log; while a run is under way, how to end it."""
+def message(state: State, palette: Palette, width: int, last: bool = True) -> Text:
+    """While a run is under way, how to end it; else what failed; else, if wanted, the log's last line."""
     if state.aborting:
         return Text(" ABORTING - the rover is being let go ".center(width), palette.alarming, no_wrap=True)
     if state.under_way:
@@ -85,7 +85,7 @@ def message(state: State, palette: Palette, width: int) -> Text:
         return Text(f" … {working_on(state.asked[0])}"[:width], f"bold {palette.accent}", no_wrap=True)
     if state.failure:
         return Text(f" ✗ {state.failure}"[:width], f"bold {palette.bad}", no_wrap=True)
-    if not state.messages:
+    if not (state.messages and last):
         return Text("")
     line = state.messages[-1]
     style = {"warning": palette.doubtful, "error": palette.bad}.get(line.level, palette.quiet)

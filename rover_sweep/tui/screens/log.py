@@ -19,6 +19,7 @@ class LogScreen(SessionScreen):
     """L fetches the vehicle's own logs, which it gives only while it is disarmed."""
 
     view = "log"
+    repeats_messages = False
     BINDINGS = [
         Binding("l", "fetch", "fetch the logs"),
         Binding("up", "scroll(1)", "older"),
@@ -30,7 +31,7 @@ class LogScreen(SessionScreen):
 
     def picture(self, width: int, height: int) -> Text:
         rows, palette, state = Rows(self.palette, width, height), self.palette, self.state
-        rows.add(f" {len(state.runs)} runs, {sum(r.outcome == 'done' for r in state.runs)} of them whole",
+        rows.add(f" runs: {len(state.runs)}, of them whole: {sum(r.outcome == 'done' for r in state.runs)}",
                  style=f"bold {palette.ink}")  # fmt: skip
         most = height // 2 - 2
         for run in state.runs[-most:]:

@@ -17,6 +17,8 @@ class Typing(ModalScreen[str | None]):
     Typing { align: center middle; background: $background; }
     Typing > Vertical { width: 76; max-width: 100%; height: auto; border: heavy $foreground; padding: 1 2; }
     Typing Input { border: tall $foreground; color: $foreground; background: $background; }
+    Typing Input > .input--cursor { color: $background; background: $foreground; text-style: none; }
+    Typing Input > .input--selection { color: $background; background: $foreground; }
     """
 
     def __init__(self, question: str, hint: str, value: str = "") -> None:

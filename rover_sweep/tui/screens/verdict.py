@@ -7,7 +7,7 @@ from textual.binding import Binding
 
 from rover_sweep.live.snapshot import Band, Verdict
 from rover_sweep.tui import words
-from rover_sweep.tui.big import big
+from rover_sweep.tui.big import big, huge
 from rover_sweep.tui.drawing import Rows, cells
 from rover_sweep.tui.gauges import bar, number
 from rover_sweep.tui.screens.base import SessionScreen
@@ -18,6 +18,7 @@ class VerdictScreen(SessionScreen):
     """W writes the amplitude that is proposed into the plan as a further run."""
 
     view = "verdict"
+    repeats_messages = False
     BINDINGS = [
         Binding("g", "go", "drive the next"),
         Binding("w", "take", "plan the repeat"),
@@ -58,7 +59,7 @@ class VerdictScreen(SessionScreen):
         assert verdict is not None
         style = {"keep": palette.good, "repeat": palette.doubtful}.get(verdict.advice, palette.bad)
         sign, word = words.ADVICE[verdict.advice]
-        for line in big(word):
+        for line in huge(word) if rows.height > 40 else big(word):
             rows.filled(f"  {line}", f"bold {palette.ground} on {style}")
         rows.sentence(f"{sign} {said(verdict)}", f"bold {palette.ink}", most=3)
         for remark in verdict.remarks[: 2 if rows.height < 30 else 6]:
@@ -109,9 +110,9 @@ def _matrix(rows: Rows, verdict: Verdict) -> None:
     there = {(band.response, band.low, band.high): band for band in verdict.bands}
     wanted = {(low, high): us for low, high, us in verdict.per_band}
     wide = rows.width >= 110
-    widths = (13, *((24 if wide else 13) for _ in responses), 8)
+    widths = (13, *((24 if wide else 13) for _ in responses), 9)
     names = (words.RESPONSES.get(response, response) for response in responses)
-    rows.add(" " + cells(("rad/s", *names, "us wanted"[: widths[-1]]), widths), style=rows.palette.quiet)
+    rows.add(" " + cells(("rad/s", *names, "us wanted"), widths), style=rows.palette.quiet)
     for low, high in spans[: rows.left - (len(spans) > rows.left)]:
         told = (_told(there.get((response, low, high)), wide) for response in responses)
         us = f"{wanted[low, high]:.0f}" if (low, high) in wanted else ""

@@ -1,0 +1,188 @@
+"""`rover-sweep params`: a rover's parameters compared with a file, set from it, written into one."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rover_sweep.errors import UsageError
+
+if TYPE_CHECKING:
+    from firmware_params.check import Difference, WantedParameter
+    from rover_sweep.vehicle.link import Link
+    from rover_sweep.vehicle.sources import Via
+
+_connect = click.option("--connect", required=True, metavar="URL",
+                        help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
+_json = click.option("--json", "as_json", is_flag=True, help="JSON on stdout, nothing else there.")
+_via = click.option("--via", type=click.Choice(["mavlink", "mavsdk"]), default="mavlink", show_default=True,
+                    help="Library that reads and writes; the same values come either way.")  # fmt: skip
+_file = click.argument("file", metavar="[FILE]", default="identification")
+_NOTES = Path()  # the note on a reboot that is due lies where the command is given
+
+
+@click.group()
+def params() -> None:
+    """A rover's parameters against a .param file: of this program (identification, raw_imu) or your own."""
+
+
+@params.command(short_help="What differs; changes nothing.")
+@_file
+@_connect
+@_json
+@_via
+def diff(file: str, connect: str, as_json: bool, via: Via) -> int:
+    """Compare the rover with FILE. Changes nothing. Exit code 0 if nothing differs, 1 if something does."""
+    with _link(connect) as link:
+        found = _differences(link, file, via)
+    if as_json:
+        click.echo(json.dumps({"file": file, "differences": [_told(d) for d in found]}, indent=2))
+    else:
+        _show(found, file)
+    return 1 if found else 0
+
+
+@params.command(short_help="Set what differs, after asking.")
+@_file
+@_connect
+@click.option("--yes", is_flag=True, help="Do not ask, not before a reboot either.")
+@_json
+@_via
+def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
+    """Set what differs from FILE; every value is read back and compared.
+
+    Shows first what differs, and asks; asks again before a reboot. Interrupted, it goes on when it is
+    called again: a reboot that is still due is noted in reboot-pending.json here. The rover must be
+    disarmed. Exit code 0 if nothing differs afterwards and no reboot is due, 1 else.
+    """
+    from rover_sweep.cli.display import PlainDisplay
+    from rover_sweep.cli.output import narration
+    from rover_sweep.vehicle.parameter_push import push as bring
+    from rover_sweep.vehicle.parameter_push import waiting
+    from rover_sweep.vehicle.sources import parameter_source
+
+    if not yes and not sys.stdin.isatty():
+        raise UsageError("there is no terminal to ask at: give --yes to set them without questions")
+    with _link(connect) as link:
+        found = _differences(link, file, via)
+        if not as_json:
+            _show(found, file)
+        settable = [d for d in found if d.found is not None]
+        if settable and not yes and not click.confirm(f"Set {len(settable)} parameters?", err=True):
+            return 1
+
+        def may_reboot(because: tuple[str, ...]) -> bool:
+            return yes or click.confirm(f"Reboot the rover, for {', '.join(because)}?", err=True)
+
+        display = PlainDisplay(narration(), talk=True)
+        for event in bring(link, parameter_source(link, via), found, may_reboot, _NOTES):
+            display.show(event)
+        left, due = _differences(link, file, via) if found else [], waiting(link, _NOTES)
+    if as_json:
+        told = {"file": file, "set": [_told(d) for d in settable], "differences": [_told(d) for d in left]}
+        click.echo(json.dumps(told | {"reboot_due": list(due)}, indent=2))
+    return 1 if left or due else 0
+
+
+@params.command(short_help="Write all of the rover's parameters into a file.")
+@click.argument("file", metavar="[FILE]", default="-")
+@_connect
+@_json
+@_via
+def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
+    """Write all parameters of the rover into FILE (default: stdout), as any ground station reads them."""
+    from rover_sweep.vehicle.identity import identify_vehicle
+    from rover_sweep.vehicle.sources import parameter_source
+
+    with _link(connect) as link:
+        vehicle = identify_vehicle(link)
+        values = dict(sorted(parameter_source(link, via).read_all().items()))
+    text = "\n".join(
+        [f"# {vehicle.firmware} ({vehicle.git_hash}), {len(values)} parameters", *_lines(values)]
+    )
+    if file != "-":
+        from rover_sweep.report.files import write_file
+
+        write_file(Path(file), text + "\n")
+        click.echo(f"{file}: {len(values)} parameters of {vehicle.firmware}", err=True)
+    if as_json:
+        click.echo(json.dumps({"firmware": vehicle.firmware, "parameters": values}, indent=2))
+    elif file == "-":
+        click.echo(text)
+
+
+def _lines(values: dict[str, float]) -> Iterator[str]:
+    """NAME VALUE, with as many digits as bring the same float32 back."""
+    for name, value in values.items():
+        yield f"{name} {value:.0f}" if value.is_integer() and abs(value) < 1e9 else f"{name} {value:.9g}"
+
+
+def _differences(link: Link, file: str, via: Via) -> list[Difference]:
+    from firmware_params.check import compare
+    from rover_sweep.vehicle.identity import identify_vehicle
+    from rover_sweep.vehicle.parameters import read_present
+    from rover_sweep.vehicle.sources import parameter_source
+
+    identify_vehicle(link)
+    wanted = _wanted(file)
+    if via == "mavlink" and len(wanted) < _FEW:
+        return list(compare(read_present(link, [p.name for p in wanted]), wanted))
+    return list(compare(parameter_source(link, via).read_all(), wanted))
+
+
+_FEW = 100  # parameters that are asked for one by one; all 1300 come in the time of 30
+
+
+def _wanted(file: str) -> Sequence[WantedParameter]:
+    """Of a file that is there, or of a shipped one by its name."""
+    from firmware_params.check import read, shipped
+
+    path = Path(file)
+    try:
+        return read(path if path.is_file() else shipped(file))
+    except (ValueError, OSError) as error:
+        raise UsageError(f"{error}; give a .param file, or identification or raw_imu") from error
+
+
+def _told(d: Difference) -> dict[str, object]:
+    from rover_sweep.vehicle.parameter_push import needs_reboot
+
+    told = {"name": d.name, "wanted": d.wanted, "found": d.found, "reason": d.reason}
+    return told | {"reboot": needs_reboot(d.name, d.needs_reboot)}
+
+
+def _show(found: Sequence[Difference], file: str) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from rover_sweep.cli.output import results
+    from rover_sweep.vehicle.parameter_push import needs_reboot
+
+    console = results()
+    if not found:
+        console.print(f"the rover has everything of {file}", style="green", markup=False)
+        return
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
+    for heading in ("parameter", "rover", "file", "reboot", "why"):
+        table.add_column(heading, justify="right" if heading in ("rover", "file") else "left")
+    for d in found:
+        has = "-" if d.found is None else f"{d.found:.7g}"
+        reboot = "yes" if needs_reboot(d.name, d.needs_reboot) else ""
+        table.add_row(d.name, has, f"{d.wanted:.7g}", reboot, Text(d.reason))
+    console.print(table)
+    console.print(f"{len(found)} differ", style="yellow")
+
+
+@contextmanager
+def _link(url: str) -> Iterator[Link]:
+    from rover_sweep.vehicle.link import Link
+
+    with tempfile.TemporaryDirectory() as folder, Link.open(url, Path(folder) / "params.tlog") as link:
+        yield link

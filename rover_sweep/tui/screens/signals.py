@@ -1,0 +1,73 @@
+"""What is watched in a run: a number, its place between limits, a short history."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from firmware_params.parameters import PARAMETERS
+from rover_sweep.tui.drawing import Rows
+from rover_sweep.tui.gauges import history, number, pointer
+from rover_sweep.tui.setup import Setup
+from rover_sweep.tui.state import State
+
+_DEFAULTS = {p.name: p.default for p in PARAMETERS}
+_STEERED = range(3, 9)  # states of the applet, in which it keeps the limits
+_TRIM = 1500.0  # us, where no vehicle file says
+_AY = 10.0  # m/s^2, of the gauge; nothing limits it
+_DEGREES = 180 / math.pi
+
+
+@dataclass(frozen=True)
+class Signal:
+    """field: of a Snapshot, shown times scale in unit; low, high: of the gauge; limits: in words, or ''."""
+
+    name: str
+    field: str
+    scale: float
+    unit: str
+    form: str
+    low: float
+    high: float
+    limits: str = ""
+
+
+def limit_of(state: State, setup: Setup) -> Callable[[str], float]:
+    """A limit of the applet: as it was set on the vehicle, as the command line says, as it comes."""
+    extra = {f"SWP_{name.upper()}": value for name, value in setup.settings.extra.items()}
+    return lambda name: state.parameters.get(name, extra.get(name, _DEFAULTS[name]))
+
+
+def signals_of(state: State, setup: Setup) -> tuple[Signal, ...]:
+    """What is watched, with its limits."""
+    limit, vehicle = limit_of(state, setup), setup.vehicle
+    trim = vehicle.trim_us.value if vehicle and vehicle.trim_us else _TRIM
+    most, r_max, roll = limit("SWP_PWM_MAX"), limit("SWP_R_MAX"), limit("SWP_ROLL_MAX")
+    slow, fast = limit("SWP_V_MIN"), limit("SWP_V_MAX")
+    return (
+        Signal("steering", "pwm", 1.0, "us", "6.0f", trim - most, trim + most, f"{trim:g} ±{most:g}"),
+        Signal("yaw rate", "r", _DEGREES, "°/s", "+6.0f", -r_max, r_max, f"±{r_max:g}"),
+        Signal("side acc.", "ay", 1.0, "m/s²", "+6.1f", -_AY, _AY),
+        Signal("speed", "speed", 1.0, "m/s", "6.2f", slow, fast, f"{slow:g} to {fast:g}"),
+        Signal("roll", "phi", _DEGREES, "°", "+6.1f", -roll, roll, f"±{roll:g}"),
+    )
+
+
+def draw(rows: Rows, state: State, setup: Setup, each: int) -> None:
+    """`each` rows for a signal."""
+    place = 51 if rows.width >= 120 else 21
+    for signal in signals_of(state, setup):
+        values = [signal.scale * getattr(one, signal.field) for one in state.history]
+        value = values[-1] if values else math.nan
+        past = bool(signal.limits) and state.applet in _STEERED and not signal.low <= value <= signal.high
+        ink = rows.palette.bad if past else rows.palette.ink
+        limits = f"PAST {signal.limits}" if past else signal.limits
+        said = f" {signal.name:<9} {number(value, signal.form)} {signal.unit:<5}"
+        where = f"{pointer(value, signal.low, signal.high, place)} {limits:<14.14} "
+        drawn = history(values, signal.low, signal.high, rows.width - len(said) - len(where) - 1, each)
+        for n, row in enumerate(drawn):
+            left = said + where if n == each // 2 else " " * len(said + where)
+            rows.add((left, f"bold {ink}" if n == each // 2 else ""), (row, rows.palette.quiet))
+        if each > 1:
+            rows.blank()

@@ -1,0 +1,107 @@
+"""A turn-rate profile driven in ACRO mode on the real firmware (SITL), with two sets of gains."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from acro_drive import FULL, Profile, Segment
+
+from firmware_params.check import shipped
+from rover_sweep.gains.firmware import DEFAULTS, Autopilot, Gains, autopilot
+from rover_sweep.vehicle.controls import pump
+from rover_sweep.vehicle.link import Link, Refused
+from rover_sweep.vehicle.mavlink import constant
+from rover_sweep.vehicle.parameters import read_all, write_all
+from sitl.launcher import start_ardurover
+
+ACRO = 1  # custom_mode of Rover
+SPEED = 2.5  # m/s
+ACRO_RATE = 90.0  # deg/s at full stick
+CRUISE_THROTTLE = 52.0  # percent that give SPEED on the nominal plant
+SETTINGS = {
+    "ACRO_TURN_RATE": ACRO_RATE, "CRUISE_SPEED": SPEED, "CRUISE_THROTTLE": CRUISE_THROTTLE, "SCR_ENABLE": 0,
+}  # fmt: skip
+STRAIGHT = 6.0  # s, to reach the speed before a profile
+READY_S = 120.0
+
+
+class Stick:
+    """The pilot's sticks over RC override: steering by the profile, throttle as a share of full."""
+
+    def __init__(self, link: Link, parameters: Mapping[str, float], profile: Profile) -> None:
+        self.link, self.parameters, self.profile = link, parameters, profile
+        self.throttle, self.start = 0.0, math.inf
+        link.every(0.02, self.send)
+
+    def send(self) -> None:
+        """Both sticks as they are now."""
+        rate = self.profile.rate(self.link.clock.now - self.start)
+        channels = {1: self._pwm(1, math.degrees(rate) / ACRO_RATE), 3: self._pwm(3, self.throttle)}
+        fields = {f"chan{n}_raw": channels.get(n, 0xFFFF) for n in range(1, 17)}
+        self.link.to_vehicle("RC_CHANNELS_OVERRIDE", **fields, chan17_raw=0, chan18_raw=0)
+
+    def _pwm(self, channel: int, share: float) -> int:
+        """As RC_Channel::pwm_to_angle_dz takes it: the dead zone lies between trim and the first movement."""
+        trim, end, dead = (self.parameters[f"RC{channel}_{k}"] for k in ("TRIM", "MAX", "DZ"))
+        return (
+            round(trim + math.copysign(dead, share) + share * (end - trim - dead)) if share else round(trim)
+        )
+
+
+def drive(
+    binary: Path, folder: Path, proposed: Gains, profile: Profile = FULL, speedup: float = 1.0
+) -> tuple[Path, list[Segment], Autopilot]:
+    """(log, segments, the loop it flew) of the profile with the firmware's defaults, then with `proposed`."""
+    settings = folder / "settings.param"
+    settings.write_text("".join(f"{n} {v:g}\n" for n, v in SETTINGS.items()), encoding="ascii")
+    files = [shipped("identification"), settings]
+    with (
+        start_ardurover(binary, folder / "vehicle", defaults=files, speedup=speedup) as rover,
+        Link.open(rover.connection, folder / "drive.tlog") as link,
+    ):
+        pump(link, 10.0, 60.0)
+        have = read_all(link)
+        loop = autopilot(have)
+        flown = loop.gains.parameters
+        assert all(math.isclose(v, DEFAULTS[n], rel_tol=1e-6) for n, v in flown.items()), flown
+        link.require("send attitude", "MAV_CMD_SET_MESSAGE_INTERVAL", float(30), 20_000.0)
+        stick = Stick(link, have, profile)
+        _arm(link)
+        stick.throttle = CRUISE_THROTTLE / 100
+        told = [_driven(link, stick, "defaults", flown)]
+        write_all(link, proposed.parameters)
+        told.append(_driven(link, stick, "proposed", proposed.parameters))
+        stick.throttle = 0.0
+        pump(link, 3.0, 20.0)
+        link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0)
+        pump(link, 1.0)
+    return max((folder / "vehicle" / "logs").glob("*.BIN")), told, loop
+
+
+def _arm(link: Link) -> None:
+    """ACRO and armed, once the estimator is ready."""
+    started = link.clock.now
+    wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
+    while link.clock.now - started < READY_S:
+        report = link.request_message("EKF_STATUS_REPORT")
+        if report is not None and int(report.flags) & wanted == wanted:
+            try:
+                link.require("go into ACRO", "MAV_CMD_DO_SET_MODE", 1.0, float(ACRO))
+                link.require("arm", "MAV_CMD_COMPONENT_ARM_DISARM", 1.0)
+                return
+            except Refused as refused:
+                print(f"  {refused}", file=sys.stderr)
+        pump(link, 2.0, 10.0)
+    raise AssertionError(f"the rover did not arm within {READY_S:g} s")
+
+
+def _driven(link: Link, stick: Stick, name: str, parameters: Mapping[str, float]) -> Segment:
+    """Straight, then the profile."""
+    pump(link, STRAIGHT, 60.0)
+    stick.start = link.clock.now
+    pump(link, stick.profile.length + 0.5, 300.0)
+    begun, stick.start = stick.start, math.inf
+    return Segment(name, begun, parameters)

@@ -1,0 +1,119 @@
+"""Every screen in every state worth looking at: what was told and which keys were pressed up to there."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from scripted_source import (
+    CHECKS,
+    ROVER,
+    SWEEP,
+    TLOG,
+    URL,
+    VERDICT,
+    ScriptedSource,
+    connected,
+    drive,
+    finished,
+    snapshot,
+    under_way,
+)
+from textual.pilot import Pilot
+
+from rover_sweep.live.snapshot import Verdict
+from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Played, Preflight, Told
+from rover_sweep.tui.analysis import Job
+from rover_sweep.tui.app import SweepApp
+from rover_sweep.tui.setup import Setup
+from rover_sweep.vehicle import events as e
+from rover_sweep.vehicle.run import RunSettings
+from rover_sweep.vehicle_file import load
+
+ROVER_FILE = Path(__file__).parents[1] / "data" / "rover.toml"
+SETUP = Setup(url=URL, folder=Path("session"), vehicle_path=ROVER_FILE, vehicle=load(ROVER_FILE))
+OWN = RunSettings(arm=True, throttle_us=1710, trigger="override")
+
+Step = str | Sequence[Told]  # a key, or what the source tells
+
+_READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
+_DRIVEN: tuple[Step, ...] = (*_READY, "3", "g", under_way())
+_KEEP = Verdict("sweep1", "keep", "keep: coherence >= 0.6 over 0.3-25 rad/s", VERDICT.bands[:4])
+_ASKED: tuple[Step, ...] = (*_READY, "3", "g", [e.RunStarted("sweep1", SWEEP, TLOG)])
+_FAR = snapshot(2.0, state=0, state_name="idle", pwm=1500.0, r=0.0, ay=0.0, phi=0.0, speed=0.0, switch=1000.0)
+
+SCENES: Mapping[str, tuple[Step, ...]] = {
+    "connect": (),
+    "connect-typing": ("u",),
+    "connect-failed": (
+        "enter", [Ended(Connect(URL), "cannot open tcp:127.0.0.1:5760: Connection refused; does it run?")],
+    ),
+    "preflight": _READY,
+    "preflight-by-hand": (*_READY, "down", "down", "down", "down", "down", "down", "down"),
+    "preflight-reboot": (*_READY, "down", "f"),
+    "preflight-good": (*_READY, [Checked(tuple(c for c in CHECKS if c.state == "good"))]),
+    "plan": (*_READY, "3", "down", "m", "b"),
+    "plan-empty": (*_READY, "3", "x", "x", "x"),
+    "plan-edit": (*_READY, "3", "e", "down", "right"),
+    "plan-edit-in-run": (*_DRIVEN, "3", "e"),
+    "run-idle": (*_READY, "4"),
+    "run-arm": (*_ASKED, [replace(_FAR, armed=False)]),
+    "run-switch-high": (*_ASKED, [e.Armed(2.0), e.SwitchWanted("high", 6), _FAR]),
+    "run-steers": _DRIVEN,
+    "run-aborting": (*_DRIVEN, "space"),
+    "run-lost": (*_DRIVEN, [Lost("nothing was heard of the rover for 3 s.")]),
+    "run-switch-low": (*_DRIVEN, [e.SwitchWanted("low", 6), snapshot(75.0, state=0, state_name="idle")]),
+    "run-played": ([Played(34.0, 120.0, 2.0), *under_way()], "4"),
+    "verdict": (*_DRIVEN, finished()),
+    "verdict-keep": (*_DRIVEN, [*finished()[:-1], Judged(_KEEP)]),
+    "verdict-stopped": (
+        *_DRIVEN,
+        [e.RunFinished("sweep1", False, "roll 31.0 > 30 deg", TLOG, (4.0, 20.0), 1, ()), Ended(drive())], "5",
+    ),
+    "log": (*_DRIVEN, finished(), "6"),
+    "results": (*_DRIVEN, finished(), "7"),
+}  # fmt: skip
+
+OWN_SCENES: Mapping[str, tuple[Step, ...]] = {"run-consent": (*_READY, "3", "g")}
+
+JOBS = (
+    Job("identify", ("identify", "session", "--out", "session/report"), Path("session/report"), "done",
+        ("report: session/report/report.html",), seconds=15.2, page=Path("session/report/report.html"),
+        summary=("use the roll-yaw model: J_ave 6.2: hardly distinguishable from the data (guideline <= 50)",
+                 "roll-yaw (recommended): C 30.4 N/rad, Izz 0.0684 kg m^2, tau 0.0438 s")),
+    Job("diagnose", ("diagnose", "session", "--out", "session/diagnosis"), Path("session/diagnosis"),
+        lines=("reading session",), seconds=4.0),
+)  # fmt: skip
+
+
+@asynccontextmanager
+async def playing(
+    steps: Sequence[Step], size: tuple[int, int] = (80, 24), setup: Setup = SETUP
+) -> AsyncIterator[tuple[SweepApp, ScriptedSource, Pilot[None]]]:
+    """The application after these steps."""
+    source = ScriptedSource()
+    app = SweepApp(source, setup)
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        for step in steps:
+            if isinstance(step, str):
+                await pilot.press(step)
+            else:
+                for told in step:
+                    source.tell(told)
+                    app.on_arrived()
+            await pilot.pause()
+        yield app, source, pilot
+
+
+def all_scenes() -> dict[str, tuple[Sequence[Step], Setup]]:
+    """Name: steps, and what the command line said."""
+    own = replace(SETUP, settings=OWN)
+    return {name: (steps, SETUP) for name, steps in SCENES.items()} | {
+        name: (steps, own) for name, steps in OWN_SCENES.items()
+    }
+
+
+__all__ = ["JOBS", "OWN", "ROVER", "SCENES", "SETUP", "all_scenes", "playing"]

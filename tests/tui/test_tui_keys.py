@@ -1,0 +1,312 @@
+"""Keys: nothing is asked without one, abort works from everywhere, what arms is asked about first."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
+
+import pytest
+from scenes import OWN, SETUP, Step, playing
+from scripted_source import (
+    CHECKS,
+    SWEEP,
+    TLOG,
+    URL,
+    ScriptedSource,
+    connected,
+    drive,
+    finished,
+    snapshot,
+    under_way,
+)
+from seen import text_of
+from textual.pilot import Pilot
+
+from rover_sweep.live.source import (
+    Checked,
+    Connect,
+    Drive,
+    Ended,
+    FetchLogs,
+    Fix,
+    Lost,
+    Play,
+    Played,
+    Preflight,
+)
+from rover_sweep.tui.app import SweepApp
+from rover_sweep.tui.screens.frame import VIEWS
+from rover_sweep.tui.setup import Setup
+from rover_sweep.vehicle import events as e
+
+READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
+DRIVEN: tuple[Step, ...] = (*READY, "3", "g", under_way())
+OWN_SETUP = replace(SETUP, settings=OWN)
+
+Then = Callable[[SweepApp, ScriptedSource, Pilot[None]], Awaitable[None]]
+
+
+def after(steps: Sequence[Step], then: Then, setup: Setup = SETUP, size: tuple[int, int] = (80, 24)) -> None:
+    """Plays the steps, then what the test does."""
+
+    async def run() -> None:
+        async with playing(steps, size, setup) as (app, source, pilot):
+            await then(app, source, pilot)
+
+    asyncio.run(run())
+
+
+async def press(pilot: Pilot[None], *keys: str) -> None:
+    for key in keys:
+        await pilot.press(key)
+    await pilot.pause()
+
+
+def drives(source: ScriptedSource) -> list[Drive]:
+    return [request for request in source.asked if isinstance(request, Drive)]
+
+
+def test_nothing_is_asked_without_a_key() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        for told in (*connected()[:1], snapshot(1.0), Checked(CHECKS), *under_way(), *finished()[:3]):
+            source.tell(told)
+            await pilot.pause(0)
+        assert source.asked == [] and source.aborted == 0
+
+    after((), then)
+
+
+def test_enter_connects_and_looks() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        assert source.asked == [Connect(URL), Preflight()]
+        assert "[2 PREFLIGHT]" in text_of(app)
+
+    after(("enter", connected()), then)
+
+
+def test_a_connection_that_fails_is_a_sentence_and_not_looked_at() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        assert source.asked == [Connect(URL)]
+        assert "✗ no rover answers on tcp:127.0.0.1:5760" in text_of(app)
+
+    after(("enter", [Ended(Connect(URL), "no rover answers on tcp:127.0.0.1:5760")]), then)
+
+
+def test_a_remedy_takes_one_key_and_is_looked_at_again() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "f")  # the applet, the first that is bad
+        assert source.asked[-1] == Fix("applet")
+        source.tell(Ended(Fix("applet")))
+        await pilot.pause()
+        assert source.asked[-1] == Preflight()  # looked at again
+
+    after(READY, then)
+
+
+@pytest.mark.parametrize("no", ["space", "enter", "escape", "n"])
+def test_only_y_reboots(no: str) -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "down", "f", no)
+        assert not any(isinstance(request, Fix) for request in source.asked)
+        await press(pilot, "f", "y")
+        assert source.asked[-1] == Fix("parameters", reboot=True)
+
+    after(READY, then)
+
+
+def test_what_only_a_person_can_do_is_no_key() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, *["down"] * 7, "f")
+        assert "BY HAND: throw switch 6 low" in text_of(app)
+        assert source.asked[-1] == Preflight()
+
+    after(READY, then)
+
+
+@pytest.mark.parametrize("no", ["space", "enter", "escape", "g", "n"])
+def test_a_run_that_arms_asks_once_per_run_and_only_y_says_yes(no: str) -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, no)
+        assert not drives(source)
+        await press(pilot, "g", "y")
+        (asked,) = drives(source)
+        assert asked.settings == OWN and asked.planned.name == "sweep1"
+        for told in (*under_way(), *finished()[:3], Ended(asked)):
+            source.tell(told)
+            await pilot.pause(0)
+        await pilot.pause()
+        await press(pilot, "3", "g")
+        assert len(drives(source)) == 1, "the next run asks again"
+        await press(pilot, "y")
+        assert [run.planned.name for run in drives(source)] == ["sweep1", "sweep2"]
+
+    after((*READY, "3", "g"), then, OWN_SETUP)
+
+
+def test_settings_are_those_of_the_command_line() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        (asked,) = drives(source)
+        settings = asked.settings
+        assert not settings.arm and settings.throttle_us is None and settings.trigger == "pilot"
+
+    after((*READY, "3", "g"), then)
+
+
+@pytest.mark.parametrize("key", ["space", "escape"])
+@pytest.mark.parametrize("view", VIEWS)
+def test_abort_from_every_view(view: str, key: str) -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, str(VIEWS.index(view) + 1))
+        shown = text_of(app)
+        assert f"{view.upper()}]" in shown and "SPACE or ESC" in shown
+        await press(pilot, key)
+        assert source.aborted == 1
+        assert "ABORTING" in text_of(app), "the key is answered at once"
+        await press(pilot, key)
+        assert source.aborted == 2, "and works again"
+
+    after(DRIVEN, then)
+
+
+def test_abort_before_the_source_has_begun_and_while_a_row_is_edited() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "space")
+        assert source.aborted == 1
+        await press(pilot, "3", "e", "escape")
+        assert source.aborted == 2
+
+    after((*READY, "3", "g"), then)
+
+
+def test_abort_of_a_run_that_nobody_here_asked_for() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "space")
+        assert source.aborted == 1
+
+    after((*READY, [snapshot(3.0, state=6)]), then)
+
+
+def test_without_a_run_abort_is_no_key() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "space", "escape")
+        assert source.aborted == 0 and "ABORT" not in text_of(app)
+
+    after(READY, then)
+
+
+@pytest.mark.parametrize("key", ["q", "ctrl+c", "ctrl+q"])
+def test_leaving_during_a_run_ends_that_first(key: str) -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, key)
+        assert source.aborted == 1 and app.is_running
+        for told in (e.Interrupted("sweep1", TLOG, (), False), snapshot(20.0, state=0), Ended(drive())):
+            source.tell(told)
+        await pilot.pause()
+        await press(pilot, key)
+        assert not app.is_running
+
+    after(DRIVEN, then)
+
+
+def test_a_second_run_cannot_be_asked_for_during_one() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "3", "g", "4", "g", "5", "g")
+        assert len(drives(source)) == 1
+
+    after(DRIVEN, then)
+
+
+def test_a_view_that_was_left_goes_on_when_it_is_shown_again() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "6", "4")
+        source.tell(snapshot(40.0, speed=3.21))
+        await pilot.pause()
+        assert "3.21 m/s" in text_of(app) and app.screen.is_running
+
+    after(DRIVEN, then)
+
+
+def test_the_amplitude_proposed_becomes_the_next_run() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "w")
+        assert "[3 PLAN]" in text_of(app)
+        await press(pilot, "g")
+        again = drives(source)[-1].planned
+        assert again.name == "sweep3" and again.manoeuvre == replace(SWEEP, amplitude=220.0)
+
+    after((*DRIVEN, finished()), then)
+
+
+def test_logs_are_fetched_only_from_a_rover_that_is_disarmed() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "6", "l")
+        assert FetchLogs() not in source.asked  # armed
+        source.tell(snapshot(80.0, armed=False, state=0))
+        await pilot.pause()
+        await press(pilot, "l")
+        assert source.asked[-1] == FetchLogs()
+
+    after((*DRIVEN, finished()), then)
+
+
+def test_a_recording_is_paused_sought_and_paced() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "space", ".", ",", "+", "-")
+        assert source.asked == [Play(0.0), Play(at=44.0), Play(at=24.0), Play(4.0), Play(1.0)]
+        source.tell(Played(34.0, 120.0, 0.0))
+        await pilot.pause()
+        await press(pilot, "space")
+        assert source.asked[-1] == Play(2.0), "it goes on at the pace it had"
+        assert source.aborted == 0
+
+    after(([Played(34.0, 120.0, 2.0), snapshot(34.0)], "4"), then)
+
+
+@pytest.mark.parametrize("size", [(40, 10), (20, 4), (79, 19), (300, 90)])
+def test_any_size_is_survived(size: tuple[int, int]) -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        for view in range(1, 8):
+            await press(pilot, str(view))
+            await pilot.resize_terminal(*size)
+            await pilot.pause()
+            shown = text_of(app)
+            assert "cannot be drawn" not in shown
+            if size == (40, 10):
+                assert "SPACE or ESC ABORTS" in shown and "The window is 40x10" in shown
+            await pilot.resize_terminal(80, 24)
+        await press(pilot, "space")
+        assert source.aborted == 1
+
+    after(DRIVEN, then)
+
+
+def test_errors_of_the_source_are_sentences() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        source.tell(Lost("nothing was heard of the rover for 3 s"))
+        source.tell(Ended(source.asked[-1], "the link was lost while the run was driven"))
+        await pilot.pause()
+        shown = text_of(app)
+        assert "LINK LOST" in shown and "NO LINK" in shown
+        await press(pilot, "6")
+        shown = text_of(app)
+        assert "ERROR: link lost: nothing was heard of the rover for 3 s" in shown
+        assert "ERROR: the link was lost while the run was driven" in shown
+
+    after(DRIVEN, then)
+
+
+def test_a_view_that_cannot_be_drawn_leaves_abort(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rover_sweep.tui.screens.run import RunScreen
+
+    def broken(self: RunScreen, width: int, height: int) -> None:
+        raise ZeroDivisionError("speed")
+
+    monkeypatch.setattr(RunScreen, "picture", broken)
+
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        assert "This view cannot be drawn (ZeroDivisionError('speed'))" in text_of(app)
+        await press(pilot, "space")
+        assert source.aborted == 1
+
+    after(DRIVEN, then)
