@@ -1,7 +1,7 @@
 """The command line `rover-sweep`: one line per subcommand, loaded only when it is called.
 
 Narration and errors go to stderr, results to stdout. Exit codes: 0 done, 1 a rover that does not fit
-(`firmware check`), 2 usage, 3 data refused, 4 link, 130 interrupted.
+(`firmware check`, `preflight`, `params diff`), 2 usage, 3 data refused, 4 link, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "resume": ("rover_sweep.cli.session_resume:resume", "Drive what a session left to drive."),
     "status": ("rover_sweep.cli.session_status:status", "What a session holds, and what is to drive."),
     "firmware": ("rover_sweep.cli.firmware:firmware", "Applet and parameters: write, check, install."),
+    "preflight": ("rover_sweep.cli.preflight:preflight", "What must be right before a run, and put right."),
+    "params": ("rover_sweep.cli.params:params", "A rover's parameters: compare, set, save."),
+    "logs": ("rover_sweep.cli.logs:logs", "The autopilot's own logs: list, fetch."),
     "design": ("rover_sweep.cli.design:design", "A sweep or doublet on paper, before it is driven."),
     "identify": (
         "rover_sweep.cli.identify:identify",
