@@ -39,7 +39,7 @@ def session(
     """
     from rover_sweep.live.vehicle import VehicleSource
     from rover_sweep.tui.app import show
-    from rover_sweep.tui.earlier import planned, records, rows
+    from rover_sweep.tui.earlier import logs, planned, records, rows
     from rover_sweep.tui.setup import Setup, memory_file
     from rover_sweep.vehicle.run import RunSettings
     from rover_sweep.vehicle.transport import parse_url
@@ -58,7 +58,7 @@ def session(
     kept = source.session
     setup = Setup(
         settings, url, folder, path, vehicle, memory_file(), rows(kept.content),
-        records(kept.content, folder), lambda plan: kept.plan(planned(plan)),
+        records(kept.content, folder), logs(kept.content, folder), lambda plan: kept.plan(planned(plan)),
     )  # fmt: skip
     show(source, setup)
 

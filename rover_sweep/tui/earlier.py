@@ -20,6 +20,11 @@ def records(content: Content, folder: Path) -> tuple[RunRecord, ...]:
     return tuple(_record(run, folder) for run in content.runs)
 
 
+def logs(content: Content, folder: Path) -> tuple[Path, ...]:
+    """The vehicle's logs that are here."""
+    return tuple(folder / log.file for log in content.logs)
+
+
 def rows(content: Content) -> tuple[Row, ...]:
     """The plan as it stood."""
     return tuple(Row(run.manoeuvre, run.speed or SPEED, run.name) for run in content.plan)
@@ -33,9 +38,15 @@ def planned(plan: tuple[Row, ...]) -> tuple[PlannedRun, ...]:
 def _record(run: DrivenRun, folder: Path) -> RunRecord:
     outcome = _OUTCOMES[run.state]
     return RunRecord(
-        run.name, run.manoeuvre or Sweep(), outcome, "" if outcome == "done" else run.reason, run.number,
+        run.name, run.manoeuvre or Sweep(), outcome, _reason(run, outcome), run.number,
         folder / run.tlog, _verdict(run.verdict),
     )  # fmt: skip
+
+
+def _reason(run: DrivenRun, outcome: Outcome) -> str:
+    if outcome != "done":
+        return run.reason
+    return "" if run.verdict else "not judged: the program ended first; 7 identifies it all the same"
 
 
 def _verdict(said: Mapping[str, Any] | None) -> Verdict | None:

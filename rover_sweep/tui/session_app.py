@@ -51,7 +51,7 @@ class SessionApp(App[None]):
         self.desk = Desk(self.redraw, setup.folder)
         self.feed = Feed(lambda: self.post_message(Arrived()))
         self._speed = math.nan
-        self.set_reactive(SessionApp.state, State(runs=setup.driven))
+        self.set_reactive(SessionApp.state, State(runs=setup.driven, logs=setup.logs))
         self.set_reactive(SessionApp.plan, setup.plan or FIRST)
         self.set_reactive(SessionApp.chosen, self._first_left())
 
@@ -152,6 +152,7 @@ class SessionApp(App[None]):
 
     def _drive(self, row: Row) -> None:
         self._speed = row.speed
+        self.setup.keep_plan(self.plan)  # the usual one too, which nobody has changed
         self.ask(Drive(PlannedRun(row.name, row.manoeuvre, row.speed), self.setup.settings))
         self.turn_to("run", ("plan", "verdict"))
 

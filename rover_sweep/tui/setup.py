@@ -27,7 +27,7 @@ class Setup:
     """settings: what this program may do in a run, as the user said; nothing here widens it.
 
     folder: of the session; vehicle: as its file (vehicle_path) says; url: put first. memory: file in which
-    connections and the theme are kept, None: nowhere. plan, driven: what
+    connections and the theme are kept, None: nowhere. plan, driven, logs: what
     there is of this session already; keep_plan: is called with every change of the plan.
     """
 
@@ -39,6 +39,7 @@ class Setup:
     memory: Path | None = None
     plan: tuple[Row, ...] = ()
     driven: tuple[RunRecord, ...] = ()
+    logs: tuple[Path, ...] = ()
     keep_plan: Callable[[tuple[Row, ...]], object] = _nowhere
 
     @property

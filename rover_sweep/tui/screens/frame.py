@@ -40,6 +40,8 @@ def status(state: State, palette: Palette, width: int) -> Text:
     text = Text(f" {link}", style=f"bold {style}", no_wrap=True)
     if now is None:
         return text
+    if state.lost:
+        text.append("  last heard:", palette.ink)
     armed = ("  ARMED ", palette.alarming) if now.armed else ("  disarmed ", palette.ink)
     text.append(*armed)
     text.append(f" {words.mode(now.mode)}  switch {words.switch(now.switch)}", palette.ink)
@@ -49,12 +51,11 @@ def status(state: State, palette: Palette, width: int) -> Text:
     ))  # fmt: skip
     gps = f"{words.FIXES.get(now.fix, 'GPS ?')} {now.satellites}"
     ekf = "EKF ok" if now.ekf else "EKF not ready"
-    text.append("  " + "  ".join(p for p in (battery.replace("   ", " "), gps, ekf) if p), palette.ink)
-    if width >= 110:
-        text.append(
-            f"  {number(now.received, '.0f')} messages/s  recorded {words.size(now.recorded)}", palette.ink
-        )
-    text.truncate(width)
+    parts = [battery.replace("   ", " "), gps, ekf]
+    parts += [f"{number(now.received, '.0f')} messages/s", f"recorded {words.size(now.recorded)}"]
+    for part in parts if width >= 110 else parts[:3]:
+        if part and text.cell_len + len(part) + 2 <= width:
+            text.append(f"  {part}", palette.ink)
     return text
 
 

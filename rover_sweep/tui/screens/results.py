@@ -38,9 +38,7 @@ class ResultsScreen(SessionScreen):
 
     def picture(self, width: int, height: int) -> Text:
         rows, palette = Rows(self.palette, width, height), self.palette
-        whole = [run.name for run in self.state.runs if run.outcome == "done"]
-        from_runs = f"from {', '.join(whole)}" if whole else "no run is whole yet"
-        rows.sentence(f"I identifies, D diagnoses: {from_runs}", palette.ink, most=2)
+        rows.sentence(self._from(), palette.ink, most=2)
         for n, job in enumerate(self.jobs[-4:], max(0, len(self.jobs) - 4)):
             mark = "▶" if job is self.job and len(self.jobs) > 1 else " "
             took = words.seconds(job.seconds)
@@ -52,6 +50,15 @@ class ResultsScreen(SessionScreen):
         if self.job is not None:
             self._about(rows, self.job)
         return rows.text()
+
+    def _from(self) -> str:
+        """Out of what, and what is missing for more."""
+        whole = [run.name for run in self.state.runs if run.outcome == "done"]
+        if not whole:
+            return "No run is whole yet: nothing to identify from."
+        logs = "" if self.state.logs else " (out of the telemetry: no log is fetched yet, 6 and L)"
+        gains = "S proposes gains" if self.session.desk.report else "then S proposes gains"
+        return f"I identifies, D diagnoses, {gains}: {', '.join(whole)}{logs}"
 
     def _about(self, rows: Rows, job: Job) -> None:
         palette = self.palette

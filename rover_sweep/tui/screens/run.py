@@ -95,8 +95,9 @@ class RunScreen(SessionScreen):
             rows.sentence("Nothing was heard of the rover yet.", self.palette.quiet)
             return
         armed = "ARMED" if now.armed else "disarmed"
+        before = "last heard: " if self.state.lost else ""
         rows.add(
-            f" {armed}, {words.mode(now.mode)}, switch {words.switch(now.switch)}, "
+            f" {before}{armed}, {words.mode(now.mode)}, switch {words.switch(now.switch)}, "
             f"{number(now.received, '.0f')} messages/s, recorded {words.size(now.recorded)}",
             style=self.palette.ink,
         )

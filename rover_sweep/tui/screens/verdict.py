@@ -13,6 +13,13 @@ from rover_sweep.tui.gauges import bar, number
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.state import RunRecord
 
+_NONE = "There is no verdict on it."
+_WAITING = {
+    "asked": "It has not begun yet.",
+    "running": "It is under way; the verdict comes right after its end.",
+    "done": "The verdict is being worked out.",
+}
+
 
 class VerdictScreen(SessionScreen):
     """W writes the amplitude that is proposed into the plan as a further run."""
@@ -26,6 +33,13 @@ class VerdictScreen(SessionScreen):
         Binding("right", "turn(1)", "other run"),
     ]
     back = 0  # runs before the latest
+    _seen = 0  # runs that there were
+
+    def on_screen_resume(self) -> None:
+        """A run that has come since is the one to look at."""
+        if len(self.state.runs) != self._seen:
+            self.back, self._seen = 0, len(self.state.runs)
+        super().on_screen_resume()
 
     @property
     def run_shown(self) -> RunRecord | None:
@@ -44,15 +58,22 @@ class VerdictScreen(SessionScreen):
         if run.reason:
             rows.sentence(run.reason, f"bold {palette.bad}", most=2)
         if run.verdict is None:
-            waiting = (
-                "The verdict is being worked out."
-                if run.outcome == "running"
-                else "There is no verdict on it."
-            )
-            return rows.blank().sentence(waiting, palette.ink).text()
+            return rows.blank().sentence(_WAITING.get(run.outcome, _NONE), palette.ink).text()
         self._advice(rows, run)
+        rows.sentence(self._next(run), f"bold {palette.accent}", most=2)
         self._bands(rows, run)
         return rows.text()
+
+    def _next(self, run: RunRecord) -> str:
+        """What to do now."""
+        if run.verdict is not None and run.verdict.amplitude is not None:
+            return f"Amplitude proposed: {run.verdict.amplitude:g} us (W puts it into the plan)."
+        row = self.session.next_row
+        if self.state.played is not None or self.state.under_way:
+            return ""
+        if row is None:
+            return "The plan is driven: 6 fetches the logs, 7 identifies, 3 plans more."
+        return f"Next: {row.name}, {words.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
 
     def _advice(self, rows: Rows, run: RunRecord) -> None:
         verdict, palette = run.verdict, self.palette
@@ -66,11 +87,8 @@ class VerdictScreen(SessionScreen):
             rows.sentence(remark, palette.ink, most=2)
 
     def _bands(self, rows: Rows, run: RunRecord) -> None:
-        verdict, palette = run.verdict, self.palette
+        verdict = run.verdict
         assert verdict is not None
-        if verdict.amplitude is not None:
-            rows.sentence(f"Amplitude proposed: {verdict.amplitude:g} us (W puts it into the plan)",
-                          f"bold {palette.accent}")  # fmt: skip
         if rows.left > 2 and (verdict.bands or verdict.per_band):
             _matrix(rows.blank(), verdict)
 
