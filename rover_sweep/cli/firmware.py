@@ -39,8 +39,9 @@ def firmware() -> None:
 def applet(output: str) -> None:
     """Write the Lua applet; it belongs into APM/scripts on the autopilot's card."""
     from firmware_params.parameters import applet_source
+    from rover_sweep.cli.text_file import write_text
 
-    _write(output, applet_source())
+    write_text(output, applet_source())
 
 
 @firmware.command(short_help="Write a .param file.")
@@ -49,18 +50,9 @@ def applet(output: str) -> None:
 def params(name: str, output: str) -> None:
     """Write a parameter file for any ground station: identification, or raw_imu on top of it."""
     from firmware_params.check import shipped
+    from rover_sweep.cli.text_file import write_text
 
-    _write(output, shipped(name).read_text(encoding="utf-8"))
-
-
-def _write(output: str, text: str) -> None:
-    if output == "-":
-        click.echo(text, nl=False)
-        return
-    from rover_sweep.report.files import write_file
-
-    write_file(Path(output), text)
-    click.echo(f"{output} written", err=True)
+    write_text(output, shipped(name).read_text(encoding="utf-8"))
 
 
 @firmware.command(short_help="Compare a rover with what is needed; changes nothing.")

@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,8 +41,11 @@ def params() -> None:
 @_via
 def diff(file: str, connect: str, as_json: bool, via: Via) -> int:
     """Compare the rover with FILE. Changes nothing. Exit code 0 if nothing differs, 1 if something does."""
+    from rover_sweep.vehicle.parameter_file import wanted_of
+
+    wanted = wanted_of(file)
     with _link(connect) as link:
-        found = _differences(link, file, via)
+        found = _differences(link, wanted, via)
     if as_json:
         click.echo(json.dumps({"file": file, "differences": [_told(d) for d in found]}, indent=2))
     else:
@@ -59,34 +63,37 @@ def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
     """Set what differs from FILE; every value is read back and compared.
 
     Shows first what differs, and asks; asks again before a reboot. Interrupted, it goes on when it is
-    called again: a reboot that is still due is noted in reboot-pending.json here. The rover must be
-    disarmed. Exit code 0 if nothing differs afterwards and no reboot is due, 1 else.
+    called again: a reboot that is still due is noted in reboot-pending.json here. A parameter that the
+    rover does not have, or that does not stay as it was set, is told, and the others are set. The rover
+    must be disarmed. Exit code 0 if nothing differs afterwards and no reboot is due, 1 else.
     """
     from rover_sweep.cli.display import PlainDisplay
     from rover_sweep.cli.output import narration
+    from rover_sweep.vehicle.events import ParameterSet
+    from rover_sweep.vehicle.parameter_file import wanted_of
     from rover_sweep.vehicle.parameter_push import push as bring
     from rover_sweep.vehicle.parameter_push import waiting
     from rover_sweep.vehicle.sources import parameter_source
 
     if not yes and not sys.stdin.isatty():
         raise UsageError("there is no terminal to ask at: give --yes to set them without questions")
+    wanted, was_set = wanted_of(file), list[ParameterSet]()
     with _link(connect) as link:
-        found = _differences(link, file, via)
-        if not as_json:
-            _show(found, file)
-        settable = [d for d in found if d.found is not None]
-        if settable and not yes and not click.confirm(f"Set {len(settable)} parameters?", err=True):
-            return 1
+        found = _differences(link, wanted, via)
+        _show(found, file, as_json)
+        count = sum(d.found is not None for d in found)
+        consent = yes or not count or click.confirm(f"Set {count} parameters?", err=True)
 
         def may_reboot(because: tuple[str, ...]) -> bool:
             return yes or click.confirm(f"Reboot the rover, for {', '.join(because)}?", err=True)
 
         display = PlainDisplay(narration(), talk=True)
-        for event in bring(link, parameter_source(link, via), found, may_reboot, _NOTES):
+        for event in bring(link, parameter_source(link, via), found, may_reboot, _NOTES) if consent else ():
             display.show(event)
-        left, due = _differences(link, file, via) if found else [], waiting(link, _NOTES)
+            was_set += [event] if isinstance(event, ParameterSet) else []
+        left, due = _differences(link, wanted, via) if found else [], waiting(link, _NOTES)
     if as_json:
-        told = {"file": file, "set": [_told(d) for d in settable], "differences": [_told(d) for d in left]}
+        told = {"file": file, "set": [asdict(e) for e in was_set], "differences": [_told(d) for d in left]}
         click.echo(json.dumps(told | {"reboot_due": list(due)}, indent=2))
     return 1 if left or due else 0
 
@@ -98,24 +105,19 @@ def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
 @_via
 def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
     """Write all parameters of the rover into FILE (default: stdout), as any ground station reads them."""
+    from rover_sweep.cli.text_file import refuse_no_folder, write_text
     from rover_sweep.vehicle.identity import identify_vehicle
     from rover_sweep.vehicle.sources import parameter_source
 
+    refuse_no_folder(file)
     with _link(connect) as link:
         vehicle = identify_vehicle(link)
         values = dict(sorted(parameter_source(link, via).read_all().items()))
-    text = "\n".join(
-        [f"# {vehicle.firmware} ({vehicle.git_hash}), {len(values)} parameters", *_lines(values)]
-    )
-    if file != "-":
-        from rover_sweep.report.files import write_file
-
-        write_file(Path(file), text + "\n")
-        click.echo(f"{file}: {len(values)} parameters of {vehicle.firmware}", err=True)
+    told = f"{len(values)} parameters of {vehicle.firmware}"
+    if file != "-" or not as_json:
+        write_text(file, "\n".join([f"# {told} ({vehicle.git_hash})", *_lines(values), ""]), told)
     if as_json:
         click.echo(json.dumps({"firmware": vehicle.firmware, "parameters": values}, indent=2))
-    elif file == "-":
-        click.echo(text)
 
 
 def _lines(values: dict[str, float]) -> Iterator[str]:
@@ -124,31 +126,20 @@ def _lines(values: dict[str, float]) -> Iterator[str]:
         yield f"{name} {value:.0f}" if value.is_integer() and abs(value) < 1e9 else f"{name} {value:.9g}"
 
 
-def _differences(link: Link, file: str, via: Via) -> list[Difference]:
+def _differences(link: Link, wanted: Sequence[WantedParameter], via: Via) -> list[Difference]:
     from firmware_params.check import compare
     from rover_sweep.vehicle.identity import identify_vehicle
     from rover_sweep.vehicle.parameters import read_present
     from rover_sweep.vehicle.sources import parameter_source
 
     identify_vehicle(link)
-    wanted = _wanted(file)
-    if via == "mavlink" and len(wanted) < _FEW:
-        return list(compare(read_present(link, [p.name for p in wanted]), wanted))
-    return list(compare(parameter_source(link, via).read_all(), wanted))
+    has = {} if via == "mavlink" and len(wanted) < _FEW else parameter_source(link, via).read_all()
+    # A list leaves out what lies behind a switch that is off, such as SCR_HEAP_SIZE behind SCR_ENABLE.
+    has |= read_present(link, [p.name for p in wanted if p.name not in has])
+    return list(compare(has, wanted))
 
 
 _FEW = 100  # parameters that are asked for one by one; all 1300 come in the time of 30
-
-
-def _wanted(file: str) -> Sequence[WantedParameter]:
-    """Of a file that is there, or of a shipped one by its name."""
-    from firmware_params.check import read, shipped
-
-    path = Path(file)
-    try:
-        return read(path if path.is_file() else shipped(file))
-    except (ValueError, OSError) as error:
-        raise UsageError(f"{error}; give a .param file, or identification or raw_imu") from error
 
 
 def _told(d: Difference) -> dict[str, object]:
@@ -158,14 +149,14 @@ def _told(d: Difference) -> dict[str, object]:
     return told | {"reboot": needs_reboot(d.name, d.needs_reboot)}
 
 
-def _show(found: Sequence[Difference], file: str) -> None:
+def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None:
     from rich.table import Table
     from rich.text import Text
 
     from rover_sweep.cli.output import results
     from rover_sweep.vehicle.parameter_push import needs_reboot
 
-    console = results()
+    console = results(as_json)
     if not found:
         console.print(f"the rover has everything of {file}", style="green", markup=False)
         return

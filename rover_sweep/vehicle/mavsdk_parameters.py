@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavsdk_rider import MavsdkRider
-from rover_sweep.vehicle.parameters import ParameterMissing, Written, float32
+from rover_sweep.vehicle.parameters import ParameterKept, ParameterMissing, Written, float32
 
 if TYPE_CHECKING:
     from mavsdk.plugins.param import Param
@@ -33,7 +34,7 @@ class MavsdkParameters:
         return values
 
     def write(self, name: str, value: float) -> Written:
-        """Set one where it differs, read it back and compare as float32."""
+        """Set one where it differs, read it back and compare as float32: as `parameters.write`."""
         with MavsdkRider(self.link) as rider:
             plugin = _plugin(rider)
             old, whole = _read(rider, plugin, name)
@@ -42,13 +43,11 @@ class MavsdkParameters:
                 return Written(name, old, old)
             set_it: Callable[[str, Any], object] = plugin.set_param_int if whole else plugin.set_param_float
             given = int(wanted) if whole else wanted
-            _tried(rider, name, lambda: set_it(name, given))
+            with suppress(LinkError):  # a value that is refused reads back as the old one
+                _tried(rider, name, lambda: set_it(name, given))
             back, _ = _read(rider, plugin, name)
         if back != wanted:
-            raise LinkError(
-                f"{name} was set to {value:g} but the vehicle has {back:g}; "
-                "it is read-only, of whole numbers, or out of its range"
-            )
+            raise ParameterKept(name, value, back)
         return Written(name, old, back)
 
 

@@ -17,7 +17,7 @@ from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
 from rover_sweep.vehicle.identity import Vehicle, identify_vehicle
 from rover_sweep.vehicle.install import Consent
 from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.parameters import read_present
+from rover_sweep.vehicle.parameters import ParameterKept, read_present
 from rover_sweep.vehicle.sources import ParameterSource
 
 # Those that count after a restart only, beside what a file itself marks with [reboot]
@@ -46,11 +46,13 @@ def push(
 ) -> Iterator[Event]:
     """Set what differs and exists, and reboot where that is needed and allowed. LinkError while armed.
 
-    Yields ParameterSet for each, Rebooting, and a Notice for what is not there or does not count yet.
+    Yields ParameterSet for each, Rebooting, and a Notice for what is not there, does not stay as it was set
+    (read-only, of whole numbers, out of range) or does not count yet.
     """
     if link.armed:
         raise LinkError("the rover is armed; disarm it first: an armed rover is neither set up nor rebooted")
     vehicle, boots = _boot(link)
+    noted = pending.waiting(folder, vehicle, boots)
     for difference in differences:
         if difference.found is None:
             yield Notice("warning", difference.sentence)
@@ -58,7 +60,13 @@ def push(
         restart = needs_reboot(difference.name, difference.needs_reboot)
         if restart:  # before it is set: an interruption in between must not hide the reboot
             pending.note(folder, vehicle, boots, [difference.name])
-        written = source.write(difference.name, difference.wanted)
+        try:
+            written = source.write(difference.name, difference.wanted)
+        except ParameterKept as kept:
+            if restart and difference.name not in noted:
+                pending.withdraw(folder, vehicle, boots, difference.name)
+            yield Notice("warning", str(kept))
+            continue
         yield ParameterSet(written.name, written.old, written.value, restart)
     because = pending.waiting(folder, vehicle, boots)
     if not because:

@@ -18,6 +18,16 @@ class ParameterMissing(LinkError):
     """The vehicle has no parameter of that name (or did not answer for it)."""
 
 
+class ParameterKept(LinkError):
+    """The vehicle has the parameter, and after it was set another value than it was given."""
+
+    def __init__(self, name: str, wanted: float, kept: float) -> None:
+        super().__init__(
+            f"{name} was set to {wanted:g} but the vehicle has {kept:g}; "
+            "it is read-only, of whole numbers, or out of its range"
+        )
+
+
 @dataclass(frozen=True)
 class Written:
     """A parameter that was set and read back. old is None where it was not read before."""
@@ -100,7 +110,7 @@ def _ask_again(link: Link, found: Mapping[int, object], count: int) -> None:
 def write(link: Link, name: str, value: float) -> Written:
     """Set a parameter where it differs, read it back and compare as float32.
 
-    ParameterMissing where there is none; LinkError where it came back other than it was sent.
+    ParameterMissing where there is none; ParameterKept where it came back other than it was sent.
     """
     before = _read(link, name)
     old, wanted = float(before.param_value), float32(value)
@@ -115,10 +125,7 @@ def write(link: Link, name: str, value: float) -> Written:
         back = read(link, name)
         if back == wanted:
             return Written(name, old, back)
-    raise LinkError(
-        f"{name} was set to {value:g} but the vehicle has {back:g}; "
-        "it is read-only, of whole numbers, or out of its range"
-    )
+    raise ParameterKept(name, value, back)
 
 
 def write_all(link: Link, values: Mapping[str, float]) -> list[Written]:

@@ -28,19 +28,30 @@ def waiting(folder: Path, vehicle: Vehicle, boots: float) -> tuple[str, ...]:
 
 def note(folder: Path, vehicle: Vehicle, boots: float, names: Iterable[str]) -> None:
     """Add names to those that wait."""
-    together = dict.fromkeys((*waiting(folder, vehicle, boots), *names))
-    path = folder / NOTE
-    partial = path.with_name(NOTE + ".part")
-    content = {"vehicle": _key(vehicle), "boots": boots, "names": list(together)}
-    with writing(path):
-        folder.mkdir(parents=True, exist_ok=True)
-        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-        partial.replace(path)
+    _keep(folder, vehicle, boots, dict.fromkeys((*waiting(folder, vehicle, boots), *names)))
+
+
+def withdraw(folder: Path, vehicle: Vehicle, boots: float, name: str) -> None:
+    """Take a name away that was noted and then not set after all."""
+    _keep(folder, vehicle, boots, [n for n in waiting(folder, vehicle, boots) if n != name])
 
 
 def forget(folder: Path) -> None:
     """After the reboot."""
     (folder / NOTE).unlink(missing_ok=True)
+
+
+def _keep(folder: Path, vehicle: Vehicle, boots: float, names: Iterable[str]) -> None:
+    if not (names := list(names)):
+        forget(folder)
+        return
+    path = folder / NOTE
+    partial = path.with_name(NOTE + ".part")
+    content = {"vehicle": _key(vehicle), "boots": boots, "names": names}
+    with writing(path):
+        folder.mkdir(parents=True, exist_ok=True)
+        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        partial.replace(path)
 
 
 def _key(vehicle: Vehicle) -> str:

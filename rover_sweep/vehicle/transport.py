@@ -197,7 +197,9 @@ class Serial:
             termios.tcsetattr(self._fd, termios.TCSANOW, [0, 0, control, 0, speed, speed, cc])
         except (OSError, termios.error) as error:
             os.close(self._fd)
-            raise OSError(f"{device} is no serial port ({error})") from error
+            raise LinkError(
+                f"{device} is no serial port; give the vehicle's, such as /dev/ttyACM0 or /dev/ttyUSB0"
+            ) from error
 
     def receive(self, timeout: float) -> bytes:
         if not select.select([self._fd], [], [], max(timeout, 0.0))[0]:

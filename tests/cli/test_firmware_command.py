@@ -20,6 +20,8 @@ def test_applet_and_parameters_are_written(told: Tell, tmp_path: Path) -> None:
     assert (done.code, done.out) == (0, "") and file.read_text() == applet_source()
     assert told("firmware", "params").out == shipped("identification").read_text()
     assert told("firmware", "params", "raw_imu").out == shipped("raw_imu").read_text()
+    slip = told("firmware", "applet", "-o", str(tmp_path / "scirpts" / "a.lua"))
+    assert slip.code == 2 and "there is no folder" in slip.err and not (tmp_path / "scirpts").exists()
     wrong = told("firmware", "params", "nonsense")
     assert wrong.code == 2 and "identification" in wrong.err
 

@@ -220,6 +220,8 @@ class FakeVehicle:
             return m.MAV_RESULT_DENIED if 0 < message.param2 < fastest * 1000 else m.MAV_RESULT_ACCEPTED
         elif message.command == m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:
             self.now, self._rc = 0.0, {}
+            if "STAT_BOOTCNT" in self.parameters:
+                self.parameters["STAT_BOOTCNT"] += 1
         return m.MAV_RESULT_ACCEPTED
 
     def _requested(self, number: int) -> None:
