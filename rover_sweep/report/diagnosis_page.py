@@ -15,6 +15,7 @@ from rover_sweep.report.diagnosis_tables import (
     held_out_table,
     look_alike_words,
     mismatch_table,
+    next_words,
     unseen_table,
     value_table,
 )
@@ -70,6 +71,6 @@ def _finding(f: Finding) -> dict[str, Any]:
         "parameters": value_table(f.parameters, "Parameters") if f.parameters else None,
         "look_alikes": look_alike_words(f),
         "evidence": evidence_words(f),
-        "next_run": sentence(f.next_run),
+        "next_run": sentence(next_words(f)),
         "held_out": held_out_table(f.held_out, WORTH, note=False) if f.held_out else None,
     }

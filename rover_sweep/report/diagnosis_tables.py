@@ -164,6 +164,13 @@ def look_alike_words(f: Finding) -> str:
     return f"These runs cannot tell it from: {'; '.join(told)}."
 
 
+def next_words(f: Finding) -> str:
+    """What to drive next and what for, "" for nothing."""
+    if not f.next_run:
+        return ""
+    return f"To {'tell them apart' if f.look_alikes else 'confirm it'}: {f.next_run}"
+
+
 def _cosine(f: Finding, effect: str) -> str:
     cosine = f.evidence.get(f"cosine:{effect}")
     return "" if cosine is None else f", cosine {cosine:.2f}"

@@ -15,6 +15,7 @@ from rover_sweep.report.diagnosis_tables import (
     held_out_table,
     look_alike_words,
     mismatch_table,
+    next_words,
     unseen_table,
 )
 from rover_sweep.report.effect_words import channel, sentence
@@ -71,7 +72,7 @@ def _explained(f: Finding) -> Group:
         f.sentence,
         evidence_words(f),
         look_alike_words(f),
-        f"Next run: {f.next_run}" if f.next_run else "",
+        next_words(f),
     ]
     lines += [_indented(sentence(text)) for text in words if text]
     return Group(*lines)

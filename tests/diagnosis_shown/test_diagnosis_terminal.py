@@ -35,7 +35,8 @@ steering_backlash
   It explains 412 squares of the noise; chance explains up to 21.4.
   These runs cannot tell it from: deadband of the steering (steering_deadband,
   cosine 0.95).
-  Next run: a servo test on blocks: 40 us at 0.5 rad/s, wheels off the ground.
+  To tell them apart: a servo test on blocks: 40 us at 0.5 rad/s, wheels off the
+  ground.
 
 tyre_relaxation
   Side force builds up over 0.31 m of rolling.
