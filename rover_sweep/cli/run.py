@@ -10,7 +10,7 @@ import click
 
 from rover_sweep.cli.manoeuvres import LimitType, ManoeuvreType
 from rover_sweep.cli.options import output_options, vehicle_path
-from rover_sweep.cli.run_job import TRIGGERS, Job, announce, diagnosed_session
+from rover_sweep.cli.run_job import TRIGGERS, Job, announce, diagnosed_session, folder_for
 from rover_sweep.cli.run_simulated import (
     on_simulated,
     refuse_on_simulated,
@@ -102,7 +102,6 @@ def _on_rover(
 ) -> tuple[tuple[Vehicle, Path], SessionFinished]:
     """The session on a rover behind `connect`; what could only fail after the drive is refused before."""
     from firmware_params.check import read, shipped
-    from rover_sweep.cli.folders import session_folder
     from rover_sweep.cli.session import driven
     from rover_sweep.vehicle.manoeuvre import parameters_of
     from rover_sweep.vehicle.run import RunSettings
@@ -120,7 +119,7 @@ def _on_rover(
     plan = Plan(job.runs, settings, checked=read(shipped("identification")), logs=job.logs)
     for planned in plan.runs:
         parameters_of(planned.manoeuvre, **extra)
-    folder = session_folder(out, "run")
+    folder = folder_for(out)
     announce(plan, folder)
     with RecordedLine(conversation_in(folder)) as line:
         events = drive(connect, folder, plan, line, path)

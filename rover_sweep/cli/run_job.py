@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import count, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,25 @@ class Job:
     limits: dict[str, float]
     trigger: Trigger | None
     logs: bool
+
+
+def folder_for(out: str | None) -> Path:
+    """As `session_folder` (`out`, else run, run-2, ...); also one in which a session was begun and nothing
+    driven, as after a wrong port or on a rover without the applet."""
+    from rover_sweep.cli.folders import session_folder
+
+    numbered = (Path("run" if n == 1 else f"run-{n}") for n in count(1))
+    there = [Path(out)] if out else list(takewhile(Path.exists, numbered))
+    return next((f for f in there if _nothing_driven(f)), None) or session_folder(out, "run")
+
+
+def _nothing_driven(folder: Path) -> bool:
+    from rover_sweep.session_folder.folder import DESCRIPTION, read
+
+    if not (folder / DESCRIPTION).is_file() or (folder / "report").exists():
+        return False
+    content = read(folder)
+    return not content.runs and not content.logs
 
 
 def announce(plan: Plan, folder: Path) -> None:

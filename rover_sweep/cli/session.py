@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Events = Generator[Event, None, None]
 Answer = Callable[[PlainDisplay, Event], None]
+_NOTHING = "nothing was recorded"
 
 
 def driven(
@@ -47,7 +48,9 @@ def driven(
         events.close()
         if isinstance(stop, KeyboardInterrupt) and not interrupted:
             console.print("no run was under way: nothing moves", markup=False)
-        console.print(_kept(folder, finished), markup=False, soft_wrap=True)
+        kept = _kept(folder, finished)
+        if kept != _NOTHING or isinstance(stop, KeyboardInterrupt):  # an error says itself what is lacking
+            console.print(kept, markup=False, soft_wrap=True)
         raise
     raise AssertionError("a session ends with SessionFinished")
 
@@ -76,7 +79,7 @@ def _kept(folder: Path, finished: list[RunFinished]) -> str:
     tlogs = [p.name for p in sorted(folder.glob("*.tlog")) if p.stem not in ("connect", "fetch")]
     told = [name if name in whole else f"{name} (no whole run)" for name in tlogs]
     told += [p.name for p in sorted(folder.glob("*.BIN"))]
-    return f"kept in {folder}: {', '.join(told)}" if told else "nothing was recorded"
+    return f"kept in {folder}: {', '.join(told)}" if told else _NOTHING
 
 
 def recordings(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording, ...]:

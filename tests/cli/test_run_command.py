@@ -66,6 +66,21 @@ def test_a_rover_without_the_applet_is_told_how_to_get_it(
     assert done.code == 4 and "rover-sweep firmware install" in done.err and "the pilot's" in done.err
 
 
+def test_a_wrong_port_is_one_sentence_and_leaves_the_folder_usable(
+    told: Tell, fresh: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = ("run", "--vehicle", ROVER, "--connect")
+    for out in (("--out", "today"), ()):
+        done = told(*command, "tcp:127.0.0.1:1", *out)
+        assert done.code == 4 and "cannot open tcp:127.0.0.1:1" in done.err
+        assert "recorded" not in done.err and done.err.count("\n") == 2
+        again = told(*command, fresh.connection, *out)  # taken up: nothing was driven there
+        assert again.code == 4 and "rover-sweep firmware install" in again.err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run", "today"]
+    assert (tmp_path / "run" / "connect.tlog").stat().st_size > 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
