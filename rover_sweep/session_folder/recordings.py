@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from rover_sweep.errors import DataRefused
+from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.recording import Note, Recording
 from rover_sweep.logs import read_runs
 from rover_sweep.session_folder.content import Content, DrivenRun
-from rover_sweep.session_folder.folder import read
+from rover_sweep.session_folder.folder import DESCRIPTION, read
 
 _END = 2.0  # s: as near to a run's end the log's account of it reaches
 
@@ -38,6 +38,8 @@ def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tu
                 why = str(refusal)
         else:
             left_out.append(f"{run.label} was left out: {why}")
+    if not found and not (folder / DESCRIPTION).is_file():  # logs in a folder, and no session of ours
+        raise UsageError(f"{folder} is a folder; give the path of a .BIN, .tlog or .csv in it")
     if not found:
         raise DataRefused(
             f"no run in {folder.name} came to its end ({'; '.join(left_out) or 'none was driven'})"
