@@ -8,9 +8,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+from collections.abc import Mapping
 from typing import ClassVar
 
+from textual.actions import ActionParseResult
 from textual.binding import Binding
+from textual.dom import DOMNode
 from textual.theme import Theme
 
 from rover_sweep.live.source import Play, Source
@@ -28,6 +31,7 @@ from rover_sweep.tui.screens.verdict import VerdictScreen
 from rover_sweep.tui.session_app import SessionApp
 from rover_sweep.tui.setup import Memory, Setup, remember
 from rover_sweep.tui.state import AbortAsked, reduce
+from rover_sweep.vehicle.events import Notice
 
 _SCREENS = (ConnectScreen, PreflightScreen, PlanScreen, RunScreen, VerdictScreen, LogScreen, ResultsScreen)
 _SEEK, _SLOWEST, _FASTEST = 10.0, 0.125, 64.0  # s a key; times real time
@@ -87,6 +91,20 @@ class SweepApp(SessionApp):
             self.action_view(view)
 
     # ---- keys ------------------------------------------------------------------------------------
+
+    async def run_action(
+        self,
+        action: str | ActionParseResult,
+        default_namespace: DOMNode | None = None,
+        namespaces: Mapping[str, DOMNode] | None = None,
+    ) -> bool:
+        """A key that goes wrong is told of: the screen with ABORT on it must not end for that."""
+        try:
+            return await super().run_action(action, default_namespace, namespaces)
+        except Exception as error:
+            words = f"this key went wrong inside rover-sweep: {error!r}; the others, and ABORT, go on"
+            self.state = reduce(self.state, Notice("warning", words))
+            return True
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "abort":
@@ -158,3 +176,5 @@ def show(source: Source, setup: Setup | None = None, view: str = "connect") -> N
         app.run(mouse=False)  # the pointer stays free to select and copy text
     finally:
         source.close()
+    if app.return_code:  # it ended by a fault, which it has printed
+        raise SystemExit(app.return_code)

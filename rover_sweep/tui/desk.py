@@ -119,6 +119,9 @@ def _before(folder: Path) -> Iterator[Job]:
         for out in sorted(folder.glob(f"{NAMES[kind]}*/")):
             if page := page_of(kind, out):
                 yield Job(kind, (kind, str(out)), out, "done", summary=summary_of(kind, out), page=page)
+    for out in sorted(folder.glob("gains*.param")):
+        lines = tuple(out.read_text(encoding="utf-8", errors="replace").splitlines())
+        yield Job("gains", ("gains", str(out)), out, "done", (*lines, f"parameters in {out}"))
 
 
 def _none(job: Job) -> str:

@@ -68,6 +68,7 @@ class RunRecord:
 class State:
     """What is known. asked: requests not yet ended, in order. failure: the last one, until the next request.
 
+    doing: what was said since the latest request.
     aborting: the abort key was pressed and the run has not ended yet.
     wanted: what the pilot was asked to do with the switch and has not done. driving: what to drive, from
     the key until the source says that it ended. parameters: values seen being set on the vehicle.
@@ -77,6 +78,7 @@ class State:
     vehicle: Vehicle | None = None
     lost: str = ""
     failure: str = ""
+    doing: str = ""
     asked: tuple[Request, ...] = ()
     checks: tuple[Check, ...] = ()
     snapshot: Snapshot | None = None
@@ -204,7 +206,7 @@ def _wants(state: State, position: str) -> bool:
 
 
 def _asked(state: State, request: Request) -> State:
-    state = replace(state, asked=(*state.asked, request), failure="")
+    state = replace(state, asked=(*state.asked, request), failure="", doing="")
     if isinstance(request, Drive):
         state = replace(state, aborting=False)
         record = RunRecord(request.planned.name, request.planned.manoeuvre)
@@ -273,4 +275,5 @@ def _set(state: State, event: e.ParameterSet) -> State:
 
 
 def _said(state: State, level: Level, text: str) -> State:
-    return replace(state, messages=(*state.messages[-(MESSAGES - 1) :], Line(level, text)))
+    messages = (*state.messages[-(MESSAGES - 1) :], Line(level, text))
+    return replace(state, messages=messages, doing=text)

@@ -41,14 +41,21 @@ def next_runs(out: Path) -> tuple[str, ...]:
 def _identified(document: Mapping[str, Any]) -> Iterator[str]:
     summary = document.get("summary")
     yield from (summary,) if isinstance(summary, str) else tuple(summary or ())
-    for name, model in document["models"].items():
+    recommended = document.get("recommended")
+    for name, model in sorted(document["models"].items(), key=lambda item: item[0] != recommended):
+        best = name == recommended
         told = ", ".join(
-            f"{parameter} {value['value']:.3g} {value['unit']}".rstrip()
+            _told(parameter, value, best)
             for parameter, value in model["parameters"].items()
             if value.get("free") and value.get("value") is not None
         )
-        best = " (recommended)" if name == document.get("recommended") else ""
-        yield f"{name}{best}: {told or 'nothing of it is free'}"
+        yield f"{name}{' (recommended; 90 % intervals)' if best else ''}: {told or 'nothing of it is free'}"
+
+
+def _told(name: str, estimate: Mapping[str, Any], interval: bool) -> str:
+    low, high = (estimate.get("interval_90") if interval else None) or (None, None)
+    between = f" ({low:.3g} to {high:.3g})" if low is not None and high is not None else ""
+    return f"{name} {estimate['value']:.3g}{between} {estimate['unit']}".rstrip()
 
 
 def _diagnosed(document: Mapping[str, Any]) -> Iterator[str]:

@@ -74,6 +74,8 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     ),
     "log": (*_DRIVEN, finished(), "6"),
     "results": (*_DRIVEN, finished(), "7"),
+    "results-done": (*_DRIVEN, finished(), "7"),
+    "results-gains": (*_DRIVEN, finished(), "7"),
 }  # fmt: skip
 
 OWN_SCENES: Mapping[str, tuple[Step, ...]] = {"run-consent": (*_READY, "3", "g")}
@@ -86,6 +88,22 @@ JOBS = (
     Job("diagnose", ("diagnose", "session", "--out", "session/diagnosis"), Path("session/diagnosis"),
         lines=("reading session",), seconds=4.0),
 )  # fmt: skip
+
+GAINS = Job(
+    "gains", ("gains", "session/report"), Path("session/gains.param"), "done",
+    ("Gains for 2.23 m/s, good from 1.48 to 3.34 m/s (roll-yaw model, good).", "",
+     "                                            now            proposed  ",
+     *(f"{name:<28}{now:>19}{proposed:>20}  " for name, now, proposed in (
+         ("ATC_STR_RAT_FF", "0.2", "0.977"), ("ATC_STR_RAT_P", "0.2", "0.371"),
+         ("ATC_STR_RAT_I", "0.2", "1.655"), ("ATC_STR_RAT_D", "0", "0"),
+         ("ATC_STR_RAT_IMAX", "1", "0.75"), ("gain margin", "22.8 dB", "16.7 dB"),
+         ("phase margin", "99 deg", "98 deg"), ("bandwidth of r / target", "0.196 rad/s", "26.1 rad/s"),
+         ("step of 34 deg/s: rise", "never", "0.222 s"), ("  overshoot", "0.0 %", "5.0 %"))),
+     "note: at 2.23 m/s the steering reaches its stops at 119 deg/s, below the 120 deg/s that the firmware "
+     "lets through: lower ATC_STR_RAT_MAX", "parameters written to session/gains.param"),
+    seconds=8.0,
+)  # fmt: skip
+WORKED_OUT = {"results": JOBS, "results-done": JOBS[:1], "results-gains": (*JOBS[:1], GAINS)}
 
 
 @asynccontextmanager
@@ -116,4 +134,4 @@ def all_scenes() -> dict[str, tuple[Sequence[Step], Setup]]:
     }
 
 
-__all__ = ["JOBS", "OWN", "ROVER", "SCENES", "SETUP", "all_scenes", "playing"]
+__all__ = ["OWN", "ROVER", "SCENES", "SETUP", "WORKED_OUT", "all_scenes", "playing"]

@@ -36,6 +36,7 @@ from rover_sweep.live.source import (
     Preflight,
 )
 from rover_sweep.tui.app import SweepApp
+from rover_sweep.tui.plan_rows import Row
 from rover_sweep.tui.screens.frame import VIEWS
 from rover_sweep.tui.setup import Setup
 from rover_sweep.vehicle import events as e
@@ -310,3 +311,38 @@ def test_a_view_that_cannot_be_drawn_leaves_abort(monkeypatch: pytest.MonkeyPatc
         assert source.aborted == 1
 
     after(DRIVEN, then)
+
+
+def test_a_key_that_goes_wrong_is_told_and_leaves_abort(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rover_sweep.tui.screens.plan import PlanScreen
+
+    def broken(self: PlanScreen, kind: str) -> None:
+        raise IndexError("tuple index out of range")
+
+    monkeypatch.setattr(PlanScreen, "action_add", broken)
+
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "3", "a")
+        assert app.is_running
+        await press(pilot, "6")
+        assert "WARNING: this key went wrong inside rover-sweep: IndexError" in text_of(app)
+        await press(pilot, "space")
+        assert source.aborted == 1
+
+    after(DRIVEN, then)
+
+
+@pytest.mark.parametrize("key", ["a", "d", "m", "b", "e", "x", "up", "down", "g"])
+def test_every_key_of_a_plan_that_is_driven(key: str) -> None:
+    setup = replace(SETUP, plan=(Row(SWEEP, 2.0, "sweep1"),))
+    driven = (*READY, "3", "g", under_way(), finished(), "3")
+
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        assert app.next_row is None
+        await press(pilot, key)
+        assert "went wrong" not in text_of(app) and len(drives(source)) == 1
+        await press(pilot, "e", "escape", "x", "x", "x")
+        assert app.plan == (() if key in ("up", "down", "a", "d", "m", "b") else app.plan)
+        assert not any("went wrong" in line.text for line in app.state.messages)
+
+    after(driven, then, setup)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from scenes import JOBS, all_scenes, playing
+from scenes import WORKED_OUT, all_scenes, playing
 from seen import coloured, text_of
 from textual.app import App
 
@@ -54,8 +54,8 @@ async def _seen(name: str) -> list[Seen]:
     steps, setup = SCENES[name]
     found = []
     async with playing(steps, SIZES[0], setup) as (app, _, pilot):
-        if name == "results":
-            app.desk.jobs = JOBS
+        if name in WORKED_OUT:
+            app.desk.jobs = WORKED_OUT[name]
             app.redraw()
         for size in SIZES:
             await pilot.resize_terminal(*size)

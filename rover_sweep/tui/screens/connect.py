@@ -10,6 +10,7 @@ from textual.binding import Binding
 from rover_sweep.tui.drawing import Rows, window
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.typing import Typing
+from rover_sweep.tui.setup import Setup
 
 USUAL = ("udp:127.0.0.1:14550", "tcp:127.0.0.1:5760")
 
@@ -65,7 +66,7 @@ class ConnectScreen(SessionScreen):
         elif self.state.busy:
             rows.sentence("Connecting ...", f"bold {self.palette.accent}")
         rows.sentence(_may(self.session.setup.own_part), self.palette.ink)
-        rows.sentence(f"Recordings go to {self.session.setup.folder or 'no folder yet'}.", self.palette.ink)
+        rows.sentence(_folder(self.session.setup), self.palette.ink)
         return rows.text()
 
     def action_choose(self, step: int) -> None:
@@ -92,6 +93,16 @@ class ConnectScreen(SessionScreen):
         if action == "type_url":
             return not self.state.under_way
         return action != "connect" or not (self.state.busy or self.state.under_way)
+
+
+def _folder(setup: Setup) -> str:
+    """Where recordings go, and what is there of before."""
+    if setup.folder is None:
+        return "Recordings go to no folder yet."
+    if not setup.driven:
+        return f"Recordings go to {setup.folder}."
+    count = f"{len(setup.driven)} runs" if len(setup.driven) > 1 else "1 run"
+    return f"Recordings go to {setup.folder}, which holds {count}: that session is taken up again."
 
 
 def _may(own: tuple[str, ...]) -> str:

@@ -83,7 +83,8 @@ def message(state: State, palette: Palette, width: int, last: bool = True) -> Te
     if state.under_way:
         return Text(f" RUN UNDER WAY - {ABORT_WORDS} ABORTS ".center(width), palette.alarming, no_wrap=True)
     if state.asked:
-        return Text(f" … {working_on(state.asked[0])}"[:width], f"bold {palette.accent}", no_wrap=True)
+        said = ": ".join(filter(None, (working_on(state.asked[0]), state.doing)))
+        return Text(f" … {said}"[:width], f"bold {palette.accent}", no_wrap=True)
     if state.failure:
         return Text(f" ✗ {state.failure}"[:width], f"bold {palette.bad}", no_wrap=True)
     if not (state.messages and last):

@@ -36,7 +36,7 @@ class PlanScreen(SessionScreen):
 
     @property
     def chosen(self) -> int:
-        """Index of the row that is driven next."""
+        """Index of the row that is driven next; past the last one where all are driven."""
         return self.session.chosen
 
     def picture(self, width: int, height: int) -> Text:
@@ -95,23 +95,24 @@ class PlanScreen(SessionScreen):
                 f"Looking at what these runs can tell apart: {session.desk.proposing}", palette.accent, most=2
             )
         elif session.desk.proposal:
-            told = ", ".join(
-                f"{row.kind} {row.manoeuvre.amplitude:g} us at {row.speed:g} m/s"
-                for row in session.desk.proposal
-            )
+            proposal = session.desk.proposal
+            told = ", ".join(_times(proposal.count(row)) + _short(row) for row in dict.fromkeys(proposal))
             rows.sentence(f"PROPOSED (T takes them): {told}", f"bold {palette.accent}", most=3)
+            for settles in dict.fromkeys(row.settles for row in proposal if row.settles):
+                rows.sentence(settles, palette.accent, most=2)
         for sentence in session.desk.next_runs[:2]:
             rows.sentence(f"The diagnosis proposes: {sentence}", palette.accent, most=2)
 
     def action_choose(self, step: int) -> None:
-        self.session.choose(self.chosen + step)
+        past = self.chosen >= len(self.session.plan)
+        self.session.choose(0 if past and step > 0 else self.chosen + step)
 
     def action_go(self) -> None:
         self.session.drive_next()
 
     def action_add(self, kind: str) -> None:
         plan = self.session.plan
-        speed = plan[self.chosen].speed if plan else SPEED
+        speed = plan[min(self.chosen, len(plan) - 1)].speed if plan else SPEED
         at = min(self.chosen + 1, len(plan))
         self.session.replan((*plan[:at], new(kind, speed), *plan[at:]), at)
 
@@ -139,7 +140,9 @@ class PlanScreen(SessionScreen):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "go":
             return self.session.may_drive
-        if action in ("edit", "remove", "choose"):
+        if action in ("edit", "remove"):
+            return self.session.next_row is not None
+        if action == "choose":
             return bool(self.session.plan)
         if action == "take":
             return bool(self.session.desk.proposal)
@@ -157,6 +160,14 @@ def driven(row: Row, runs: tuple[RunRecord, ...]) -> str:
         " ".join(words.ADVICE[run.verdict.advice] if run.verdict else words.OUTCOMES[run.outcome])
         for run in mine
     )
+
+
+def _times(count: int) -> str:
+    return f"{count} x " if count > 1 else ""
+
+
+def _short(row: Row) -> str:
+    return f"{row.kind} {_amplitude(row)} us at {row.speed:g} m/s"
 
 
 def _amplitude(row: Row) -> str:

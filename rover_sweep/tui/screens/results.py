@@ -7,7 +7,8 @@ from textual.binding import Binding
 
 from rover_sweep.tui import words
 from rover_sweep.tui.analysis import Job
-from rover_sweep.tui.drawing import Rows
+from rover_sweep.tui.drawing import Rows, window, wrapped
+from rover_sweep.tui.palette import Palette
 from rover_sweep.tui.screens.base import SessionScreen
 
 _SIGNS = {"running": "▶ working", "done": "✓ done", "failed": "✗ failed"}
@@ -25,8 +26,12 @@ class ResultsScreen(SessionScreen):
         Binding("k", "stop", "stop it"),
         Binding("up", "choose(-1)", "choose"),
         Binding("down", "choose(1)", "choose"),
+        Binding("pageup", "page(-1)", "more"),
+        Binding("pagedown", "page(1)", "more"),
     ]
-    chosen = 0
+    chosen: int | None = None  # None: the latest
+    down = 0  # rows that are scrolled past
+    _last = 0  # of the rows at which a page can begin
 
     @property
     def jobs(self) -> tuple[Job, ...]:
@@ -34,16 +39,24 @@ class ResultsScreen(SessionScreen):
 
     @property
     def job(self) -> Job | None:
-        return self.jobs[min(self.chosen, len(self.jobs) - 1)] if self.jobs else None
+        return self.jobs[self.index] if self.jobs else None
+
+    @property
+    def index(self) -> int:
+        """Of the chosen job."""
+        latest = len(self.jobs) - 1
+        return latest if self.chosen is None else min(self.chosen, latest)
 
     def picture(self, width: int, height: int) -> Text:
         rows, palette = Rows(self.palette, width, height), self.palette
         rows.sentence(self._from(), palette.ink, most=2)
-        for n, job in enumerate(self.jobs[-4:], max(0, len(self.jobs) - 4)):
+        for n in window(len(self.jobs), self.index, 4):
+            job = self.jobs[n]
             mark = "▶" if job is self.job and len(self.jobs) > 1 else " "
-            took = words.seconds(job.seconds)
-            line = f" {mark} {_SIGNS[job.outcome]:<10} {job.kind:<10} {took:>10}  {job.last}"
-            if n == min(self.chosen, len(self.jobs) - 1):
+            took = words.seconds(job.seconds) if job.seconds else "earlier"
+            said = job.summary[0] if job.summary else job.last
+            line = f" {mark} {_SIGNS[job.outcome]:<10} {job.kind:<10} {took:>10}  {said}"
+            if n == self.index:
                 rows.filled(line, palette.inverse)
             else:
                 rows.add(line, style=palette.ink)
@@ -63,17 +76,24 @@ class ResultsScreen(SessionScreen):
     def _about(self, rows: Rows, job: Job) -> None:
         palette = self.palette
         rows.blank()
-        for said in job.summary:
-            rows.sentence(said, f"bold {palette.ink}" if said == job.summary[0] else palette.ink, most=4)
         if job.page is not None:
             rows.sentence(f"report: {job.page} (O opens it)", f"bold {palette.accent}", most=2)
-        if not job.summary:
-            for line in job.lines[-max(0, rows.left) :]:
-                rows.add(f" {line}", style=palette.bad if job.outcome == "failed" else palette.quiet)
+        told = _told(job, palette, rows.width - 2)
+        room = max(1, rows.left - 1)
+        self._last = max(0, len(told) - room)
+        at = self._last if job.outcome == "running" else min(self.down, self._last)
+        for row, style in told[at : at + room]:
+            rows.add((f" {row}", style))
+        if at < self._last:
+            rows.add(f" ... {len(told) - at - room} rows more (PGDN)", style=palette.quiet)
+
+    def action_page(self, step: int) -> None:
+        self.down = min(max(0, self.down + 8 * step), self._last)
+        self.redraw()
 
     def action_start(self, kind: str) -> None:
         self.session.analyse(kind)
-        self.chosen = len(self.jobs) - 1
+        self.chosen, self.down = None, 0
         self.redraw()
 
     def action_open(self) -> None:
@@ -85,7 +105,7 @@ class ResultsScreen(SessionScreen):
             self.session.desk.stop(self.job)
 
     def action_choose(self, step: int) -> None:
-        self.chosen = (min(self.chosen, len(self.jobs) - 1) + step) % max(1, len(self.jobs))
+        self.chosen, self.down = (self.index + step) % max(1, len(self.jobs)), 0
         self.redraw()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -95,4 +115,23 @@ class ResultsScreen(SessionScreen):
             return self.job is not None and self.job.page is not None
         if action == "stop":
             return self.job is not None and self.job.outcome == "running"
+        if action == "page":
+            return self._last > 0
         return action != "choose" or len(self.jobs) > 1
+
+
+def _told(job: Job, palette: Palette, width: int) -> list[tuple[str, str]]:
+    """Rows: the summary, the answer in bold; else what it printed, whose tables stay as they are."""
+    told = [
+        (row, f"bold {palette.ink}" if n == 0 else palette.ink)
+        for n, said in enumerate(job.summary)
+        for row in wrapped(said, width)
+    ]
+    if job.summary:
+        return told
+    ink = palette.bad if job.outcome == "failed" else palette.ink
+    return [(row, ink) for line in job.lines for row in _fitted(line.rstrip(), width)]
+
+
+def _fitted(line: str, width: int) -> list[str]:
+    return wrapped(line, width) if len(line) > width else [line]

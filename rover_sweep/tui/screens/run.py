@@ -16,7 +16,7 @@ from rover_sweep.tui.pilot import task
 from rover_sweep.tui.screens import signals
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.frame import ABORT_WORDS
-from rover_sweep.tui.state import State
+from rover_sweep.tui.state import RunRecord, State
 
 
 class RunScreen(SessionScreen):
@@ -55,7 +55,8 @@ class RunScreen(SessionScreen):
                 if row
                 else "the plan is driven"
             )
-            last = f"{run.name} {words.OUTCOMES[run.outcome][1]}; " if run else ""
+            waits = ", its verdict is being worked out" if run and _waits(run) else ""
+            last = f"{run.name} {words.OUTCOMES[run.outcome][1]}{waits}; " if run else ""
             rows.add(f" {last}{following}", style=f"bold {palette.ink}")
             return
         if run is None:
@@ -120,6 +121,10 @@ def _way_out(state: State) -> str:
     if state.played is not None:
         return "SPACE pauses, , and . jump 10 s, + and - change the pace."
     return "SPACE or ESC end a run; without this laptop the switch low, disarming or another mode do."
+
+
+def _waits(run: RunRecord) -> bool:
+    return run.outcome == "done" and run.verdict is None and not run.reason
 
 
 def _roomy(rows: Rows) -> bool:

@@ -83,7 +83,9 @@ class VerdictScreen(SessionScreen):
         for line in huge(word) if rows.height > 40 else big(word):
             rows.filled(f"  {line}", f"bold {palette.ground} on {style}")
         rows.sentence(f"{sign} {said(verdict)}", f"bold {palette.ink}", most=3)
-        for remark in verdict.remarks[: 2 if rows.height < 30 else 6]:
+        told = {f"{band.response}: " for band in verdict.bands}  # in the table below
+        remarks = [text for text in verdict.remarks if not text.startswith(tuple(told))]
+        for remark in remarks[: 2 if rows.height < 30 else 6]:
             rows.sentence(remark, palette.ink, most=2)
 
     def _bands(self, rows: Rows, run: RunRecord) -> None:
@@ -120,7 +122,7 @@ def said(verdict: Verdict) -> str:
 
 
 def _matrix(rows: Rows, verdict: Verdict) -> None:
-    """A row for each band, a column for each response, and what amplitude the next run wants there."""
+    """A row for each band, a column for each response, and what amplitude would be enough there."""
     responses = tuple(dict.fromkeys(band.response for band in verdict.bands))
     spans = sorted(
         {(b.low, b.high) for b in verdict.bands} | {(low, high) for low, high, _ in verdict.per_band}
@@ -130,7 +132,7 @@ def _matrix(rows: Rows, verdict: Verdict) -> None:
     wide = rows.width >= 110
     widths = (13, *((24 if wide else 13) for _ in responses), 9)
     names = (words.RESPONSES.get(response, response) for response in responses)
-    rows.add(" " + cells(("rad/s", *names, "us wanted"), widths), style=rows.palette.quiet)
+    rows.add(" " + cells(("rad/s", *names, "us enough"), widths), style=rows.palette.quiet)
     for low, high in spans[: rows.left - (len(spans) > rows.left)]:
         told = (_told(there.get((response, low, high)), wide) for response in responses)
         us = f"{wanted[low, high]:.0f}" if (low, high) in wanted else ""
