@@ -52,8 +52,9 @@ def _entries(link: Link, folder: str) -> Iterator[str]:
 def _ask(link: Link, opcode: int, path: str, offset: int, timeout: float) -> bytes | None:
     """The data of an acknowledged answer; None where it is refused or none comes."""
     name = path.encode()
-    # ArduPilot answers a sequence number that it has just had with what it just said.
-    sequence = (zlib.crc32(name) + opcode + offset) & 0x7FFF
+    # ArduPilot answers a sequence number that it has just had with what it just said. A checksum's is that of
+    # the recorded conversations.
+    sequence = (zlib.crc32(name) + opcode - _CRC32 + offset) & 0x7FFF
     request = _HEADER.pack(sequence, 0, opcode, len(name), 0, 0, offset) + name
     for _ in range(_TRIES):
         link.to_vehicle(
