@@ -65,12 +65,14 @@ def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
     An interrupted download goes on where it ended. Size and, where the autopilot has MAVLink FTP, the
     checksum are compared with the file on the card. The rover must be disarmed.
     """
+    from rover_sweep.cli.folders import check_writable
     from rover_sweep.cli.output import results
     from rover_sweep.vehicle.log_fetch import FetchedFile, choose
     from rover_sweep.vehicle.log_fetch import fetch as bring
     from rover_sweep.vehicle.sources import log_source
 
     console, fetched = results(as_json), list[FetchedFile]()
+    check_writable(Path(out))
     with _link(connect) as link:
         source = log_source(link, via)
         last = -1

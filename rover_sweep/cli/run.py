@@ -123,7 +123,7 @@ def _on_rover(
     announce(plan, folder)
     with RecordedLine(conversation_in(folder)) as line:
         events = drive(connect, folder, plan, line, path)
-        session = driven(events, folder, talk=True, go_on=True, answer=_asking(settings))
+        session = driven(events, folder, talk=True, go_on=True, answer=_asking(settings), logs=job.logs)
     return (vehicle, path), session
 
 

@@ -10,7 +10,7 @@ from rover_sweep.cli.display import PlainDisplay, display
 from rover_sweep.cli.interruption import let_go_on_signals
 from rover_sweep.cli.output import narration
 from rover_sweep.errors import DataRefused, RoverSweepError
-from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, SessionFinished
+from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, SessionFinished, StreamsSet
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -25,18 +25,22 @@ _NOTHING = "nothing was recorded"
 
 
 def driven(
-    events: Events, folder: Path, *, talk: bool = False, go_on: bool = False, answer: Answer | None = None
-) -> SessionFinished:
+    events: Events, folder: Path, *, talk: bool = False, go_on: bool = False, answer: Answer | None = None,
+    logs: bool = True,
+) -> SessionFinished:  # fmt: skip
     """Shows the events to the end of the session.
 
-    answer is called after each event was shown, and may ask the user. Ctrl-C during a run lets the rover
-    go; go_on: and the session goes on to the logs. Otherwise it comes out, as errors do, after the rover
-    was let go and the user was told what was kept.
+    logs: whether the vehicle's logs are fetched at its end. answer is called after each event was shown, and
+    may ask the user. Ctrl-C during a run lets the rover go; go_on: and the session goes on to the logs.
+    Otherwise it comes out, as errors do, after the rover was let go and the user was told what was kept.
     """
     console, finished, interrupted = narration(), list[RunFinished](), False
+    granted = dict[str, float]()
     try:
         with let_go_on_signals(), display(console, talk) as shown:
             for event in _shown(events, shown, answer):
+                if words := _telemetry(event, granted, logs):
+                    shown.say(f"  {words}")
                 finished += [event] if isinstance(event, RunFinished) else []
                 if isinstance(event, SessionFinished):
                     return event
@@ -73,6 +77,18 @@ def _shown(events: Events, display: PlainDisplay, answer: Answer | None) -> Iter
         yield event
 
 
+def _telemetry(event: Event, granted: dict[str, float], logs: bool) -> str:
+    """How the telemetry of a run came that is over. granted: Hz by message, learnt on the way."""
+    from rover_sweep.vehicle.arrival import arrival_clock
+    from rover_sweep.vehicle.telemetry_words import telemetry_words
+
+    if isinstance(event, StreamsSet):
+        granted |= {stream.message: stream.hz for stream in event.streams}
+    if not isinstance(event, RunFinished) or not event.completed:
+        return ""
+    return telemetry_words(event.quality, granted, arrival_clock(event.tlog, event.span), logs)
+
+
 def _kept(folder: Path, finished: list[RunFinished]) -> str:
     """Which recordings are there, and which of them hold a whole run."""
     whole = {run.tlog.name for run in finished if run.completed}
@@ -106,6 +122,10 @@ def identified_session(
     from rover_sweep.cli.identify import identified
     from rover_sweep.identify.grouping import Settings
     from rover_sweep.preparation import divided
+    from rover_sweep.session_folder.origin import origin_words
 
-    sweeps, doublets = divided(recordings(session, rover[0]))
+    runs = recordings(session, rover[0])
+    for words in origin_words(session.folder, runs):
+        narration().print(words, markup=False, soft_wrap=True)
+    sweeps, doublets = divided(runs)
     identified(sweeps, doublets, rover, Settings(), session.folder / "report", as_json, verbose, more)

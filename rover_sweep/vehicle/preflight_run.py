@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.checks import disk, onboard, radio, rates, readiness, remedies
+from rover_sweep.vehicle.checks import disk, onboard, radio, rates, readiness, remedies, source
 from rover_sweep.vehicle.checks.look import look
 from rover_sweep.vehicle.checks.seen import Seen
 from rover_sweep.vehicle.events import Event
@@ -24,7 +24,7 @@ from rover_sweep.vehicle.preflight import Check, Remedy
 
 _IN_ORDER = (
     *(readiness.armed, onboard.firmware, onboard.parameters, onboard.applet),
-    *(rates.loop_rate, rates.filters, rates.streams, rates.clock, onboard.logging, disk.disk),
+    *(rates.loop_rate, rates.filters, rates.streams, rates.clock, onboard.logging, source.source, disk.disk),
     *(readiness.battery, readiness.gps, readiness.ekf, radio.rc, radio.switch, readiness.mode),
 )
 NAMES = tuple(check.__name__ for check in _IN_ORDER)

@@ -11,6 +11,8 @@ from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import Message, kind, message_id
 
 _ACCEPTED, _DENIED, _UNSUPPORTED = 0, 2, 3
+LOST = 0.02  # share of the samples from which a response is spoilt
+_GAP, _DELIVERED = 0.25, 0.9  # s: a period of 25 rad/s; share of what was granted
 
 # Rates in Hz: ten times the top of a 25 rad/s sweep and more, and granted from a loop rate of 100 on.
 # LOCAL_POSITION_NED only comes when the EKF has an origin.
@@ -126,17 +128,21 @@ class StreamQuality:
     lost: float
     mean_hz: float = 0.0
 
-    @property
-    def verdict(self) -> str:
-        """A sentence where the stream was bad, else ''."""
-        if self.count < 3:
-            return f"{self.message} hardly came at all ({self.count} times)"
-        if self.lost > 0.02:
-            return (
-                f"{self.message}: {self.lost:.0%} did not arrive, "
-                f"longest gap {self.gap_ms:.0f} ms; use the .BIN log"
-            )
+
+def poor_words(q: StreamQuality, granted: float, gap: float = _GAP) -> str:
+    """A sentence where a stream came too badly to identify from, else ''.
+
+    granted: Hz, 0 where unknown. gap: s that the longest may be.
+    """
+    if q.count < 3:
+        return f"{q.message} hardly came at all ({q.count} times)"
+    granted = granted or q.hz
+    if not (q.lost > LOST or q.gap_ms > 1000 * gap or q.mean_hz < _DELIVERED * granted):
         return ""
+    return (
+        f"{q.message} comes {q.mean_hz:.1f} times a second instead of {granted:.0f}, "
+        f"{q.lost:.0%} did not arrive, longest gap {q.gap_ms:.0f} ms"
+    )
 
 
 @dataclass

@@ -25,6 +25,11 @@ def test_runs_are_driven_judged_fetched_and_identified(
              "sweep1: keep", "sweep2: sweep", "sweep2: keep", "doublet: done", "log fetched"]  # fmt: skip
     places = [next(i for i, line in enumerate(lines) if words in line) for words in order]
     assert places == sorted(places)
+    told_of = [line for line in lines if line.startswith("  telemetry: ")]
+    assert len(told_of) == 3 and all("Hz, jitter" in line and "the rover's log" in line for line in told_of)
+    (origin,) = [line for line in lines if "identified from log" in line]
+    assert origin.startswith("sweep1, sweep2, doublet: identified from log") and "SWEP.Out" in origin
+    assert "on one clock, no messages dropped (DSF.Dp)" in origin
     assert "Roll-yaw model" in done.out and "Verification on" in done.out
     assert done.out.rstrip().endswith(f"report: {out / 'report' / 'report.html'}")
     written = json.loads((out / "report" / "identification.json").read_text())

@@ -51,4 +51,5 @@ def estimate(pairs: Sequence[tuple[float, float]], behind_utc: float = nan) -> C
         drift=drift,
         bound=2 * (median(late) - quickest) / (span / 2),
         behind_utc=behind_utc,
+        offset=min(arrival - vehicle for vehicle, arrival in pairs),
     )

@@ -7,15 +7,16 @@ from math import atan2, ceil, degrees, hypot, isnan, pi, sqrt
 from rover_sweep.vehicle.checks.seen import Seen
 from rover_sweep.vehicle.manoeuvre import LEAST_SAMPLES
 from rover_sweep.vehicle.preflight import Check, Remedy, State
-from rover_sweep.vehicle.streams import StreamQuality, fastest_interval_ms
+from rover_sweep.vehicle.streams import fastest_interval_ms, poor_words
 
 LOOP_RATE = 100  # Hz, as identification.param: streams of 50 Hz, and scripts wait 17 instead of 72 ms
 CUTOFF = 20.0  # Hz, as identification.param
 _FILTERS = {"INS_GYRO_FILTER": "gyro", "INS_ACCEL_FILTER": "accelerometer"}
 _CLEAR, _SPOILT = 4.0, 2.0  # cut-off over the top frequency: 21 deg and 43 deg of phase at the top
 _TIMELY, _LATE = 0.05, 0.2  # s of jitter of the arrival
+_FAR = 3600.0  # s
 _LIVE = 0.02  # the clocks' rates differ by more only in a simulation that is not in real time
-_GAP, _DELIVERED = 3.0, 0.9  # intervals; share of what was granted
+_GAP = 3.0  # intervals: in so short a look a longer one is no chance
 
 
 def loop_rate(seen: Seen) -> Check:
@@ -101,7 +102,11 @@ def streams(seen: Seen) -> Check:
     told = f"{len(rates)} of {len(came)}, {slowest}"
     absent = [s.message for s in seen.streams if s.hz and s.message in came and came[s.message].count < 3]
     granted = {s.message: s.hz for s in seen.streams}
-    poor = [q for q in seen.quality if q.count > 2 and _is_poor(q, granted.get(q.message, q.hz))]
+    poor = [
+        words
+        for q in seen.quality
+        if q.count > 2 and (words := poor_words(q, hz := granted.get(q.message) or q.hz, _GAP / hz))
+    ]
     if not seen.streams:
         return Check("streams", "unknown", "not asked", "no stream was asked for")
     if denied:
@@ -114,22 +119,12 @@ def streams(seen: Seen) -> Check:
             sentence += ": it comes when the EKF has an origin"
         return Check("streams", "doubtful", told, sentence, Remedy("wait, and look again", by_hand=True))
     if poor:
-        sentence = "; ".join(_poor(q, granted.get(q.message, q.hz)) for q in poor)
         hand = Remedy(
             "go closer, take USB or a faster radio; the log on the card does not suffer", by_hand=True
         )
-        return Check("streams", "doubtful", told, sentence, hand)
+        return Check("streams", "doubtful", told, "; ".join(poor), hand)
     jitter = max((q.jitter_ms for q in seen.quality), default=0.0)
     return Check("streams", "good", told, f"no gap, jitter {jitter:.1f} ms at most")
-
-
-def _is_poor(q: StreamQuality, granted: float) -> bool:
-    return q.lost > 0.02 or q.gap_ms * granted > 1000 * _GAP or q.mean_hz < _DELIVERED * granted
-
-
-def _poor(q: StreamQuality, granted: float) -> str:
-    came = f"{q.message} comes {q.mean_hz:.1f} times a second instead of {granted:.0f}"
-    return f"{came}, longest gap {q.gap_ms:.0f} ms"
 
 
 def clock(seen: Seen) -> Check:
@@ -145,7 +140,8 @@ def clock(seen: Seen) -> Check:
         )
         return Check("clock", "good", f"{c.rate:.3g} x", sentence)
     drift = f"drift {1e6 * c.drift:+.0f} ppm, known to {1e6 * c.bound:.0f} ppm after {c.span:.0f} s"
-    utc = "" if isnan(c.behind_utc) else f"; this computer is {c.behind_utc:+.1f} s from GPS time"
+    off = f"{c.behind_utc:+.1f} s" if abs(c.behind_utc) < _FAR else f"{c.behind_utc / _FAR:+.0f} h"
+    utc = "" if isnan(c.behind_utc) else f"; this computer is {off} from GPS time"
     sentence = f"{drift}{utc}"
     if c.jitter > _TIMELY:
         state: State = "bad" if c.jitter > _LATE else "doubtful"

@@ -45,7 +45,8 @@ class Clock:
 
     rate: seconds of the vehicle in a second here. jitter: s by which messages come later than the
     quickest did, 95th percentile. drift: s per s, and its bound, what the jitter leaves open. behind_utc:
-    the laptop's clock against the GPS's, s, positive where the laptop is ahead.
+    the laptop's clock against the GPS's, s, positive where the laptop is ahead. offset: of the arrival's
+    clock from the vehicle's, s, by the quickest message.
     """
 
     span: float
@@ -54,6 +55,7 @@ class Clock:
     drift: float
     bound: float
     behind_utc: float = nan
+    offset: float = nan
 
 
 @dataclass(frozen=True)

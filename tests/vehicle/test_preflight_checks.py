@@ -1,0 +1,139 @@
+"""What the checks before a run say of what was seen: pure, without a vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from firmware_params.check import read, shipped
+from firmware_params.parameters import PARAMETERS
+from rover_sweep.vehicle.applet import AppletFile
+from rover_sweep.vehicle.checks.clock import estimate
+from rover_sweep.vehicle.checks.seen import Battery, Clock, Estimator, Gps, Seen
+from rover_sweep.vehicle.identity import Vehicle
+from rover_sweep.vehicle.preflight import Check
+from rover_sweep.vehicle.preflight_run import NAMES, judged
+from rover_sweep.vehicle.streams import IDENTIFICATION_RATES, Stream, StreamQuality
+from rover_sweep.vehicle.survey import AppletState, Checked, Survey
+
+WANTED = read(shipped("identification"))
+HAS = (
+    {p.name: p.value for p in WANTED}
+    | {p.name: float(p.default) for p in PARAMETERS}
+    | {"STAT_BOOTCNT": 3.0, "FS_THR_ENABLE": 1.0, "FS_THR_VALUE": 910.0, "FS_ACTION": 2.0}
+    | {"RC1_TRIM": 1500.0, "RC3_TRIM": 1500.0, "BATT_LOW_VOLT": 10.5, "LOG_BITMASK": 65535.0}
+    | {"LOG_BACKEND_TYPE": 1.0, "LOG_DISARMED": 0.0}
+)
+
+
+# Checks that look at a part of what another one looks at.
+SAME_NUMBERS = {"parameters", "loop_rate", "filters", "streams", "source", "switch"}
+
+
+def survey_of(has: dict[str, float]) -> Survey:
+    applet = AppletState(AppletFile("scripts/rover_sweep.lua", "1.2", ""), (), has["SWP_ENABLE"] == 1, True)
+    vehicle = Vehicle("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 42, 1)
+    return Survey(vehicle, tuple(Checked(p, has.get(p.name)) for p in WANTED), applet)
+
+
+def seen(changed: dict[str, float] | None = None, **values: Any) -> Seen:
+    """A rover with which all is well, but for what is given."""
+    has = HAS | (changed or {})
+    fast = {name: hz for name, hz in IDENTIFICATION_RATES.items() if hz >= 10}
+    whole = Seen(
+        survey_of(has), has, 25.0, False, 0,
+        tuple(Stream(name, hz, hz) for name, hz in IDENTIFICATION_RATES.items()),
+        tuple(StreamQuality(name, int(2 * hz), hz, 1.0, 1300 / hz, 0.0, hz) for name, hz in fast.items()),
+        Clock(2.0, 1.0, 0.004, 1e-5, 1e-3, 0.2), Battery(12.4, 0.9), Gps(3, 10, 0.8), Estimator(831, 0.1),
+        {n: 1000 if n == 6 else 1500 for n in range(1, 9)}, True, disk=(20_000_000_000, "today"),
+    )  # fmt: skip
+    return replace(whole, **values)
+
+
+def check(name: str, what: Seen) -> Check:
+    return next(c for c in judged(what) if c.name == name)
+
+
+def worse(**changed: float) -> tuple[StreamQuality, ...]:
+    return tuple(replace(q, **changed) for q in seen().quality)
+
+
+def test_where_all_is_well_all_checks_say_so() -> None:
+    checks = judged(seen())
+    assert tuple(c.name for c in checks) == NAMES
+    assert [c.name for c in checks if c.state != "good" or c.remedy] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "state", "said", "what"),
+    [
+        ("parameters", "bad", "SCHED_LOOP_RATE is 50, wanted at least 100", seen({"SCHED_LOOP_RATE": 50.0})),
+        ("parameters", "bad", "was set and does not count before a reboot", seen(pending=("SCR_ENABLE",))),
+        ("applet", "bad", "SWP_ENABLE is 0", seen({"SWP_ENABLE": 0.0})),
+        ("loop_rate", "bad", "streams end at 40 Hz", seen({"SCHED_LOOP_RATE": 50.0})),
+        ("loop_rate", "bad", "samples a period at 50 Hz, and", seen({"SCHED_LOOP_RATE": 50.0}, w_max=60.0)),
+        ("filters", "bad", "INS_GYRO_FILTER 4 Hz: 56 ms of lag", seen({"INS_GYRO_FILTER": 4.0})),
+        ("filters", "doubtful", "lets vibration through", seen({"INS_ACCEL_FILTER": 0.0})),
+        ("streams", "doubtful", "25.0 times a second instead of 50", seen(quality=worse(mean_hz=25.0))),
+        ("streams", "doubtful", "longest gap 90 ms", seen(quality=worse(gap_ms=90.0, mean_hz=50.0))),
+        ("streams", "doubtful", "did not come though granted", seen(quality=worse(count=0))),
+        ("clock", "doubtful", "messages come up to 90 ms late", seen(clock=Clock(2, 1, 0.09, 0, 1))),
+        ("clock", "bad", "messages come up to 300 ms late", seen(clock=Clock(2, 1, 0.3, 0, 1))),
+        ("clock", "good", "a simulation", seen(clock=Clock(2, 5.0, 0.3, 0.8, 0.1))),
+        ("clock", "good", "this computer is -48 h from GPS time", seen(clock=Clock(2, 1, 0, 0, 1, -172800))),
+        ("clock", "unknown", "too few messages", seen(clock=None)),
+        ("logging", "bad", "the log will have no IMU at loop rate", seen({"LOG_BITMASK": 65407.0})),
+        ("logging", "bad", "writes no files", seen({"LOG_BACKEND_TYPE": 2.0})),
+        ("logging", "bad", "is a card in it", seen(logging=False)),
+        ("disk", "bad", "room for 2 runs", seen(disk=(9_000_000, "today"))),
+        ("battery", "bad", "at or below BATT_LOW_VOLT 10.5 V", seen(battery=Battery(10.4, 0.5))),
+        ("gps", "bad", "no speed", seen(gps=Gps(2, 4))),
+        ("ekf", "bad", "the EKF has no velocity and no position", seen(estimator=Estimator(1))),
+        ("rc", "bad", "nobody can stop the rover but this computer", seen(channels={})),
+        ("rc", "bad", "the steering stick (channel 1) is +90 us", seen(channels={1: 1590, 3: 1500, 6: 1000})),
+        ("rc", "bad", "would go unnoticed", seen({"FS_THR_ENABLE": 0.0})),
+        ("switch", "bad", "switch 6 is high", seen(channels={1: 1500, 3: 1500, 6: 1900})),
+        ("switch", "bad", "none has option 300", seen({"RC6_OPTION": 0.0})),
+        ("mode", "bad", "the rover is in HOLD", seen(mode=4)),
+        ("armed", "bad", "neither set up nor rebooted", seen(armed=True)),
+    ],
+)
+def test_what_is_wrong_is_told_and_nothing_else(name: str, state: str, said: str, what: Seen) -> None:
+    found = check(name, what)
+    assert found.state == state and said in found.sentence
+    assert (found.remedy is None) == (state in ("good", "unknown"))
+    others = {c.name for c in judged(what) if c.state != "good"} - {name}
+    assert others <= SAME_NUMBERS
+
+
+def test_the_source_is_the_log_else_the_telemetry_and_says_why() -> None:
+    good = check("source", seen())
+    assert good.seen.startswith("the .BIN log") and "at 100 Hz on one clock" in good.sentence
+    assert "the .tlog (50 Hz) would do without it" in good.sentence
+    slow = check("source", seen(quality=worse(lost=0.1, mean_hz=45.0)))
+    assert slow.state == "good" and "the .tlog (45 Hz) would not do instead" in slow.sentence
+    unlogged = check("source", seen(logging=False))
+    assert unlogged.state == "doubtful" and unlogged.seen == "the .tlog, 50 Hz"
+    assert "is a card in it" in unlogged.sentence
+    neither = check("source", seen(logging=False, quality=worse(lost=0.1, mean_hz=45.0)))
+    assert neither.state == "bad" and "10% did not arrive" in neither.sentence
+
+
+def test_a_capped_stream_names_the_loop_rate_that_would_do() -> None:
+    denied = Stream("ATTITUDE", 50.0, 40.0, "ATTITUDE at 50 Hz is denied: SCHED_LOOP_RATE 50 allows 40 Hz")
+    found = check("streams", seen(streams=(denied, *seen().streams[1:])))
+    assert found.state == "doubtful" and found.remedy is not None
+    assert found.remedy.sets == (("SCHED_LOOP_RATE", 100.0),) and found.remedy.reboot
+
+
+def test_two_clocks_are_compared_whatever_the_radio_adds() -> None:
+    """The vehicle's runs 200 ppm slow, and every third message is 30 ms late."""
+    pairs = [(t := 0.02 * n, 1000.0 + t * 1.0002 + (0.03 if n % 3 == 0 else 0.0)) for n in range(3000)]
+    found = estimate(pairs, 1.5)
+    assert found is not None and found.span == pytest.approx(59.98)
+    assert found.drift == pytest.approx(2e-4, abs=2e-5) and found.bound < 1e-4
+    assert found.jitter == pytest.approx(0.03, abs=0.001) and found.offset == pytest.approx(1000.0, abs=1e-3)
+    assert found.rate == pytest.approx(1, abs=0.001) and found.behind_utc == 1.5
+    assert estimate(pairs[:10]) is None and estimate([(1.0, 1.0)] * 30) is None
