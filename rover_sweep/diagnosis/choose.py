@@ -106,9 +106,8 @@ class Named:
 class Choice:
     """What was chosen. first: the round of the nominal model; last: that of the model with all effects.
 
-    withdrawn: effects that were found and yet leave most of what is to be explained, or are so many that
-    another would help as well. stopped: before all
-    had been tried.
+    withdrawn: effects that were found and yet leave most of what is to be explained; of three, also where
+    a fourth would help. stopped: before all had been tried.
     """
 
     first: Round
@@ -208,7 +207,8 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
     if stopped and not named and (found := current.significant()):  # what there is, as it was fitted
         named = [Named(found[0], first.fitted, first.thresholds.thresholds.get(found[0].effect, 0.0), ())]
         current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
-    endless = len(named) == MOST and bool(_wanting(current, named, removed))
+    more = _wanting(current, named, removed) if len(named) == MOST else []
+    endless = more and _little_scatter_taken(first, current)
     if not named or (not stopped and (endless or _explains_little(first, current))):
         return Choice(first, first, (), tuple(n.trial.effect for n in named), stopped)
     return Choice(first, current, tuple(named), stopped=stopped)
@@ -226,6 +226,11 @@ def _explains_little(first: Round, last: Round, share: float = LEFT) -> bool:
     loud = [c for c, m in before.items() if m > LOUD]
     much = max(after.values()) > LOUD
     return much and all(after[c] - 1.0 > share * (before[c] - 1.0) for c in loud)
+
+
+def _little_scatter_taken(first: Round, last: Round) -> bool:
+    """True where the rows scatter beyond their noise by more than a share of what they did."""
+    return last.fitted.overdispersion - 1.0 > LEFT * (first.fitted.overdispersion - 1.0)
 
 
 def _rival(trial: Trial, best: Trial) -> bool:
