@@ -31,7 +31,10 @@ _NOTES = Path()  # the note on a reboot that is due lies where the command is gi
 
 @click.group()
 def params() -> None:
-    """A rover's parameters against a .param file: of this program (identification, raw_imu) or your own."""
+    """A rover's parameters against a .param file: of this program (identification, raw_imu) or your own.
+
+    What a rover counts by itself (STAT_BOOTCNT and its like) is neither compared nor set.
+    """
 
 
 @params.command(short_help="What differs; changes nothing.")

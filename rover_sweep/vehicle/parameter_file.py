@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from firmware_params.check import WantedParameter, read, shipped
@@ -9,12 +10,23 @@ from rover_sweep.errors import UsageError
 
 _LONGEST = 16  # letters: what MAVLink carries of a name
 _LARGEST = 3.4e38  # of a float32
+# What the vehicle writes itself, and what a file from another day must not put back: counters (STAT_BOOTCNT
+# tells of reboots, see `pending`), the air pressure at boot, sizes of what is stored (seen in 4.6.3).
+_ITS_OWN = re.compile(
+    r"STAT_(?!RESET$).*|BARO\d_GND_PRESS|SYS_NUM_RESETS|FORMAT_VERSION|(MIS|FENCE|RALLY)_TOTAL"
+)
+
+
+def kept_by_itself(name: str) -> bool:
+    """Whether the vehicle keeps the parameter itself, so that it is neither compared nor set."""
+    return _ITS_OWN.fullmatch(name) is not None
 
 
 def wanted_of(file: str) -> tuple[WantedParameter, ...]:
     """The parameters of a file, or of one that comes with the program by its name (identification, raw_imu).
 
-    UsageError where it cannot be read, holds none, or one that no vehicle could have.
+    Without those that a vehicle keeps by itself. UsageError where it cannot be read, holds none, or one that
+    no vehicle could have.
     """
     path = Path(file)
     try:
@@ -40,4 +52,4 @@ def wanted_of(file: str) -> tuple[WantedParameter, ...]:
             raise UsageError(
                 f"{file}: {parameter.name} {parameter.value:g} is no value that a rover can hold"
             )
-    return wanted
+    return tuple(parameter for parameter in wanted if not kept_by_itself(parameter.name))

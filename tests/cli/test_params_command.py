@@ -145,7 +145,10 @@ def test_mistakes_are_one_sentence(
     assert done.code == code and said in done.err and done.err.count("\n") == 1 and done.out == ""
 
 
-def test_the_shipped_files_are_read() -> None:
+def test_the_shipped_files_are_read_and_what_a_rover_counts_is_left_out(tmp_path: Path) -> None:
     from rover_sweep.vehicle.parameter_file import wanted_of
 
     assert wanted_of("raw_imu") == read(shipped("raw_imu"))
+    own = tmp_path / "own.param"
+    own.write_text("STAT_BOOTCNT 5\nSTAT_RESET 1\nBARO1_GND_PRESS 100965.6\nMIS_TOTAL 2\nBARO1_DEVID 3\n")
+    assert [p.name for p in wanted_of(str(own))] == ["STAT_RESET", "BARO1_DEVID"]

@@ -93,6 +93,7 @@ def test_where_all_is_well_all_checks_say_so() -> None:
         ("ekf", "bad", "the EKF has no velocity and no position", seen(estimator=Estimator(1))),
         ("rc", "bad", "nobody can stop the rover but this computer", seen(channels={})),
         ("rc", "bad", "the steering stick (channel 1) is +90 us", seen(channels={1: 1590, 3: 1500, 6: 1000})),
+        ("rc", "bad", "does not hear its radio", seen(radio=False)),
         ("rc", "bad", "would go unnoticed", seen({"FS_THR_ENABLE": 0.0})),
         ("switch", "bad", "switch 6 is high", seen(channels={1: 1500, 3: 1500, 6: 1900})),
         ("switch", "bad", "none has option 300", seen({"RC6_OPTION": 0.0})),

@@ -98,7 +98,8 @@ def _values(latest: Mapping[str, Message]) -> dict[str, Any]:
     gps, ekf, rc = (latest.get(name) for name in ("GPS_RAW_INT", "EKF_STATUS_REPORT", "RC_CHANNELS"))
     return {
         "battery": _battery(status, cells),
-        "logging": None if status is None else _can_log(status),
+        "radio": _healthy(status, "MAV_SYS_STATUS_SENSOR_RC_RECEIVER"),
+        "logging": _healthy(status, "MAV_SYS_STATUS_LOGGING"),
         "gps": None
         if gps is None
         else Gps(int(gps.fix_type), int(gps.satellites_visible), nan if gps.eph == 0xFFFF else gps.eph / 100),
@@ -121,10 +122,10 @@ def _battery(status: Message | None, cells: Message | None) -> Battery | None:
     return Battery(volts, nan if remaining < 0 else remaining / 100)
 
 
-def _can_log(status: Message) -> bool | None:
-    """SYS_STATUS's own word on logging; None where the firmware does not give it."""
-    bit = constant("MAV_SYS_STATUS_LOGGING")
-    if not status.onboard_control_sensors_present & bit:
+def _healthy(status: Message | None, name: str) -> bool | None:
+    """SYS_STATUS's own word on a MAV_SYS_STATUS_SENSOR; None where the firmware does not give it."""
+    bit = constant(name)
+    if status is None or not status.onboard_control_sensors_present & bit:
         return None
     return bool(status.onboard_control_sensors_health & bit)
 

@@ -30,6 +30,10 @@ def rc(seen: Seen) -> Check:
     if not seen.channels:
         sentence = "no radio: without it nobody can stop the rover but this computer"
         return Check("rc", "bad", "no receiver", sentence, Remedy("switch the transmitter on", by_hand=True))
+    if seen.radio is False:  # RC_CHANNELS goes on with the last values (4.6.3, SIM_RC_FAIL 1)
+        sentence = "the rover says that it does not hear its radio (SYS_STATUS)"
+        hand = Remedy("switch the transmitter on", by_hand=True)
+        return Check("rc", "bad", "radio lost", sentence, hand)
     steering, throttle = _stick(seen, "RCMAP_ROLL", 1), _stick(seen, "RCMAP_THROTTLE", 3)
     told = f"{len(seen.channels)} channels, steering {steering[1]:.0f} us, throttle {throttle[1]:.0f} us"
     if seen.channels.get(throttle[0], 0) < seen.parameter("FS_THR_VALUE"):

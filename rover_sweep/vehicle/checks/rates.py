@@ -139,7 +139,8 @@ def clock(seen: Seen) -> Check:
             "the stamps of the .tlog are of no use there, those in the messages are"
         )
         return Check("clock", "good", f"{c.rate:.3g} x", sentence)
-    drift = f"drift {1e6 * c.drift:+.0f} ppm, known to {1e6 * c.bound:.0f} ppm after {c.span:.0f} s"
+    seen_drift = f"drift {1e6 * c.drift:+.0f} ppm" if abs(c.drift) > c.bound else "no drift seen"
+    drift = f"{seen_drift}, known to {1e6 * c.bound:.0f} ppm after {c.span:.0f} s"
     off = f"{c.behind_utc:+.1f} s" if abs(c.behind_utc) < _FAR else f"{c.behind_utc / _FAR:+.0f} h"
     utc = "" if isnan(c.behind_utc) else f"; this computer is {off} from GPS time"
     sentence = f"{drift}{utc}"

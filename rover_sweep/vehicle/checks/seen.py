@@ -61,8 +61,9 @@ class Clock:
 @dataclass(frozen=True)
 class Seen:
     """Everything at once. w_max: top of the sweep to come [rad/s]. channels: PWM of RC_CHANNELS by number,
-    empty without a receiver. pending: parameters that were set and wait for a reboot. logging: the
-    firmware's own word that it can log. disk: bytes free in the folder, and its name."""
+    empty without a receiver; a receiver that lost its radio keeps the last ones. radio, logging: the
+    firmware's own word that it hears the radio, that it can log. pending: parameters that were set and wait
+    for a reboot. disk: bytes free in the folder, and its name."""
 
     survey: Survey
     parameters: Mapping[str, float]
@@ -76,6 +77,7 @@ class Seen:
     gps: Gps | None = None
     estimator: Estimator | None = None
     channels: Mapping[int, int] | None = None
+    radio: bool | None = None
     logging: bool | None = None
     pending: tuple[str, ...] = ()
     disk: tuple[int, str] = (0, "")
