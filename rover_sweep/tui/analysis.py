@@ -19,6 +19,7 @@ from rover_sweep.tui.summary import page_of, summary_of
 
 _KEPT = 200  # lines of what a command says
 _TICK = 1.0  # s after which a job is told although it says nothing
+_GOODBYE = 2.0  # s to end in, once it was asked to
 _NICENESS = 10  # the vehicle's messages come first
 
 
@@ -72,8 +73,17 @@ async def followed(job: Job) -> AsyncGenerator[Job, None]:
         code = await process.wait()
     finally:
         if process.returncode is None:
-            process.terminate()
+            await _end(process)
     yield ended(replace(job, seconds=time.monotonic() - began), code)
+
+
+async def _end(process: asyncio.subprocess.Process) -> None:
+    process.terminate()
+    try:
+        await asyncio.wait_for(process.wait(), _GOODBYE)
+    except TimeoutError:
+        process.kill()
+        await process.wait()
 
 
 def ended(job: Job, code: int) -> Job:

@@ -73,18 +73,24 @@ class SweepApp(SessionApp):
         for screen in _SCREENS:  # installed, or a view that is left would be thrown away
             self.install_screen(screen(), screen.view)
         self.push_screen(self._first)
+        self.set_interval(1.0, self._redraw_waiting)
         for number in (signal.SIGTERM, signal.SIGHUP):
             with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):  # not the main thread
                 asyncio.get_running_loop().add_signal_handler(number, self.exit)
         self.source.start(self.feed.tell)
 
-    def on_unmount(self) -> None:
-        self.desk.close()
+    async def on_unmount(self) -> None:
+        await self.desk.close()
 
     def redraw(self) -> None:
         for screen in self.screen_stack if self.is_running else ():
             if isinstance(screen, SessionScreen | EditRow):
                 screen.redraw()
+
+    def _redraw_waiting(self) -> None:
+        """Shows for how long something takes, also while the rover says nothing."""
+        if self.state.busy:
+            self.redraw()
 
     def turn_to(self, view: str, only_from: tuple[str, ...]) -> None:
         if isinstance(self.screen, SessionScreen) and self.screen.view in only_from:

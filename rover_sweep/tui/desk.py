@@ -69,10 +69,12 @@ class Desk:
         if task := self._tasks.get(job.arguments):
             task.cancel()
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """Ends all."""
-        for task in self._tasks.values():
+        tasks = tuple(self._tasks.values())
+        for task in tasks:
             task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
     def propose(self, rows: tuple[Row, ...], vehicle: Path) -> None:
         """Asks `rover-sweep plan` what to drive beside these rows."""

@@ -8,6 +8,7 @@ deliberate key answers.
 from __future__ import annotations
 
 import math
+import time
 import webbrowser
 from dataclasses import replace
 from functools import partial
@@ -50,7 +51,7 @@ class SessionApp(App[None]):
         self.look_for_ports()
         self.desk = Desk(self.redraw, setup.folder)
         self.feed = Feed(lambda: self.post_message(Arrived()))
-        self._speed = math.nan
+        self._speed, self._asked_at = math.nan, 0.0
         self.set_reactive(SessionApp.state, State(runs=setup.driven, logs=setup.logs))
         self.set_reactive(SessionApp.plan, setup.plan or FIRST)
         self.set_reactive(SessionApp.chosen, self._first_left())
@@ -104,6 +105,7 @@ class SessionApp(App[None]):
 
     def ask(self, request: Request) -> None:
         """Asks, and notes that it was asked."""
+        self._asked_at = self._asked_at if self.state.busy else time.monotonic()
         self.state = reduce(self.state, Asked(request))
         self.source.ask(request)
 
@@ -114,6 +116,11 @@ class SessionApp(App[None]):
     def look_for_ports(self) -> None:
         """The connections that can be chosen now."""
         self.places = places(self.setup.url, self.memory.urls, serial_ports())
+
+    @property
+    def waited(self) -> float:
+        """For how long the source has been at work on what was asked, s."""
+        return time.monotonic() - self._asked_at if self.state.busy else 0.0
 
     @property
     def may_drive(self) -> bool:
@@ -176,8 +183,8 @@ class SessionApp(App[None]):
 
     def plan_repeat(self, run: RunRecord) -> None:
         """The run once more, with the amplitude that its verdict proposes, as the next."""
-        proposed = run.verdict.amplitude if run.verdict else None
-        manoeuvre = replace(run.manoeuvre, amplitude=proposed or run.manoeuvre.amplitude)
+        proposed = round(run.verdict.amplitude) if run.verdict and run.verdict.amplitude else None
+        manoeuvre = replace(run.manoeuvre, amplitude=float(proposed or run.manoeuvre.amplitude))
         row = Row(manoeuvre, self._speed if self._speed > 0 else SPEED)
         at = min(self.chosen, len(self.plan))
         self.replan((*self.plan[:at], row, *self.plan[at:]), at)

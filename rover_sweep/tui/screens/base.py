@@ -94,7 +94,7 @@ class SessionScreen(Screen[None]):
         self.query_one("#status", Static).update(frame.status(self.state, self.palette, width))
         body.update(self._drawn(width, height - _AROUND))
         self.query_one("#message", Static).update(
-            frame.message(self.state, self.palette, width, self.repeats_messages)
+            frame.message(self.state, self.palette, width, self.repeats_messages, self.session.waited)
         )
         self.query_one("#keys", Static).update(frame.keys(list(self._keys()), self.palette, width))
 

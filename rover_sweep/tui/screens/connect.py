@@ -39,6 +39,7 @@ class ConnectScreen(SessionScreen):
     """ENTER connects and looks at everything that must be right; nothing is changed by that."""
 
     view = "connect"
+    repeats_messages = False
     BINDINGS = [
         Binding("enter", "connect", "connect"),
         Binding("up", "choose(-1)", "choose"),
@@ -65,6 +66,8 @@ class ConnectScreen(SessionScreen):
             rows.sentence(f"Connected: {vehicle.firmware} on {self.state.url}", f"bold {self.palette.good}")
         elif self.state.busy:
             rows.sentence("Connecting ...", f"bold {self.palette.accent}")
+        elif len(self.state.failure) + 3 > width:  # the row below cuts it
+            rows.sentence(f"✗ {self.state.failure}", f"bold {self.palette.bad}", most=3)
         rows.sentence(_may(self.session.setup.own_part), self.palette.ink)
         rows.sentence(_folder(self.session.setup), self.palette.ink)
         return rows.text()

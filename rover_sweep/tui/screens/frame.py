@@ -17,6 +17,7 @@ from rover_sweep.tui.state import State
 
 VIEWS = ("connect", "preflight", "plan", "run", "verdict", "log", "results")
 LEAST = (72, 20)  # columns, rows
+_LONG = 5.0  # s after which one wants to know for how long already
 ABORT_WORDS = "SPACE or ESC"
 LEVELS = {"info": "", "vehicle": "rover: ", "warning": "WARNING: ", "error": "ERROR: "}
 
@@ -76,14 +77,16 @@ def clock(t: float) -> str:
     return f"{int(t) // 60}:{int(t) % 60:02d}"
 
 
-def message(state: State, palette: Palette, width: int, last: bool = True) -> Text:
-    """While a run is under way, how to end it; else what failed; else, if wanted, the log's last line."""
+def message(state: State, palette: Palette, width: int, last: bool = True, waited: float = 0.0) -> Text:
+    """While a run is under way, how to end it; else what is worked on, for `waited` s; else what failed;
+    else, if wanted, the log's last line."""
     if state.aborting:
         return Text(" ABORTING - the rover is being let go ".center(width), palette.alarming, no_wrap=True)
     if state.under_way:
         return Text(f" RUN UNDER WAY - {ABORT_WORDS} ABORTS ".center(width), palette.alarming, no_wrap=True)
     if state.asked:
-        said = ": ".join(filter(None, (working_on(state.asked[0]), state.doing)))
+        since = f"{waited:.0f} s " if waited >= _LONG else ""
+        said = since + ": ".join(filter(None, (working_on(state.asked[0]), state.doing)))
         return Text(f" … {said}"[:width], f"bold {palette.accent}", no_wrap=True)
     if state.failure:
         return Text(f" ✗ {state.failure}"[:width], f"bold {palette.bad}", no_wrap=True)

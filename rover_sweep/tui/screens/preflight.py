@@ -107,7 +107,7 @@ def summary(checks: tuple[Check, ...]) -> str:
     bad = sum(check.state == "bad" for check in checks)
     other = sum(check.state in ("doubtful", "unknown") for check in checks)
     if not bad and not other:
-        return f"All {len(checks)} are good: 3 plans the runs."
+        return f"All {len(checks)} are good: 3 plans the runs"
     return f"{bad} bad, {other} doubtful or unknown, {len(checks) - bad - other} good"
 
 

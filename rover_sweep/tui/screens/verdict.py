@@ -66,14 +66,17 @@ class VerdictScreen(SessionScreen):
 
     def _next(self, run: RunRecord) -> str:
         """What to do now."""
-        if run.verdict is not None and run.verdict.amplitude is not None:
-            return f"Amplitude proposed: {run.verdict.amplitude:g} us (W puts it into the plan)."
-        row = self.session.next_row
         if self.state.played is not None or self.state.under_way:
             return ""
+        verdict, row = run.verdict, self.session.next_row
+        again = f"W plans it with {verdict.amplitude:.0f} us. " if verdict and verdict.amplitude else ""
+        if verdict is not None and verdict.advice != "keep" and again:
+            return again
         if row is None:
-            return "The plan is driven: 6 fetches the logs, 7 identifies, 3 plans more."
-        return f"Next: {row.name}, {words.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
+            return f"{again}The plan is driven: 6 fetches the logs, 7 identifies, 3 plans more."
+        return (
+            f"{again}Next: {row.name}, {words.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
+        )
 
     def _advice(self, rows: Rows, run: RunRecord) -> None:
         verdict, palette = run.verdict, self.palette

@@ -1,0 +1,121 @@
+"""A whole session by keys alone: the application as the command line makes it, on the embedded rover."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from by_keys import Person, application, using
+
+from firmware_params.check import read, shipped
+from rover_sweep.session_folder.folder import read as read_session
+from rover_sweep.vehicle.events import RunFinished
+from sitl import launcher
+
+ROVER_FILE = Path(__file__).parents[1] / "data" / "rover.toml"
+PARAMETERS = tuple(f"--parameter={p.name}={p.value:g}" for p in read(shipped("identification")))
+OWN = ("--arm", "--throttle", "1710", "--throw-switch")
+LIMITS = tuple(f"--limit={limit}" for limit in ("v_min=1", "v_max=5", "still=1"))
+VERDICT_WITHIN = 15.0  # s: it takes 0.4 s of a processor, which others may be using meanwhile
+
+
+@pytest.fixture
+def rover(tmp_path: Path) -> Iterator[launcher.Running]:
+    """With the parameters for an identification, and without the applet."""
+    with launcher.start_embedded(tmp_path / "vehicle", options=PARAMETERS, speedup=8) as running:
+        yield running
+
+
+async def shorter(person: Person, amplitude: int) -> None:
+    """The chosen row as a sweep of 10 s, typed in."""
+    await person.press("e")
+    await person.until("highest frequency", "or type the number")
+    await person.press(*str(amplitude), "down", *"2.5", "down", "2", "down", *"20", "down", *"10")
+    await person.until("10_ s")
+    await person.press("enter")
+
+
+async def driven(person: Person, name: str) -> None:
+    """Drives the next row with consent, up to its verdict."""
+    await person.press("g")
+    await person.until(f"{name}: this program arms the rover", "Is the ground free")
+    await person.press("y")
+    await person.until("[4 RUN]", "SPACE or ESC", seconds=5)
+    seen = await person.until("[5 VERDICT]", f"{name}: ", "whole", "KEEP", seconds=60)
+    took = seen - person.when_told(RunFinished)
+    print(f"{name}: its verdict stood on the screen {took:.2f} s after its end")
+    assert took < VERDICT_WITHIN
+
+
+async def whole(person: Person, folder: Path) -> None:
+    await person.press("enter")
+    await person.until("[2 PREFLIGHT]", "does not run", "F: copy this program's applet")
+    await person.press("f")
+    await person.until("✓ good      applet       1.2 runs")
+    await person.when(lambda: " BAD " not in person.screen, "nothing that is bad")
+
+    await person.press("3")
+    await person.press("down")
+    await shorter(person, 200)
+    await person.press("p", "up")
+    for key in ("space", "escape"):  # the usual sweep of 55 s, aborted; and again
+        await person.press("g", "y")
+        await person.until("[4 RUN]", "HANDS OFF", "applet steers", "ABORT")
+        pressed = await person.until("ARMED")
+        await person.press(key)
+        let_go = await person.until("aborted", "disarmed", "switch LOW", seconds=5)
+        print(f"{key}: {let_go - pressed:.2f} s until the rover was let go")
+        await person.until("[5 VERDICT]", "REPEAT: it did not come to its end (aborted)")
+
+    await person.press("3")
+    await shorter(person, 120)
+    await person.until("sweep1           ±120  2.5 2 to 20", "sweep2           ±200  2.5 2 to 20")
+    await driven(person, "sweep1")
+    await person.until("good", "Next: sweep2")
+
+    await person.press("7", "i", "d")
+    await person.until("working  identify", "working  diagnose")
+    await person.press("4")
+    await driven(person, "sweep2")
+    await driven(person, "doublet1")
+    await person.until("The plan is driven")
+
+    await person.press("6", "l")
+    await person.until("on disk: log1.BIN", "of them whole: 3")
+    await person.press("7")
+    await person.until("done     identify", "done     diagnose", seconds=60)
+    await person.press("up")
+    await person.until("90 % intervals", "report/report.html")
+    await person.press("s")
+    await person.until("ATC_STR_RAT_FF", "proposed")
+    await person.press("3")
+    await person.when(lambda: not person.app.desk.proposing.startswith("this"), "a proposal")
+    rows = len(person.app.plan)
+    if person.app.desk.proposal:
+        await person.press("t")
+        await person.when(lambda: len(person.app.plan) > rows, "the rows proposed")
+    await person.press("q")
+    await person.when(lambda: not person.app.is_running, "the end")
+
+
+def test_a_session_by_keys_alone(
+    rover: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "session"
+    arguments = ("session", "--connect", rover.connection, "--vehicle", str(ROVER_FILE))
+    app = application((*arguments, "--out", str(folder), *OWN, *LIMITS), monkeypatch)
+
+    async def session() -> None:
+        async with using(app) as person:
+            await whole(person, folder)
+            assert not [line.text for line in app.state.messages if "went wrong" in line.text]
+
+    asyncio.run(session())
+    content = read_session(folder)
+    assert [(run.name, run.state) for run in content.runs] == [
+        *(("sweep1", "stopped"),) * 2, ("sweep1", "done"), ("sweep2", "done"), ("doublet1", "done"),
+    ]  # fmt: skip
+    assert [log.runs for log in content.logs] == [("sweep1-3", "sweep2", "doublet1")]
+    assert (folder / "report" / "identification.json").is_file() and (folder / "gains.param").is_file()

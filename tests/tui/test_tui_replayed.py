@@ -1,0 +1,60 @@
+"""A real recording through the application that `rover-sweep replay` shows: pause, seek, pace, verdict."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from by_keys import Person, application, using
+
+from rover_sweep.live.source import Played
+
+RECORDING = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal" / "run1.BIN"
+
+
+def at(person: Person) -> Played:
+    played = person.app.state.played
+    assert played is not None
+    return played
+
+
+async def played(person: Person) -> None:
+    await person.until("[4 RUN]", "PLAYED: A recording: nothing moves", "x1")
+    await person.press("space")
+    await person.until("PAUSED", "SPACE  pause")
+    stood = at(person)
+    await asyncio.sleep(0.5)
+    assert at(person) == stood
+
+    await person.press(".", ".", ".")
+    await person.when(lambda: at(person).t > stood.t + 20, "three jumps")
+    await person.press(",")
+    await person.when(lambda: at(person).t == pytest.approx(stood.t + 20, abs=0.5), "one back")
+    await person.until("applet steers", "ARMED", "sweep ±")  # 20 s after the start it sweeps
+
+    await person.press("space")
+    await person.until("x1")
+    for pace in (2, 4, 8, 16):
+        await person.press("+")
+        await person.until(f"x{pace}")
+    await person.press("-")
+    await person.until("x8")
+    await person.press("+", "+", "+")
+    await person.until("x64")
+    await person.until("[5 VERDICT]", "✓ whole", "KEEP", "yaw rate", "roll rate")
+
+    await person.press("1", "enter", "3", "g", "6", "l")  # nothing of it can be asked of a recording
+    assert person.app.state.busy is False and person.app.is_running
+    await person.press("q")
+    await person.when(lambda: not person.app.is_running, "the end")
+
+
+def test_a_recording_is_played_by_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+    app = application(("replay", str(RECORDING)), monkeypatch)
+
+    async def session() -> None:
+        async with using(app) as person:
+            await played(person)
+
+    asyncio.run(session())
