@@ -13,6 +13,7 @@ from rover_sweep.errors import UsageError
 from rover_sweep.identify.geometry import GRAVITY
 from rover_sweep.identify.handling import FRICTION, NEAR
 from rover_sweep.identify.recording import Recording
+from rover_sweep.known_steering import known
 from rover_sweep.material_sizes import spread_of
 from rover_sweep.preparation import geometry_of
 from rover_sweep.vehicle_file import Vehicle
@@ -28,7 +29,8 @@ def planned(
     driven: Sequence[Recording] = (),
     progress: Callable[[str, float], None] | None = None,
 ) -> Plan:
-    """What these runs can tell apart, of all effects or of the wanted ones, and which runs to add.
+    """What these runs can tell apart, of all effects or of the wanted ones, and which runs to add. What a
+    bench has settled is no longer looked for, unless it is wanted.
 
     driven: the recordings of those runs that have a name. UsageError for a vehicle file without steering,
     since an amplitude is then no angle, and where nothing of what is wanted can be missing.
@@ -38,9 +40,11 @@ def planned(
 
     _, rad_per_us = vehicle.steering()
     _refuse_nothing_wanted(wanted, vehicle)
+    bench = known(vehicle, spread_of(vehicle.material))
+    settled = {effect: why for effect, why in bench.settled.items() if effect not in wanted}
     return plan(
         tuple(runs), geometry_of(vehicle), abs(rad_per_us), limits_of(vehicle), tuple(wanted),
-        spread_of(vehicle.material), {run.name: experiment(run) for run in driven}, progress,
+        bench.spread, {run.name: experiment(run) for run in driven}, progress, settled,
     )  # fmt: skip
 
 

@@ -14,12 +14,15 @@ import rover_sweep as rs
 from rover_sweep.cli.main import run
 from rover_sweep.diagnosing import diagnosed, material
 from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.plans.sets import Planner
+from rover_sweep.diagnosis.plans.types import PlannedRun
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Signal
 from rover_sweep.known_steering import FINE, behind_servo, has_linkage, known, through_linkage
 from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.material_sizes import spread_of
+from rover_sweep.planning import planned
 from rover_sweep.redrive.course import course_of
 from rover_sweep.redrive.rover import on_the_clock
 from rover_sweep.vehicle_file import Measured, load
@@ -116,6 +119,25 @@ def test_a_steering_that_was_logged_slowly_is_taken_through_curve_and_play_alone
     assert through.x.max() == pytest.approx(1.1 * slow["delta"].x.max() - 0.01, abs=1e-3)
     curved = through_linkage(slow, replace(vehicle, backlash=None))["delta"]
     assert curved.x == pytest.approx(slow["delta"].x + 0.1 * np.abs(slow["delta"].x))
+
+
+def test_a_plan_no_longer_asks_for_what_the_bench_settled(monkeypatch: pytest.MonkeyPatch):
+    asked: list[Any] = []
+    monkeypatch.setattr("rover_sweep.diagnosis.plans.plan.plan", lambda *given: asked.append(given))
+    vehicle = load(ROVER)
+    benched = replace(vehicle, backlash=Measured(0.01, 0.0002), deadband=Measured(0.0, 0.0001))
+    runs = [PlannedRun("sweep", 120.0, 2.4)]
+    for rover, wanted in ((vehicle, ()), (benched, ()), (benched, ("steering_backlash",))):
+        planned(runs, rover, wanted, progress=lambda what, share: None)
+    assert [set(given[-1]) for given in asked] == [
+        set(), {"steering_backlash", "steering_deadband"}, {"steering_deadband"},
+    ]  # fmt: skip
+    _, rover, scale, _, wanted, spread, driven, progress, settled = asked[1]
+    plain, planner = (Planner(rover, scale, wanted, spread, driven, progress, s) for s in ({}, settled))
+    assert set(plain.asked) - set(planner.asked) == set(settled)
+    planner.simulate(runs, (0.0, 1.0))
+    why = {u.effect: u.why for u in planner.unseen(runs, planner.seen(runs))}
+    assert "the bench measured backlash 0.01" in why["steering_backlash"]
 
 
 def driven(variant: Path, folder: Path) -> str:

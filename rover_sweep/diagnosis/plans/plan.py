@@ -30,16 +30,18 @@ def plan(
     spread: Spread | None = None,
     driven: Mapping[str, Experiment] | None = None,
     progress: Progress | None = None,
+    settled: Mapping[str, str] | None = None,
 ) -> Plan:
     """What these runs tell of all effects, or of the wanted ones, and the fewest runs found that tell more.
 
     rad_per_us: road-wheel angle per us of servo output, positive. limits: of what is proposed. spread: of
     an ordinary rover. driven: {name of a run: what was recorded}, for those that were. progress is called
-    with what is being done and the share done, 0..1.
+    with what is being done and the share done, 0..1. settled: {effect: why it is no longer looked for}.
     """
     planner = Planner(
-        rover, rad_per_us, wanted, spread or Spread(), driven or {}, progress or (lambda what, share: None)
-    )
+        rover, rad_per_us, wanted, spread or Spread(), driven or {},
+        progress or (lambda what, share: None), settled or {},
+    )  # fmt: skip
     now = tuple(runs)
     base = now or first_set(rover, rad_per_us, limits)
     more = candidates(base, rover, rad_per_us, limits)

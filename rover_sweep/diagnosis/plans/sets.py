@@ -55,7 +55,8 @@ class Seen:
 class Planner:
     """Runs simulated once each, and sets of them judged.
 
-    wanted: effects that must be told from all others, empty for all. driven: {name: run that was}.
+    wanted: effects that must be told from all others, empty for all. driven: {name: run that was}. settled:
+    {effect: why it is no longer looked for}.
     """
 
     rover: Geometry
@@ -64,6 +65,7 @@ class Planner:
     spread: Spread
     driven: Mapping[str, Experiment]
     progress: Progress
+    settled: Mapping[str, str] = field(default_factory=dict)
     _shown: dict[PlannedRun, Evidence] = field(default_factory=dict)
     _alone: dict[PlannedRun, Stacked] = field(default_factory=dict)
 
@@ -78,7 +80,7 @@ class Planner:
     def effects(self) -> list[Effect]:
         """The effects that runs could show beside this baseline."""
         fresh = as_experiment(PlannedRun("sweep", 100.0, 2.0), self.rover, self.rad_per_us, list(NOISE))
-        return [e for e in possible(self.model, [fresh])[0] if e.stage != "speed"]
+        return [e for e in possible(self.model, [fresh], without=self.settled)[0] if e.stage != "speed"]
 
     @property
     def asked(self) -> list[str]:
@@ -148,6 +150,7 @@ class Planner:
             why.setdefault(
                 "speed_variation", "shows in the measured speed, whose noise is known only afterwards"
             )
+        why |= self.settled
         return tuple(Unseen(e, w) for e, w in sorted(why.items()) if not self.wanted or e in self.wanted)
 
     def sizes(self, runs: Sequence[PlannedRun], seen: Seen) -> dict[str, DetectableSize]:
