@@ -113,13 +113,15 @@ def start_ardurover(
     defaults: Sequence[Path] = (),
     scripts: Sequence[Path] = (),
     physics_rate: float = 1200.0,
+    wheel: Path | None = None,
     timeout: float = 20.0,
 ) -> Running:
     """Start the real firmware in `directory` and wait until it listens; it boots when a client connects.
 
     variant: the plant behind it, by JSON; None takes ArduPilot's own kinematic rover. instance: ports
     5760 + 10 n (TCP) and 9002 + 10 n (physics), None takes the first free. defaults: .param files, later
-    ones win. scripts: copied into scripts/. The plant's true motion is written to truth.csv.
+    ones win. scripts: copied into scripts/. wheel: file of an IMU on the plant's front wheel. The plant's
+    true motion is written to truth.csv.
     """
     directory.mkdir(parents=True, exist_ok=True)
     number = _free_instance() if instance is None else instance
@@ -131,7 +133,7 @@ def start_ardurover(
     with contextlib.ExitStack() as undo:
         programs: list[subprocess.Popen[bytes]] = []
         if variant is not None:
-            physics = _start_physics(directory, variant, seed, number, physics_rate, timeout)
+            physics = _start_physics(directory, variant, seed, number, physics_rate, wheel, timeout)
             undo.callback(_stop, physics)
             programs.append(physics)
         firmware = _start(command, directory / "ardurover.out", cwd=directory)
@@ -167,10 +169,17 @@ def start_embedded(
 
 
 def _start_physics(
-    directory: Path, variant: str | Path, seed: int, instance: int, rate: float, timeout: float
+    directory: Path,
+    variant: str | Path,
+    seed: int,
+    instance: int,
+    rate: float,
+    wheel: Path | None,
+    timeout: float,
 ) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "sitl.json_server", "--variant", str(variant), "--seed", str(seed)]
     command += ["--instance", str(instance), "--rate", f"{rate:g}", "--truth", str(directory / "truth.csv")]
+    command += [] if wheel is None else ["--wheel", str(wheel)]
     program = _start(command, directory / "physics.out")
     try:
         _await(program, directory / "physics.out", _json_line, timeout)

@@ -111,7 +111,7 @@ def _timing(
         unseen = problem.jitter  # of all alike: outputs and their messages may keep step
         deviation = float(np.sqrt(sd["delay"] ** 2 + unseen**2 + problem.wheel.clock**2))
         delay = q["delay"] + problem.offset
-        meaning = "from the output to the first movement"
+        meaning = "from SERVO_OUTPUT_RAW to the first movement, up to a main loop of it the autopilot's"
         found.append(interval("servo_delay", "s", delay, deviation, factor, meaning,
                               "steering.servo_delay", 0.0))  # fmt: skip
     else:
