@@ -1,12 +1,14 @@
 """Proposed gains on the real firmware: a turn-rate profile in ACRO mode, defaults against the proposal.
 
-    python tests/benchmarks/gains_on_firmware.py --ardurover FILE [--out DIR] [--keep DIR]
+    python tests/benchmarks/gains_on_firmware.py --ardurover FILE [--speed M/S] [--out DIR] [--keep DIR]
 
 Identifies the rover from tests/data/ardurover-4.6.3/nominal, proposes gains for it, and drives the same
 profile (steps of 30 deg/s, a slow sine, 2.5 m/s, by RC override) twice on the firmware with the same plant
 behind it: with the firmware's own default gains, and with the proposed ones, which are set over MAVLink
 between the two. Prints the tracking error (RMS of PIDS.Tar - PIDS.Act), the mean step seen, and the
-predicted ones. --keep writes the part of the log that `tests/gains` replays. Some 3 minutes.
+predicted ones. --speed drives at another speed with the gains for 2.5 m/s: the firmware's speed scale and the
+range in which the gains are said to hold. --keep writes the part of the log that `tests/gains` replays. Some
+3 minutes.
 """
 
 from __future__ import annotations
@@ -59,7 +61,8 @@ def report(log: Path, told: list[Segment], proposal: Proposal, loop: Autopilot) 
 
 
 def _reported(log: Path, segment: Segment, model: Judged, proposal: Proposal, loop: Autopilot) -> float:
-    seen, expected = judge(log, segment), predicted(proposal, loop, model.gains)
+    seen = judge(log, segment)
+    expected = predicted(proposal, loop, model.gains, seen.speed)
     g, margins, (first, second) = model.gains, model.margins, seen.overshoots
     print(f"{segment.name}: FF {g.ff:g} P {g.p:g} I {g.i:g} D {g.d:g} IMAX {g.imax:g}")
     print(
@@ -88,6 +91,7 @@ def keep(log: Path, told: list[Segment], folder: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ardurover", help="the SITL program (else $ROVER_SWEEP_ARDUROVER or the PATH)")
+    parser.add_argument("--speed", type=float, default=SPEED, help="to drive at, m/s")
     parser.add_argument("--out", type=Path, help="keep everything of the drive in this folder")
     parser.add_argument("--keep", type=Path, help="write what the tests replay into this folder")
     options = parser.parse_args()
@@ -96,7 +100,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.out or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        log, told, loop = drive(binary, folder, proposal.proposed.gains)
+        log, told, loop = drive(binary, folder, proposal.proposed.gains, speed=options.speed)
         report(log, told, proposal, loop)
         if options.keep:
             keep(log, told, options.keep)

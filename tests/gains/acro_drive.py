@@ -83,9 +83,9 @@ def judge(log: Path, segment: Segment, profile: Profile = FULL) -> Tracking:
     return Tracking(rms, _mean_step(clock, traces), (first, second), float(np.mean(speed)))
 
 
-def predicted(proposal: Proposal, loop: Autopilot, gains: Gains) -> Step:
-    """The step of the profile on the identified model."""
-    family = family_of(replace(proposal.found, intervals={}), loop, proposal.speed)
+def predicted(proposal: Proposal, loop: Autopilot, gains: Gains, speed: float | None = None) -> Step:
+    """The step of the profile on the identified model at a speed [m/s], that of the proposal if None."""
+    family = family_of(replace(proposal.found, intervals={}), loop, speed or proposal.speed)
     driven = driven_step(loop, family.nominal, family.angle_per_output[0], gains, STEP)
     return measured_step(driven.t - BEFORE, driven.target, driven.rate[:, 0], STEP)
 

@@ -52,9 +52,17 @@ class Stick:
 
 
 def drive(
-    binary: Path, folder: Path, proposed: Gains, profile: Profile = FULL, speedup: float = 1.0
+    binary: Path,
+    folder: Path,
+    proposed: Gains,
+    profile: Profile = FULL,
+    speedup: float = 1.0,
+    speed: float = SPEED,
 ) -> tuple[Path, list[Segment], Autopilot]:
-    """(log, segments, the loop it flew) of the profile with the firmware's defaults, then with `proposed`."""
+    """(log, segments, the loop it flew) of the profile with the firmware's defaults, then with `proposed`.
+
+    speed [m/s]: a share of what the stick asks for, which `Rover/mode_acro.cpp` reckons from CRUISE_SPEED.
+    """
     settings = folder / "settings.param"
     settings.write_text("".join(f"{n} {v:g}\n" for n, v in SETTINGS.items()), encoding="ascii")
     files = [shipped("identification"), settings]
@@ -70,7 +78,7 @@ def drive(
         link.require("send attitude", "MAV_CMD_SET_MESSAGE_INTERVAL", float(30), 20_000.0)
         stick = Stick(link, have, profile)
         _arm(link)
-        stick.throttle = CRUISE_THROTTLE / 100
+        stick.throttle = CRUISE_THROTTLE / 100 * speed / SPEED
         told = [_driven(link, stick, "defaults", flown)]
         write_all(link, proposed.parameters)
         told.append(_driven(link, stick, "proposed", proposed.parameters))
