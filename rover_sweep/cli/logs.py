@@ -62,6 +62,7 @@ def list_(connect: str, as_json: bool, via: Via) -> None:
 def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
     """Bring logs here as log<NUMBER>.BIN; what is here already is not fetched again.
 
+    latest: the last one that may hold a drive, not the stump that the autopilot begins after a download.
     An interrupted download goes on where it ended. Size and, where the autopilot has MAVLink FTP, the
     checksum are compared with the file on the card. The rover must be disarmed.
     """

@@ -17,7 +17,10 @@ from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.recorder import writing
 
 _BLOCK = 90  # bytes in a LOG_DATA
-_WINDOW = 2048 * _BLOCK  # asked for at a time
+_WINDOW = 2048 * _BLOCK  # that is whole before it is written
+# A larger log is asked for at once. Whenever no request is under way ArduPilot begins a new log, if it was
+# armed before (AP_Logger_Backend::ShouldLog, 4.6.3): window by window, a log of 11.6 MB left 7 stumps.
+_LARGE = 4 * _WINDOW
 _COMPARED = 64 * _BLOCK  # of an earlier download's end, before it is gone on with
 _QUIET, _TRIES = 0.5, 12  # s without data until the gaps are asked for again; how often without any progress
 
@@ -41,6 +44,13 @@ class LogSource(Protocol):
     def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
         """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved."""
         ...
+
+
+@dataclass
+class _Flow:
+    """on: the vehicle was asked for the rest of the log, and sends."""
+
+    on: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,8 +90,9 @@ class MavlinkLogs:
             with writing(path), partial.open("r+b" if done else "wb") as file:
                 file.seek(done)
                 file.truncate()
+                flow = _Flow() if entry.size > _LARGE else None
                 for start in range(done, entry.size, _WINDOW):
-                    block = self._window(entry, start, min(_WINDOW, entry.size - start))
+                    block = self._window(entry, start, min(_WINDOW, entry.size - start), flow)
                     file.write(block)
                     done += len(block)
                     yield LogProgress(entry.number, done, entry.size)
@@ -101,14 +112,15 @@ class MavlinkLogs:
                 return size
         return 0
 
-    def _window(self, entry: LogEntry, start: int, size: int) -> bytes:
+    def _window(self, entry: LogEntry, start: int, size: int, flow: _Flow | None = None) -> bytes:
         data, missing = bytearray(size), set(range(0, size, _BLOCK))
         tries = 0
+        if flow is not None:
+            self._flowing(entry, start, data, missing, flow)
         while missing:
             for first, last in _spans(missing):
                 # ArduPilot serves one request at a time and ignores those that come meanwhile.
-                count = min(last + _BLOCK, size) - first
-                self.link.to_vehicle("LOG_REQUEST_DATA", id=entry.number, ofs=start + first, count=count)
+                self._ask(entry, start + first, min(last + _BLOCK, size) - first)
                 got = self._receive(entry.number, start, data, missing, last)
                 tries = 0 if got else tries + 1
                 if tries >= _TRIES:
@@ -117,6 +129,22 @@ class MavlinkLogs:
                         "try again closer or by USB"
                     )
         return bytes(data)
+
+    def _flowing(self, entry: LogEntry, start: int, data: bytearray, missing: set[int], flow: _Flow) -> None:
+        """Take what comes of a window while the whole rest of the log is on its way; where something is lost
+        the rest is called off, so that the vehicle listens again."""
+        if not flow.on:
+            self._ask(entry, start, entry.size - start)
+            flow.on = True
+        self._receive(entry.number, start, data, missing, max(missing))
+        if missing:
+            self.link.to_vehicle("LOG_REQUEST_END")
+            flow.on = False
+            while self.link.wait_for("LOG_DATA", _QUIET) is not None:
+                pass
+
+    def _ask(self, entry: LogEntry, offset: int, count: int) -> None:
+        self.link.to_vehicle("LOG_REQUEST_DATA", id=entry.number, ofs=offset, count=count)
 
     def _receive(self, number: int, start: int, data: bytearray, missing: set[int], last: int) -> bool:
         """Take LOG_DATA until the block at `last` has come or nothing comes; whether any was new."""

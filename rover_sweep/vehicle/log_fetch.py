@@ -15,6 +15,7 @@ from rover_sweep.vehicle.remote_files import crc32, remote_crc32, remote_sizes
 _FOLDERS = ("/APM/LOGS", "logs")  # on a flight controller, in SITL
 _CRC_START, _CRC_RATE = 3.0, 0.5e6  # s, B/s: what a card may take to read its file again
 _CHUNK = 1 << 20
+_STUMP = 200_000  # bytes: formats and parameters alone take up to 90 kB (4.6.3), 10 s of driving 250 kB
 
 
 @dataclass(frozen=True)
@@ -30,13 +31,16 @@ class FetchedFile:
 
 
 def choose(entries: tuple[LogEntry, ...], which: str) -> tuple[LogEntry, ...]:
-    """The logs asked for: a number, 'latest' or 'all'. UsageError with what there is."""
+    """The logs asked for: a number, 'latest' or 'all'. UsageError with what there is.
+
+    The latest is the last that may hold a drive: ArduPilot begins a new log after each download.
+    """
     if not entries:
         raise UsageError("there is no log on the vehicle: it writes one once it is armed")
     if which == "all":
         return entries
     if which == "latest":
-        return entries[-1:]
+        return tuple(e for e in entries if e.size >= _STUMP)[-1:] or entries[-1:]
     found = tuple(e for e in entries if str(e.number) == which)
     if not found:
         there = f"{entries[0].number} to {entries[-1].number}" if len(entries) > 1 else f"{entries[0].number}"

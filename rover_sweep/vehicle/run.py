@@ -36,6 +36,7 @@ from rover_sweep.vehicle.parameters import read_present, write
 from rover_sweep.vehicle.streams import StreamMonitor
 
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
+_SWITCH_LOW = 1200  # us, below which an auxiliary switch is low (RC_Channel.cpp, 4.6.3)
 _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's first state
 _BEFORE_ARMING = 1.0  # s: the radio inputs must show our override before the arming checks
 _JUDGED = frozenset({"SERVO_OUTPUT_RAW", "ATTITUDE", "RAW_IMU"})
@@ -161,7 +162,7 @@ def _start(
         if follower.refused:
             raise LinkError(f"the applet refuses the run: {follower.refused}")
         if link.clock.now - start > patience:
-            raise LinkError(_not_started(link, controls, patience))
+            raise LinkError(_not_started(link, controls, settings.trigger, patience))
         link.receive(0.5)
         yield from follower.take()
     return start
@@ -191,14 +192,20 @@ def _arm(link: Link, controls: Controls, follower: Follower, settings: RunSettin
             link.wait_for("HEARTBEAT", 3.0, lambda _: link.armed)
 
 
-def _not_started(link: Link, controls: Controls, patience: float) -> str:
+def _not_started(link: Link, controls: Controls, trigger: Trigger, patience: float) -> str:
     said = [text.text for text in link.texts if text.text.startswith("SWP")]
-    sentence = f"the applet did not start within {patience:.0f} s of switch {controls.channels.switch}"
-    return (
-        f"{sentence}; it says: {said[-1]}"
-        if said
-        else f"{sentence} and says nothing; does it run (SCR_ENABLE 1)?"
-    )
+    number = controls.channels.switch
+    sentence = f"the applet did not start within {patience:.0f} s of switch {number}"
+    if said:
+        return f"{sentence}; it says: {said[-1]}"
+    radio = None if trigger == "override" else link.wait_for("RC_CHANNELS", 1.0)
+    pwm = getattr(radio, f"chan{number}_raw", 0)
+    if _SWITCH_LOW <= pwm < 0xFFFF:
+        return (
+            f"{sentence}: the radio holds that channel at {pwm} us, and the applet waits for it to be low "
+            f"(below {_SWITCH_LOW} us); throw switch {number} low and begin again"
+        )
+    return f"{sentence} and says nothing; does it run (SCR_ENABLE 1)?"
 
 
 def _follow(

@@ -12,13 +12,14 @@ from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle import log_download
 from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.log_download import MavlinkLogs
+from rover_sweep.vehicle.log_download import LogEntry, MavlinkLogs
+from rover_sweep.vehicle.log_fetch import choose
 
 
 def test_byte_identical_although_blocks_are_lost(
     link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(log_download, "_QUIET", 0.05)
+    monkeypatch.setattr(log_download, "_QUIET", 0.2)
     chance = random.Random(3)
     vehicle.log = bytes(chance.randrange(256) for _ in range(100_003))
     vehicle.drop = lambda message: message.get_type() == "LOG_DATA" and chance.random() < 0.05
@@ -30,6 +31,33 @@ def test_byte_identical_although_blocks_are_lost(
     done = [event.done for event in events if isinstance(event, LogProgress)]
     assert done == sorted(done)
     assert done[-1] == 100_003
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.002])
+def test_a_large_log_is_asked_for_at_once(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lost: float
+) -> None:
+    """And called off where something is lost, asked for, and gone on with."""
+    monkeypatch.setattr(log_download, "_QUIET", 0.2)
+    monkeypatch.setattr(log_download, "_WINDOW", 200 * 90)
+    monkeypatch.setattr(log_download, "_LARGE", 400 * 90)
+    chance = random.Random(4)
+    vehicle.log = chance.randbytes(100_003)
+    vehicle.drop = lambda message: message.get_type() == "LOG_DATA" and chance.random() < lost
+    logs = MavlinkLogs(link)
+    list(logs.download(logs.logs()[0], tmp_path / "log1.BIN"))
+    assert (tmp_path / "log1.BIN").read_bytes() == vehicle.log
+    asked = [(m.ofs, m.count) for m in vehicle.of_kind("LOG_REQUEST_DATA")]
+    assert asked[0] == (0, 100_003) and (len(asked) == 1) == (lost == 0)
+    rest = [(offset, count) for offset, count in asked if count > 200 * 90]
+    assert all(offset % (200 * 90) == 0 and offset + count == 100_003 for offset, count in rest)
+
+
+def test_the_latest_is_the_last_that_may_hold_a_drive() -> None:
+    entries = tuple(LogEntry(n, size, 0) for n, size in enumerate((3_000_000, 1_700_000, 90_000, 10_000), 1))
+    assert [e.number for e in choose(entries, "latest")] == [2]
+    assert [e.number for e in choose(entries[2:], "latest")] == [4]
+    assert [e.number for e in choose(entries, "4")] == [4] and choose(entries, "all") == entries
 
 
 def test_a_log_that_stops_coming_is_told(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from fake_vehicle import STEERING, SWITCH, THROTTLE, FakeVehicle, wait_until
+from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.identify.sweep import Doublet
@@ -210,6 +211,22 @@ def test_an_applet_that_does_not_start(
     with pytest.raises(LinkError, match="did not start within 2 s of switch 6 and says nothing"):
         list(_run(link, tmp_path))
     assert wait_until(lambda: _is_let_go(vehicle), 2)
+
+
+def test_a_switch_that_the_radio_holds_up_is_named(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The applet begins with a switch that it has seen low (4.6.3: RC_CHANNELS shows the radio's)."""
+    monkeypatch.setattr(run_module, "_START_LIMIT", 2.0)
+
+    def radio() -> None:
+        pwm = [1500] * 18
+        vehicle._send(m.MAVLink_rc_channels_message(int(vehicle.now * 1000), 8, *pwm, 255))
+
+    vehicle._applet = radio  # type: ignore[method-assign]
+    settings = RunSettings(arm=True, throttle_us=1710, trigger="aux", patience=20)
+    with pytest.raises(LinkError, match="radio holds that channel at 1500 us.*throw switch 6 low"):
+        list(_run(link, tmp_path, settings))
 
 
 def test_a_dry_run_on_a_foreign_vehicle_needs_consent(vehicle: FakeVehicle, tmp_path: Path) -> None:
