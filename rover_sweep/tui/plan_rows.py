@@ -135,6 +135,12 @@ def needs(rows: tuple[Row, ...], vehicle: Vehicle | None) -> Needs:
         return Needs((None,) * len(rows), seconds, str(error).partition(";")[0])
 
 
+def ground(row: Row, vehicle: Vehicle | None) -> str:
+    """The ground that a row needs, for a sentence; nothing where it is not known."""
+    (known,) = needs((row,), vehicle).spaces
+    return f", on {known.length:.0f} x {known.width:.0f} m" if known else ""
+
+
 def largest(spaces: Iterable[Space | None]) -> tuple[float, float]:
     """(length, width) of the ground on which each of them has room [m]; NaN where none is known."""
     known = [s for s in spaces if s is not None]

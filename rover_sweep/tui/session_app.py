@@ -19,10 +19,11 @@ from textual.message import Message
 from textual.reactive import reactive
 
 from rover_sweep.live.source import Connect, Drive, Ended, Fix, Preflight, Request, Source
+from rover_sweep.tui import words
 from rover_sweep.tui.desk import Desk, has_command, recordings
 from rover_sweep.tui.feed import Feed
 from rover_sweep.tui.palette import DARK, LIGHT, Palette
-from rover_sweep.tui.plan_rows import FIRST, SPEED, Row, named
+from rover_sweep.tui.plan_rows import FIRST, SPEED, Row, ground, named
 from rover_sweep.tui.screens.connect import Place, places
 from rover_sweep.tui.screens.question import Question
 from rover_sweep.tui.setup import Setup, recall, remember, serial_ports, with_url
@@ -149,7 +150,9 @@ class SessionApp(App[None]):
             self._drive(row)
             return
         question = (
-            f"{row.name}: this program {', '.join(own)}.\n\nIs the ground free, and is everybody clear of it?"
+            f"{row.name}: {words.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s, "
+            f"{words.seconds(row.manoeuvre.duration)}{ground(row, self.setup.vehicle)}.\n\n"
+            f"This program {', '.join(own)}.\n\nIs the ground free, and is everybody clear of it?"
         )
         self.push_screen(Question(question, "start the run"), partial(self._consented, row))
 

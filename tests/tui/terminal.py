@@ -23,7 +23,7 @@ _PART = re.compile(
 
 
 class Terminal:
-    """Starts `command`; size: (columns, rows). `kill` or `close` ends it."""
+    """Starts `command`; size: (columns, rows). Killed at the end of the block, with nothing put in order."""
 
     def __init__(
         self, command: Sequence[str], environment: Mapping[str, str], size: tuple[int, int] = (80, 24)
@@ -76,16 +76,11 @@ class Terminal:
             assert time.monotonic() < end, f"{words} did not come within {seconds} s:\n{self.screen}"
             time.sleep(0.1)
 
-    def kill(self) -> None:
-        """At once, with nothing put in order."""
-        self.program.kill()
-        self.close()
+    def __enter__(self) -> Terminal:
+        return self
 
-    def close(self) -> int:
-        """Its exit code, once it has ended."""
-        try:
-            return self.program.wait(20)
-        finally:
-            self.program.kill()
-            self._reader.join(5)
-            os.close(self._master)
+    def __exit__(self, *_: object) -> None:
+        self.program.kill()
+        self.program.wait()
+        self._reader.join(5)
+        os.close(self._master)

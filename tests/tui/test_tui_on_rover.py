@@ -40,7 +40,7 @@ async def shorter(person: Person, amplitude: int) -> None:
 async def driven(person: Person, name: str) -> None:
     """Drives the next row with consent, up to its verdict."""
     await person.press("g")
-    await person.until(f"{name}: this program arms the rover", "Is the ground free")
+    await person.until(f"{name}: ", "This program arms the rover", "Is the ground free")
     await person.press("y")
     await person.until("[4 RUN]", "SPACE or ESC", seconds=5)
     seen = await person.until("[5 VERDICT]", f"{name}: ", "whole", "KEEP", seconds=60)

@@ -62,7 +62,10 @@ class RunScreen(SessionScreen):
         if run is None:
             rows.blank()
             return
-        rows.add(f" {run.name}: {words.manoeuvre(run.manoeuvre)}, {words.seconds(run.manoeuvre.duration)}",
+        speed = self.session.driving_speed
+        at = f" at {speed:g} m/s" if math.isfinite(speed) else ""
+        lasts = words.seconds(run.manoeuvre.duration)
+        rows.add(f" {run.name}: {words.manoeuvre(run.manoeuvre)}{at}, {lasts}",
                  style=f"bold {palette.ink}")  # fmt: skip
 
     def _to_do(self, rows: Rows) -> None:
