@@ -68,7 +68,7 @@ def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
     """
     from rover_sweep.cli.folders import check_writable
     from rover_sweep.cli.output import results
-    from rover_sweep.vehicle.log_fetch import FetchedFile, choose
+    from rover_sweep.vehicle.log_fetch import FetchedFile, choose, settled
     from rover_sweep.vehicle.log_fetch import fetch as bring
     from rover_sweep.vehicle.sources import log_source
 
@@ -77,7 +77,7 @@ def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
     with _link(connect) as link:
         source = log_source(link, via)
         last = -1
-        for event in bring(link, source, choose(source.logs(), which), Path(out)):
+        for event in bring(link, source, choose(settled(link, source), which), Path(out)):
             if isinstance(event, FetchedFile):
                 fetched.append(event)
                 console.print(_sentence(event), markup=False, soft_wrap=True)

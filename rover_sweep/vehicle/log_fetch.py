@@ -15,6 +15,7 @@ from rover_sweep.vehicle.remote_files import crc32, remote_crc32, remote_sizes
 _FOLDERS = ("/APM/LOGS", "logs")  # on a flight controller, in SITL
 _CRC_START, _CRC_RATE = 3.0, 0.5e6  # s, B/s: what a card may take to read its file again
 _CHUNK = 1 << 20
+_WRITTEN_ON, _LOOK_AGAIN = 25.0, 1.5  # s
 _STUMP = 200_000  # bytes: formats and parameters alone take up to 90 kB (4.6.3), 10 s of driving 250 kB
 
 
@@ -46,6 +47,18 @@ def choose(entries: tuple[LogEntry, ...], which: str) -> tuple[LogEntry, ...]:
         there = f"{entries[0].number} to {entries[-1].number}" if len(entries) > 1 else f"{entries[0].number}"
         raise UsageError(f"there is no log {which} on the vehicle; there are {there}, latest and all")
     return found
+
+
+def settled(link: Link, source: LogSource) -> tuple[LogEntry, ...]:
+    """The logs, once none grows any more: ArduPilot logs on for 15 s after disarming."""
+    entries = source.logs()
+    deadline = link.line.monotonic() + _WRITTEN_ON
+    while entries and link.line.monotonic() < deadline:
+        link.wait_for("", _LOOK_AGAIN)
+        before, entries = entries, source.logs()
+        if entries == before:
+            break
+    return entries
 
 
 def fetch(

@@ -12,6 +12,7 @@ from rover_sweep.vehicle.mavlink import Message
 
 _REAL32 = 9  # MAV_PARAM_TYPE_REAL32
 _TRIES, _TIMEOUT = 4, 1.0
+_LISTS = 3  # how often a list is asked for that changes meanwhile
 
 
 class ParameterMissing(LinkError):
@@ -78,7 +79,22 @@ def read_present(link: Link, names: Iterable[str]) -> dict[str, float]:
 
 
 def read_all(link: Link, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:
-    """Every parameter, by name. Missing ones are asked for by index; LinkError where some never come."""
+    """Every parameter, by name. Missing ones are asked for by index; LinkError where some never come.
+
+    A list that changes while it comes (parameters appear for some seconds after a boot, which moves the
+    indices of others) is asked for anew.
+    """
+    for _ in range(_LISTS):
+        found = _read_list(link, progress)
+        if len(values := dict(found.values())) == len(found):
+            return values
+    raise LinkError(
+        "the list of parameters changes while it comes; wait until the rover has booted, and try again"
+    )
+
+
+def _read_list(link: Link, progress: Callable[[int, int], None] | None) -> dict[int, tuple[str, float]]:
+    """(name, value) by index."""
     link.to_vehicle("PARAM_REQUEST_LIST")
     found: dict[int, tuple[str, float]] = {}
     count, quiet = 0, 0
@@ -88,6 +104,9 @@ def read_all(link: Link, progress: Callable[[int, int], None] | None = None) -> 
             quiet += 1
             _ask_again(link, found, count)
             continue
+        if count not in (0, int(message.param_count)):
+            found.clear()
+            link.to_vehicle("PARAM_REQUEST_LIST")
         count, quiet = int(message.param_count), 0
         if message.param_index < count:
             found[int(message.param_index)] = (message.param_id, float(message.param_value))
@@ -97,7 +116,7 @@ def read_all(link: Link, progress: Callable[[int, int], None] | None = None) -> 
         raise LinkError(
             f"only {len(found)} of {count} parameters came; the link loses too much, move closer or use USB"
         )
-    return dict(found.values())
+    return found
 
 
 def _ask_again(link: Link, found: Mapping[int, object], count: int) -> None:

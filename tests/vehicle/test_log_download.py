@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from rover_sweep.vehicle import log_download
 from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.log_download import LogEntry, MavlinkLogs
-from rover_sweep.vehicle.log_fetch import choose
+from rover_sweep.vehicle.log_fetch import choose, settled
 
 
 def test_byte_identical_although_blocks_are_lost(
@@ -58,6 +59,19 @@ def test_the_latest_is_the_last_that_may_hold_a_drive() -> None:
     assert [e.number for e in choose(entries, "latest")] == [2]
     assert [e.number for e in choose(entries[2:], "latest")] == [4]
     assert [e.number for e in choose(entries, "4")] == [4] and choose(entries, "all") == entries
+
+
+def test_a_log_that_still_grows_is_waited_for(link: Link) -> None:
+    sizes = iter((1000, 2000, 2500, 2500, 9999))
+
+    class Growing:
+        def logs(self) -> tuple[LogEntry, ...]:
+            return (LogEntry(1, next(sizes), 0),)
+
+        def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
+            raise AssertionError
+
+    assert [e.size for e in settled(link, Growing())] == [2500]
 
 
 def test_a_log_that_stops_coming_is_told(

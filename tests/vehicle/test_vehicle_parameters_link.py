@@ -51,6 +51,22 @@ def test_lost_answers_are_asked_for_again(link: Link, vehicle: FakeVehicle) -> N
     assert read_present(link, ["SWP_AMP", "NOT_THERE"]) == {"SWP_AMP": 200}
 
 
+def test_a_list_that_changes_while_it_comes_is_asked_for_anew(link: Link, vehicle: FakeVehicle) -> None:
+    """As seen on 4.6.3 just after a boot: a parameter appears in the middle and moves the others."""
+    sent: list[str] = []
+
+    def appears(message: m.MAVLink_message) -> bool:
+        sent.append(message.get_type())
+        if sent.count("PARAM_VALUE") == 20 and "APPEARS" not in vehicle.parameters:
+            vehicle.parameters = {"APPEARS": 1.0, **vehicle.parameters}
+        return False
+
+    vehicle.drop = appears  # type: ignore[assignment]
+    found = read_all(link)
+    assert found == {name: pytest.approx(value) for name, value in vehicle.parameters.items()}
+    assert "APPEARS" in found
+
+
 def test_what_is_not_there_and_what_stays_other_are_told(link: Link, vehicle: FakeVehicle) -> None:
     with pytest.raises(LinkError, match="no parameter SWP_NONE"):
         read(link, "SWP_NONE")
