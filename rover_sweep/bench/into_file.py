@@ -11,34 +11,41 @@ from rover_sweep.vehicle_file import Measured, set_numbers
 from rover_sweep.vehicle_rules import KEYS
 
 LEAST_SURE = 0.1  # of rad_per_us, as a standard deviation
+CURVE = ("nonlinearity", "deadband")
+
+
+def bent(result: BenchResult) -> bool:
+    """Whether a curve or a band was found: they go with the slope at the centre, else the mean one counts."""
+    found = (result.get(name) for name in CURVE)
+    return result.get("centre") is not None and any(n is not None and not _holds_0(n) for n in found)
 
 
 def slope_of(result: BenchResult) -> Number | None:
     """rad_per_us: the mean slope, or that at the centre where a curve that goes with it was found."""
-    bent = [result.get(name) for name in ("nonlinearity", "deadband")]
-    found = any(n is not None and (n.low > 0 or n.high < 0) for n in bent)
-    centre = result.get("centre")
-    return centre if found and centre is not None else result.get("rad_per_us")
+    return result.get("centre" if bent(result) else "rad_per_us")
 
 
 def numbers_for_file(result: BenchResult) -> dict[str, Measured]:
-    """{key of the vehicle file: number}; without what was not told, or a slope hardly known."""
-    out = {}
+    """{key of the vehicle file: number}; without what was not told, or a slope hardly known.
+
+    Whoever reads the file uses what stands there, and must not bend the steering by noise: 0 stands where
+    the interval holds 0, with what it might be as the uncertainty. Curve, band and centre were fitted to the
+    same angles: they are taken or left together.
+    """
+    out, together = {}, CURVE if bent(result) else ()
     slope = slope_of(result)
     if slope is not None and slope.told and slope.sd < LEAST_SURE * abs(slope.value):
         out["steering.rad_per_us"] = rounded(Measured(slope.value, slope.sd))
     for number in result.numbers:
         if number.key in KEYS and number.told:
-            out[number.key] = rounded(_worth(number))
+            nothing = _holds_0(number) and number.name not in together
+            value, sd = (0.0, hypot(number.value, number.sd)) if nothing else (number.value, number.sd)
+            out[number.key] = rounded(Measured(value, sd))
     return out
 
 
-def _worth(number: Number) -> Measured:
-    """The number, or 0 where its interval holds 0, with what it might be as the uncertainty: whoever reads
-    the file uses what stands there, and must not bend the steering by noise."""
-    if number.low <= 0.0 <= number.high:
-        return Measured(0.0, hypot(number.value, number.sd))
-    return Measured(number.value, number.sd)
+def _holds_0(number: Number) -> bool:
+    return number.low <= 0.0 <= number.high
 
 
 def write(path: Path, result: BenchResult) -> dict[str, Measured]:
