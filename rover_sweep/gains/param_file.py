@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from rover_sweep.gains.firmware import Gains
 from rover_sweep.gains.proposal import Judged, Proposal
 
 
@@ -87,9 +86,3 @@ def _travel(proposal: Proposal) -> str:
 
 def _degrees(angle: float) -> str:
     return f"{angle:.0f} deg" if angle < 1e3 else "none to lose (the gain never reaches 1)"
-
-
-def changed(before: Gains, after: Gains) -> dict[str, tuple[float, float]]:
-    """{parameter: (now, proposed)} of what differs."""
-    old, new = before.parameters, after.parameters
-    return {name: (old[name], new[name]) for name in new if old[name] != new[name]}

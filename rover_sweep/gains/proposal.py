@@ -38,8 +38,8 @@ class Judged:
 class Proposal:
     """What to fly at `speed` [m/s], None where nothing is supported, and what is flown now.
 
-    holds: speeds [m/s] from which to which. steady_gain: r / road-wheel angle [1/s]; delay: of the model [s];
-    lag: of everything in the loop but the rover, at low frequency [s].
+    holds: speeds [m/s] from which to which. steady_gain: r / road-wheel angle [1/s]; delay: of the model [s].
+    feed_forwards: {speed [m/s]: FF that would hold a turn there}.
     """
 
     found: Identified
