@@ -31,7 +31,7 @@ STEPS = (50.0, 100.0, 150.0)
               help="Vehicle file, read and written (default: rover.toml here).")  # fmt: skip
 @click.option("--hand", is_flag=True, help="Angles of the wheel are read by hand and typed.")
 @click.option("--wheel-imu", metavar="FILE|URL",
-              help="An IMU on the wheel: CSV of time and angle or rate, or URL of a vehicle.")  # fmt: skip
+              help="An IMU on the wheel: CSV of its logger, or URL of a vehicle on it.")  # fmt: skip
 @click.option("--wheel-clock", type=click.Choice(["own", "vehicle"]), default=None,
               help="Whose clock the CSV is on; a delay needs the vehicle's. [default: own]")  # fmt: skip
 @click.option("--steps", type=NumbersType(), default=",".join(f"{s:g}" for s in STEPS), show_default=True,
@@ -53,8 +53,14 @@ def bench(
 
     The rover stands with its front wheels off the ground, DISARMED, in MANUAL, radio on and throttle stick at
     rest: its motor cannot turn then. This program moves the steering channel alone, by RC override, after a
-    yes before each movement. The mode switch (HOLD), the rover's power or Ctrl-C stop it; without this
-    program the wheels are the radio's again after RC_OVERRIDE_TIME. The numbers go into the vehicle file.
+    yes before each movement. What stops it without the laptop: the mode switch (HOLD) and the rover's power,
+    at once; arming, the throttle stick, a rover that moves, an output that does not follow make the program
+    let go; where it or its link dies the wheels are the radio's again after RC_OVERRIDE_TIME (3 s at the
+    most, else refused). Ctrl-C stops it too. The numbers go into the vehicle file.
+
+    The CSV has a header with a time (t, time_ms, time_us) and the wheel's angle (angle, angle_deg, yaw) or
+    rate (rate, rate_deg_s, gyro_z), left positive or not, 50 Hz or more; it is read when the movements end,
+    or later with --from.
 
     \b
     rover-sweep bench --connect /dev/ttyUSB0,57600 --vehicle rover.toml --hand --steps 100,200,300

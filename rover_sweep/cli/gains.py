@@ -42,7 +42,13 @@ def gains(
     """Compute ATC_STR_RAT_FF, P, I, D and IMAX from the report of `identify`, `run` or `diagnose`.
 
     With gain and phase margins, the step they will show, the speeds at which they hold, and the same for what
-    the vehicle flies now. What the identification does not carry is said, and then no file is written.
+    the vehicle flies now. P and I keep 6 dB and 45 deg for every rover within the parameters' intervals, from
+    the speed over 1.5 to 1.5 times it; the firmware's scaling with speed (MOT_SPD_SCA_BASE) is part of the
+    loop. What the identification does not carry is said, and then no file is written.
+
+    \b
+    rover-sweep gains report --now log.BIN --speed 2.5 --out gains.param
+
     Nothing is changed on a vehicle: load the file with a ground station, and try it with the wheels off the
     ground first.
     """
