@@ -110,11 +110,13 @@ def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
     """Write all parameters of the rover into FILE (default: stdout), as any ground station reads them."""
     from rover_sweep.cli.text_file import refuse_no_folder, write_text
     from rover_sweep.vehicle.identity import identify_vehicle
+    from rover_sweep.vehicle.parameters import await_booted
     from rover_sweep.vehicle.sources import parameter_source
 
     refuse_no_folder(file)
     with _link(connect) as link:
         vehicle = identify_vehicle(link)
+        await_booted(link, _wait)
         values = dict(sorted(parameter_source(link, via).read_all().items()))
     told = f"{len(values)} parameters of {vehicle.firmware}"
     if file != "-" or not as_json:
@@ -132,14 +134,21 @@ def _lines(values: dict[str, float]) -> Iterator[str]:
 def _differences(link: Link, wanted: Sequence[WantedParameter], via: Via) -> list[Difference]:
     from firmware_params.check import compare
     from rover_sweep.vehicle.identity import identify_vehicle
-    from rover_sweep.vehicle.parameters import read_present
+    from rover_sweep.vehicle.parameters import await_booted, read_present
     from rover_sweep.vehicle.sources import parameter_source
 
     identify_vehicle(link)
-    has = {} if via == "mavlink" and len(wanted) < _FEW else parameter_source(link, via).read_all()
+    one_by_one = via == "mavlink" and len(wanted) < _FEW
+    if not one_by_one:
+        await_booted(link, _wait)
+    has = {} if one_by_one else parameter_source(link, via).read_all()
     # A list leaves out what lies behind a switch that is off, such as SCR_HEAP_SIZE behind SCR_ENABLE.
     has |= read_present(link, [p.name for p in wanted if p.name not in has])
     return list(compare(has, wanted))
+
+
+def _wait(seconds: float) -> None:
+    click.echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its whole list", err=True)
 
 
 _FEW = 100  # parameters that are asked for one by one; all 1300 come in the time of 30

@@ -12,6 +12,7 @@ from rover_sweep.vehicle.mavlink import Message
 
 _REAL32 = 9  # MAV_PARAM_TYPE_REAL32
 _TRIES, _TIMEOUT = 4, 1.0
+_BOOTED = 20.0  # s since boot
 _LISTS = 3  # how often a list is asked for that changes meanwhile
 
 
@@ -76,6 +77,21 @@ def read_present(link: Link, names: Iterable[str]) -> dict[str, float]:
                 break
             found[message.param_id] = float(message.param_value)
     return found
+
+
+def await_booted(link: Link, told: Callable[[float], None] | None = None) -> None:
+    """Wait where the vehicle has just booted: the parameters of its drivers are not in its list before that
+    (4.6.3: without a GPS's ten for some seconds). told: called with the s that it takes at most."""
+    link.request_message("SYSTEM_TIME")
+    left = _BOOTED - link.clock.now
+    if not link.clock.known or left <= 0:
+        return
+    if told is not None:
+        told(left)
+    deadline = link.line.monotonic() + left
+    while link.clock.now < _BOOTED and link.line.monotonic() < deadline:
+        link.request_message("SYSTEM_TIME", timeout=0.5)
+        link.receive(0.2)
 
 
 def read_all(link: Link, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:

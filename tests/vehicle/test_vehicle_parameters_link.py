@@ -11,7 +11,7 @@ from rover_sweep.identify.sweep import Doublet, Sweep
 from rover_sweep.vehicle import parameters
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.manoeuvre import parameters_of
-from rover_sweep.vehicle.parameters import float32, read, read_all, read_present, write
+from rover_sweep.vehicle.parameters import await_booted, float32, read, read_all, read_present, write
 
 
 @pytest.fixture(autouse=True)
@@ -49,6 +49,15 @@ def test_lost_answers_are_asked_for_again(link: Link, vehicle: FakeVehicle) -> N
     everything = read_all(link)
     assert everything.keys() == vehicle.parameters.keys()
     assert read_present(link, ["SWP_AMP", "NOT_THERE"]) == {"SWP_AMP": 200}
+
+
+def test_a_vehicle_that_has_just_booted_is_waited_for(link: Link, vehicle: FakeVehicle) -> None:
+    vehicle.now = 1.0
+    told: list[float] = []
+    await_booted(link, told.append)
+    assert vehicle.now >= 20 and len(told) == 1 and 0 < told[0] <= 20
+    await_booted(link, told.append)
+    assert len(told) == 1
 
 
 def test_a_list_that_changes_while_it_comes_is_asked_for_anew(link: Link, vehicle: FakeVehicle) -> None:
