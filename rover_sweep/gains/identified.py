@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from rover_sweep.diagnosis.augmented import AugmentedModel
 from rover_sweep.diagnosis.linear import hidden_filters, left_out, linear
+from rover_sweep.gains import recorded
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.model_results import UNTIED
 from rover_sweep.identify.models.bicycle import bicycle
@@ -21,7 +22,6 @@ from rover_sweep.identify.verdicts import CR_LOST, I_LOST
 
 PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models that hold at other speeds than that of the runs
 NORMAL_90 = 1.645  # standard deviations of a two-sided 90 % interval
-SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
 GUESSED_DELAY, GUESSED_GAIN = 0.3, 0.15  # relative, where no interval is known
 
 
@@ -90,12 +90,13 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
     run = document["runs"][0]
     bands = [g["responses"]["r"]["band"] for g in document["groups"] if "r" in g["responses"]]
     usable = [b for b in bands if b]
-    wait = _wait(run)
+    wait = recorded.wait(run)
     return Identified(
         name, model["verdict"]["level"], _sooner(structure, wait), _intervals(parameters, wait), speeds,
         (max(b[0] for b in usable), min(b[1] for b in usable)) if usable else None,
         float(steering["rad_per_us"]["value"]) if steering else None,
-        _cutoff(run), _loop(run), _amplitude(document["runs"]), (), (),
+        recorded.cutoff(run), recorded.loop(run), recorded.amplitude(document["runs"]), (),
+        recorded.play(steering),
         tuple(model["verdict"]["sentences"]),
     )  # fmt: skip
 
@@ -215,32 +216,3 @@ def _sooner(structure: ModelStructure | None, wait: float) -> ModelStructure | N
     if structure is None or "tau" not in structure.values:
         return structure
     return structure.with_values({"tau": max(structure.values["tau"] - wait, 0.0)})
-
-
-def _wait(run: Mapping[str, Any]) -> float:
-    """How long the recorded command waited for the main loop, which the controller's output does not, s.
-
-    The applet logs its command when it sets it; the servo gets it with the next main loop, half a period
-    later on average (`AP_MotorsUGV::output` calls the one push a loop). A command out of SERVO_OUTPUT_RAW or
-    RCOU was logged when it went out.
-    """
-    loop = _loop(run)
-    commanded = run["channels"].get("delta", {}).get("source", "").startswith("SWEP")
-    return 0.5 / loop if loop and commanded else 0.0
-
-
-def _loop(run: Mapping[str, Any]) -> float | None:
-    """The IMU is logged once a main loop."""
-    rate = run["channels"].get("r", {}).get("rate_hz")
-    return round(float(rate)) * 1.0 if rate and SLOWEST_LOOP <= rate <= FASTEST_LOOP * 1.02 else None
-
-
-def _cutoff(run: Mapping[str, Any]) -> float | None:
-    known = run["filters"].get("r")
-    return float(known["cutoff_hz"]) if known else None
-
-
-def _amplitude(runs: Sequence[Mapping[str, Any]]) -> float | None:
-    """The smallest PWM amplitude [us] of the runs, as the quick verdict found it."""
-    found = [r["amplitude"] for r in runs if r.get("amplitude") and r.get("amplitude_unit") == "us"]
-    return float(min(found)) if found else None

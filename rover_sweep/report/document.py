@@ -18,6 +18,7 @@ from rover_sweep.report.model_document import model_document
 from rover_sweep.report.provenance import Provenance
 from rover_sweep.report.standing import inertia_of, judged_runs, ordered, rejection
 from rover_sweep.report.strict_json import plain
+from rover_sweep.vehicle_rules import LARGEST_OF_STEERING
 
 FORMAT_VERSION = 1
 AXES = (
@@ -79,6 +80,8 @@ def _vehicle(result: Identification, provenance: Provenance) -> dict[str, Any]:
     steering = None
     if vehicle and vehicle.trim_us and vehicle.rad_per_us:
         steering = {"trim_us": vehicle.trim_us.value, "rad_per_us": asdict(vehicle.rad_per_us)}
+        measured = {name: getattr(vehicle, name) for name in LARGEST_OF_STEERING}  # by `bench`
+        steering |= {name: asdict(number) for name, number in measured.items() if number is not None}
     return {
         "name": vehicle.name if vehicle else "",
         "file": source[0] if source else None,

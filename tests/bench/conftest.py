@@ -10,15 +10,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
+from synthetic_servo import VARIANT
 
 ROOT = Path(__file__).parents[2]
-VARIANT = """base = "nominal"
-servo_rate_limit = 3.0
-servo_lag = 0.035
-[effects]
-steering_backlash = { b = 0.012 }
-steering_asymmetry = { e = 0.05 }
-"""
 OnBlocks = Callable[..., str]
 
 

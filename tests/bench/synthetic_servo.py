@@ -14,6 +14,14 @@ from sitl.effects.steering import Linkage
 from sitl.parameters import PlantParameters, load_variant
 from sitl.servo import Servo
 
+VARIANT = """base = "nominal"
+servo_rate_limit = 3.0
+servo_lag = 0.035
+[effects]
+steering_backlash = { b = 0.012 }
+steering_asymmetry = { e = 0.05 }
+"""
+"""What is hidden in a rover on blocks, as a variant of the simulation."""
 SEEN, SAMPLE = 0.02, 0.005  # s between two SERVO_OUTPUT_RAW, between two samples of the wheel
 FINE = 5  # steps of the servo in a sample
 

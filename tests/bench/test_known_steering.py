@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from synthetic_servo import VARIANT
 
 import rover_sweep as rs
 from rover_sweep.cli.main import run
@@ -25,6 +26,7 @@ from rover_sweep.material_sizes import spread_of
 from rover_sweep.planning import planned
 from rover_sweep.redrive.course import course_of
 from rover_sweep.redrive.rover import on_the_clock
+from rover_sweep.report.document import identification_document
 from rover_sweep.vehicle_file import Measured, load
 from sitl.parameters import load_variant
 from sitl.redrive.open_loop import redrive
@@ -119,6 +121,26 @@ def test_a_steering_that_was_logged_slowly_is_taken_through_curve_and_play_alone
     assert through.x.max() == pytest.approx(1.1 * slow["delta"].x.max() - 0.01, abs=1e-3)
     curved = through_linkage(slow, replace(vehicle, backlash=None))["delta"]
     assert curved.x == pytest.approx(slow["delta"].x + 0.1 * np.abs(slow["delta"].x))
+
+
+def test_an_identification_fits_closer_with_the_bench_and_tells_of_it(tmp_path: Path):
+    """Play looks like delay: the plant has 0.050 s, and without the bench some 0.008 s more are found."""
+    variant, plain, benched = (tmp_path / name for name in ("variant.toml", "plain.toml", "rover.toml"))
+    variant.write_text(VARIANT)
+    plain.write_text(ROVER.read_text())
+    bench = "asymmetry = 0.05\nbacklash = 0.012\nservo_lag = 0.035\nservo_rate_limit = 3.0\n\n[imu]"
+    benched.write_text(ROVER.read_text().replace("[imu]", bench))
+    sweep, cost, tau, told = driven(variant, tmp_path), [], [], []
+    for file in (plain, benched):
+        result = rs.identify(rs.read(sweep, vehicle=file), models=["bicycle"], bootstrap=0)
+        document = identification_document(result, result.origin)
+        cost.append(document["models"]["bicycle"]["cost"]["average"])
+        tau.append(document["models"]["bicycle"]["parameters"]["tau"]["value"])
+        told.append(document["vehicle"]["steering"])
+    assert set(told[0]) == {"trim_us", "rad_per_us"}
+    assert told[1]["backlash"]["value"] == 0.012
+    assert cost[1] < 0.8 * cost[0]
+    assert abs(tau[1] - 0.050) < 0.004 < abs(tau[0] - 0.050)
 
 
 def test_a_plan_no_longer_asks_for_what_the_bench_settled(monkeypatch: pytest.MonkeyPatch):

@@ -192,6 +192,13 @@ def test_without_intervals_the_cramer_rao_bound_makes_the_family(document: Any):
     assert high / low == pytest.approx((1 + 1.645 * cr) / (1 - 1.645 * cr), rel=1e-6)
 
 
+def test_play_that_the_bench_took_out_is_said_to_be_no_part_of_the_loop(document: Any, proposal: Proposal):
+    assert not any("play" in remark for remark in proposal.support.remarks)
+    document["vehicle"]["steering"]["backlash"] = {"value": 0.012, "sd": 1e-4}
+    remarks = propose(from_identification(document), LOOP, 2.5).support.remarks
+    assert any("play (0.012 rad to either side)" in remark for remark in remarks)
+
+
 def test_the_wait_for_the_main_loop_is_taken_off_the_delay(document: Any):
     tau = roll_yaw(document)["variants"]["Cf and Cr free"]["parameters"]["tau"]["value"]
     assert from_identification(document).structure.values["tau"] == pytest.approx(tau - 0.005)
