@@ -1,11 +1,12 @@
 """Which library fetches logs and parameters: pymavlink's messages on our link, or MAVSDK riding on it.
 
 Both speak through the same link, are recorded alike and give the same bytes; `--via` chooses. Default is
-"mavlink" for both, by figures measured on ArduRover 4.6.3 (SITL, real time, loop rate 100, TCP): a log
-of 54.6 MB came at 1.21 MB/s by "mavlink" and 0.39 MB/s by "mavsdk" (OWN), byte-identical; all
-1298 parameters in 0.6 s either way, but MAVSDK takes 0.4 to 0.8 s before to find the vehicle, tells no
-progress, and begins an interrupted download anew. Its telemetry would have to be written down after it
-was decoded; here a message is on disk before anybody looks at it.
+"mavlink" for both, by figures measured on ArduRover 4.6.3 (SITL, real time, loop rate 100, TCP, MAVSDK
+4.1): a log of 54.6 MB came at 1.21 MB/s by "mavlink" and 0.39 MB/s by "mavsdk", byte-identical, and on a
+computer that was busy otherwise one of 11.6 MB at 0.45 to 0.95 and 0.06 to 0.48 MB/s; all 1298 parameters
+in 0.6 s either way, but MAVSDK takes 0.4 to 0.8 s before to find the vehicle, tells no progress, and begins
+an interrupted download anew. Its telemetry would have to be written down after it was decoded; here a
+message is on disk before anybody looks at it.
 """
 
 from __future__ import annotations

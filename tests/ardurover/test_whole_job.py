@@ -30,7 +30,8 @@ def prepared_driven_and_fetched(job: Job) -> None:
     reboots = [event.because for event in job.events if isinstance(event, Rebooting)]
     assert reboots == [("SCR_ENABLE", "SCHED_LOOP_RATE")]
     finished = [event for event in job.events if isinstance(event, RunFinished)]
-    assert [(run.name, run.completed) for run in finished] == [("sweep1", True), ("doublet", True)]
+    whole = "the manoeuvre ran to its end"
+    assert [(run.name, run.reason) for run in finished] == [("sweep1", whole), ("doublet", whole)]
     assert len([event for event in job.events if isinstance(event, LogSaved)]) == 1
 
 
