@@ -46,11 +46,11 @@ class Desk:
         self.next_runs: tuple[str, ...] = ()
         self._tasks: dict[tuple[str, ...], asyncio.Task[None]] = {}
 
-    def start(self, kind: str, state: State, folder: Path, vehicle: Path) -> None:
-        """Identify or diagnose into a folder beside the recordings, or gains into a .param file there."""
+    def start(self, kind: str, state: State, folder: Path, vehicle: Path, report: Path | None = None) -> None:
+        """Identify or diagnose into a folder beside the recordings, or gains out of `report` into a .param
+        file there."""
         taken = {job.out for job in self.jobs if job.out is not None}
         out = free_path(folder, NAMES[kind], taken)
-        report = self.report
         if kind == "gains" and report is not None:
             job = Job(kind, gains_of(report, state.logs, out), out)
         else:
@@ -58,11 +58,14 @@ class Desk:
         self.jobs = (*self.jobs, job)
         self._tasks[job.arguments] = asyncio.create_task(self._follow(job))
 
-    @property
-    def report(self) -> Path | None:
-        """Folder of the latest identification or diagnosis, of which gains can be made."""
-        done = (job.out for job in reversed(self.jobs) if job.kind != "gains" and job.outcome == "done")
-        return next(done, None)
+    def report(self, chosen: Job | None = None) -> Path | None:
+        """Folder of an identification or diagnosis, of which gains can be made: the chosen one, else the
+        latest identification, else the latest diagnosis."""
+        done = [job for job in self.jobs if job.kind != "gains" and job.outcome == "done"]
+        if chosen in done:
+            return chosen.out
+        done.sort(key=lambda job: job.kind == "identify")  # and in the order of their beginning
+        return done[-1].out if done else None
 
     def stop(self, job: Job) -> None:
         """Ends its process."""

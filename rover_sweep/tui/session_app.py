@@ -20,6 +20,7 @@ from textual.reactive import reactive
 
 from rover_sweep.live.source import Connect, Drive, Ended, Fix, Preflight, Request, Source
 from rover_sweep.tui import words
+from rover_sweep.tui.analysis import Job
 from rover_sweep.tui.desk import Desk, has_command, recordings
 from rover_sweep.tui.feed import Feed
 from rover_sweep.tui.palette import DARK, LIGHT, Palette
@@ -204,13 +205,14 @@ class SessionApp(App[None]):
         folder = self.setup.folder
         ready = folder is not None and self.setup.vehicle_path is not None and has_command(kind)
         if kind == "gains":
-            return ready and self.desk.report is not None
+            return ready and self.desk.report() is not None
         return ready and folder is not None and bool(recordings(self.state, folder))
 
-    def analyse(self, kind: str) -> None:
-        """Starts the command beside the session."""
-        if self.setup.folder is not None and self.setup.vehicle_path is not None:
-            self.desk.start(kind, self.state, self.setup.folder, self.setup.vehicle_path)
+    def analyse(self, kind: str, chosen: Job | None = None) -> None:
+        """Starts the command beside the session; gains out of the chosen report, where that is one."""
+        setup = self.setup
+        if setup.folder is not None and setup.vehicle_path is not None:
+            self.desk.start(kind, self.state, setup.folder, setup.vehicle_path, self.desk.report(chosen))
 
     def open_page(self, page: Path) -> None:
         """In the browser."""

@@ -41,6 +41,8 @@ class LogScreen(SessionScreen):
             share = f.done / f.total if f.total else 0.0
             rows.add(f" log {f.number}: {bar(share, 30)} {words.size(f.done)} of {words.size(f.total)}",
                      style=palette.ink)  # fmt: skip
+        if state.armed and not state.under_way and state.played is None:
+            rows.sentence("The rover gives its logs once it is disarmed.", f"bold {palette.accent}")
         if state.logs:
             rows.sentence("on disk: " + ", ".join(path.name for path in state.logs), palette.good, most=2)
         rows.add("─" * width, style=palette.quiet)

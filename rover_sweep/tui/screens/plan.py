@@ -154,12 +154,14 @@ class PlanScreen(SessionScreen):
 
 
 def driven(row: Row, runs: tuple[RunRecord, ...]) -> str:
-    """What came of it, as often as it was driven."""
+    """What came of it, the latest try first."""
     mine = [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
-    return ", ".join(
+    told = [
         " ".join(words.ADVICE[run.verdict.advice] if run.verdict else words.OUTCOMES[run.outcome])
-        for run in mine
-    )
+        for run in reversed(mine)
+    ]
+    before = f" ({len(told) - 1} before)" if len(told) > 1 else ""
+    return f"{told[0]}{before}" if told else ""
 
 
 def _times(count: int) -> str:

@@ -70,8 +70,9 @@ class ResultsScreen(SessionScreen):
         if not whole:
             return "No run is whole yet: nothing to identify from."
         logs = "" if self.state.logs else " (out of the telemetry: no log is fetched yet, 6 and L)"
-        gains = "S proposes gains" if self.session.desk.report else "then S proposes gains"
-        return f"I identifies, D diagnoses, {gains}: {', '.join(whole)}{logs}"
+        report = self.session.desk.report(self.job)
+        gains = f"; S proposes gains, out of {report.name}" if report else ""
+        return f"I identifies, D diagnoses: {', '.join(whole)}{logs}{gains}"
 
     def _about(self, rows: Rows, job: Job) -> None:
         palette = self.palette
@@ -92,7 +93,7 @@ class ResultsScreen(SessionScreen):
         self.redraw()
 
     def action_start(self, kind: str) -> None:
-        self.session.analyse(kind)
+        self.session.analyse(kind, self.job)
         self.chosen, self.down = None, 0
         self.redraw()
 

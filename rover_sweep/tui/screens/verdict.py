@@ -10,6 +10,7 @@ from rover_sweep.tui import words
 from rover_sweep.tui.big import big, huge
 from rover_sweep.tui.drawing import Rows, cells
 from rover_sweep.tui.gauges import bar, number
+from rover_sweep.tui.pilot import task
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.state import RunRecord
 
@@ -55,6 +56,9 @@ class VerdictScreen(SessionScreen):
         rows.add(
             f" {run.name}: {words.manoeuvre(run.manoeuvre)}: {sign} {outcome}", style=f"bold {palette.ink}"
         )
+        now = task(self.state)
+        if now.urgent and self.state.played is None:  # the verdict comes while the switch is still high
+            rows.filled(f" {now.big}: {now.sentence}", palette.asking)
         if run.reason:
             rows.sentence(run.reason, f"bold {palette.bad}", most=2)
         if run.verdict is None:
@@ -73,7 +77,8 @@ class VerdictScreen(SessionScreen):
         if verdict is not None and verdict.advice != "keep" and again:
             return again
         if row is None:
-            return f"{again}The plan is driven: 6 fetches the logs, 7 identifies, 3 plans more."
+            first = "disarm, then " if self.state.armed else ""
+            return f"{again}The plan is driven: {first}6 fetches the logs, 7 identifies, 3 plans more."
         return (
             f"{again}Next: {row.name}, {words.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
         )

@@ -1,0 +1,107 @@
+"""What is told of tries, reports and sessions of before; without a screen."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from scripted_source import ROVER, SWEEP, TLOG, snapshot
+
+from rover_sweep.live.snapshot import Verdict
+from rover_sweep.live.source import Preflight
+from rover_sweep.session_folder.content import Content, DrivenRun, FetchedLog
+from rover_sweep.tui.analysis import Job
+from rover_sweep.tui.desk import Desk
+from rover_sweep.tui.earlier import logs, records
+from rover_sweep.tui.palette import LIGHT
+from rover_sweep.tui.plan_rows import Row
+from rover_sweep.tui.screens.frame import message, status
+from rover_sweep.tui.screens.plan import driven
+from rover_sweep.tui.state import Asked, RunRecord, State, reduced
+from rover_sweep.tui.summary import summary_of
+from rover_sweep.vehicle.events import Connected, Rebooting
+
+
+def done(kind: str, out: str) -> Job:
+    return Job(kind, (kind, out), Path(out), "done")
+
+
+def test_gains_come_from_the_chosen_report_else_from_the_latest_identification() -> None:
+    desk = Desk(lambda: None)
+    assert desk.report() is None
+    first, second, diagnosis = done("identify", "r1"), done("identify", "r2"), done("diagnose", "d")
+    gains, failed = done("gains", "gains.param"), replace(done("identify", "r3"), outcome="failed")
+    desk.jobs = (diagnosis,)
+    assert desk.report() == Path("d")
+    desk.jobs = (first, second, diagnosis, gains, failed)
+    assert desk.report() == desk.report(gains) == desk.report(failed) == Path("r2")
+    assert desk.report(diagnosis) == Path("d") and desk.report(first) == Path("r1")
+
+
+def test_reports_and_gains_of_before_are_found_again(tmp_path: Path) -> None:
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "report.html").touch()
+    (tmp_path / "report-2").mkdir()  # cut short: no page
+    (tmp_path / "gains.param").write_text("# by the model\nATC_STR_RAT_FF 0.97\n")
+    jobs = Desk(lambda: None, tmp_path).jobs
+    assert [(job.kind, job.outcome) for job in jobs] == [("identify", "done"), ("gains", "done")]
+    assert jobs[1].lines == ("# by the model", "ATC_STR_RAT_FF 0.97", f"parameters in {jobs[1].out}")
+
+
+def test_the_latest_try_comes_first() -> None:
+    row = Row(SWEEP, 2.0, "sweep1")
+    tries = (
+        RunRecord("sweep1", SWEEP, "stopped", "script paused 122 ms", 1, TLOG),
+        RunRecord("sweep1", SWEEP, "failed", "no answer"),
+        RunRecord("sweep1", SWEEP, "done", "", 2, TLOG, Verdict("sweep1", "keep", "keep")),
+        RunRecord("sweep1", replace(SWEEP, amplitude=200.0), "done", "", 3, TLOG),
+    )
+    assert driven(row, ()) == ""
+    assert driven(row, tries[:1]) == "✗ stopped"
+    assert driven(row, tries) == "✓ KEEP (2 before)"
+
+
+def test_runs_and_logs_of_before(tmp_path: Path) -> None:
+    content = Content(
+        runs=(
+            DrivenRun("sweep1", "sweep1.tlog", SWEEP, "done", "the manoeuvre ran to its end"),
+            DrivenRun("sweep1", "sweep1-2.tlog", SWEEP, "cut", "the recording ends 12 s into the run"),
+        ),
+        logs=(FetchedLog("log1.BIN", 1, 10, 99, ("sweep1",)),),
+    )
+    whole, cut = records(content, tmp_path)
+    assert whole.outcome == "done" and whole.reason.startswith("not judged")
+    assert (cut.outcome, cut.reason) == ("failed", "the recording ends 12 s into the run")
+    assert logs(content, tmp_path) == (tmp_path / "log1.BIN",)
+
+
+def test_the_recommended_model_comes_first_and_with_its_intervals(tmp_path: Path) -> None:
+    estimate = {"value": 30.0, "unit": "N/rad", "free": True, "interval_90": [29.0, 31.5]}
+    models = {name: {"parameters": {"C": estimate}} for name in ("bicycle", "roll-yaw")}
+    document = {"summary": ["use the roll-yaw model"], "recommended": "roll-yaw", "models": models}
+    (tmp_path / "identification.json").write_text(json.dumps(document))
+    assert summary_of("identify", tmp_path) == (
+        "use the roll-yaw model",
+        "roll-yaw (recommended; 90 % intervals): C 30 (29 to 31.5) N/rad",
+        "bicycle: C 30 N/rad",
+    )
+
+
+def test_what_takes_long_tells_since_when_and_what_it_does() -> None:
+    asked = reduced(State(), (Connected("udp:1", ROVER), Asked(Preflight())))
+    assert message(asked, LIGHT, 80).plain == " … looking at what must be right"
+    told = reduced(asked, (Rebooting(("SCR_ENABLE",)),))
+    assert (
+        message(told, LIGHT, 80, waited=31.4).plain
+        == " … 31 s looking at what must be right: rebooting the rover, for SCR_ENABLE"
+    )
+
+
+def test_a_status_row_ends_with_a_whole_word() -> None:
+    state = replace(State(), snapshot=snapshot(1.0), lost="nothing was heard for 3 s", runs=())
+    for width in range(40, 120):
+        row = status(state, LIGHT, width).plain
+        assert "last heard:  ARMED" in row
+        if width >= 60:
+            assert row.rstrip().endswith(("HIGH", "%", "14", "ok", "messages/s", "MB")), row
