@@ -90,6 +90,7 @@ def driven_until(rover: Rover, tlog: Path, trigger: Trigger, act: Callable[[Rove
             except KeyboardInterrupt as stop:
                 with pytest.raises(KeyboardInterrupt):
                     events.throw(stop)
+    pump(rover.link, 1.0)  # the pilot's stick stays where it is until the steering was looked at
     for channel in (STEERING, THROTTLE):
         rover.radio.hold(channel, CENTRE)
     assert acted
