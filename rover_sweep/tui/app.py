@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import signal
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 from textual.actions import ActionParseResult
@@ -16,7 +17,7 @@ from textual.binding import Binding
 from textual.dom import DOMNode
 from textual.theme import Theme
 
-from rover_sweep.live.source import Play, Source
+from rover_sweep.live.source import Play, Played, Source
 from rover_sweep.tui.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.connect import ConnectScreen
@@ -147,22 +148,29 @@ class SweepApp(SessionApp):
             self.exit()
 
     def action_pause(self) -> None:
-        played = self.state.played
-        if played is not None:
-            self._paced, rate = (played.rate or self._paced), (self._paced if played.rate == 0 else 0.0)
+        if (stands := self._stands) is not None:
+            self._paced, rate = (stands.rate or self._paced), (self._paced if stands.rate == 0 else 0.0)
             self.ask(Play(rate=rate))
 
     _paced = 1.0
 
+    @property
+    def _stands(self) -> Played | None:
+        """Where a recording is and how fast, as soon as it has done what was asked: keys come in bursts."""
+        stands = self.state.played
+        for request in self.state.asked if stands else ():
+            if isinstance(request, Play) and stands is not None:
+                at = stands.t if request.at is None else request.at
+                stands = replace(stands, t=at, rate=stands.rate if request.rate is None else request.rate)
+        return stands
+
     def action_seek(self, direction: int) -> None:
-        played = self.state.played
-        if played is not None:
-            self.ask(Play(at=min(max(0.0, played.t + direction * _SEEK), played.length)))
+        if (stands := self._stands) is not None:
+            self.ask(Play(at=min(max(0.0, stands.t + direction * _SEEK), stands.length)))
 
     def action_pace(self, factor: float) -> None:
-        played = self.state.played
-        if played is not None:
-            self.ask(Play(rate=min(max(_SLOWEST, (played.rate or self._paced) * factor), _FASTEST)))
+        if (stands := self._stands) is not None:
+            self.ask(Play(rate=min(max(_SLOWEST, (stands.rate or self._paced) * factor), _FASTEST)))
 
 
 def _theme(palette: Palette) -> Theme:

@@ -254,8 +254,10 @@ def test_logs_are_fetched_only_from_a_rover_that_is_disarmed() -> None:
 def test_a_recording_is_paused_sought_and_paced() -> None:
     async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
         await press(pilot, "space", ".", ",", "+", "-")
-        assert source.asked == [Play(0.0), Play(at=44.0), Play(at=24.0), Play(4.0), Play(1.0)]
-        source.tell(Played(34.0, 120.0, 0.0))
+        burst = [Play(0.0), Play(at=44.0), Play(at=34.0), Play(4.0), Play(2.0)]
+        assert source.asked == burst, "each goes on from the one before, which is not done yet"
+        for told in (*map(Ended, burst), Played(34.0, 120.0, 0.0)):
+            source.tell(told)
         await pilot.pause()
         await press(pilot, "space")
         assert source.asked[-1] == Play(2.0), "it goes on at the pace it had"
@@ -280,6 +282,15 @@ def test_any_size_is_survived(size: tuple[int, int]) -> None:
         assert source.aborted == 1
 
     after(DRIVEN, then)
+
+
+def test_without_a_vehicle_file_nothing_is_identified_and_it_says_why() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "7", "i", "d", "s")
+        assert "start again with --vehicle rover.toml" in text_of(app)
+        assert app.desk.jobs == ()
+
+    after((*DRIVEN, finished()), then, replace(SETUP, vehicle_path=None, vehicle=None))
 
 
 def test_errors_of_the_source_are_sentences() -> None:

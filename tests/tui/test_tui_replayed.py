@@ -45,7 +45,9 @@ async def played(person: Person) -> None:
     await person.until("[5 VERDICT]", "✓ whole", "KEEP", "yaw rate", "roll rate")
 
     await person.press("1", "enter", "3", "g", "6", "l")  # nothing of it can be asked of a recording
-    assert person.app.state.busy is False and person.app.is_running
+    assert not person.app.state.busy and not person.app.state.failure and person.app.is_running
+    await person.press("7")
+    await person.until("A recording: rover-sweep identify", "run1.BIN")
     await person.press("q")
     await person.when(lambda: not person.app.is_running, "the end")
 

@@ -68,6 +68,9 @@ class ConnectScreen(SessionScreen):
             rows.sentence("Connecting ...", f"bold {self.palette.accent}")
         elif len(self.state.failure) + 3 > width:  # the row below cuts it
             rows.sentence(f"✗ {self.state.failure}", f"bold {self.palette.bad}", most=3)
+        if self.state.played is not None:
+            rows.sentence("That is a recording: nothing can be asked of its rover.", self.palette.ink)
+            return rows.text()
         rows.sentence(_may(self.session.setup.own_part), self.palette.ink)
         rows.sentence(_folder(self.session.setup), self.palette.ink)
         return rows.text()
@@ -94,8 +97,9 @@ class ConnectScreen(SessionScreen):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "type_url":
-            return not self.state.under_way
-        return action != "connect" or not (self.state.busy or self.state.under_way)
+            return not (self.state.under_way or self.state.played is not None)
+        played = self.state.played is not None
+        return action != "connect" or not (self.state.busy or self.state.under_way or played)
 
 
 def _folder(setup: Setup) -> str:

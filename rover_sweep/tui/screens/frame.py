@@ -10,7 +10,6 @@ from rich.text import Text
 from rover_sweep.live.source import Connect, Drive, FetchLogs, Fix, Play, Preflight, Request
 from rover_sweep.tui import words
 from rover_sweep.tui.drawing import Rows, joined
-from rover_sweep.tui.gauges import number
 from rover_sweep.tui.palette import Palette
 from rover_sweep.tui.pilot import Task
 from rover_sweep.tui.state import State
@@ -53,7 +52,8 @@ def status(state: State, palette: Palette, width: int) -> Text:
     gps = f"{words.FIXES.get(now.fix, 'GPS ?')} {now.satellites}"
     ekf = "EKF ok" if now.ekf else "EKF not ready"
     parts = [battery.replace("   ", " "), gps, ekf]
-    parts += [f"{number(now.received, '.0f')} messages/s", f"recorded {words.size(now.recorded)}"]
+    parts += [f"{now.received:.0f} messages/s" if math.isfinite(now.received) else ""]
+    parts += [f"recorded {words.size(now.recorded)}"]
     for part in parts if width >= 110 else parts[:3]:
         if part and text.cell_len + len(part) + 2 <= width:
             text.append(f"  {part}", palette.ink)

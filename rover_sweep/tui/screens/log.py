@@ -66,7 +66,9 @@ class LogScreen(SessionScreen):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action != "fetch":
             return True
-        return self.state.vehicle is not None and not self.state.busy and not self.state.armed
+        state = self.state
+        ready = state.vehicle is not None and state.played is None
+        return ready and not state.busy and not state.armed
 
 
 def run_line(run: RunRecord, width: int) -> str:

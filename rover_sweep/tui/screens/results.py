@@ -66,9 +66,15 @@ class ResultsScreen(SessionScreen):
 
     def _from(self) -> str:
         """Out of what, and what is missing for more."""
+        if self.state.played is not None:
+            return f"A recording: rover-sweep identify {self.state.url} --vehicle rover.toml identifies it."
         whole = [run.name for run in self.state.runs if run.outcome == "done"]
         if not whole:
             return "No run is whole yet: nothing to identify from."
+        if self.session.setup.vehicle_path is None:
+            return (
+                "There is no vehicle file: quit, and start again with --vehicle rover.toml to identify here."
+            )
         logs = "" if self.state.logs else " (out of the telemetry: no log is fetched yet, 6 and L)"
         report = self.session.desk.report(self.job)
         gains = f"; S proposes gains, out of {report.name}" if report else ""

@@ -99,10 +99,11 @@ class RunScreen(SessionScreen):
             rows.sentence("Nothing was heard of the rover yet.", self.palette.quiet)
             return
         armed = "ARMED" if now.armed else "disarmed"
+        heard = f"{now.received:.0f} messages/s, " if math.isfinite(now.received) else ""
         before = "last heard: " if self.state.lost else ""
         rows.add(
             f" {before}{armed}, {words.mode(now.mode)}, switch {words.switch(now.switch)}, "
-            f"{number(now.received, '.0f')} messages/s, recorded {words.size(now.recorded)}",
+            f"{heard}recorded {words.size(now.recorded)}",
             style=self.palette.ink,
         )
 
