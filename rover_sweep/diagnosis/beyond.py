@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.diagnosis.choose import LOUD, MOST_NOISE, Round
+from rover_sweep.diagnosis.choose import MOST_NOISE, Round
 from rover_sweep.diagnosis.laws import Law, laws
 from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
 from rover_sweep.diagnosis.signatures import Signature
@@ -53,7 +53,7 @@ def unknown(last: Round, named: bool, seed: int) -> Unknown | None:
 
     named: effects were found; what their laws are inexact by is then no unknown, unless it is loud.
     """
-    loud = {c: m for c, m in last.mean_squares.items() if m > LOUD}
+    loud = {c: left.loudness for c, left in last.left.items() if left.loud}
     if named and not loud:
         return None
     seen = _seen(last, seed)

@@ -46,6 +46,30 @@ class Options:
     stop: Callable[[], bool]
 
 
+@dataclass(frozen=True)
+class Left:
+    """Mean square of a channel's rows that a model leaves, 1 at the noise floor: in the metric of an ordinary
+    rover, and without it, where more may be left: what no little of everything would make."""
+
+    allowed: float
+    plain: float
+
+    @property
+    def loudness(self) -> float:
+        """The larger of both, as if in the metric."""
+        return max(self.allowed, self.plain * LOUD / LOUD_PLAIN)
+
+    @property
+    def loud(self) -> bool:
+        """Whether it is worth a question."""
+        return self.loudness > LOUD
+
+    def keeps(self, share: float, before: Left) -> bool:
+        """Whether it is more than a share of what stood out before, either way."""
+        now, then = (self.allowed, self.plain), (before.allowed, before.plain)
+        return all(n - 1.0 > share * (t - 1.0) for n, t in zip(now, then, strict=True))
+
+
 @dataclass(frozen=True, eq=False)
 class Round:
     """A model fitted in the metric of an ordinary rover, and every effect tried beside it."""
@@ -60,20 +84,20 @@ class Round:
     unseen: Mapping[str, str]
 
     @cached_property
-    def mean_squares(self) -> dict[str, float]:
-        """{channel: mean square of the rows that the model leaves}, 1 at the noise floor.
+    def left(self) -> dict[str, Left]:
+        """{channel: what the model leaves}."""
+        return self.left_by(self.fitted)
 
-        Taken in the metric of an ordinary rover, and without it, where more may be left: what no little
-        of everything would make.
-        """
+    def left_by(self, fitted: Fitted) -> dict[str, Left]:
+        """{channel: what a fit in this round leaves}."""
         plain = self.problem.plain
-        whole = plain.measured - plain.model(self.fitted.structure, self.fitted.x)
+        whole = plain.measured - plain.model(fitted.structure, fitted.x)
         out = {}
         for channel in ("r", "ay", "p"):
-            part = self.problem.part(self.fitted.rows, channel=channel)
+            part = self.problem.part(fitted.rows, channel=channel)
             if part.size:
-                usual = float(np.mean(self.problem.part(whole, channel=channel) ** 2)) * LOUD / LOUD_PLAIN
-                out[channel] = max(float(np.mean(part**2)), usual)
+                usual = self.problem.part(whole, channel=channel)
+                out[channel] = Left(float(np.mean(part**2)), float(np.mean(usual**2)))
         return out
 
     def significant(self) -> list[Trial]:
@@ -201,7 +225,7 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
             removed |= {*current.model.effects} - {*effects}
             fewer = replace(current.model, effects=effects)
             current = round_of(runs, fewer, current.fitted.x, options, near=True)
-        if named and best.effect not in WHOLE and _explains_little(first, current, ASTRAY):
+        if named and best.effect not in WHOLE and _astray(first, current, _wanting(current, named, removed)):
             break
     stopped = options.stop()
     if stopped and not named and (found := current.significant()):  # what there is, as it was fitted
@@ -209,7 +233,7 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
         current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
     more = _wanting(current, named, removed) if len(named) == MOST else []
     endless = more and _little_scatter_taken(first, current)
-    if not named or (not stopped and (endless or _explains_little(first, current))):
+    if not named or (not stopped and (endless or _little_explained(first, current.left))):
         return Choice(first, first, (), tuple(n.trial.effect for n in named), stopped)
     return Choice(first, current, tuple(named), stopped=stopped)
 
@@ -220,12 +244,17 @@ def _wanting(current: Round, named: Sequence[Named], removed: Collection[str]) -
     return [t for t in current.significant() if t.effect not in removed and t.gain > doubtful]
 
 
-def _explains_little(first: Round, last: Round, share: float = LEFT) -> bool:
+def _astray(first: Round, current: Round, wanting: Sequence[Trial]) -> bool:
+    """True where the effects so far explain next to nothing, and the one that would be next no more."""
+    if not _little_explained(first, current.left, ASTRAY):
+        return False
+    return not wanting or _little_explained(first, current.left_by(wanting[0].fitted))
+
+
+def _little_explained(first: Round, after: Mapping[str, Left], share: float = LEFT) -> bool:
     """True where much is left, and in no channel less than a share of what stood out there."""
-    before, after = first.mean_squares, last.mean_squares
-    loud = [c for c, m in before.items() if m > LOUD]
-    much = max(after.values()) > LOUD
-    return much and all(after[c] - 1.0 > share * (before[c] - 1.0) for c in loud)
+    much = any(left.loud for left in after.values())
+    return much and all(after[c].keeps(share, before) for c, before in first.left.items() if before.loud)
 
 
 def _little_scatter_taken(first: Round, last: Round) -> bool:

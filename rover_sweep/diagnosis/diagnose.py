@@ -12,7 +12,7 @@ from rover_sweep.diagnosis.alike import Alike
 from rover_sweep.diagnosis.augmented import augmented
 from rover_sweep.diagnosis.beyond import standing_out, unknown
 from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.choose import LOUD, Choice, Named, Options, choose
+from rover_sweep.diagnosis.choose import Choice, Named, Options, choose
 from rover_sweep.diagnosis.experiment import Experiment, experiment
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
 from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
@@ -127,7 +127,7 @@ def _answer(
         unseen[SPEED] = "its derivatives hold no force of the front wheels"
     elif choice.stopped:
         unseen |= {e.id: STOPPED for e in library().values() if e.id not in gains and e.id not in unseen}
-    elif max(last.mean_squares.values(), default=1.0) > LOUD:  # the own drag is that of a model that holds
+    elif any(left.loud for left in last.left.values()):  # the own drag is that of a model that holds
         unseen[SPEED] = "the motion is not explained, without which the wheels' own drag is not known"
     else:
         lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
