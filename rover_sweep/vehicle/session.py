@@ -210,11 +210,14 @@ def listed(logs: Sequence[LogEntry]) -> tuple[tuple[int, int, int], ...]:
 
 def fetch(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
     """Download the logs that are new or have grown since the session began, and are not here already.
-    After each LogSaved `tell_runs` is the caller's."""
-    known = {*(session.content.logs_before or ())}
-    known |= {(log.number, log.size, log.time_utc) for log in session.content.logs}
+    After each LogSaved `tell_runs` is the caller's.
+
+    The time of a log says nothing on this: 4.6.3 lists the same log with another one each time it is asked.
+    """
+    known = {(number, size) for number, size, _ in session.content.logs_before or ()}
+    known |= {(log.number, log.size) for log in session.content.logs}
     for entry in logs.logs():
-        if (entry.number, entry.size, entry.time_utc) in known:
+        if (entry.number, entry.size) in known:
             continue
         for event in logs.download(entry, _place(session, entry)):
             if isinstance(event, LogSaved):
