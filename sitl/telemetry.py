@@ -39,6 +39,8 @@ def heartbeat(rover: Rover) -> Message:
 
 def sys_status(rover: Rover) -> Message:
     healthy = SENSORS if rover.now_ms >= GPS_MS else SENSORS & ~(1 << 5)
+    if rover.radio.lost(rover.now_ms):
+        healthy &= ~(1 << 16)
     return mavlink.MAVLink_sys_status_message(SENSORS, SENSORS, healthy, 0, 12600, -1, 100, 0, 0, 0, 0, 0, 0)
 
 

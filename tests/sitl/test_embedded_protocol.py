@@ -167,8 +167,11 @@ def test_lost_radio_holds(client: Client) -> None:
     client.wait_text("Radio Failsafe")
     assert client.wait("HEARTBEAT", lambda m: m.custom_mode == 4).system_status == mavlink.MAV_STATE_CRITICAL
     assert client.arm() == FAILED
+    receiver = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+    assert client.wait("SYS_STATUS", lambda m: not m.onboard_control_sensors_health & receiver)
     client.set_parameter("SIM_RC_FAIL", 0)
     client.wait_text("Radio Failsafe Cleared")
+    assert client.wait("SYS_STATUS", lambda m: m.onboard_control_sensors_health & receiver)
     client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 0)
 
 
