@@ -64,11 +64,6 @@ class Left:
         """Whether it is worth a question."""
         return self.loudness > LOUD
 
-    def keeps(self, share: float, before: Left) -> bool:
-        """Whether it is more than a share of what stood out before, either way."""
-        now, then = (self.allowed, self.plain), (before.allowed, before.plain)
-        return all(n - 1.0 > share * (t - 1.0) for n, t in zip(now, then, strict=True))
-
 
 @dataclass(frozen=True, eq=False)
 class Round:
@@ -252,9 +247,13 @@ def _astray(first: Round, current: Round, wanting: Sequence[Trial]) -> bool:
 
 
 def _little_explained(first: Round, after: Mapping[str, Left], share: float = LEFT) -> bool:
-    """True where much is left, and in no channel less than a share of what stood out there."""
+    """True where much is left: in no channel that was loud less than a share of what stood out there, and
+    in one of them no less either where nothing is allowed for, which hides a small effect."""
     much = any(left.loud for left in after.values())
-    return much and all(after[c].keeps(share, before) for c, before in first.left.items() if before.loud)
+    pairs = [(after[c], before) for c, before in first.left.items() if before.loud]
+    allowed = all(now.loudness - 1.0 > share * (then.loudness - 1.0) for now, then in pairs)
+    plain = any(now.plain - 1.0 > share * (then.plain - 1.0) for now, then in pairs)
+    return much and allowed and (plain or not pairs)
 
 
 def _little_scatter_taken(first: Round, last: Round) -> bool:
