@@ -12,6 +12,7 @@ from math import nan, radians
 from rover_sweep.bench.drive import Keep
 from rover_sweep.bench.programme import Movement
 from rover_sweep.errors import UsageError
+from rover_sweep.typed_ahead import forget_typed
 
 LARGEST = 60.0  # deg
 _YES = ("y", "yes")
@@ -44,11 +45,13 @@ class Terminal:
         self._say(f"\n{movement.name}: {movement.words}\n{stops}")
         if self._unasked:
             return True
+        self._forget()
         self._say("wheels off the ground, hands and cables clear? yes moves, anything else leaves it out:")
         return self._line(keep).strip().lower() in _YES
 
     def angle(self, number: int, of: int, offset: float, keep: Keep) -> tuple[float, str]:
         """Asked until an angle is typed; an empty line leaves it out."""
+        self._forget()
         self._say(f"{number}/{of}, {offset:+.0f} us: angle of the wheel [deg], l or r (empty: none)")
         while True:
             typed = self._line(keep).strip()
@@ -60,6 +63,12 @@ class Terminal:
             self._say(
                 f"{typed!r} is no angle of up to {LARGEST:g} deg such as 12.5l, 3 r or -4 (left positive)"
             )
+
+    def _forget(self) -> None:
+        """What was typed before a question, at a terminal."""
+        if sys.stdin.isatty():
+            self._pending = b""
+            forget_typed()
 
     def _line(self, keep: Keep) -> str:
         """A line of stdin; meanwhile the link is kept going. UsageError where nobody can answer any more."""

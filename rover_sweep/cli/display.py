@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from rover_sweep.typed_ahead import forget_typed
 from rover_sweep.vehicle import events as e
 
 if TYPE_CHECKING:
@@ -59,9 +60,11 @@ class PlainDisplay:
         self.console.print(Text(text, style), soft_wrap=not self.console.is_terminal)
 
     def ask(self, question: str) -> None:
-        """Wait for Enter. KeyboardInterrupt where the answer is Ctrl-C, or no terminal is left."""
+        """Wait for a typed y. KeyboardInterrupt where the answer is Ctrl-C, or no terminal is left."""
+        forget_typed()
         try:
-            self.console.input(f"{question} ", markup=False)
+            while self.console.input(f"{question} ", markup=False).strip().lower() not in ("y", "yes"):
+                self.say("type y and Enter to start it, or Ctrl-C to end")
         except EOFError:
             raise KeyboardInterrupt from None
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.asking import confirmed
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -95,11 +96,11 @@ def install(name: str, connect: str, yes: bool) -> int:
         _show(found, whole=False)
         if found.fits:
             return 0
-        if not yes and not click.confirm(f"Make {found.vehicle.firmware} fit?", err=True):
+        if not yes and not confirmed(f"Make {found.vehicle.firmware} fit?"):
             return 1
 
         def may_reboot(because: tuple[str, ...]) -> bool:
-            return yes or click.confirm(f"Reboot the rover, for {', '.join(because)}?", err=True)
+            return yes or confirmed(f"Reboot the rover, for {', '.join(because)}?")
 
         display = PlainDisplay(narration(), talk=True)
         for event in bring(link, wanted, applet_path(), not found.applet.current, may_reboot):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.asking import confirmed
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -85,10 +86,10 @@ def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
         found = _differences(link, wanted, via)
         _show(found, file, as_json)
         count = sum(d.found is not None for d in found)
-        consent = yes or not count or click.confirm(f"Set {count} parameters?", err=True)
+        consent = yes or not count or confirmed(f"Set {count} parameters?")
 
         def may_reboot(because: tuple[str, ...]) -> bool:
-            return yes or click.confirm(f"Reboot the rover, for {', '.join(because)}?", err=True)
+            return yes or confirmed(f"Reboot the rover, for {', '.join(because)}?")
 
         display = PlainDisplay(narration(), talk=True)
         for event in bring(link, parameter_source(link, via), found, may_reboot, _NOTES) if consent else ():
@@ -114,6 +115,8 @@ def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
     from rover_sweep.vehicle.sources import parameter_source
 
     refuse_no_folder(file)
+    if file != "-" and Path(file).is_file():
+        raise UsageError(f"{file} is there already and is kept; give another name")
     with _link(connect) as link:
         vehicle = identify_vehicle(link)
         await_booted(link, _wait)
@@ -148,7 +151,7 @@ def _differences(link: Link, wanted: Sequence[WantedParameter], via: Via) -> lis
 
 
 def _wait(seconds: float) -> None:
-    click.echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its whole list", err=True)
+    click.echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its whole list")
 
 
 _FEW = 100  # parameters that are asked for one by one; all 1300 come in the time of 30

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.asking import confirmed
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def _fix(link: Link, checks: Sequence[Check], name: str, folder: Path, yes: bool
     if check is None or check.remedy is None:
         console.print(f"{name}: nothing to put right", markup=False)
         return
-    if not check.remedy.by_hand and not yes and not click.confirm(f"{name}: {check.remedy.words}?", err=True):
+    if not check.remedy.by_hand and not yes and not confirmed(f"{name}: {check.remedy.words}?"):
         return
     display = PlainDisplay(console, talk=True)
     for event in remedy(link, check, reboot=check.remedy.reboot, folder=folder):

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.errors import UsageError
+
 if TYPE_CHECKING:
     from rover_sweep.live.played import PlayedSource
     from rover_sweep.live.source import Told
@@ -29,6 +31,9 @@ def replay(log: str, speed: float | None, start: float, text: bool) -> None:
     from rover_sweep.live.played import PlayedSource
 
     as_text = text or not (narration().is_terminal and results().is_terminal)
+    for name, value in (("--speed", speed or 1.0), ("--from", start)):
+        if not math.isfinite(value):
+            raise UsageError(f"{name} is {value}; give a number")
     source = PlayedSource(log, speed or (math.inf if as_text else 1.0), start)
     if as_text:
         as_lines(source)

@@ -152,6 +152,6 @@ def _asking(settings: RunSettings) -> Callable[[PlainDisplay, Event], None]:
 
     def answer(display: PlainDisplay, event: Event) -> None:
         if isinstance(event, RunStarted) and settings.arm and sys.stdin.isatty():
-            display.ask(f"{event.name} arms the rover: is the ground free? Enter starts it, Ctrl-C ends")
+            display.ask(f"{event.name} arms the rover: is the ground free? y starts it, Ctrl-C ends")
 
     return answer

@@ -61,7 +61,7 @@ def resume(
         from rover_sweep.vehicle.events import RunStarted
 
         if isinstance(event, RunStarted) and arm and sys.stdin.isatty():
-            display.ask(f"{event.name} arms the rover: is the ground free? Enter starts it, Ctrl-C ends")
+            display.ask(f"{event.name} arms the rover: is the ground free? y starts it, Ctrl-C ends")
 
     announce(plan, folder)
     events = drive(connect, folder, plan, vehicle_file=path)

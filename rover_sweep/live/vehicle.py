@@ -181,6 +181,10 @@ class VehicleSource:
         try:
             for told in self._connect(self._url, _TRY_FOR):
                 self._tell(told)
+        except Aborted:  # there is nothing to let go yet; whoever is found armed is disarmed
+            self._drop_link()
+            self._lost = True
+            raise
         except LinkError:
             self._drop_link()
             self._lost = True

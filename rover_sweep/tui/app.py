@@ -142,7 +142,7 @@ class SweepApp(SessionApp):
 
     def action_leave(self) -> None:
         """During a run it ends that; once more it leaves."""
-        if self.state.under_way:
+        if self.state.under_way and not self.state.aborting:
             self.action_abort()
         else:
             self.exit()

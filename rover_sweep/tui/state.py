@@ -101,8 +101,9 @@ class State:
 
     @property
     def under_way(self) -> bool:
-        """Whether there is something to abort: a run of ours, or an applet that steers on a live vehicle."""
-        return self.played is None and (self.driving is not None or 0 < self.applet < 10)
+        """Whether there is something to abort: a run of ours, or an applet that is heard to steer."""
+        steers = 0 < self.applet < 10 and not self.lost
+        return self.played is None and (self.driving is not None or steers)
 
     @property
     def busy(self) -> bool:
@@ -133,7 +134,7 @@ def reduce(state: State, told: Told | Own) -> State:
         case Asked():
             return _asked(state, told.request)
         case AbortAsked():
-            return replace(_said(state, "warning", "abort"), aborting=True)
+            return replace(_said(state, "warning", "abort"), aborting=state.under_way)
         case Began():
             return state if told.request in state.asked else _asked(state, told.request)
         case Ended():
@@ -143,7 +144,8 @@ def reduce(state: State, told: Told | Own) -> State:
         case Judged():
             return _judged(state, told.verdict)
         case Lost():
-            return replace(_said(state, "error", f"link lost: {told.reason}"), lost=told.reason)
+            state = replace(state, lost=told.reason, aborting=state.aborting and state.driving is not None)
+            return _said(state, "error", f"link lost: {told.reason}")
         case Played():
             return replace(state, played=told)
         case _:

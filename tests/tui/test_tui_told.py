@@ -9,8 +9,8 @@ from pathlib import Path
 from scripted_source import ROVER, SWEEP, TLOG, snapshot
 
 from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.source import Preflight
-from rover_sweep.session_folder.content import Content, DrivenRun, FetchedLog
+from rover_sweep.live.source import Drive, Lost, Preflight
+from rover_sweep.session_folder.content import Content, DrivenRun, FetchedLog, PlannedRun
 from rover_sweep.tui.analysis import Job
 from rover_sweep.tui.desk import Desk
 from rover_sweep.tui.earlier import logs, records
@@ -18,9 +18,12 @@ from rover_sweep.tui.palette import LIGHT
 from rover_sweep.tui.plan_rows import Row
 from rover_sweep.tui.screens.frame import message, status
 from rover_sweep.tui.screens.plan import driven
-from rover_sweep.tui.state import Asked, RunRecord, State, reduced
+from rover_sweep.tui.state import AbortAsked, Asked, RunRecord, State, reduced
 from rover_sweep.tui.summary import summary_of
 from rover_sweep.vehicle.events import Connected, Rebooting
+from rover_sweep.vehicle.run import RunSettings
+
+DRIVE = Drive(PlannedRun("sweep1", SWEEP, 2.0), RunSettings())
 
 
 def done(kind: str, out: str) -> Job:
@@ -105,3 +108,13 @@ def test_a_status_row_ends_with_a_whole_word() -> None:
         assert "last heard:  ARMED" in row
         if width >= 60:
             assert row.rstrip().endswith(("HIGH", "%", "14", "ok", "messages/s", "MB")), row
+
+
+def test_a_link_that_is_lost_leaves_nothing_to_abort_but_a_run_of_ours() -> None:
+    steering = replace(snapshot(3.0), state=6)
+    heard = reduced(State(), (steering,))
+    assert heard.under_way
+    lost = reduced(heard, (Lost("nothing was heard for 3 s"), AbortAsked()))
+    assert not lost.under_way and not lost.aborting
+    driving = reduced(State(), (Asked(DRIVE), steering, Lost("nothing was heard for 3 s"), AbortAsked()))
+    assert driving.under_way and driving.aborting

@@ -1,0 +1,26 @@
+"""What was typed before a question was asked is no answer to it."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+
+
+def forget_typed() -> None:
+    """Drop what waits at the terminal: a key pressed meanwhile must not move a vehicle. A pipe is let be."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        if sys.stdin.isatty():
+            _flush()
+
+
+def _flush() -> None:
+    try:
+        import termios
+    except ImportError:  # Windows
+        import msvcrt
+
+        while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
+            msvcrt.getwch()  # type: ignore[attr-defined,unused-ignore]
+        return
+    with contextlib.suppress(termios.error):
+        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
