@@ -127,9 +127,13 @@ class PlayedSource:
         self._tell(Ended(request))
 
     def _jump(self, at: float) -> None:
-        """Tells what is the case where it lands, not what lies between."""
+        """Tells what is the case where it lands, no more; and of a run that it leaves, how it ended."""
+        left = self._place()
         self.at = min(max(at, 0.0), self.track.length)
         self.track.seek(self.at)
+        if left is not None and self.at >= left.end:
+            self._tell(left.run.finished)
+            self._tell(Judged(left.run.verdict))
         place = self._place()
         if place is not None:
             self._tell(place.run.started)

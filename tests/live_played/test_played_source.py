@@ -116,6 +116,17 @@ def test_jumps_land_where_they_should_and_say_what_is_there(screens: list[Screen
     assert len(screen.all(Judged)) == 1
 
 
+def test_a_jump_past_the_end_of_a_run_tells_its_verdict(screens: list[Screen], data: Path) -> None:
+    screen = shown(screens, data / f"{APPLET}.tlog", rate=0.0, at=40.0)
+    screen.until(lambda: bool(screen.all(Played)))
+    screen.source.ask(Play(at=math.nextafter(screen.source.track.length, 0.0)))
+    screen.until(lambda: bool(screen.all(Judged)))
+    assert screen.all(Judged)[0].verdict.run == screen.all(RunStarted)[0].name
+    screen.source.ask(Play(rate=math.inf))
+    screen.until(screen.at_the_end)
+    assert len(screen.all(Judged)) == 1
+
+
 def test_what_only_a_vehicle_could_do_is_refused_in_words(screens: list[Screen], data: Path) -> None:
     screen = shown(screens, data / f"{APPLET}.BIN", rate=1.0)
     screen.source.ask(Preflight())
