@@ -24,8 +24,8 @@ from rover_sweep.tui.analysis import Job
 from rover_sweep.tui.desk import Desk, has_command, recordings
 from rover_sweep.tui.feed import Feed
 from rover_sweep.tui.palette import DARK, LIGHT, Palette
+from rover_sweep.tui.places import Place, places
 from rover_sweep.tui.plan_rows import FIRST, SPEED, Row, ground, named
-from rover_sweep.tui.screens.connect import Place, places
 from rover_sweep.tui.screens.question import Question
 from rover_sweep.tui.setup import Setup, recall, remember, serial_ports, with_url
 from rover_sweep.tui.state import Asked, RunRecord, State, reduce

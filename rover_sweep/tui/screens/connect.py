@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from rich.text import Text
 from textual.binding import Binding
 
@@ -11,28 +9,6 @@ from rover_sweep.tui.drawing import Rows, window
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.typing import Typing
 from rover_sweep.tui.setup import Setup
-
-USUAL = ("udp:127.0.0.1:14550", "tcp:127.0.0.1:5760")
-
-
-@dataclass(frozen=True)
-class Place:
-    """A connection that can be chosen, and where it comes from."""
-
-    url: str
-    origin: str
-
-
-def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> tuple[Place, ...]:
-    """Each once, the likeliest first."""
-    found: dict[str, str] = {}
-    for urls, origin in (
-        ((given,) if given else (), "command line"), (remembered, "used before"),
-        (ports, "plugged in"), (USUAL, "usual"),
-    ):  # fmt: skip
-        for url in urls:
-            found.setdefault(url, origin)
-    return tuple(Place(url, origin) for url, origin in found.items())
 
 
 class ConnectScreen(SessionScreen):
