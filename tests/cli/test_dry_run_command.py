@@ -69,9 +69,11 @@ def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(
 ) -> None:
     """As in the background of a script, where Ctrl-C is ignored from the start."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    hangup = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it ends nothing
     command = [sys.executable, "-m", "rover_sweep", "dry-run", "--out", str(tmp_path / "x")]
     program = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGHUP, hangup)
     assert program.stderr is not None
     with program.stderr as err:
         lines = []

@@ -47,7 +47,7 @@ class Engine:
 
     def make_plan(
         self, runs: Any, rover: Any, rad_per_us: float, limits: Any, wanted: Any = (), spread: Any = None,
-        driven: Any = None, progress: Any = None,
+        driven: Any = None, progress: Any = None, settled: Any = None,
     ) -> Plan:  # fmt: skip
         self.given = {"runs": runs, "rover": rover, "rad_per_us": rad_per_us, "limits": limits,
                       "wanted": wanted, "spread": spread, "driven": driven}  # fmt: skip
