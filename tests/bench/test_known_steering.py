@@ -172,7 +172,7 @@ def driven(variant: Path, folder: Path) -> str:
 def test_a_bench_takes_the_look_alikes_out_of_a_diagnosis(
     on_blocks: OnBlocks, vehicle_toml: Path, tmp_path: Path
 ):
-    """Play, an uneven gain and a slow servo stand before what else there is; benched, the tyres alone remain."""
+    """Play, an uneven gain and a slow servo stand before what else there is; benched, the tyres alone."""
     wheel, without = tmp_path / "imu.csv", tuple(effect for effect in library() if effect not in NAMED)
     url = on_blocks("--wheel", str(wheel))  # writes the variant as well
     sweep = driven(tmp_path / "variant.toml", tmp_path)
