@@ -151,7 +151,7 @@ def _differences(link: Link, wanted: Sequence[WantedParameter], via: Via) -> lis
 
 
 def _wait(seconds: float) -> None:
-    click.echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its whole list")
+    click.echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its whole list", err=True)
 
 
 _FEW = 100  # parameters that are asked for one by one; all 1300 come in the time of 30
