@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rover_sweep.identify.geometry import GRAVITY, Geometry
-from rover_sweep.identify.recording import LowPass, Recording
+from rover_sweep.identify.recording import AT_LOOP, LowPass, Recording
 
 if TYPE_CHECKING:
     from rover_sweep.diagnosis.candidates import Model
@@ -120,6 +120,8 @@ def augmented(
 
 
 def _wait(run: Recording) -> float:
-    """Half a main loop [s], where the command was logged when it was set: the gyro is logged every loop."""
-    told = run["delta"].hold and SLOWEST_LOOP <= run["r"].rate <= FASTEST_LOOP
+    """Half a main loop [s], where the command stands where it was set: the gyro is logged every loop."""
+    steering = run["delta"]
+    waited = steering.hold and not steering.source.endswith(AT_LOOP)
+    told = waited and SLOWEST_LOOP <= run["r"].rate <= FASTEST_LOOP
     return 0.5 / run["r"].rate if told else 0.0

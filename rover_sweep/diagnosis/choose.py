@@ -67,10 +67,14 @@ class Left:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """A model fitted in the metric of an ordinary rover, and every effect tried beside it."""
+    """A model fitted in the metric of an ordinary rover, and every effect tried beside it.
+
+    closest: the fit that comes closest to the recordings, in which nothing else is allowed for.
+    """
 
     model: Model
     problem: Problem
+    closest: Fitted
     fitted: Fitted
     trials: tuple[Trial, ...]
     thresholds: Null
@@ -180,11 +184,11 @@ def round_of(
 ) -> Round:
     """One round: the model fitted, in the metric of what every rover has, and each candidate tried."""
     options.progress("fitting the model", 0.0)
-    plain, fitted = begun(runs, model, start, near)
-    tiny = signatures(plain, fitted, model, possible(model, runs)[0], tiny=True) + wander(plain, fitted)
+    plain, closest = begun(runs, model, start, near)
+    tiny = signatures(plain, closest, model, possible(model, runs)[0], tiny=True) + wander(plain, closest)
     metric = plain.in_metric(columns(tiny, plain.size))
-    known = replace(fitted, jacobian=metric.of(fitted.jacobian))
-    fitted = sensitivities(metric, fit(metric, model.structure, model.free, fitted.x, known=known))
+    known = replace(closest, jacobian=metric.of(closest.jacobian))
+    fitted = sensitivities(metric, fit(metric, model.structure, model.free, closest.x, known=known))
     effects, unseen = possible(model, runs, options.only, options.without)
     tang = tangent(fitted)
     seen = signatures(metric, fitted, model, effects)
@@ -194,7 +198,7 @@ def round_of(
     needed = thresholds.thresholds
     trials = all_tried(metric, fitted, tang, model, effects, needed, options.progress, options.stop)
     trials = all_polished(metric, fitted, trials, needed, options.stop)
-    return Round(model, metric, fitted, tuple(trials), thresholds, tang, tuple(in_metric), unseen)
+    return Round(model, metric, closest, fitted, tuple(trials), thresholds, tang, tuple(in_metric), unseen)
 
 
 def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options) -> Choice:

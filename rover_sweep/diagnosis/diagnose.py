@@ -113,8 +113,6 @@ def _answer(
     choice: Choice, used: Sequence[Experiment], fresh: Sequence[Experiment], settings: DiagnosisSettings
 ) -> Diagnosis:
     first, last = choice.first, choice.last
-    plain = first.problem.plain
-    rows = plain.measured - plain.model(first.model.structure, first.fitted.x)
     drawn = draws(last, settings.seed)
     whole = Modelled(first.model, first.fitted.x), Modelled(last.model, last.fitted.x)
     floor = last.problem.floor
@@ -138,7 +136,7 @@ def _answer(
             findings += (speed_finding(lost, whole[1], unused),) if lost.found else ()
     if [f.effect for f in findings] == [SPEED]:  # nothing else changed the model
         shown = findings[0].held_out
-    places = mismatches(plain, rows)
+    places = mismatches(first.problem.plain, first.closest.rows)
     left = None if choice.stopped else unknown(last, bool(findings), settings.seed) or slower
     if not (left or findings or choice.stopped):
         left = standing_out(places)

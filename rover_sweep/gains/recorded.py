@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rover_sweep.identify.recording import AT_LOOP
+
 SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
 
 
@@ -12,12 +14,13 @@ def wait(run: Mapping[str, Any]) -> float:
     """How long the recorded command waited for the main loop, which the controller's output does not, s.
 
     The applet logs its command when it sets it; the servo gets it with the next main loop, half a period
-    later on average (`AP_MotorsUGV::output` calls the one push a loop). A command out of SERVO_OUTPUT_RAW or
-    RCOU was logged when it went out.
+    later on average (`AP_MotorsUGV::output` calls the one push a loop). Nothing where the command was put at
+    the main loops when the log was read, or was logged when it went out (SERVO_OUTPUT_RAW, RCOU).
     """
     main = loop(run)
-    commanded = run["channels"].get("delta", {}).get("source", "").startswith("SWEP")
-    return 0.5 / main if main and commanded else 0.0
+    source = run["channels"].get("delta", {}).get("source", "")
+    waited = source.startswith("SWEP") and not source.endswith(AT_LOOP)
+    return 0.5 / main if main and waited else 0.0
 
 
 def loop(run: Mapping[str, Any]) -> float | None:

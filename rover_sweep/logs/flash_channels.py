@@ -33,6 +33,7 @@ from rover_sweep.logs.log import (
     source_of,
     vehicle_of,
 )
+from rover_sweep.logs.main_loop import main_loops
 
 Rows = NDArray[np.void]
 
@@ -80,6 +81,7 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
         signals=signals,
         steering=tuple(s for s in (fine and joined_steering(fine, coarse), coarse) if s is not None),
         applet=_applet(flash),
+        loops=_loops(flash, parameters),
         marks=marks,
         parameters=parameters,
         filters={c: f for c, f in known.items() if c in signals},
@@ -249,6 +251,13 @@ def _output(flash: DataFlash, channel: int) -> Signal | None:
     return None
 
 
+def _loops(flash: DataFlash, parameters: Mapping[str, float]) -> Array | None:
+    if not flash.has("IMU"):
+        return None
+    stamps, _ = increasing(flash.seconds("IMU", _first_instance(flash, "IMU", "I")))
+    return main_loops(stamps, parameters)
+
+
 def _applet(flash: DataFlash) -> AppletRows | None:
     if not flash.has("SWEP", "Run", "St", "T"):
         return None
@@ -262,8 +271,7 @@ def _applet(flash: DataFlash) -> AppletRows | None:
 def _applet_steering(flash: DataFlash) -> Signal | None:
     """The staircase that the applet put out: SWEP.Out as read back, Cmd where Out is not the servo's.
 
-    Out is read right after it was set, and reaches the servo at the next main loop; that wait is left
-    to the identified time-delay.
+    Out is read right after it was set, and reaches the servo at the next main loop.
     """
     if not flash.has("SWEP", "Cmd", "Out"):
         return None

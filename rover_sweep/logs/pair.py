@@ -40,6 +40,7 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
         signals={**flash.signals, **borrowed},
         steering=ranked_steering(flash, match),
         applet=flash.applet,
+        loops=flash.loops,
         marks=flash.marks or match.marks,
         parameters={**match.parameters, **flash.parameters},
         filters={**{c: f for c, f in filters.items() if c in borrowed}, **flash.filters},

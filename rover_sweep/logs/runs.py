@@ -23,6 +23,7 @@ from rover_sweep.logs.applet import (
 )
 from rover_sweep.logs.completeness import completeness_notes, refuse_stump
 from rover_sweep.logs.log import AppletRows, Array, Log
+from rover_sweep.logs.main_loop import at_main_loops
 from rover_sweep.logs.screen import without_dead_channels
 from rover_sweep.logs.wave import (
     CONSTANT,
@@ -172,7 +173,7 @@ def _by_activity(log: Log) -> Iterator[Window]:
 def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count: int) -> Recording:
     steering = log.steering[0]
     channel = "delta" if steering.unit == "rad" else "pwm"
-    signals = {channel: steering, **log.signals}
+    signals = {channel: at_main_loops(steering, log.loops), **log.signals}
     first = max(s.t[0] for s in signals.values() if s.t.size)
     last = min(s.t[-1] for s in signals.values() if s.t.size)
     kind = kind_of(steering, window.start, window.end)

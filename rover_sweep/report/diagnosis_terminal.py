@@ -48,6 +48,11 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
     )
     if found.mismatch:
         yield rich_table(mismatch_table(found))
+    elif found.findings:
+        yield Sentence(
+            "Simulation and recording differ nowhere plainly beyond the noise floor: the nominal parameters "
+            "take up what was left out."
+        )
     if found.findings:
         yield rich_table(finding_table(found))
         yield from (_explained(f) for f in found.findings)

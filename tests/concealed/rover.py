@@ -50,7 +50,7 @@ class Rover:
 class Nuisance:
     """The small mismatches every set has; SI.
 
-    servo_lag [s], delay [s] (whole, with the wait for the main loop); trim [rad] of the road wheel;
+    servo_lag [s], delay [s] (from the main loop on that put the pulse out); trim [rad] of the road wheel;
     gyro_lag, accel_lag, ekf_lag [s] first order; speed_scale -; ay_bias [m/s^2], gyro_bias [rad/s] (x, z);
     heading_error [rad]; file_*: what the vehicle file says relative to the truth.
     """

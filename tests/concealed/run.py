@@ -124,9 +124,9 @@ def speed_wanted(drive: Drive, t: Array) -> Array:
 
 
 def road_wheel(rover: Rover, off: Nuisance, t: Array, steering: Steering, hidden: Hidden) -> Array:
-    """Road-wheel angle (n,) rad: the PWM waits for the main loop and the delay, then servo and linkage."""
-    delay = part(hidden, "transport_delay", "T", off.delay) - LOOP / 2  # the wait for the loop is part of it
-    taken = np.ceil(steering.t / LOOP) * LOOP + max(delay, 0.0)
+    """Road-wheel angle (n,) rad: the PWM waits for the main loop, then for the delay, servo and linkage."""
+    delay = part(hidden, "transport_delay", "T", off.delay)
+    taken = np.ceil(steering.t / LOOP) * LOOP + delay
     k = np.searchsorted(taken, t, "right") - 1
     pwm = np.where(k >= 0, steering.out[np.maximum(k, 0)], 1500.0)
     u = -(pwm - 1500.0) * rover.rad_per_us

@@ -48,7 +48,8 @@ def simulated(whole: AugmentedModel) -> Mapping[str, np.ndarray]:
 
 def recorded(whole: AugmentedModel, folder: Path) -> Recording:
     """What the plant with that variant records on smooth ground."""
-    path = on_smooth_ground(variant_text(whole), folder)
+    no_wait = replace(whole, wait=0.0)  # a log's commands stand where the servo got them
+    path = on_smooth_ground(variant_text(no_wait), folder)
     (log,) = read_logs(str(RUN))
     out = folder / "out.BIN"
     redrive(course_of(log), on_the_clock(load_variant(path), [recording()]), out)

@@ -199,8 +199,10 @@ def test_play_that_the_bench_took_out_is_said_to_be_no_part_of_the_loop(document
     assert any("play (0.012 rad to either side)" in remark for remark in remarks)
 
 
-def test_the_wait_for_the_main_loop_is_taken_off_the_delay(document: Any):
+def test_a_command_where_it_was_set_waited_for_the_main_loop_and_that_is_off_the_delay(document: Any):
     tau = roll_yaw(document)["variants"]["Cf and Cr free"]["parameters"]["tau"]["value"]
-    assert from_identification(document).structure.values["tau"] == pytest.approx(tau - 0.005)
-    document["runs"][0]["channels"]["delta"]["source"] = "SERVO_OUTPUT_RAW.servo1_raw"
-    assert from_identification(document).structure.values["tau"] == pytest.approx(tau)
+    delta = document["runs"][0]["channels"]["delta"]
+    assert delta["source"] == "SWEP.Out at the main loop"
+    for source, wait in ((delta["source"], 0.0), ("SWEP.Out", 0.005), ("SERVO_OUTPUT_RAW.servo1_raw", 0.0)):
+        delta["source"] = source
+        assert from_identification(document).structure.values["tau"] == pytest.approx(tau - wait)

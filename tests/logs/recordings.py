@@ -11,6 +11,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 DATA = REPOSITORY / "tests" / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
 DEFAULTS = DATA / "ardurover-4.6.3" / "defaults"
+APPLET = DATA / "ardurover-4.6.3" / "applet"
 STOCK = DATA / "ardurover-4.6.3" / "stock"
 OLDER = DATA / "ardurover-4.5.7" / "nominal"
 

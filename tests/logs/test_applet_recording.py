@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from recordings import DATA
+from recordings import APPLET, DATA
 
 import rover_sweep as rs
 from rover_sweep.identify.recording import Recording
@@ -14,7 +14,6 @@ from rover_sweep.identify.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.logs.dataflash import open_dataflash
 
-APPLET = DATA / "ardurover-4.6.3" / "applet"
 SWEEP, DOUBLET = Sweep(amplitude=150, t_rec=55), Doublet(amplitude=150)
 TRUE_C, TRUE_IZZ = (31.0 + 33.5) / 2, 0.071
 MESSAGES = {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER", "MODE", "ARM", "EV"}
@@ -99,7 +98,7 @@ def test_run_is_found_with_standstill_straight_stretches_and_filters(
     assert {c: f.cutoff_hz for c, f in found.filters.items()} == {"r": 20.0, "p": 20.0, "ay": 20.0}
     assert found.mean_speed == pytest.approx(2.21, abs=0.03)
     pwm = found.manoeuvre("pwm")
-    assert pwm.source == "SWEP.Out" and pwm.hold
+    assert pwm.source == "SWEP.Out at the main loop" and pwm.hold
     assert np.ptp(pwm.x) == pytest.approx(300, abs=4)
 
 

@@ -61,8 +61,10 @@ def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
     ]
 
 
+# a shell leaves SIGINT ignored in what it starts in the background
 _STATION = """
-import sys, pathlib
+import sys, pathlib, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from rover_sweep.vehicle.dry_run import DryRun, dry_run
 from rover_sweep.vehicle.events import StateChanged
 for event in dry_run(DryRun(url=sys.argv[1], consent=True), pathlib.Path(sys.argv[2])):
