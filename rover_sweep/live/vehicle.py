@@ -118,10 +118,10 @@ class VehicleSource:
         request = self._next(0.0 if self._link else _IDLE)
         if request is not None:
             self._carry_out(request)
-        elif self._link is not None:
-            self._link.receive(_IDLE)
         elif self._lost:
             self._find_again()
+        elif self._link is not None:
+            self._link.receive(_IDLE)
 
     def _next(self, wait: float) -> Request | None:
         try:
@@ -148,8 +148,9 @@ class VehicleSource:
 
     def _doing(self, request: Request) -> Iterator[Told]:
         if isinstance(request, Connect):
+            self._lost = False  # another was chosen; where that one fails, none is looked for
             return self._connect(request.url)
-        if self._link is None:
+        if self._link is None or self._lost:
             raise UsageError("no vehicle is connected")
         match request:
             case Preflight():
@@ -166,7 +167,6 @@ class VehicleSource:
 
     def _connect(self, url: str, timeout: float = 15.0) -> Iterator[Told]:
         self._drop_link()
-        self._lost = False
         self._telemetry = Telemetry()
         opened = Link.open(url, self.session.between(), timeout, self._line, self._tick)
         self._link, self._url = opened, url
@@ -176,19 +176,18 @@ class VehicleSource:
         except UsageError:  # not the vehicle of this session
             self._drop_link()
             raise
+        self._lost = False  # not before: greeting disarms what a run left armed, and an abort may cut it
 
     def _find_again(self) -> None:
         try:
             for told in self._connect(self._url, _TRY_FOR):
                 self._tell(told)
-        except Aborted:  # there is nothing to let go yet; whoever is found armed is disarmed
-            self._drop_link()
-            self._lost = True
-            raise
         except LinkError:
             self._drop_link()
-            self._lost = True
             self._closing.wait(_TRY_EVERY)
+        except RoverSweepError:  # the disk is full, or it is another vehicle: trying again does not help
+            self._lost = False
+            raise
 
     def _has_lost(self, why: LinkError) -> None:
         self._drop_link()
