@@ -255,14 +255,19 @@ def _little_explained(first: Round, after: Mapping[str, Left], share: float = LE
     in one of them no less either where nothing is allowed for, which hides a small effect."""
     much = any(left.loud for left in after.values())
     pairs = [(after[c], before) for c, before in first.left.items() if before.loud]
-    allowed = all(now.loudness - 1.0 > share * (then.loudness - 1.0) for now, then in pairs)
-    plain = any(now.plain - 1.0 > share * (then.plain - 1.0) for now, then in pairs)
+    allowed = all(_stays(now.loudness, then.loudness, share) for now, then in pairs)
+    plain = any(_stays(now.plain, then.plain, share) for now, then in pairs)
     return much and allowed and (plain or not pairs)
 
 
 def _little_scatter_taken(first: Round, last: Round) -> bool:
     """True where the rows scatter beyond their noise by more than a share of what they did."""
-    return last.fitted.overdispersion - 1.0 > LEFT * (first.fitted.overdispersion - 1.0)
+    return _stays(last.fitted.overdispersion, first.fitted.overdispersion, LEFT)
+
+
+def _stays(now: float, then: float, share: float) -> bool:
+    """True where more than a share of what stood out of the noise, of a mean square of 1, is still there."""
+    return now - 1.0 > share * (then - 1.0)
 
 
 def _rival(trial: Trial, best: Trial) -> bool:
