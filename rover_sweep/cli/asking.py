@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import click
 
 from rover_sweep.typed_ahead import forget_typed
@@ -11,3 +13,8 @@ def confirmed(question: str) -> bool:
     """Asked on stderr; what was typed before is no answer."""
     forget_typed()
     return click.confirm(question, err=True)
+
+
+def reboot_consent(given: bool) -> Callable[[tuple[str, ...]], bool]:
+    """Consent to a reboot for some reasons, asked when it is due; given: beforehand, for every one."""
+    return lambda because: given or confirmed(f"Reboot the rover, for {', '.join(because)}?")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.options import NumbersType, vehicle_path
+from rover_sweep.cli.vehicle_link import URL_HELP
 from rover_sweep.errors import RoverSweepError, UsageError
 
 if TYPE_CHECKING:
@@ -24,9 +25,7 @@ STEPS = (50.0, 100.0, 150.0)
 
 
 @click.command()
-@click.option(
-    "--connect", metavar="URL", help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200."
-)
+@click.option("--connect", metavar="URL", help=URL_HELP)
 @click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
               help="Vehicle file, read and written (default: rover.toml here).")  # fmt: skip
 @click.option("--hand", is_flag=True, help="Angles of the wheel are read by hand and typed.")

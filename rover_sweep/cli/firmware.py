@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import sys
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.asking import confirmed
+from rover_sweep.cli.asking import confirmed, reboot_consent
+from rover_sweep.cli.vehicle_link import connect_option, unkept_link
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from firmware_params.check import WantedParameter
-    from rover_sweep.vehicle.link import Link
     from rover_sweep.vehicle.survey import Checked, Survey
 
 NAMES = ("identification", "raw_imu")
 _output = click.option(
     "-o", "--output", default="-", metavar="FILE", help="Where to write; stdout if not said."
 )
-_connect = click.option("--connect", required=True, metavar="URL",
-                        help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
 _name = click.argument("name", type=click.Choice(NAMES), default=NAMES[0])
 
 
@@ -58,7 +53,7 @@ def params(name: str, output: str) -> None:
 
 @firmware.command(short_help="Compare a rover with what is needed; changes nothing.")
 @_name
-@_connect
+@connect_option
 def check(name: str, connect: str) -> int:
     """Compare a rover's parameters and its applet with what is needed. Changes nothing.
 
@@ -66,7 +61,7 @@ def check(name: str, connect: str) -> int:
     """
     from rover_sweep.vehicle.survey import survey
 
-    with _link(connect) as link:
+    with unkept_link(connect) as link:
         found = survey(link, _wanted(name))
     _show(found)
     return 0 if found.fits else 1
@@ -74,7 +69,7 @@ def check(name: str, connect: str) -> int:
 
 @firmware.command(short_help="Bring applet and parameters onto a rover, after asking.")
 @_name
-@_connect
+@connect_option
 @click.option("--yes", is_flag=True, help="Do not ask, not before a reboot either.")
 def install(name: str, connect: str, yes: bool) -> int:
     """Bring the applet (by MAVLink FTP) and the parameters onto a rover.
@@ -91,7 +86,7 @@ def install(name: str, connect: str, yes: bool) -> int:
     if not yes and not sys.stdin.isatty():
         raise UsageError("there is no terminal to ask at: give --yes to install without questions")
     wanted = _wanted(name)
-    with _link(connect) as link:
+    with unkept_link(connect) as link:
         found = survey(link, wanted)
         _show(found, whole=False)
         if found.fits:
@@ -99,11 +94,8 @@ def install(name: str, connect: str, yes: bool) -> int:
         if not yes and not confirmed(f"Make {found.vehicle.firmware} fit?"):
             return 1
 
-        def may_reboot(because: tuple[str, ...]) -> bool:
-            return yes or confirmed(f"Reboot the rover, for {', '.join(because)}?")
-
         display = PlainDisplay(narration(), talk=True)
-        for event in bring(link, wanted, applet_path(), not found.applet.current, may_reboot):
+        for event in bring(link, wanted, applet_path(), not found.applet.current, reboot_consent(yes)):
             display.show(event)
         found = survey(link, wanted)
     _show(found, whole=False)
@@ -114,14 +106,6 @@ def _wanted(name: str) -> tuple[WantedParameter, ...]:
     from firmware_params.check import read, shipped
 
     return read(shipped(name))
-
-
-@contextmanager
-def _link(url: str) -> Iterator[Link]:
-    from rover_sweep.vehicle.link import Link
-
-    with tempfile.TemporaryDirectory() as folder, Link.open(url, Path(folder) / "firmware.tlog") as link:
-        yield link
 
 
 def _show(found: Survey, whole: bool = True) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.cli.vehicle_link import unkept_link
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.gains.firmware import DEFAULTS, SERVO_DEFAULTS, SERVO_OUTPUTS
 from rover_sweep.gains.identified import Identified, from_diagnosis, from_identification
@@ -45,14 +45,13 @@ def parameters_of(path: Path) -> dict[str, float]:
 
 
 def parameters_over(url: str) -> dict[str, float]:
-    """Those of a vehicle; only reads. The link is recorded into a temporary file."""
-    from rover_sweep.vehicle.link import Link
+    """Those of a vehicle; only reads."""
     from rover_sweep.vehicle.parameters import read_present
 
     names = set(DEFAULTS) | {
         f"SERVO{n}_{key}" for n in range(1, SERVO_OUTPUTS + 1) for key in ("FUNCTION", *SERVO_DEFAULTS)
     }
-    with tempfile.TemporaryDirectory() as folder, Link.open(url, Path(folder) / "parameters.tlog") as link:
+    with unkept_link(url) as link:
         found = read_present(link, names)
     if "ATC_STR_RAT_FF" not in found:
         raise LinkError(f"{url} has no ATC_STR_RAT_FF: is it a rover?")

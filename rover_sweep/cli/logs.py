@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import json
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link, via_option
+
 if TYPE_CHECKING:
-    from rover_sweep.vehicle.link import Link
     from rover_sweep.vehicle.log_download import LogEntry
     from rover_sweep.vehicle.log_fetch import FetchedFile
     from rover_sweep.vehicle.sources import Via
 
-_connect = click.option("--connect", required=True, metavar="URL",
-                        help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
-_json = click.option("--json", "as_json", is_flag=True, help="JSON on stdout, nothing else there.")
-_via = click.option("--via", type=click.Choice(["mavlink", "mavsdk"]), default="mavlink", show_default=True,
-                    help="Library that fetches; the same bytes come either way.")  # fmt: skip
+_via = via_option("Library that fetches; the same bytes come either way.")
 
 
 @click.group()
@@ -31,15 +25,15 @@ def logs() -> None:
 
 
 @logs.command("list", short_help="Which logs are on the card.")
-@_connect
-@_json
+@connect_option
+@json_option
 @_via
 def list_(connect: str, as_json: bool, via: Via) -> None:
     """List the logs on the card, oldest first."""
     from rover_sweep.cli.output import results
     from rover_sweep.vehicle.sources import log_source
 
-    with _link(connect) as link:
+    with unkept_link(connect) as link:
         entries = log_source(link, via).logs()
     if as_json:
         click.echo(json.dumps({"logs": [_told(e) for e in entries]}, indent=2))
@@ -53,11 +47,11 @@ def list_(connect: str, as_json: bool, via: Via) -> None:
 
 @logs.command(short_help="Bring logs here: a number, latest or all.")
 @click.argument("which", metavar="[NUMBER|latest|all]", default="latest")
-@_connect
+@connect_option
 @click.option(
     "--out", type=click.Path(file_okay=False), default=".", metavar="DIR", help="Folder; here if not said."
 )
-@_json
+@json_option
 @_via
 def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
     """Bring logs here as log<NUMBER>.BIN; what is here already is not fetched again.
@@ -74,7 +68,7 @@ def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
 
     console, fetched = results(as_json), list[FetchedFile]()
     check_writable(Path(out))
-    with _link(connect) as link:
+    with unkept_link(connect) as link:
         source = log_source(link, via)
         last = -1
         for event in bring(link, source, choose(settled(link, source), which), Path(out)):
@@ -119,11 +113,3 @@ def _when(entry: LogEntry) -> str:
         if entry.time_utc
         else "-"
     )
-
-
-@contextmanager
-def _link(url: str) -> Iterator[Link]:
-    from rover_sweep.vehicle.link import Link
-
-    with tempfile.TemporaryDirectory() as folder, Link.open(url, Path(folder) / "logs.tlog") as link:
-        yield link

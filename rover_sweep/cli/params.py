@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.asking import confirmed
+from rover_sweep.cli.asking import confirmed, reboot_consent
+from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link, via_option
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -21,11 +20,7 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.link import Link
     from rover_sweep.vehicle.sources import Via
 
-_connect = click.option("--connect", required=True, metavar="URL",
-                        help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
-_json = click.option("--json", "as_json", is_flag=True, help="JSON on stdout, nothing else there.")
-_via = click.option("--via", type=click.Choice(["mavlink", "mavsdk"]), default="mavlink", show_default=True,
-                    help="Library that reads and writes; the same values come either way.")  # fmt: skip
+_via = via_option("Library that reads and writes; the same values come either way.")
 _file = click.argument("file", metavar="[FILE]", default="identification")
 _NOTES = Path()  # the note on a reboot that is due lies where the command is given
 
@@ -40,15 +35,15 @@ def params() -> None:
 
 @params.command(short_help="What differs; changes nothing.")
 @_file
-@_connect
-@_json
+@connect_option
+@json_option
 @_via
 def diff(file: str, connect: str, as_json: bool, via: Via) -> int:
     """Compare the rover with FILE. Changes nothing. Exit code 0 if nothing differs, 1 if something does."""
     from rover_sweep.vehicle.parameter_file import wanted_of
 
     wanted = wanted_of(file)
-    with _link(connect) as link:
+    with unkept_link(connect) as link:
         found = _differences(link, wanted, via)
     if as_json:
         click.echo(json.dumps({"file": file, "differences": [_told(d) for d in found]}, indent=2))
@@ -59,9 +54,9 @@ def diff(file: str, connect: str, as_json: bool, via: Via) -> int:
 
 @params.command(short_help="Set what differs, after asking.")
 @_file
-@_connect
+@connect_option
 @click.option("--yes", is_flag=True, help="Do not ask, not before a reboot either.")
-@_json
+@json_option
 @_via
 def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
     """Set what differs from FILE; every value is read back and compared.
@@ -82,16 +77,13 @@ def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
     if not yes and not sys.stdin.isatty():
         raise UsageError("there is no terminal to ask at: give --yes to set them without questions")
     wanted, was_set = wanted_of(file), list[ParameterSet]()
-    with _link(connect) as link:
+    with unkept_link(connect) as link:
         found = _differences(link, wanted, via)
         _show(found, file, as_json)
         count = sum(d.found is not None for d in found)
         consent = yes or not count or confirmed(f"Set {count} parameters?")
 
-        def may_reboot(because: tuple[str, ...]) -> bool:
-            return yes or confirmed(f"Reboot the rover, for {', '.join(because)}?")
-
-        display = PlainDisplay(narration(), talk=True)
+        display, may_reboot = PlainDisplay(narration(), talk=True), reboot_consent(yes)
         for event in bring(link, parameter_source(link, via), found, may_reboot, _NOTES) if consent else ():
             display.show(event)
             was_set += [event] if isinstance(event, ParameterSet) else []
@@ -104,8 +96,8 @@ def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
 
 @params.command(short_help="Write all of the rover's parameters into a file.")
 @click.argument("file", metavar="[FILE]", default="-")
-@_connect
-@_json
+@connect_option
+@json_option
 @_via
 def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
     """Write all parameters of the rover into FILE (default: stdout), as any ground station reads them."""
@@ -117,7 +109,7 @@ def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
     refuse_no_folder(file)
     if file != "-" and Path(file).is_file():
         raise UsageError(f"{file} is there already and is kept; give another name")
-    with _link(connect) as link:
+    with unkept_link(connect) as link:
         vehicle = identify_vehicle(link)
         await_booted(link, _wait)
         values = dict(sorted(parameter_source(link, via).read_all().items()))
@@ -184,11 +176,3 @@ def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None
         table.add_row(d.name, has, f"{d.wanted:.7g}", reboot, Text(d.reason))
     console.print(table)
     console.print(f"{len(found)} differ", style="yellow")
-
-
-@contextmanager
-def _link(url: str) -> Iterator[Link]:
-    from rover_sweep.vehicle.link import Link
-
-    with tempfile.TemporaryDirectory() as folder, Link.open(url, Path(folder) / "params.tlog") as link:
-        yield link

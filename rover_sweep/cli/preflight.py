@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.asking import confirmed
+from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -24,8 +24,7 @@ _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yell
 
 
 @click.command()
-@click.option("--connect", required=True, metavar="URL",
-              help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
+@connect_option
 @click.option("--fix", "names", multiple=True, metavar="NAME",
               help="Put this check right, e.g. --fix parameters. May be repeated.")  # fmt: skip
 @click.option("--w-max", type=click.FloatRange(0, min_open=True), metavar="RAD/S",
@@ -33,7 +32,7 @@ _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yell
 @click.option("--out", type=click.Path(file_okay=False), default=".", metavar="DIR",
               help="Folder of the recordings to come; here if not said.")  # fmt: skip
 @click.option("--yes", is_flag=True, help="Do not ask before something is changed or the rover rebooted.")
-@click.option("--json", "as_json", is_flag=True, help="JSON on stdout, nothing else there.")
+@json_option
 def preflight(
     connect: str, names: tuple[str, ...], w_max: float | None, out: str, yes: bool, as_json: bool
 ) -> int:
@@ -43,7 +42,6 @@ def preflight(
     Changes nothing; --fix does, after asking, and looks again afterwards. Nothing moves or arms. Exit code
     0 if nothing is bad, 1 if something is.
     """
-    from rover_sweep.vehicle.link import Link
     from rover_sweep.vehicle.preflight_run import NAMES
     from rover_sweep.vehicle.preflight_run import preflight as look
 
@@ -53,7 +51,7 @@ def preflight(
     if names and not yes and not sys.stdin.isatty():
         raise UsageError("there is no terminal to ask at: give --yes to put it right without questions")
     folder = Path(out)
-    with tempfile.TemporaryDirectory() as place, Link.open(connect, Path(place) / "preflight.tlog") as link:
+    with unkept_link(connect) as link:
         checks = look(link, folder, w_max)
         for name in names:
             _fix(link, checks, name, folder, yes)

@@ -18,6 +18,7 @@ from rover_sweep.cli.run_simulated import (
     simulation_options,
 )
 from rover_sweep.cli.simulated_rover import SIMULATORS
+from rover_sweep.cli.vehicle_link import URL_HELP
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep, Doublet, Sweep
 
@@ -35,8 +36,7 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disar
 
 
 @click.command()
-@click.option("--connect", metavar="URL",
-              help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
+@click.option("--connect", metavar="URL", help=URL_HELP)
 @click.option("--vehicle", metavar="FILE|embedded|ardurover",
               help="Vehicle file (default: rover.toml here); or a simulated rover to start.")  # fmt: skip
 @click.option("--sweep", "sweeps", type=ManoeuvreType(Sweep), multiple=True,

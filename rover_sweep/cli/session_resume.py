@@ -10,6 +10,7 @@ import click
 
 from rover_sweep.cli.options import output_options, vehicle_path
 from rover_sweep.cli.run_job import TRIGGERS, announce
+from rover_sweep.cli.vehicle_link import connect_option
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -24,8 +25,7 @@ _PILOT_PATIENCE = 900.0  # s, as `run` waits for the pilot
 
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--connect", required=True, metavar="URL",
-              help="tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200.")  # fmt: skip
+@connect_option
 @click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
               help="Vehicle file (default: the session's, or rover.toml here).")  # fmt: skip
 @click.option("--arm", is_flag=True, help="Let this program arm and disarm the rover.")
