@@ -28,6 +28,12 @@ def always(because: tuple[str, ...]) -> bool:
     return True
 
 
+def refuse_armed(link: Link) -> None:
+    """LinkError on an armed rover, before anything of it is set."""
+    if link.armed:
+        raise LinkError("the rover is armed; disarm it first: an armed rover is neither set up nor rebooted")
+
+
 def install(
     link: Link,
     parameters: Sequence[WantedParameter],
@@ -40,8 +46,7 @@ def install(
     replace: copy the applet even over one that runs. At most three reboots, each only with consent;
     without it a Notice says what does not count yet. LinkError while armed.
     """
-    if link.armed:
-        raise LinkError("the rover is armed; disarm it first: an armed rover is neither set up nor rebooted")
+    refuse_armed(link)
     rebooted = False
     for _ in range(2):  # scripting's own parameters may appear only after scripting was switched on
         because, missing = yield from _set(link, parameters)

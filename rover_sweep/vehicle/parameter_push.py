@@ -10,12 +10,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from firmware_params.check import Difference
-from rover_sweep.errors import LinkError
 from rover_sweep.vehicle import pending
 from rover_sweep.vehicle.applet import reboot
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
 from rover_sweep.vehicle.identity import Vehicle, identify_vehicle
-from rover_sweep.vehicle.install import Consent
+from rover_sweep.vehicle.install import Consent, refuse_armed
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.parameters import ParameterKept, read_present
 from rover_sweep.vehicle.sources import ParameterSource
@@ -49,8 +48,7 @@ def push(
     Yields ParameterSet for each, Rebooting, and a Notice for what is not there, does not stay as it was set
     (read-only, of whole numbers, out of range) or does not count yet.
     """
-    if link.armed:
-        raise LinkError("the rover is armed; disarm it first: an armed rover is neither set up nor rebooted")
+    refuse_armed(link)
     vehicle, boots = _boot(link)
     noted = pending.waiting(folder, vehicle, boots)
     for difference in differences:

@@ -12,10 +12,13 @@ from fake_vehicle import FakeVehicle
 from firmware_params.check import Difference, compare, parse
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle import parameters
+from rover_sweep.vehicle.checks.remedies import carry_out
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
+from rover_sweep.vehicle.install import install
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.parameter_push import needs_reboot, push, waiting
 from rover_sweep.vehicle.pending import NOTE
+from rover_sweep.vehicle.preflight import Check, Remedy
 from rover_sweep.vehicle.sources import parameter_source
 
 WANTED = parse("INS_GYRO_FILTER 20\nSCHED_LOOP_RATE 400 # [reboot]\nSWP_WMIN 0.1\nSCR_ENABLE 0\nNOT_THERE 1")
@@ -107,6 +110,11 @@ def test_an_armed_rover_is_left_alone(link: Link, vehicle: FakeVehicle, tmp_path
     link.wait_for("HEARTBEAT", 5.0, lambda _: link.armed)
     with pytest.raises(LinkError, match="armed; disarm it first"):
         pushed(link, vehicle, tmp_path)
+    with pytest.raises(LinkError, match="armed; disarm it first"):
+        list(install(link, WANTED, None))
+    check = Check("parameters", "bad", "", remedy=Remedy("set", sets=(("SWP_WMIN", 0.1),)))
+    with pytest.raises(LinkError, match="armed; disarm it first"):
+        list(carry_out(link, check, False, tmp_path))
     assert vehicle.of_kind("PARAM_SET") == []
 
 

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from firmware_params.check import compare, read, shipped
 from firmware_params.parameters import applet_path
-from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.errors import UsageError
 from rover_sweep.vehicle import pending
 from rover_sweep.vehicle.applet import await_applet, reboot, restart_scripts, upload
 from rover_sweep.vehicle.controls import MANUAL
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
 from rover_sweep.vehicle.identity import identify_vehicle
+from rover_sweep.vehicle.install import refuse_armed
 from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.parameters import read_present, write
 from rover_sweep.vehicle.preflight import Check
@@ -34,8 +35,7 @@ def carry_out(link: Link, check: Check, may_reboot: bool, folder: Path) -> Itera
         link.wait_for("HEARTBEAT", 3.0, lambda _: not link.armed)
         yield Notice("info", "disarmed")
         return
-    if link.armed:
-        raise LinkError("the rover is armed; disarm it first: an armed rover is neither set up nor rebooted")
+    refuse_armed(link)
     vehicle = identify_vehicle(link)
     boots = read_present(link, ["STAT_BOOTCNT"]).get("STAT_BOOTCNT", 0.0)
     sets = check.remedy.sets
