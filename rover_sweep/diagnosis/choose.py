@@ -16,6 +16,7 @@ from rover_sweep.diagnosis.candidates import WHOLE, Model, own, possible
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.fitting import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.material import EARLIER, counts
+from rover_sweep.diagnosis.ordinary import Beyond, beyond_ordinary, cost_of
 from rover_sweep.diagnosis.problem import Problem, centred, problem
 from rover_sweep.diagnosis.search import Tangent, Trial, all_polished, all_tried, tangent, tried
 from rover_sweep.diagnosis.signatures import Signature, columns, signatures
@@ -31,6 +32,7 @@ ASTRAY = 0.8  # the same, from which no second effect is looked for
 LEFT = 0.5  # of what there was, from which the effects found are no explanation
 SILLY = 0.8  # of the largest size of an effect that is looked for, beyond which it stands for something else
 INEXACT = 2e-3  # of what an effect explains, that its law may be wrong by: what is left of it is no effect
+BETTER = 1.2  # times what the named effects explain, from which they only stand in for something else
 MOST_NOISE = 1.5  # variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
 
@@ -130,13 +132,15 @@ class Choice:
     """What was chosen. first: the round of the nominal model; last: that of the model with all effects.
 
     withdrawn: effects that were found and yet leave most of what is to be explained; of three, also where
-    a fourth would help. stopped: before all had been tried.
+    a fourth would help. beyond: what explains more than they, and is no candidate. stopped: before all had
+    been tried.
     """
 
     first: Round
     last: Round
     named: tuple[Named, ...]
     withdrawn: tuple[str, ...] = ()
+    beyond: Beyond | None = None
     stopped: bool = False
 
 
@@ -232,9 +236,21 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
         current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
     more = _wanting(current, named, removed) if len(named) == MOST else []
     endless = more and _little_scatter_taken(first, current)
+    effects = tuple(n.trial.effect for n in named)
     if not named or (not stopped and (endless or _little_explained(first, current.left))):
-        return Choice(first, first, (), tuple(n.trial.effect for n in named), stopped)
+        return Choice(first, first, (), effects, stopped=stopped)
+    if not stopped and (beyond := _bettered(first, current)):
+        return Choice(first, first, (), effects, beyond)
     return Choice(first, current, tuple(named), stopped=stopped)
+
+
+def _bettered(first: Round, last: Round) -> Beyond | None:
+    """What explains plainly more than all effects that were found, and is only a parameter let go farther."""
+    beyond = beyond_ordinary(first.problem, first.fitted)
+    if beyond is None:
+        return None
+    explained = first.fitted.data_cost - cost_of(first.problem, last.fitted)
+    return beyond if beyond.gain > BETTER * max(explained, 0.0) else None
 
 
 def _wanting(current: Round, named: Sequence[Named], removed: Collection[str]) -> list[Trial]:

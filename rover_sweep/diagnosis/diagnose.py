@@ -16,6 +16,7 @@ from rover_sweep.diagnosis.choose import Choice, Named, Options, choose
 from rover_sweep.diagnosis.experiment import Experiment, experiment
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
 from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
+from rover_sweep.diagnosis.ordinary import unknown_beyond
 from rover_sweep.diagnosis.places.locate import mismatches
 from rover_sweep.diagnosis.result import (
     Diagnosis,
@@ -138,6 +139,8 @@ def _answer(
         shown = findings[0].held_out
     places = mismatches(first.problem.plain, first.closest.rows)
     left = None if choice.stopped else unknown(last, bool(findings), settings.seed) or slower
+    if choice.beyond:
+        left = unknown_beyond(choice.beyond, choice.withdrawn)
     if not (left or findings or choice.stopped):
         left = standing_out(places)
     variance = last.fitted.data_cost / last.problem.size
@@ -155,7 +158,7 @@ def _answer(
         gains,
         overlays(pictures, bool(fresh), *whole, floor),
         shown,
-        remarks_of(used, findings, choice.withdrawn),
+        remarks_of(used, findings, () if choice.beyond else choice.withdrawn),
         0.0,
         tuple(r.name for r in used),
         tuple(r.name for r in fresh),

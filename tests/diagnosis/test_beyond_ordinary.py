@@ -1,0 +1,46 @@
+"""A nominal parameter that is wanted beyond what is ordinary is told, and what would stand in for it is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+import pytest
+from planted import MODEL, NOISE, X, sweeps
+
+from rover_sweep.diagnosis.choose import Choice, Options, choose
+from rover_sweep.diagnosis.experiment import Experiment
+from rover_sweep.diagnosis.ordinary import unknown_beyond
+from rover_sweep.diagnosis.simulate import Sensors, logged
+
+RATIO = 1.8  # Cf/Cr, where 15 % are ordinary
+
+
+def runs() -> list[Experiment]:
+    random, x = np.random.default_rng(3), {**X, "ln_ratio": log(RATIO)}
+    out = []
+    for run in sweeps(1):
+        motion = logged(run, MODEL.structure, x, Sensors.of(run))
+        noisy = {c: y + NOISE[c] * random.standard_normal(y.size) for c, y in motion.items()}
+        out.append(replace(run, measured=noisy))
+    return out
+
+
+def chosen(*only: str) -> Choice:
+    return choose(runs(), MODEL, X, Options(only, (), 1, lambda what, share: None, lambda: False))
+
+
+def test_what_stands_in_for_it_is_withdrawn() -> None:
+    found = chosen("roll_steer")
+    assert found.beyond is not None and found.beyond.coordinate == "ln_ratio"
+    assert found.named == () and found.withdrawn == ("roll_steer",)
+    told = unknown_beyond(found.beyond, found.withdrawn)
+    assert told.depends_on == "the ratio of front to rear cornering stiffness"
+    assert "explains more than roll_steer would" in told.sentence and told.residual_over_noise > 1.0
+
+
+def test_the_candidate_that_has_it_is_named() -> None:
+    found = chosen("roll_steer", "front_rear_stiffness")
+    assert found.beyond is None and [n.trial.effect for n in found.named] == ["front_rear_stiffness"]
+    assert np.exp(found.last.fitted.x["ln_ratio"]) == pytest.approx(RATIO, rel=0.1)
