@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.diagnosis.choose import MOST_NOISE, Round
 from rover_sweep.diagnosis.laws import Law, laws
 from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
+from rover_sweep.diagnosis.rounds import MOST_NOISE, Round
 from rover_sweep.diagnosis.signatures import Signature
 from rover_sweep.diagnosis.threshold import null
 from rover_sweep.identify.recording import Array

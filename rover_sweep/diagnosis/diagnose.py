@@ -12,7 +12,7 @@ from rover_sweep.diagnosis.alike import Alike
 from rover_sweep.diagnosis.augmented import augmented
 from rover_sweep.diagnosis.beyond import standing_out, unknown
 from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.choose import Choice, Named, Options, choose
+from rover_sweep.diagnosis.choose import Choice, Named, choose
 from rover_sweep.diagnosis.experiment import Experiment, experiment
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
 from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
@@ -26,6 +26,7 @@ from rover_sweep.diagnosis.result import (
     HeldOut,
     Unseen,
 )
+from rover_sweep.diagnosis.rounds import Options
 from rover_sweep.diagnosis.rung import followed
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.diagnosis.speed_finding import ID as SPEED

@@ -12,8 +12,8 @@ from math import exp
 
 import numpy as np
 
-from rover_sweep.diagnosis.choose import Round
 from rover_sweep.diagnosis.result import EffectValue
+from rover_sweep.diagnosis.rounds import Round
 from rover_sweep.identify.effects import Effect
 from rover_sweep.identify.recording import Array
 

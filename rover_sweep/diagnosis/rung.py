@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.choose import begun
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.fitting import fit
 from rover_sweep.diagnosis.nominal import Spread
 from rover_sweep.diagnosis.problem import with_floor
+from rover_sweep.diagnosis.rounds import begun
 from rover_sweep.diagnosis.settings import Baseline
 from rover_sweep.identify.geometry import Geometry
 

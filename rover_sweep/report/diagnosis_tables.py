@@ -177,12 +177,11 @@ def _cosine(f: Finding, effect: str) -> str:
 
 
 def evidence_words(f: Finding) -> str:
-    """The gain against its threshold, "" where that is not known."""
-    gain, threshold = f.evidence.get("gain"), f.evidence.get("threshold")
-    if gain is None:
+    """How much it explains, against what chance would; "" where that is not known."""
+    gain, chance = f.evidence.get("gain"), f.evidence.get("threshold")
+    if not gain or not chance:
         return ""
-    beyond = "" if threshold is None else f"; {number(threshold, 3)} would have been chance"
-    return f"The whitened cost falls by {number(gain, 3)} with it{beyond}."
+    return f"It explains {number(gain, 3)} squares of the noise; chance explains up to {number(chance, 3)}."
 
 
 def finding_title(f: Finding) -> str:

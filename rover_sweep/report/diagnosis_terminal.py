@@ -10,6 +10,7 @@ from rich.text import Text
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
 from rover_sweep.report.diagnosis_tables import (
     cost_table,
+    evidence_words,
     falsified_table,
     finding_table,
     held_out_table,
@@ -81,14 +82,6 @@ def _explained(f: Finding) -> Group:
     ]
     lines += [_indented(sentence(text)) for text in words if text]
     return Group(*lines)
-
-
-def evidence_words(f: Finding) -> str:
-    """How much it explains, against what chance would."""
-    gain, chance = f.evidence.get("gain"), f.evidence.get("threshold")
-    if not gain or not chance:
-        return ""
-    return f"It explains {number(gain, 3)} squares of the noise; chance explains up to {number(chance, 3)}"
 
 
 def _unknown(u: Unknown) -> Group:

@@ -16,12 +16,12 @@ import numpy as np
 
 from rover_sweep.api import read
 from rover_sweep.diagnosis.candidates import Model, possible
-from rover_sweep.diagnosis.choose import begun
 from rover_sweep.diagnosis.experiment import experiment
 from rover_sweep.diagnosis.fitting import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.material import material_sizes
 from rover_sweep.diagnosis.nominal import Spread
 from rover_sweep.diagnosis.problem import Array, Problem
+from rover_sweep.diagnosis.rounds import begun
 from rover_sweep.diagnosis.search import Tangent, tangent
 from rover_sweep.diagnosis.signatures import Signature, columns, signatures
 from rover_sweep.diagnosis.threshold import null

@@ -1,4 +1,4 @@
-"""A nominal parameter that is wanted beyond what is ordinary is told, and what would stand in for it is not."""
+"""A nominal parameter that is wanted beyond what is ordinary is told; what would stand in for it is not."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from planted import MODEL, NOISE, X, sweeps
 
-from rover_sweep.diagnosis.choose import Choice, Options, choose
+from rover_sweep.diagnosis.choose import Choice, choose
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.ordinary import unknown_beyond
+from rover_sweep.diagnosis.rounds import Options
 from rover_sweep.diagnosis.simulate import Sensors, logged
 
 RATIO = 1.8  # Cf/Cr, where 15 % are ordinary

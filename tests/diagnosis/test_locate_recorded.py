@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.choose import begun
 from rover_sweep.diagnosis.experiment import experiment
 from rover_sweep.diagnosis.nominal import Spread
 from rover_sweep.diagnosis.places.locate import mismatches
 from rover_sweep.diagnosis.result import Mismatch
+from rover_sweep.diagnosis.rounds import begun
 from rover_sweep.preparation import Reading, geometry_of, load
 from rover_sweep.vehicle_file import load as vehicle_of
 

@@ -6,9 +6,9 @@ import pytest
 
 from rover_sweep.api import read
 from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.choose import begun
 from rover_sweep.diagnosis.experiment import Experiment, experiment
 from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.diagnosis.rounds import begun
 from rover_sweep.diagnosis.speed_loss import SpeedLoss, speed_loss
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.preparation import geometry_of

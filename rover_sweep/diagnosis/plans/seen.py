@@ -15,11 +15,11 @@ import numpy as np
 from scipy.optimize import nnls
 
 from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.choose import LAGS
 from rover_sweep.diagnosis.fitting import Fitted
 from rover_sweep.diagnosis.material import EARLIER, material_sizes
 from rover_sweep.diagnosis.plans.evidence import Evidence, start
 from rover_sweep.diagnosis.problem import Metric
+from rover_sweep.diagnosis.rounds import LAGS
 from rover_sweep.diagnosis.search import tangent
 from rover_sweep.diagnosis.signatures import Signature, columns
 from rover_sweep.diagnosis.threshold import null
