@@ -10,15 +10,18 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.bench.steering_output import CHANNELS
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.vehicle.recorder import writing
 
 FORMAT = "rover-sweep bench 1"
 DESCRIPTION, TELEMETRY, READINGS = "bench.json", "bench.tlog", "readings.csv"
 WHEEL_CSV, WHEEL_TLOG = "wheel.csv", "wheel.tlog"
+LEAST_TRIM, MOST_TRIM = 500, 2500  # us, of any servo
 _HEADER = ("t_s", "movement", "offset_us", "pwm_us", "angle_rad", "typed")
 
 
@@ -74,6 +77,8 @@ class BenchFolder:
             raise DataRefused(f"{target} cannot be read: {error}") from error
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise DataRefused(f"{target} is no {FORMAT!r}: it was written by another program or version")
+        if wrong := _wrong(content):
+            raise DataRefused(f"{target} is damaged: {wrong}; put that right in it and evaluate again")
         return content
 
     def readings(self) -> tuple[Reading, ...]:
@@ -81,12 +86,39 @@ class BenchFolder:
         target = self.path / READINGS
         if not target.is_file():
             return ()
-        with target.open(newline="", encoding="utf-8") as file:
-            rows = [row for row in csv.reader(file) if len(row) == len(_HEADER)]
         try:
+            with target.open(newline="", encoding="utf-8") as file:
+                rows = [row for row in csv.reader(file) if len(row) == len(_HEADER)]
             return tuple(
-                Reading(float(t), movement, float(offset), float(pwm), float(angle), typed)
+                Reading(_finite(t), movement, _finite(offset), _finite(pwm), float(angle), typed)
                 for t, movement, offset, pwm, angle, typed in rows[1:]
             )
-        except ValueError as error:
-            raise DataRefused(f"{target} is damaged: {error}") from error
+        except OSError as error:
+            raise DataRefused(f"{target} cannot be read: {error}") from error
+        except (ValueError, csv.Error) as error:
+            raise DataRefused(
+                f"{target} is damaged: {error}; take the line out and evaluate again"
+            ) from error
+
+
+def _finite(text: str) -> float:
+    if not isfinite(value := float(text)):
+        raise ValueError(f"a time or PWM in it is {text}")
+    return value
+
+
+def _wrong(content: Mapping[str, Any]) -> str:
+    """What no bench writes, among the values that are evaluated; "" where all is well."""
+    output, wheel = content.get("steering_output"), content.get("wheel")
+    if not isinstance(output, dict):
+        return f"steering_output is {output!r}, no object with the servo and its trim"
+    trim, servo = output.get("trim"), output.get("servo")
+    if type(trim) not in (int, float) or not LEAST_TRIM <= trim <= MOST_TRIM:
+        return f"steering_output.trim is {trim!r}, no PWM of {LEAST_TRIM} to {MOST_TRIM} us"
+    if type(servo) is not int or servo not in CHANNELS:
+        return f"steering_output.servo is {servo!r}, no output of {CHANNELS[0]} to {CHANNELS[-1]}"
+    if wheel is not None and not isinstance(wheel, dict):
+        return f"wheel is {wheel!r}, neither null nor an object"
+    if wheel and not isinstance(same := wheel.get("same_clock", False), bool):
+        return f"wheel.same_clock is {same!r}, neither true nor false"
+    return ""

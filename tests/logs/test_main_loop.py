@@ -34,6 +34,12 @@ def test_where_no_loop_was_logged_a_command_waits_half_a_period() -> None:
     assert found.t == pytest.approx([0.02, 0.045, 0.08, 0.205])
 
 
+def test_loops_whose_message_was_dropped_are_put_in() -> None:
+    stamps = np.concatenate((LOOPS[:3], LOOPS[5:], LOOPS + 1.0))
+    found = main_loops(stamps, {"SCHED_LOOP_RATE": 100.0})
+    assert found is not None and found == pytest.approx(np.concatenate((LOOPS, LOOPS + 1.0)))
+
+
 def test_samples_of_an_output_and_unknown_loops_leave_it_as_it_is() -> None:
     sampled = Signal(np.array([0.001, 0.1]), np.array([1500.0, 1510.0]), "us", "RCOU.C1")
     assert at_main_loops(sampled, LOOPS) is sampled
