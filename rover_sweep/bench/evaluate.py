@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_sweep.bench.by_hand import Readings, by_hand
 from rover_sweep.bench.by_wheel import by_wheel
-from rover_sweep.bench.folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
+from rover_sweep.bench.folder import DESCRIPTION, TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
 from rover_sweep.bench.result import BenchResult
 from rover_sweep.bench.wheel_file import arrivals, read_wheel, wheel_of_telemetry
 from rover_sweep.bench.wheel_problem import Command, Wheel
@@ -60,9 +60,12 @@ def _command(folder: BenchFolder, content: dict[str, Any], trim: float) -> tuple
     session = held[-1]
     frames = session.messages["SERVO_OUTPUT_RAW"]
     t = session.seconds("SERVO_OUTPUT_RAW")
-    pwm = frames.rows[f"servo{content['steering_output']['servo']}_raw"].astype(float)
+    servo = content["steering_output"]["servo"]
+    pwm = frames.rows[f"servo{servo}_raw"].astype(float)
     ahead = float(np.min(arrivals(path, frames.order) - t))
     keep = np.concatenate(([True], np.diff(t) > 0)) & (pwm > 0)
+    if keep.sum() < 2:
+        raise DataRefused(f"{path} holds no PWM of SERVO{servo}, which steers by {DESCRIPTION}; is it so?")
     return Command(t[keep], pwm[keep], trim), ahead
 
 

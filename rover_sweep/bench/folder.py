@@ -113,7 +113,7 @@ def _wrong(content: Mapping[str, Any]) -> str:
     if not isinstance(output, dict):
         return f"steering_output is {output!r}, no object with the servo and its trim"
     trim, servo = output.get("trim"), output.get("servo")
-    if type(trim) not in (int, float) or not LEAST_TRIM <= trim <= MOST_TRIM:
+    if not isinstance(trim, int | float) or not LEAST_TRIM <= trim <= MOST_TRIM:
         return f"steering_output.trim is {trim!r}, no PWM of {LEAST_TRIM} to {MOST_TRIM} us"
     if type(servo) is not int or servo not in CHANNELS:
         return f"steering_output.servo is {servo!r}, no output of {CHANNELS[0]} to {CHANNELS[-1]}"

@@ -84,6 +84,11 @@ def test_a_wheel_imu_finds_what_the_rover_was_made_with(
     )
     assert again["written"] == {}
 
+    described = (out / "bench.json").read_text()
+    (out / "bench.json").write_text(described.replace('"servo": 1,', '"servo": 12,'))
+    assert run(["bench", "--from", str(out), "--no-write", *common]) == 3
+    assert "holds no PWM of SERVO12, which steers by bench.json" in capsys.readouterr().err
+
 
 def test_angles_by_hand_are_kept_one_by_one_and_evaluated_after_a_stop(
     on_blocks: OnBlocks, vehicle_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
