@@ -80,6 +80,9 @@ class LimitType(click.ParamType):
         if name not in LIMITS:
             self.fail(f"{value!r}: there is no limit {name!r}; there are {', '.join(LIMITS)}", param, ctx)
         try:
-            return name, float(text)
+            number = float(text)
         except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
             self.fail(f"{value!r}: {text!r} is no number", param, ctx)
+        return name, number

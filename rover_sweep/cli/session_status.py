@@ -35,8 +35,8 @@ def status(folder: Path, as_json: bool) -> None:
         raise UsageError(f"{folder} holds no session: neither session.json nor any .tlog")
     content = read(folder)
     if as_json:
-        told = to_json(content) | {"to_drive": [run.name for run in content.to_drive]}
-        click.echo(json.dumps(told, indent=2, default=str))
+        document = to_json(content) | {"to_drive": [run.name for run in content.to_drive]}
+        click.echo(json.dumps(document, indent=2, default=str))
         return
     console = results()
     firmware = content.vehicle.get("firmware", "an unknown rover")
@@ -44,7 +44,8 @@ def status(folder: Path, as_json: bool) -> None:
     if content.runs:
         console.print(_table(content))
     left = ", ".join(f"{run.name} ({_words(run.manoeuvre)})" for run in content.to_drive)
-    console.print(f"still to drive: {left}" if left else "nothing is left to drive", soft_wrap=True)
+    told = f"still to drive: {left}" if left else "nothing is left to drive"
+    console.print(told, markup=False, soft_wrap=True)
 
 
 def _table(content: Content) -> RenderableType:
@@ -57,7 +58,7 @@ def _table(content: Content) -> RenderableType:
     for run in content.runs:
         held = next((log.file for log in content.logs if run.label in log.runs), "-")
         state = Text(run.state, _STATES[run.state])
-        table.add_row(run.label, _words(run.manoeuvre), state, held, Text(_said(run)))
+        table.add_row(Text(run.label), _words(run.manoeuvre), state, Text(held), Text(_said(run)))
     return table
 
 

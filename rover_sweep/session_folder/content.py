@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, get_args
 
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from rover_sweep.session_folder.entry import (
+    FLAG,
+    LIST,
+    NAME,
+    NUMBER,
+    OBJECT,
+    TEXT,
+    WHOLE,
+    Entry,
+    checked,
+    one_of,
+)
 
 FORMAT = "rover-sweep session 2"
 
@@ -99,33 +111,98 @@ def to_json(content: Content) -> dict[str, Any]:
     return {"format": FORMAT, "span_unit": "s since boot"} | asdict(content)
 
 
-def from_json(data: Mapping[str, Any]) -> Content:
-    """The reverse of `to_json`. KeyError, TypeError or ValueError for anything else."""
-    before = data["logs_before"]
+def from_json(data: Any) -> Content:
+    """The reverse of `to_json`. ValueError for anything else, which names the place and what stands there."""
+    top = Entry(data)
+    before = top.get("logs_before", LIST, null=True)
     return Content(
-        vehicle=dict(data["vehicle"]),
-        settings=dict(data["settings"]),
-        parameters=dict(data["parameters"]),
-        plan=tuple(
-            PlannedRun(run["name"], _manoeuvre(run["manoeuvre"]), run.get("speed")) for run in data["plan"]
-        ),
-        runs=tuple(_run(run) for run in data["runs"]),
-        logs=tuple(FetchedLog(**{**log, "runs": tuple(log["runs"])}) for log in data["logs"]),
-        logs_before=None if before is None else tuple((n, size, utc) for n, size, utc in before),
+        vehicle=_vehicle(top),
+        settings=_settings(top),
+        parameters=top.numbers("parameters"),
+        plan=tuple(_planned(Entry(*run)) for run in top.each("plan", OBJECT)),
+        runs=tuple(_run(Entry(*run)) for run in top.each("runs", OBJECT)),
+        logs=tuple(_log(Entry(*log)) for log in top.each("logs", OBJECT)),
+        logs_before=None if before is None else tuple(_listed(*log) for log in top.each("logs_before", LIST)),
     )
 
 
-def _run(data: Mapping[str, Any]) -> DrivenRun:
-    span, manoeuvre = data["span"], data["manoeuvre"]
+def _vehicle(top: Entry) -> Mapping[str, Any]:
+    told: Mapping[str, Any] = top.get("vehicle", OBJECT)
+    entry = Entry(told, "vehicle")
+    for key, kind in (("firmware", TEXT), ("uid", WHOLE)):
+        if key in entry:
+            entry.get(key, kind)
+    return told
+
+
+def _settings(top: Entry) -> Mapping[str, Any]:
+    told: Mapping[str, Any] = top.get("settings", OBJECT)
+    entry = Entry(told, "settings")
+    if "extra" in entry:
+        entry.numbers("extra")
+    return told
+
+
+def _planned(entry: Entry) -> PlannedRun:
+    entry.only(_names(PlannedRun))
+    speed = entry.get("speed", NUMBER, null=True) if "speed" in entry else None
+    return PlannedRun(entry.get("name", NAME), _manoeuvre(entry), speed)
+
+
+def _run(entry: Entry) -> DrivenRun:
+    entry.only(_names(DrivenRun))
+    verdict = entry.get("verdict", OBJECT, null=True)
+    if verdict is not None:
+        Entry(verdict, entry.place("verdict")).get("sentence", TEXT)
     return DrivenRun(
-        **{
-            **data,
-            "manoeuvre": None if manoeuvre is None else _manoeuvre(manoeuvre),
-            "span": None if span is None else (float(span[0]), float(span[1])),
-            "quality": tuple(data["quality"]),
-        }
+        name=entry.get("name", NAME),
+        tlog=entry.get("tlog", NAME),
+        manoeuvre=None if entry.get("manoeuvre", OBJECT, null=True) is None else _manoeuvre(entry),
+        state=entry.get("state", one_of(get_args(State))),
+        reason=entry.get("reason", TEXT),
+        span=_span(entry),
+        number=entry.get("number", WHOLE),
+        left_armed=entry.get("left_armed", FLAG),
+        quality=tuple(stream for stream, _ in entry.each("quality", OBJECT)),
+        verdict=verdict,
     )
 
 
-def _manoeuvre(data: Mapping[str, Any]) -> Manoeuvre:
-    return _KINDS[data["kind"]](**data)
+def _span(entry: Entry) -> Span | None:
+    if entry.get("span", LIST, null=True) is None:
+        return None
+    ends = [float(end) for end, _ in entry.each("span", NUMBER)]
+    if len(ends) != 2:
+        raise ValueError(f"{entry.place('span')} has {len(ends)} numbers, not a start and an end")
+    return ends[0], ends[1]
+
+
+def _log(entry: Entry) -> FetchedLog:
+    entry.only(_names(FetchedLog))
+    number, size, time_utc = (entry.get(key, WHOLE) for key in ("number", "size", "time_utc"))
+    runs = tuple(label for label, _ in entry.each("runs", TEXT))
+    return FetchedLog(entry.get("file", NAME), number, size, time_utc, runs)
+
+
+def _listed(log: Sequence[Any], place: str) -> tuple[int, int, int]:
+    if len(log) != 3:
+        raise ValueError(f"{place} has {len(log)} numbers, not a log's number, size and time")
+    number, size, utc = (checked(value, WHOLE, place) for value in log)
+    return number, size, utc
+
+
+def _manoeuvre(run: Entry) -> Manoeuvre:
+    entry = Entry(run.get("manoeuvre", OBJECT), run.place("manoeuvre"))
+    made = _KINDS[entry.get("kind", one_of(tuple(_KINDS)))]
+    entry.only(_names(made))
+    # a number that is missing would be driven with its default
+    kinds = {field.name: WHOLE if isinstance(field.default, int) else NUMBER for field in fields(made)}
+    numbers = {name: entry.get(name, kind) for name, kind in kinds.items() if name != "kind"}
+    try:
+        return made(**numbers)
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"{run.place('manoeuvre')} cannot be driven: {error}") from None
+
+
+def _names(of: type[Any]) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(of))

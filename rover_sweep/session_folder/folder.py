@@ -6,7 +6,7 @@ import json
 import os
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from rover_sweep.session_folder.content import (
     from_json,
     to_json,
 )
+from rover_sweep.session_folder.entry import TEXT, Entry
 from rover_sweep.session_folder.story import story_of
 from rover_sweep.vehicle.recorder import writing
 
@@ -203,18 +204,20 @@ def _said(folder: Path) -> Content:
     path = folder / DESCRIPTION
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        if data["format"] == "rover-sweep session 1":  # before sessions could be taken up again
+        written = Entry(data).get("format", TEXT)
+        if written == "rover-sweep session 1":  # before sessions could be taken up again
             return Content()
-        if data["format"] != FORMAT:
-            raise UsageError(f"{path} is of another rover-sweep ({data['format']}); update this one")
-        return from_json({key: data[key] for key in asdict(Content())})
+        if written != FORMAT:
+            raise UsageError(f"{path} is of another rover-sweep ({written}); update this one")
+        return from_json(data)
     except FileNotFoundError:
         return Content()
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except ValueError as error:
         raise UsageError(
-            f"{path} is damaged ({error!r}); move it away: the runs are then found from their .tlog"
+            f"{path} is damaged ({error}); put that right in it, or move it away: the runs are then found "
+            "from their .tlog"
         ) from error
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from rover_sweep.identify.sweep import Sweep
-from rover_sweep.live.snapshot import Band, Verdict
+from rover_sweep.live.snapshot import Advice, Band, Verdict
 from rover_sweep.session_folder.content import Content, DrivenRun, PlannedRun
 from rover_sweep.tui.plan_rows import SPEED, Row
 from rover_sweep.tui.state import Outcome, RunRecord
@@ -54,11 +55,18 @@ def _verdict(said: Mapping[str, Any] | None) -> Verdict | None:
     if said is None:
         return None
     try:
+        amplitude = said.get("amplitude")
+        if said["advice"] not in get_args(Advice) or not isfinite(amplitude or 0.0):
+            return None
         return Verdict(
             str(said["run"]), said["advice"], str(said["sentence"]),
-            tuple(Band(**band) for band in said.get("bands") or ()), said.get("amplitude"),
+            tuple(_band(**band) for band in said.get("bands") or ()), amplitude,
             tuple((float(a), float(b), float(c)) for a, b, c in said.get("per_band") or ()),
             remarks=tuple(str(remark) for remark in said.get("remarks") or ()),
         )  # fmt: skip
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         return None
+
+
+def _band(response: str, low: float, high: float, coherence: float, words: str) -> Band:
+    return Band(str(response), float(low), float(high), float(coherence), str(words))

@@ -20,6 +20,8 @@ def parameters_of(manoeuvre: Manoeuvre, **others: float) -> dict[str, float]:
     UsageError for what the applet would refuse.
     """
     numbers = asdict(manoeuvre)
+    if twice := sorted(numbers.keys() & others.keys()):
+        raise UsageError(f"{', '.join(twice)}: the manoeuvre's own, and no limit; leave it out of the limits")
     try:
         return for_manoeuvre(numbers.pop("kind"), **numbers, **others)
     except ValueError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 import pytest
 
-from rover_sweep.cli.manoeuvres import ManoeuvreType
+from rover_sweep.cli.manoeuvres import LimitType, ManoeuvreType
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep, Manoeuvre
@@ -49,6 +49,14 @@ def test_parameters_of_the_applet() -> None:
     assert (values["SWP_TYPE"], values["SWP_AMP"], values["SWP_BIAS"]) == (3, 80, -100)
     with pytest.raises(UsageError, match="SWP_COUNT 21"):
         parameters_of(Multisine(periods=21))
+    with pytest.raises(UsageError, match="amplitude, kind: the manoeuvre's own, and no limit"):
+        parameters_of(Multisine(), amplitude=3, kind=1)
+
+
+@pytest.mark.parametrize("text", ["v_max=nan", "v_max=-inf", "v_max=", "v_max=fast"])
+def test_a_limit_that_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(click.BadParameter, match="is no number"):
+        LimitType().convert(text, None, None)
 
 
 def test_what_is_too_fast_or_too_far_is_refused_before_anything_starts() -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from rover_sweep.cli.main import run
 from rover_sweep.cli.options import vehicle_path
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.multisine import Multisine
@@ -16,6 +20,7 @@ from rover_sweep.session_folder.content import FetchedLog, PlannedRun
 from rover_sweep.session_folder.folder import Session, is_session, read
 from rover_sweep.session_folder.recordings import session_runs
 
+MISSING = object()
 PLAN = (
     PlannedRun("sweep1", Sweep(amplitude=120), speed=2.4),
     PlannedRun("bias", BiasSweep(amplitude=80, bias=-100)),
@@ -85,6 +90,106 @@ def test_a_damaged_description_is_refused_in_words(tmp_path: Path, text: str) ->
     assert (tmp_path / "session.json").read_text() == text
 
 
+def set_at(document: Any, place: tuple[Any, ...], value: Any) -> None:
+    *way, last = place
+    for key in way:
+        document = document[key]
+    if value is MISSING:
+        del document[last]
+    else:
+        document[last] = value
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        (("runs", 0, "state"), "flying", "runs[0].state is 'flying', not one of begun, done, stopped, cut"),
+        (("runs", 0, "state"), 3, "runs[0].state is 3"),
+        (("runs", 0, "state"), MISSING, "runs[0].state is missing"),
+        (("runs", 0, "tlog"), 7, "runs[0].tlog is 7, not a name without a folder"),
+        (("runs", 0, "tlog"), "../x.tlog", "runs[0].tlog is '../x.tlog'"),
+        (("runs", 0, "reason"), None, "runs[0].reason is None, not a text"),
+        (("runs", 0, "span"), [1.0, float("nan")], "runs[0].span[1] is nan, not a finite number"),
+        (("runs", 0, "span"), [1.0], "runs[0].span has 1 numbers"),
+        (("runs", 0, "number"), "one", "runs[0].number is 'one', not a whole number"),
+        (("runs", 0, "left_armed"), "no", "runs[0].left_armed is 'no', not true or false"),
+        (("runs", 0, "quality"), {}, "runs[0].quality is {}, not a list"),
+        (("runs", 0, "quality"), [3], "runs[0].quality[0] is 3, not an object"),
+        (("runs", 0, "verdict"), "keep", "runs[0].verdict is 'keep', not an object"),
+        (("runs", 0, "verdict"), {}, "runs[0].verdict.sentence is missing"),
+        (("runs", 0, "flown"), 1, "runs[0].flown is not known to this rover-sweep"),
+        (("runs", 0), None, "runs[0] is None, not an object"),
+        (("runs",), {}, "runs is {}, not a list"),
+        (("runs",), MISSING, "runs is missing"),
+        (("plan", 0, "speed"), "fast", "plan[0].speed is 'fast', not a finite number"),
+        (("plan", 0, "name"), MISSING, "plan[0].name is missing"),
+        (("plan", 0, "manoeuvre"), None, "plan[0].manoeuvre is None, not an object"),
+        (("plan", 0, "manoeuvre", "kind"), "loop", "plan[0].manoeuvre.kind is 'loop', not one of sweep,"),
+        (("plan", 0, "manoeuvre", "amplitude"), "120", "plan[0].manoeuvre.amplitude is '120', not a finite"),
+        (("plan", 0, "manoeuvre", "amplitude"), MISSING, "plan[0].manoeuvre.amplitude is missing"),
+        (("plan", 0, "manoeuvre", "t_rec"), -1, "plan[0].manoeuvre cannot be driven: need t_rec > 0"),
+        (("plan", 2, "manoeuvre", "t_rec"), 1e15, "plan[2].manoeuvre cannot be driven: 0.3 to 25 rad/s hold"),
+        (("plan", 3, "manoeuvre", "count"), 10**400, "plan[3].manoeuvre.count is 1000"),
+        (("logs", 0, "size"), None, "logs[0].size is None, not a whole number"),
+        (("logs", 0, "runs"), "sweep1", "logs[0].runs is 'sweep1', not a list"),
+        (("logs_before",), [[1, 2]], "logs_before[0] has 2 numbers"),
+        (("vehicle", "uid"), "7", "vehicle.uid is '7', not a whole number"),
+        (("settings", "extra"), {"v_max": "5"}, "settings.extra.v_max is '5', not a finite number"),
+        (("parameters",), [], "parameters is [], not an object"),
+    ],
+)
+def test_a_value_that_no_session_writes_is_named_and_nothing_changed(
+    tmp_path: Path, place: tuple[Any, ...], value: Any, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = Session.open(tmp_path)
+    session.plan(PLAN)
+    session.on({"firmware": "ArduRover 4.6.3", "uid": 7})
+    session.set({"extra": {"v_max": 5.0}})
+    session.begun(PLAN[0], tmp_path / "sweep1.tlog", arming=False)
+    session.fetched(FetchedLog("log4.BIN", 4, 10, 99, ("sweep1",)))
+    session.close()
+    path = tmp_path / "session.json"
+    document = json.loads(path.read_text())
+    set_at(document, place, value)
+    path.write_text(text := json.dumps(document))
+    with pytest.raises(UsageError, match=re.escape(f"session.json is damaged ({words}")):
+        Session.open(tmp_path)
+    assert run(["status", str(tmp_path)]) == 2
+    assert words in (said := capsys.readouterr().err) and said.count("\n") == 1
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize("command", [
+    ("status",), ("status", "--json"), ("identify", "--out", "report"), ("diagnose", "--out", "report"),
+    ("session", "--out"), ("resume", "--connect", "tcp:127.0.0.1:1"),
+])  # fmt: skip
+def test_every_command_that_reads_a_session_refuses_an_unknown_state(
+    tmp_path: Path, command: tuple[str, ...], capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    with contextlib.closing(Session.open(tmp_path)) as session:
+        session.begun(PLAN[0], tmp_path / "sweep1.tlog", arming=False)
+    session.keep_vehicle_file(Path(__file__).parents[1] / "data" / "rover.toml")
+    path = tmp_path / "session.json"
+    path.write_text(text := path.read_text().replace('"begun"', '"flying"'))
+    assert run([*command, str(tmp_path)]) == 2
+    said = capsys.readouterr()
+    assert "runs[0].state is 'flying'" in said.err and said.err.count("\n") == 1 and not said.out
+    assert path.read_text() == text
+
+
+def test_names_are_shown_as_they_are(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Brackets are markup to the terminal's library."""
+    with contextlib.closing(Session.open(tmp_path)) as session:
+        odd = PlannedRun("a[]b", Sweep())
+        session.plan((odd, PlannedRun("[bold]c", Sweep())))
+        session.begun(odd, tmp_path / "[bold]d.tlog", arming=False)
+    assert run(["status", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "[bold]c" in told and "[bold]d" in told
+
+
 @pytest.mark.parametrize("content", [b"", b"nothing of a tlog", bytes(3000)])
 def test_a_tlog_that_tells_nothing_is_no_run(tmp_path: Path, content: bytes) -> None:
     session = Session.open(tmp_path)
@@ -92,8 +197,8 @@ def test_a_tlog_that_tells_nothing_is_no_run(tmp_path: Path, content: bytes) -> 
     session.close()
     (tmp_path / "sweep1.tlog").write_bytes(content)
     (tmp_path / "unknown.tlog").write_bytes(content)
-    (run,) = read(tmp_path).runs
-    assert (run.state, run.reason) == ("cut", "the program ended before the run began")
+    (found,) = read(tmp_path).runs
+    assert (found.state, found.reason) == ("cut", "the program ended before the run began")
     with pytest.raises(DataRefused, match="no run in .* came to its end .sweep1 was left out: the program"):
         session_runs(tmp_path)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scripted_source import ROVER, SWEEP, TLOG, snapshot
 
-from rover_sweep.live.snapshot import Verdict
+from rover_sweep.live.snapshot import Band, Verdict
 from rover_sweep.live.source import Drive, Lost, Preflight
 from rover_sweep.session_folder.content import Content, DrivenRun, FetchedLog, PlannedRun
 from rover_sweep.tui.analysis import Job
@@ -118,3 +118,17 @@ def test_a_link_that_is_lost_leaves_nothing_to_abort_but_a_run_of_ours() -> None
     assert not lost.under_way and not lost.aborting
     driving = reduced(State(), (Asked(DRIVE), steering, Lost("nothing was heard for 3 s"), AbortAsked()))
     assert driving.under_way and driving.aborting
+
+
+def test_a_verdict_of_before_that_cannot_be_shown_is_left_out(tmp_path: Path) -> None:
+    band = {"response": "r", "low": 1, "high": 2, "coherence": 0.9, "words": "good"}
+    said = {"run": "sweep1", "advice": "keep", "sentence": "keep", "bands": [band], "amplitude": 150.0}
+
+    def verdict(**other: object) -> Verdict | None:
+        driven = DrivenRun("sweep1", "sweep1.tlog", SWEEP, "done", verdict=said | other)
+        return records(Content(runs=(driven,)), tmp_path)[0].verdict
+
+    assert verdict() == Verdict("sweep1", "keep", "keep", (Band("r", 1, 2, 0.9, "good"),), 150.0)
+    for wrong in ({"advice": "burn"}, {"advice": []}, {"amplitude": "x"}, {"amplitude": float("nan")},
+                  {"bands": 3}, {"bands": [band | {"low": "x"}]}, {"per_band": [1]}):  # fmt: skip
+        assert verdict(**wrong) is None
