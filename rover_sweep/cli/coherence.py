@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.options import filter_overrides, reading_options
+from rover_sweep.cli.options import NumberRange, filter_overrides, reading_options
 
 if TYPE_CHECKING:
     from rover_sweep.identify.amplitude import AmplitudeProposal
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @reading_options
 @click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
               help="Vehicle file, for the friction and the sign of the steering.")  # fmt: skip
-@click.option("--servo", type=click.FloatRange(0, min_open=True), metavar="S",
+@click.option("--servo", type=NumberRange(0, min_open=True), metavar="S",
               help="Your servo's time for 60 deg by its data sheet [s].")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="The verdicts as JSON on stdout.")
 def coherence(

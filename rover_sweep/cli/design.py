@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from rover_sweep.cli.options import NumberRange
+
 if TYPE_CHECKING:
     from rover_sweep.identify.sweep import Manoeuvre
 
@@ -18,7 +20,7 @@ ONLY_FOR = {
     "multisine": (*_SWEPT, "periods"),
     "bias-sweep": (*_SWEPT, "bias"),
 }
-POSITIVE = click.FloatRange(0, min_open=True)
+POSITIVE = NumberRange(0, min_open=True)
 
 
 @click.command()
@@ -30,11 +32,9 @@ POSITIVE = click.FloatRange(0, min_open=True)
 )
 @click.option("--trec", type=POSITIVE, default=55.0, show_default=True, help="Sweep: length of the law, s.")
 @click.option(
-    "--fade", type=click.FloatRange(0), default=2.0, show_default=True, help="Sweep: fade in and out, s."
+    "--fade", type=NumberRange(0), default=2.0, show_default=True, help="Sweep: fade in and out, s."
 )
-@click.option(
-    "--dwell", type=click.FloatRange(0), default=2.0, show_default=True, help="Sweep: hold at wmin, s."
-)
+@click.option("--dwell", type=NumberRange(0), default=2.0, show_default=True, help="Sweep: hold at wmin, s.")
 @click.option(
     "--runs",
     type=click.IntRange(1, 20),
@@ -48,12 +48,12 @@ POSITIVE = click.FloatRange(0, min_open=True)
               help="Bias sweep: steering offset about which it steers, us.")  # fmt: skip
 @click.option("--pulse", type=POSITIVE, default=1.0, show_default=True, help="Doublet: length of a step, s.")
 @click.option(
-    "--pause", type=click.FloatRange(0), default=2.0, show_default=True, help="Doublet: pause after each, s."
+    "--pause", type=NumberRange(0), default=2.0, show_default=True, help="Doublet: pause after each, s."
 )
 @click.option("--count", type=click.IntRange(1, 50), default=2, show_default=True, help="Doublet: how many.")
 @click.option(
     "--straight",
-    type=click.FloatRange(0),
+    type=NumberRange(0),
     default=3.0,
     show_default=True,
     help="Straight before and after, s.",
@@ -66,11 +66,11 @@ POSITIVE = click.FloatRange(0, min_open=True)
 )
 @click.option("--speed", type=POSITIVE, help="Speed, m/s, for the space and the lateral acceleration.")
 @click.option(
-    "--servo", type=click.FloatRange(0.01, 2), help="Your servo's time for 60 deg, s, from its data sheet."
+    "--servo", type=NumberRange(0.01, 2), help="Your servo's time for 60 deg, s, from its data sheet."
 )
 @click.option(
     "--loop-rate",
-    type=click.FloatRange(10, 2000),
+    type=NumberRange(10, 2000),
     default=50.0,
     show_default=True,
     help="SCHED_LOOP_RATE, Hz.",

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from rover_sweep.cli.manoeuvres import ManoeuvreType
-from rover_sweep.cli.options import output_options
+from rover_sweep.cli.options import NumberRange, output_options
 from rover_sweep.cli.simulated_rover import SIMULATORS, own_numbers, rover_text, variants, vehicle_in
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.multisine import Multisine
@@ -31,16 +31,12 @@ from rover_sweep.identify.sweep import BiasSweep
               help="rover.toml of the vehicle behind --connect.")  # fmt: skip
 @click.option("--variant", default="nominal", show_default=True, metavar="NAME|FILE",
               help=f"Physics of the simulated rover: {', '.join(variants())}, or a TOML file.")  # fmt: skip
-@click.option("--amplitude", type=click.FloatRange(0, min_open=True), default=120.0, show_default=True,
+@click.option("--amplitude", type=NumberRange(0, min_open=True), default=120.0, show_default=True,
               metavar="US",
               help="Amplitude of the first sweep, up to 200 us; the second has twice that.")  # fmt: skip
-@click.option(
-    "--wmin", type=click.FloatRange(0, min_open=True), default=0.3, show_default=True, metavar="RAD/S"
-)
-@click.option(
-    "--wmax", type=click.FloatRange(0, min_open=True), default=25.0, show_default=True, metavar="RAD/S"
-)
-@click.option("--trec", type=click.FloatRange(0, min_open=True), default=55.0, show_default=True,
+@click.option("--wmin", type=NumberRange(0, min_open=True), default=0.3, show_default=True, metavar="RAD/S")
+@click.option("--wmax", type=NumberRange(0, min_open=True), default=25.0, show_default=True, metavar="RAD/S")
+@click.option("--trec", type=NumberRange(0, min_open=True), default=55.0, show_default=True,
               metavar="S", help="Length of the law between the two.")  # fmt: skip
 @click.option("--multisine", "multisines", type=ManoeuvreType(Multisine), multiple=True,
               help="A further run: peak in us, rad/s, s; shows 2nd and 3rd harmonics at once.")  # fmt: skip

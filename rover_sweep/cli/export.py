@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from rover_sweep.cli.options import NumberRange
 from rover_sweep.errors import DataRefused, UsageError
 
 FORMATS = {".json": "json", ".m": "matlab", ".py": "python", ".mat": "mat"}
@@ -20,7 +21,7 @@ JUDGED_GOOD = ("good", "acceptable", "none", "explained")
               help="bicycle, roll-yaw, lumped or kinematic; the recommended one if not said.")  # fmt: skip
 @click.option("--format", "form", type=click.Choice(["json", "matlab", "python", "mat"]),
               help="By the suffix of FILE if not said; json without a FILE.")  # fmt: skip
-@click.option("--speed", type=click.FloatRange(0.1, 50), metavar="M/S",
+@click.option("--speed", type=NumberRange(0.1, 50), metavar="M/S",
               help="Another speed than that of the runs (not for the lumped model).")  # fmt: skip
 @click.option("--plant", is_flag=True,
               help="A diagnosis' model as a simulated rover: the file that --variant takes.")  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.options import NumberRange
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Steering gains for the autopilot out of an identified model.")
 @click.argument("place", metavar="IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path())
-@click.option("--speed", type=click.FloatRange(0.1, 50), metavar="M/S",
+@click.option("--speed", type=NumberRange(0.1, 50), metavar="M/S",
               help="Speed they are for; that of the runs if not said.")  # fmt: skip
 @click.option(
     "--model", "name", metavar="NAME", help="roll-yaw, bicycle or kinematic; the recommended one if not said."

@@ -13,6 +13,7 @@ from rover_sweep.cli.options import (
     OUTPUTS,
     BandType,
     ChoicesType,
+    NumberRange,
     NumbersType,
     filter_overrides,
     output_options,
@@ -54,12 +55,8 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
               help="A parameter that the structure reduction leaves free, e.g. Ixx or Y_phi.")  # fmt: skip
 @click.option("--band", "bands", type=BandType(), multiple=True,
               help="Usable band of a response in place of the one found from its coherence.")  # fmt: skip
-@click.option(
-    "--wmin", type=click.FloatRange(0, min_open=True), metavar="RAD/S", help="Lowest swept frequency."
-)
-@click.option(
-    "--wmax", type=click.FloatRange(0, min_open=True), metavar="RAD/S", help="Highest swept frequency."
-)
+@click.option("--wmin", type=NumberRange(0, min_open=True), metavar="RAD/S", help="Lowest swept frequency.")
+@click.option("--wmax", type=NumberRange(0, min_open=True), metavar="RAD/S", help="Highest swept frequency.")
 @click.option("--windows", type=NumbersType(), metavar="S,S,...", help="Window lengths, s.")
 @click.option("--bootstrap", type=click.IntRange(min=0), default=200, show_default=True, metavar="N",
               help="Replicates for the 90 % intervals of the parameters; 0: no intervals.")  # fmt: skip

@@ -9,6 +9,7 @@ from dataclasses import asdict
 import click
 
 from rover_sweep.cli.numbers import MeasuredType, TimesType
+from rover_sweep.cli.options import NumberRange
 from rover_sweep.cli.text import bullet
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.inertia import (
@@ -65,7 +66,7 @@ LENGTH = MeasuredType(0.05, 20, "m", "give metres")
 @click.option("--rig-times", type=TimesType(), help="Times of the rig swung alone, each for --swings swings.")
 @click.option(
     "--timer-sd",
-    type=click.FloatRange(0, 5),
+    type=NumberRange(0, 5),
     default=0.2,
     show_default=True,
     help="Uncertainty of one timing, s; 0.2 by hand.",

@@ -34,6 +34,19 @@ class BandType(click.ParamType):
         return name, band
 
 
+class NumberRange(click.FloatRange):
+    """A finite number within bounds; click lets NaN pass any bound, and infinity an open end."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is no finite number; write it in figures", param, ctx)
+        return number
+
+
 class NumbersType(click.ParamType):
     """Positive numbers joined by commas, e.g. 5,8,12,18,27."""
 
@@ -47,8 +60,8 @@ class NumbersType(click.ParamType):
             numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             self.fail(f"{value!r} is not a list of numbers such as 5,8,12", param, ctx)
-        if not all(n > 0 for n in numbers):
-            self.fail(f"{value!r}: every number must be positive", param, ctx)
+        if not all(0 < n < math.inf for n in numbers):
+            self.fail(f"{value!r}: every number must be positive and finite", param, ctx)
         return numbers
 
 
@@ -111,17 +124,15 @@ def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
 def filter_overrides(gyro: float | None, accel: float | None) -> dict[str, float] | None:
     """{"gyro_hz", "accel_hz"} of the options that were given, None without any."""
     given = {"gyro_hz": gyro, "accel_hz": accel}
-    if not all(math.isfinite(v) for v in given.values() if v is not None):
-        raise UsageError("a filter's cut-off must be a finite number of Hz (0: off)")
     return {k: v for k, v in given.items() if v is not None} or None
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """--columns, --gyro-filter and --accel-filter."""
     for decorate in (
-        click.option("--accel-filter", type=click.FloatRange(0), metavar="HZ",
+        click.option("--accel-filter", type=NumberRange(0), metavar="HZ",
                      help="INS_ACCEL_FILTER of the drive, where the log does not hold it (0: off)."),
-        click.option("--gyro-filter", type=click.FloatRange(0), metavar="HZ",
+        click.option("--gyro-filter", type=NumberRange(0), metavar="HZ",
                      help="INS_GYRO_FILTER of the drive, where the log does not hold it (0: off)."),
         click.option("--columns", type=click.Path(dir_okay=False), metavar="FILE",
                      help="Column map of .csv recordings (TOML)."),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.options import EFFECTS, filter_overrides, reading_options, vehicle_path
+from rover_sweep.cli.options import EFFECTS, NumberRange, filter_overrides, reading_options, vehicle_path
 
 if TYPE_CHECKING:
     from rover_sweep.diagnosis.plans.types import PlannedRun
@@ -79,7 +79,7 @@ def _run_option(name: str, kind: str, words: str) -> Any:
 @_run_option("--doublet", "doublet", "A doublet")
 @_run_option("--bias-sweep", "bias_sweep", "A sweep about a steering bias, as 100+150@2.4")
 @_run_option("--multisine", "multisine", "An odd/even multisine, which shows harmonics")
-@click.option("--servo-test", "servo_test", multiple=True, type=click.FloatRange(1, MOST_US), metavar="US",
+@click.option("--servo-test", "servo_test", multiple=True, type=NumberRange(1, MOST_US), metavar="US",
               help="The wheel's angle measured on blocks while a sweep of this peak runs.")  # fmt: skip
 @click.option(
     "--want", type=EFFECTS, default=(), help="Only these effects must be found and told from all others."

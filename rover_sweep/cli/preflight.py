@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.asking import confirmed
+from rover_sweep.cli.options import NumberRange
 from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link
 from rover_sweep.errors import UsageError
 
@@ -27,7 +28,7 @@ _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yell
 @connect_option
 @click.option("--fix", "names", multiple=True, metavar="NAME",
               help="Put this check right, e.g. --fix parameters. May be repeated.")  # fmt: skip
-@click.option("--w-max", type=click.FloatRange(0, min_open=True), metavar="RAD/S",
+@click.option("--w-max", type=NumberRange(0, min_open=True), metavar="RAD/S",
               help="Top of the sweep to come. [default: the applet's]")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False), default=".", metavar="DIR",
               help="Folder of the recordings to come; here if not said.")  # fmt: skip

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.errors import UsageError
+from rover_sweep.cli.options import NumberRange
 
 if TYPE_CHECKING:
     from rover_sweep.live.played import PlayedSource
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("log", type=click.Path(), metavar="LOG")
-@click.option("--speed", type=click.FloatRange(0, min_open=True), metavar="X",
+@click.option("--speed", type=NumberRange(0, min_open=True), metavar="X",
               help="Times real time; 1 on the screen, as fast as it goes as text.")  # fmt: skip
-@click.option("--from", "start", type=click.FloatRange(0), default=0.0, metavar="S",
+@click.option("--from", "start", type=NumberRange(0), default=0.0, metavar="S",
               help="Begin this many seconds after the recording's start.")  # fmt: skip
 @click.option("--text", is_flag=True, help="Plain lines; so it is without a terminal.")
 def replay(log: str, speed: float | None, start: float, text: bool) -> None:
@@ -31,9 +31,6 @@ def replay(log: str, speed: float | None, start: float, text: bool) -> None:
     from rover_sweep.live.played import PlayedSource
 
     as_text = text or not (narration().is_terminal and results().is_terminal)
-    for name, value in (("--speed", speed or 1.0), ("--from", start)):
-        if not math.isfinite(value):
-            raise UsageError(f"{name} is {value}; give a number")
     source = PlayedSource(log, speed or (math.inf if as_text else 1.0), start)
     if as_text:
         as_lines(source)

@@ -83,7 +83,7 @@ def test_json_has_everything(engine: Engine, told: Tell) -> None:
     (("--sweep", "150@inf"), "is no run; write it as 150@2.4"),
     (("--bias-sweep", "300+300@2.4"), "1..500 us, bias included"),
     (("--servo-test", "-90"), "1<=x<=500"),
-    (("--servo-test", "90@2.4"), "not a valid float"),
+    (("--servo-test", "90@2.4"), "not a valid number"),
     (("--bias-sweep", "150@2.4"), "has no bias; write it as 100+150@2.4"),
     (("--sweep", "100+50@2.4"), "which is for --bias-sweep; write it as 150@2.4"),
     (("--sweep", "900@2.4"), "1..500 us"),

@@ -86,6 +86,10 @@ def test_what_is_not_supported_writes_no_file(
     [
         (["nowhere"], "holds no identification"),
         (["{folder}", "--model", "lumped"], "--model lumped"),
+        (["{folder}", "--speed", "nan"], "'--speed': 'nan' is no finite number; write it in figures"),
+        (["{folder}", "--speed", "inf"], "'--speed': inf is not in the range 0.1<=x<=50"),
+        (["{folder}", "--speed", "0"], "'--speed': 0.0 is not in the range 0.1<=x<=50"),
+        (["{folder}", "--speed", "-2.5"], "'--speed': -2.5 is not in the range 0.1<=x<=50"),
         (["{folder}", "--now", "missing.param"], "missing.param cannot be read"),
         (["{folder}", "--now", "a.param", "--connect", "udp:x"], "give one of them"),
         ([str(DATA / "rover.toml")], "cannot be read as an identification"),
