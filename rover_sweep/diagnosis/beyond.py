@@ -58,7 +58,9 @@ def unknown(last: Round, named: bool, seed: int) -> Unknown | None:
         return None
     seen = _seen(last, seed)
     if loud:
-        return _loud(last, seen, loud)
+        found = _loud(last, seen, loud)
+        noise = named and found.law_gain is None and not any(left.much for left in last.left.values())
+        return None if noise else found
     if seen.over.size == 0 or np.max(seen.over) <= BEYOND:
         return None
     return _quiet(last, seen, int(np.argmax(seen.over)))

@@ -112,7 +112,7 @@ def _astray(first: Round, current: Round, wanting: Sequence[Trial]) -> bool:
 def _little_explained(first: Round, after: Mapping[str, Left], share: float = LEFT) -> bool:
     """True where much is left: in no channel that was loud less than a share of what stood out there, and
     in one of them no less either where nothing is allowed for, which hides a small effect."""
-    much = any(left.loud for left in after.values())
+    much = any(left.much for left in after.values())
     pairs = [(after[c], before) for c, before in first.left.items() if before.loud]
     allowed = all(_stays(now.loudness, then.loudness, share) for now, then in pairs)
     plain = any(_stays(now.plain, then.plain, share) for now, then in pairs)

@@ -127,7 +127,7 @@ def _answer(
         unseen[SPEED] = "its derivatives hold no force of the front wheels"
     elif choice.stopped:
         unseen |= {e.id: STOPPED for e in library().values() if e.id not in gains and e.id not in unseen}
-    elif any(left.loud for left in last.left.values()):  # the own drag is that of a model that holds
+    elif any(left.much for left in last.left.values()):  # the own drag is that of a model that holds
         unseen[SPEED] = "the motion is not explained, without which the wheels' own drag is not known"
     else:
         lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)

@@ -25,6 +25,7 @@ from rover_sweep.identify.effects import library
 
 LOUD = 1.45  # mean square of a channel's rows, from which a residual is worth a question
 LOUD_PLAIN = 3.0  # the same, of rows in which the little of everything is not allowed for
+MUCH = 1.8  # as LOUD, up to which it may be noise that grows with the motion
 SILLY = 0.8  # of the largest size of an effect that is looked for, beyond which it stands for something else
 MOST_NOISE = 1.5  # variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
@@ -58,6 +59,12 @@ class Left:
     def loud(self) -> bool:
         """Whether it is worth a question."""
         return self.loudness > LOUD
+
+    @property
+    def much(self) -> bool:
+        """Whether it is more than the noise may grow by where the rover is driven: dry friction, say, holds
+        the body still in a quiet stretch, where the noise is taken from."""
+        return self.loudness > MUCH
 
 
 @dataclass(frozen=True, eq=False)
