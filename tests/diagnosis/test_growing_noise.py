@@ -1,0 +1,40 @@
+"""Dry friction holds the body still in a quiet stretch, so that the noise is more where the rover is driven."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted import MODEL, NOISE, X, sweeps
+
+from rover_sweep.diagnosis.beyond import unknown
+from rover_sweep.diagnosis.choose import choose
+from rover_sweep.diagnosis.experiment import Experiment
+from rover_sweep.diagnosis.rounds import Options
+from rover_sweep.diagnosis.simulate import Sensors, logged
+
+TORQUE = 0.02  # N m
+EFFECT = "suspension_friction"
+
+
+def runs(grows: float) -> list[Experiment]:
+    """grows: noise of p while the body rolls, over that while it is still."""
+    random, rubbed = np.random.default_rng(4), replace(MODEL, effects=(EFFECT,))
+    out = []
+    for run in sweeps(1):
+        motion = logged(run, rubbed.structure, {**X, f"{EFFECT}.T": TORQUE}, Sensors.of(run))
+        rolling = np.convolve(np.abs(motion["p"]), np.full(200, 0.005), "same")
+        noise = {c: s * random.standard_normal(run.t.size) for c, s in NOISE.items()}
+        noise["p"] *= np.where(rolling > 0.3 * rolling.max(), grows, 1.0)
+        out.append(replace(run, measured={c: y + noise[c] for c, y in motion.items()}))
+    return out
+
+
+def test_what_is_named_is_not_withdrawn_for_noise_that_no_state_predicts() -> None:
+    found = choose(runs(2.0), MODEL, X, Options((EFFECT,), (), 1, lambda what, share: None, lambda: False))
+    assert [n.trial.effect for n in found.named] == [EFFECT]
+    assert found.last.fitted.x[f"{EFFECT}.T"] == pytest.approx(TORQUE, rel=0.15)
+    assert found.last.left["p"].loud and not found.last.left["p"].much
+    assert unknown(found.last, True, 1) is None
+    assert unknown(found.last, False, 1) is not None  # with nothing named it is worth a question
