@@ -1,4 +1,4 @@
-"""Dry friction holds the body still in a quiet stretch, so that the noise is more where the rover is driven."""
+"""Dry friction holds the body still in a quiet stretch, so there is more noise where the rover is driven."""
 
 from __future__ import annotations
 
