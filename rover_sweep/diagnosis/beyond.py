@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.diagnosis.fitting import fit
 from rover_sweep.diagnosis.laws import Law, laws
+from rover_sweep.diagnosis.nominal import Coordinate
 from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
 from rover_sweep.diagnosis.rounds import MOST_NOISE, Round
 from rover_sweep.diagnosis.signatures import Signature
@@ -29,6 +31,7 @@ WORDS = {
     "p": "the roll rate",
     "vy": "the lateral velocity",
 }
+FITTED = 3  # laws that promise most, which are fitted
 KEPT = 3  # terms of the sketch of a law
 BEYOND = 3.0  # times what chance makes, in place of a material size, which a law without a name has none of
 NEW = 1e-3  # share of a signature that the model must not reach, for its law to be told
@@ -48,10 +51,29 @@ class _Seen:
     over: Array
 
 
-def unknown(last: Round, named: bool, seed: int) -> Unknown | None:
+def nameless_gain(of: Round, seed: int) -> float:
+    """Drop of the cost by the law without a name that explains most, fitted; less what chance would make.
+
+    What a law promises while the nominal coordinates move freely is more than they can do within bounds.
+    """
+    seen = _seen(of, seed)
+    best = np.argsort(-seen.gains)[:FITTED]
+    return max((_fitted_gain(of, seen.laws[k]) - seen.gains[k] / seen.over[k] for k in best), default=0.0)
+
+
+def _fitted_gain(of: Round, law: Law) -> float:
+    structure, amount = of.model.structure, law.effect.parameters[0]
+    more = replace(structure, effects=(*structure.effects, law.effect))
+    own = Coordinate(law.effect.key(amount.name), 0.0, amount.low, amount.high, amount.size)
+    start = {**of.fitted.x, own.name: 0.0}
+    return of.fitted.cost - fit(of.problem, more, (*of.model.free, own), start, known=of.fitted).cost
+
+
+def unknown(last: Round, named: bool, seed: int, sure: bool = False) -> Unknown | None:
     """The answer on what the final model leaves, None where it is at the noise floor.
 
     named: effects were found; what their laws are inexact by is then no unknown, unless it is loud.
+    sure: a law without a name is known to explain it.
     """
     loud = {c: left.loudness for c, left in last.left.items() if left.loud}
     if named and not loud:
@@ -61,7 +83,7 @@ def unknown(last: Round, named: bool, seed: int) -> Unknown | None:
         found = _loud(last, seen, loud)
         noise = named and found.law_gain is None and not any(left.much for left in last.left.values())
         return None if noise else found
-    if seen.over.size == 0 or np.max(seen.over) <= BEYOND:
+    if seen.over.size == 0 or (not sure and np.max(seen.over) <= BEYOND):
         return None
     return _quiet(last, seen, int(np.argmax(seen.over)))
 

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rover_sweep.diagnosis.alike import Alike, look_alikes
+from rover_sweep.diagnosis.beyond import nameless_gain
 from rover_sweep.diagnosis.candidates import WHOLE, Model
 from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.fitting import Fitted, fit
@@ -19,6 +20,9 @@ ASTRAY = 0.8  # of what there was, from which no second effect is looked for
 LEFT = 0.5  # of what there was, from which the effects found are no explanation
 INEXACT = 2e-3  # of what an effect explains, that its law may be wrong by: what is left of it is no effect
 BETTER = 1.2  # times what the named effects explain, from which they only stand in for something else
+FAR_BETTER = (
+    4.0  # the same, of a law without a name: an effect's own law may be inexact, such as a deadband's
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +40,8 @@ class Choice:
     """What was chosen. first: the round of the nominal model; last: that of the model with all effects.
 
     withdrawn: effects that were found and yet leave most of what is to be explained; of three, also where
-    a fourth would help. beyond: what explains more than they, and is no candidate. stopped: before all had
-    been tried.
+    a fourth would help. beyond: a parameter that explains more than they, let go farther; nameless: a law
+    without a name does. stopped: before all had been tried.
     """
 
     first: Round
@@ -45,6 +49,7 @@ class Choice:
     named: tuple[Named, ...]
     withdrawn: tuple[str, ...] = ()
     beyond: Beyond | None = None
+    nameless: bool = False
     stopped: bool = False
 
 
@@ -82,18 +87,16 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
     effects = tuple(n.trial.effect for n in named)
     if not named or (not stopped and (endless or _little_explained(first, current.left))):
         return Choice(first, first, (), effects, stopped=stopped)
-    if not stopped and (beyond := _bettered(first, current)):
-        return Choice(first, first, (), effects, beyond)
+    if not stopped:
+        # the last fit is the best in another metric, that of an effect alone in this one
+        fitted = first.fitted.data_cost - cost_of(first.problem, current.fitted)
+        explained = max(fitted, *(n.trial.gain for n in named if n.base is first.fitted), 0.0)
+        beyond = beyond_ordinary(first.problem, first.fitted)
+        if beyond is not None and beyond.gain > BETTER * explained:
+            return Choice(first, first, (), effects, beyond)
+        if nameless_gain(first, options.seed) > FAR_BETTER * explained:
+            return Choice(first, first, (), effects, nameless=True)
     return Choice(first, current, tuple(named), stopped=stopped)
-
-
-def _bettered(first: Round, last: Round) -> Beyond | None:
-    """What explains plainly more than all effects that were found, and is only a parameter let go farther."""
-    beyond = beyond_ordinary(first.problem, first.fitted)
-    if beyond is None:
-        return None
-    explained = first.fitted.data_cost - cost_of(first.problem, last.fitted)
-    return beyond if beyond.gain > BETTER * max(explained, 0.0) else None
 
 
 def _wanting(current: Round, named: Sequence[Named], removed: Collection[str]) -> list[Trial]:

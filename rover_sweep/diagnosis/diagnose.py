@@ -139,7 +139,9 @@ def _answer(
     if [f.effect for f in findings] == [SPEED]:  # nothing else changed the model
         shown = findings[0].held_out
     places = mismatches(first.problem.plain, first.closest.rows)
-    left = None if choice.stopped else unknown(last, bool(findings), settings.seed) or slower
+    left = None
+    if not choice.stopped:
+        left = unknown(last, bool(findings), settings.seed, choice.nameless) or slower
     if choice.beyond:
         left = unknown_beyond(choice.beyond, choice.withdrawn)
     if not (left or findings or choice.stopped):
@@ -159,7 +161,7 @@ def _answer(
         gains,
         overlays(pictures, bool(fresh), *whole, floor),
         shown,
-        remarks_of(used, findings, () if choice.beyond else choice.withdrawn),
+        remarks_of(used, findings, () if choice.beyond else choice.withdrawn, choice.nameless),
         0.0,
         tuple(r.name for r in used),
         tuple(r.name for r in fresh),

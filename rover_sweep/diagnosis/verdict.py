@@ -36,7 +36,7 @@ def sentence_of(
 
 
 def remarks_of(
-    used: Sequence[Experiment], findings: Sequence[Finding], withdrawn: Sequence[str]
+    used: Sequence[Experiment], findings: Sequence[Finding], withdrawn: Sequence[str], bettered: bool = False
 ) -> tuple[str, ...]:
     """What the runs could not tell apart, and findings that a fresh run does not bear out."""
     out = []
@@ -45,7 +45,8 @@ def remarks_of(
     if len({round(run.amplitude, 2) for run in used}) < 2:
         out.append("all runs have one amplitude: what saturates is not told from what is linear")
     if withdrawn:
-        out.append(f"{', '.join(withdrawn)} fit a part of it and leave too much: no explanation")
+        why = ", less than a law without a name would" if bettered else " and leave too much"
+        out.append(f"{', '.join(withdrawn)} fit a part of it{why}: no explanation")
     for finding in findings:
         worse = [h.run for h in finding.held_out if h.share_removed is not None and h.share_removed < 0]
         if worse:
