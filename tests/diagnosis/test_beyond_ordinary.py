@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from planted import MODEL, NOISE, X, sweeps
 
+from rover_sweep.diagnosis.beyond import nameless_gain, unknown
 from rover_sweep.diagnosis.choose import Choice, choose
 from rover_sweep.diagnosis.experiment import Experiment
+from rover_sweep.diagnosis.laws import laws
 from rover_sweep.diagnosis.ordinary import unknown_beyond
 from rover_sweep.diagnosis.rounds import Options
 from rover_sweep.diagnosis.simulate import Sensors, logged
@@ -45,3 +47,21 @@ def test_the_candidate_that_has_it_is_named() -> None:
     found = chosen("roll_steer", "front_rear_stiffness")
     assert found.beyond is None and [n.trial.effect for n in found.named] == ["front_rear_stiffness"]
     assert np.exp(found.last.fitted.x["ln_ratio"]) == pytest.approx(RATIO, rel=0.1)
+
+
+def test_a_law_without_a_name_is_weighed_as_it_can_be_fitted() -> None:
+    """A wind turns the rover with its heading: no candidate does, and a law that does is found."""
+    law = next(w for w in laws() if w.words == "yaw moment ~ cos(psi)")
+    windy = replace(MODEL.structure, effects=(law.effect,))
+    random, blown = np.random.default_rng(5), {**X, law.effect.key("amount"): 0.1}
+    recorded = []
+    for run in sweeps(1):
+        motion = logged(run, windy, blown, Sensors.of(run))
+        noisy = {c: y + NOISE[c] * random.standard_normal(y.size) for c, y in motion.items()}
+        recorded.append(replace(run, measured=noisy))
+    options = Options(("roll_steer",), (), 1, lambda what, share: None, lambda: False)
+    found = choose(recorded, MODEL, X, options)
+    assert found.named == ()
+    assert nameless_gain(found.first, 1) > 100.0
+    told = unknown(found.last, False, 1, found.nameless)
+    assert told is not None and "psi" in told.depends_on
