@@ -107,14 +107,18 @@ def walk(data: bytes, wanted: frozenset[int] | None = None) -> tuple[dict[int, l
         magic = data[start]
         if magic == MAGIC_2:
             length = 12 + data[start + 1] + (13 if data[start + 2] & SIGNED else 0)
-            number = data[start + 7] | data[start + 8] << 8 | data[start + 9] << 16
         elif magic == MAGIC_1:
-            length, number = 8 + data[start + 1], data[start + 5]
+            length = 8 + data[start + 1]
         else:
             at = previous = _resynchronised(data, previous + 1)
             continue
         if start + length > size:
             break
+        number = (
+            data[start + 5]
+            if magic == MAGIC_1
+            else data[start + 7] | data[start + 8] << 8 | data[start + 9] << 16
+        )
         if wanted is None or number in wanted:
             found[number].append(start)
         previous, at = at, start + length

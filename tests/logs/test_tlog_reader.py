@@ -140,6 +140,13 @@ def test_damage_is_skipped_or_refused(tmp_path: Path) -> None:
         read_telemetry(saved(tmp_path, bytes(data)))
 
 
+def test_a_log_that_ends_anywhere_is_read_up_to_there() -> None:
+    """As a kill or a full disk leaves it."""
+    data = (DEFAULTS / "run1.tlog").read_bytes()[:20_000]
+    for end in range(19_900, 20_000):
+        assert parse(data[:end], ("ATTITUDE",)).messages
+
+
 def test_a_flipped_bit_is_found_by_the_checksum() -> None:
     telemetry = Telemetry()
     telemetry.drive(100.0, 1.0)
