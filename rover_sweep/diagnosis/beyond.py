@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rover_sweep.diagnosis.fitting import fit
 from rover_sweep.diagnosis.laws import Law, laws
 from rover_sweep.diagnosis.nominal import Coordinate
+from rover_sweep.diagnosis.problem import over_noise
 from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
 from rover_sweep.diagnosis.rounds import MOST_NOISE, Round
 from rover_sweep.diagnosis.signatures import Signature
@@ -121,8 +122,7 @@ def _quiet(last: Round, seen: _Seen, best: int) -> Unknown:
     law, row = seen.laws[best], seen.rows[:, best]
     power = {c: float(np.sum(last.problem.part(row, channel=c) ** 2)) for c in WORDS}
     channel = max(power, key=lambda c: power[c])
-    spread = float(np.sum(row**2) ** 2 / np.sum(row**4))  # rows over which it is spread
-    ratio = float(np.sqrt(1.0 + seen.gains[best] / spread))
+    ratio = over_noise(float(seen.gains[best]), row)
     times = f"{seen.over[best]:.1f} times" if seen.over[best] < 10 else f"{seen.over[best]:.0f} times"
     sentence = (
         f"{WORDS[channel]} differs by {ratio:.1f} times the noise where it follows {law.on}, as if acting on "

@@ -20,9 +20,7 @@ ASTRAY = 0.8  # of what there was, from which no second effect is looked for
 LEFT = 0.5  # of what there was, from which the effects found are no explanation
 INEXACT = 2e-3  # of what an effect explains, that its law may be wrong by: what is left of it is no effect
 BETTER = 1.2  # times what the named effects explain, from which they only stand in for something else
-FAR_BETTER = (
-    4.0  # the same, of a law without a name: an effect's own law may be inexact, such as a deadband's
-)
+FAR_BETTER = 4.0  # the same, of a law without a name, as an effect's own law may be inexact
 
 
 @dataclass(frozen=True, eq=False)

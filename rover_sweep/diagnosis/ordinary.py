@@ -8,11 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from rover_sweep.diagnosis.fitting import Fitted, fit
 from rover_sweep.diagnosis.nominal import Coordinate
-from rover_sweep.diagnosis.problem import Problem
+from rover_sweep.diagnosis.problem import Problem, over_noise
 from rover_sweep.diagnosis.result import Unknown
 
 FARTHER = 5.0  # times as far from its start as is ordinary
@@ -77,5 +75,4 @@ def _let_go(problem: Problem, fitted: Fitted, c: Coordinate) -> Beyond:
         less[channel] = float(before @ before - after @ after)
     channel = max(less, key=lambda name: less[name])
     rows = problem.part(fitted.rows - freed.rows, channel=channel)
-    spread = float(np.sum(rows**2) ** 2 / max(np.sum(rows**4), 1e-12))
-    return Beyond(c.name, fitted.cost - freed.cost, channel, float(np.sqrt(1.0 + less[channel] / spread)))
+    return Beyond(c.name, fitted.cost - freed.cost, channel, over_noise(less[channel], rows))

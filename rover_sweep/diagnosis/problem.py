@@ -117,6 +117,12 @@ class Problem:
         return np.concatenate(parts) if parts else np.empty(0)
 
 
+def over_noise(gain: float, rows: Array) -> float:
+    """Rms over the noise of the rows on which a signature of shape `rows` stands, whose fit takes `gain`."""
+    spread = float(np.sum(rows**2) ** 2 / max(np.sum(rows**4), 1e-12))  # rows over which it is spread
+    return float(np.sqrt(1.0 + gain / spread))
+
+
 def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Problem:
     """The problem of runs whose noise floor is taken from the residuals {channel: (n,)} of a first fit."""
     return with_floor(runs, floor_of(runs, residuals))
