@@ -16,6 +16,7 @@ _CHUNK = 65536
 # keeps its clock from running seconds ahead of the override that we send.
 _TCP_RECEIVE_BUFFER = 16384
 _UDP_RECEIVE_BUFFER = 4 << 20
+_BOOTTIME: int | None = getattr(time, "CLOCK_BOOTTIME", None)
 
 
 class Transport(Protocol):
@@ -38,7 +39,15 @@ class Line(Protocol):
         ...
 
     def monotonic(self) -> float:
-        """Seconds, from any origin, never going back."""
+        """Seconds, from any origin, never going back; may stand still while the computer sleeps."""
+        ...
+
+    def since_boot(self) -> float:
+        """Seconds, from any origin, never going back, that go on while the computer sleeps."""
+        ...
+
+    def wall(self) -> float:
+        """Seconds of UTC since 1970, as far as the computer's clock is right."""
         ...
 
     def sleep(self, seconds: float) -> None: ...
@@ -52,6 +61,13 @@ class LiveLine:
 
     def monotonic(self) -> float:
         return time.monotonic()
+
+    def since_boot(self) -> float:
+        # Linux: CLOCK_MONOTONIC stands still in suspend. macOS has no CLOCK_BOOTTIME; there `wall` tells.
+        return time.clock_gettime(_BOOTTIME) if _BOOTTIME is not None else time.monotonic()
+
+    def wall(self) -> float:
+        return time.time()
 
     def sleep(self, seconds: float) -> None:
         time.sleep(seconds)

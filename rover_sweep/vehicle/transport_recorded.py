@@ -53,6 +53,12 @@ class RecordedLine:
     def monotonic(self) -> float:
         return self._line.monotonic()
 
+    def since_boot(self) -> float:
+        return self._line.since_boot()
+
+    def wall(self) -> float:
+        return self._line.wall()
+
     def sleep(self, seconds: float) -> None:
         self._line.sleep(seconds)
 

@@ -105,6 +105,12 @@ class ReplayedLine:
     def monotonic(self) -> float:
         return self._now
 
+    def since_boot(self) -> float:
+        return self._now
+
+    def wall(self) -> float:
+        return self._now
+
     def sleep(self, seconds: float) -> None:
         self._now += max(seconds, _LEAST)
 
