@@ -1,0 +1,111 @@
+"""What the vehicle really did and what the laptop really sent, written down by the world, not by the tool.
+
+`Record.rows` has one `Row` a main loop (20 ms), `Record.sent` one `Sent` for each override that left the
+laptop, `Record.texts` what the vehicle said (heard or not). Times are seconds of the world's clock.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import hypot
+from typing import NamedTuple
+
+TRIM_US = 1500
+_DONE = re.compile(r"^SWP: run (\d+) done")
+_STOPPED = re.compile(r"^SWP: run (\d+) stopped: (.*)")
+
+
+class Row(NamedTuple):
+    """One main loop. throttle, steering: PWM outputs [us]; throttle_in, switch_in: override in force [us], 0
+    for none; state, run: the applet's; heard, state_heard: when the laptop last read a whole message of the
+    vehicle and last its SWP_ST, sent: when anything last left the laptop, `-inf` for never."""
+
+    t: float
+    boot: int
+    speed: float
+    x: float
+    y: float
+    throttle: int
+    steering: int
+    throttle_in: int
+    switch_in: int
+    armed: bool
+    mode: int
+    state: int
+    run: int
+    heard: float
+    state_heard: float
+    sent: float
+
+    @property
+    def driving(self) -> bool:
+        """Throttle output above trim on an armed rover."""
+        return self.armed and self.throttle > TRIM_US
+
+
+class Sent(NamedTuple):
+    """An override that left the laptop [us; 0xFFFF: channel left alone]. heard, state_heard, made: how long
+    ago [s] the laptop had read anything, had read SWP_ST, and the newest that it had read was made."""
+
+    t: float
+    throttle: int
+    switch: int
+    heard: float
+    state_heard: float
+    made: float
+
+    @property
+    def driving(self) -> bool:
+        return TRIM_US < self.throttle < 0xFFFE
+
+    @property
+    def high(self) -> bool:
+        return 1800 < self.switch < 0xFFFE
+
+
+class Command(NamedTuple):
+    """A COMMAND_LONG that left the laptop."""
+
+    t: float
+    number: int
+    first: float
+
+
+@dataclass
+class Record:
+    """See above. begun: (t, run) of each run that the applet began."""
+
+    rows: list[Row] = field(default_factory=list)
+    sent: list[Sent] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
+    texts: list[tuple[float, str]] = field(default_factory=list)
+    begun: list[tuple[float, int]] = field(default_factory=list)
+
+    @property
+    def completed(self) -> tuple[int, ...]:
+        """Runs that the applet itself called done."""
+        return tuple(int(m[1]) for _, text in self.texts if (m := _DONE.match(text)))
+
+    @property
+    def stopped(self) -> dict[int, str]:
+        """Why the applet stopped a run, by run."""
+        return {int(m[1]): m[2] for _, text in self.texts if (m := _STOPPED.match(text))}
+
+    def metres(self, since: float = 0.0, until: float = float("inf"), driving: bool = True) -> float:
+        """Way [m] in that time; driving: only with throttle above trim."""
+        return sum(
+            hypot(b.x - a.x, b.y - a.y)
+            for a, b in pairwise(self.rows)
+            if since <= a.t < until and a.boot == b.boot and (a.driving or not driving)
+        )
+
+    def seconds(self, since: float = 0.0, until: float = float("inf")) -> float:
+        """Time [s] with throttle above trim."""
+        return sum(b.t - a.t for a, b in pairwise(self.rows) if since <= a.t < until and a.driving)
+
+    def late(self) -> Iterator[tuple[float, float, float]]:
+        """(t, s since the vehicle was last heard, s since SWP_ST was last heard) while it drives."""
+        return ((row.t, row.t - row.heard, row.t - row.state_heard) for row in self.rows if row.driving)
