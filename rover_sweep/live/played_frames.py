@@ -92,7 +92,7 @@ def _vehicle(path: Path, messages: dict[str, Frames]) -> tuple[int, int]:
 
 def _frames(data: bytes, system: int, component: int) -> tuple[Numbers, Numbers]:
     """Offsets and message ids of the vehicle's frames, in the order of the file."""
-    found = walk(data)[0]
+    found = walk(data).starts
     starts = np.concatenate([np.array(offsets, np.int64) for offsets in found.values()])
     kinds = np.concatenate([np.full(len(offsets), kind, np.int64) for kind, offsets in found.items()])
     order = np.argsort(starts)
@@ -111,10 +111,9 @@ def _times(starts: Numbers, found: tuple[Session, ...]) -> tuple[Array, Array, N
     t, at = np.empty(starts.size), np.empty(starts.size)
     offset = 0.0
     for k, session in enumerate(found):
-        latest = np.maximum.accumulate(session.clock)
         inside = number == k
         before = np.searchsorted(session.clock_order, starts[inside], "right") - 1
-        t[inside] = latest[np.clip(before, 0, None)]
-        at[inside] = offset + t[inside] - latest[0]
-        offset += float(latest[-1] - latest[0])
+        t[inside] = session.clock[np.clip(before, 0, None)]
+        at[inside] = offset + t[inside] - session.clock[0]
+        offset += float(session.clock[-1] - session.clock[0])
     return t, at, number

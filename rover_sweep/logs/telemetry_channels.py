@@ -48,7 +48,6 @@ KINDS = {10: "rover", 11: "boat", 12: "submarine", 5: "antenna tracker", 1: "pla
          2: "copter", 3: "copter", 4: "helicopter", 13: "copter", 14: "copter", 15: "copter"}  # fmt: skip
 EVERY_STEP_SEEN = 100.0  # Hz: a faster stream catches each step of the staircase (Lua runs at 84 Hz)
 MILLI_G = 9.80665e-3
-DAMAGE_LIMIT = 0.01
 STEERING_FIRST = 1
 
 
@@ -72,22 +71,26 @@ def _refuse_damage(path: Path, tlog: Tlog) -> None:
         raise DataRefused(f"{path.name} is empty (0 bytes): record the telemetry again")
     if tlog.frame_count == 0:
         raise DataRefused(f"{path.name} is no telemetry log: its {tlog.size} bytes hold no MAVLink frame")
-    wanted = sum(len(f) for f in tlog.messages.values()) + tlog.bad_checksums
-    if tlog.bad_bytes > DAMAGE_LIMIT * tlog.size or tlog.bad_checksums > DAMAGE_LIMIT * max(wanted, 100):
+    if tlog.damaged > tlog.frame_count or 2 * tlog.bad_bytes > tlog.size:
         raise DataRefused(
-            f"{path.name} is damaged: {tlog.bad_bytes} of {tlog.size} bytes belong to no frame and "
-            f"{tlog.bad_checksums} of {wanted} messages have a wrong checksum; use another copy or the .BIN"
+            f"{path.name} is damaged: {tlog.damaged} frames have wrong bytes, {tlog.frame_count} are whole, "
+            f"and {tlog.bad_bytes} of {tlog.size} bytes belong to no frame; use another copy or the .BIN"
         )
 
 
 def _reading_notes(tlog: Tlog, starts: int) -> Iterator[Note]:
-    if tlog.bad_bytes:
+    if tlog.damaged:
+        share = tlog.damaged / (tlog.damaged + tlog.frame_count)
+        yield Note(
+            "warning",
+            f"{100 * share:.2g} % of the frames of the telemetry log ({tlog.damaged}) have wrong bytes and "
+            "were skipped, as if the link had lost them",
+        )
+    elif tlog.bad_bytes:
         yield Note(
             "warning",
             f"{tlog.bad_bytes} bytes of the telemetry log belong to no whole frame and were skipped",
         )
-    if tlog.bad_checksums:
-        yield Note("warning", f"{tlog.bad_checksums} messages were dropped for a wrong checksum")
     if starts > 1:
         yield Note("info", f"The vehicle restarted {starts - 1} times while this was recorded")
 

@@ -1,12 +1,13 @@
 """Columns out of a telemetry log (.tlog), only for the MAVLink messages that are asked for.
 
-A .tlog is a row of records: 8 bytes of arrival time (us, big-endian), then one MAVLink 1 or 2 frame
+A .tlog is a sequence of records: 8 bytes of arrival time (us, big-endian), then one MAVLink 1 or 2 frame
 (https://mavlink.io/en/guide/serialization.html). The frames are found in one walk, and the payloads of
 a message are decoded together; layouts and checksum seeds come from pymavlink's generated classes.
 """
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import cache
@@ -14,42 +15,52 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fastcrc import crc16
 from numpy.typing import NDArray
 
 MAGIC_1, MAGIC_2 = 0xFE, 0xFD
 STAMP = 8  # bytes of arrival time before a frame
-SIGNED = 0x01  # incompatibility flag of MAVLink 2: a signature of 13 bytes follows
+SIGNED, SIGNATURE = 0x01, 13  # incompatibility flag of MAVLink 2; bytes of the signature that follows then
+_MAGIC = re.compile(b"[\xfe\xfd]")
 
 
 @dataclass(frozen=True)
 class Frames:
-    """The frames of one message id: rows (n,) structured; system, component, order in the file (n,)."""
+    """The frames of one message id: rows (n,) structured; system, component, order (byte offset in the file)
+    and sequence (modulo 256) of each (n,)."""
 
     rows: NDArray[np.void]
     system: NDArray[np.uint8]
     component: NDArray[np.uint8]
     order: NDArray[np.int64]
+    sequence: NDArray[np.uint8]
 
     def __len__(self) -> int:
         return int(self.rows.size)
 
-    def where(self, keep: NDArray[np.bool_]) -> Frames:
-        """The frames for which `keep` (n,) holds."""
-        return Frames(self.rows[keep], self.system[keep], self.component[keep], self.order[keep])
+    def where(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Frames:
+        """The frames for which `keep` (n,) holds, or those of these numbers in their order."""
+        return Frames(
+            self.rows[keep],
+            self.system[keep],
+            self.component[keep],
+            self.order[keep],
+            self.sequence[keep],
+        )
 
 
 @dataclass(frozen=True)
 class Tlog:
     """The wanted messages of a .tlog by name, and what was lost.
 
-    frame_count: frames of all kinds. bad_bytes: bytes outside whole frames. bad_checksums: wanted frames
-    that were dropped for their checksum. size: of the file, bytes.
+    frame_count: frames of all kinds. bad_bytes: bytes outside records. damaged: places where a frame was
+    lost to wrong bytes. size: of the file, bytes.
     """
 
     messages: dict[str, Frames]
     frame_count: int
     bad_bytes: int
-    bad_checksums: int
+    damaged: int
     size: int
 
 
@@ -61,15 +72,13 @@ def open_tlog(path: str | Path, names: frozenset[str]) -> Tlog:
 def parse(data: bytes, names: frozenset[str]) -> Tlog:
     """As `open_tlog`, from the bytes of a file."""
     wanted = {_message(name).id: name for name in names}
-    starts, count, bad = walk(data, frozenset(wanted))
+    found = walk(data, frozenset(wanted))
     raw = np.frombuffer(data, np.uint8)
-    messages, failed = {}, 0
-    for number, found in starts.items():
-        frames, wrong = _decode(raw, np.array(found, np.int64), wanted[number])
-        failed += wrong
-        if len(frames):
-            messages[wanted[number]] = frames
-    return Tlog(messages, count, bad, failed, len(data))
+    messages = {
+        wanted[number]: _decode(raw, np.array(starts, np.int64), wanted[number])
+        for number, starts in found.starts.items()
+    }
+    return Tlog(messages, found.frame_count, found.bad_bytes, found.damaged, len(data))
 
 
 def _message(name: str) -> Any:
@@ -94,92 +103,106 @@ def _dtype(name: str) -> np.dtype[np.void]:
     return np.dtype(fields)
 
 
-def walk(data: bytes, wanted: frozenset[int] | None = None) -> tuple[dict[int, list[int]], int, int]:
-    """Offsets of the wanted frames by message id, the number of all frames, and the bytes outside of them.
+@dataclass(frozen=True)
+class Walk:
+    """Where the frames of a .tlog lie.
 
-    wanted: ids of messages, None for all.
+    starts: byte offsets of the wanted frames by message id. frame_count: all frames. damaged: places where a
+    frame was lost to wrong bytes. bad_bytes: bytes outside of records.
+    """
+
+    starts: dict[int, list[int]]
+    frame_count: int
+    damaged: int
+    bad_bytes: int
+
+
+def walk(data: bytes, wanted: frozenset[int] | None = None) -> Walk:
+    """Find all frames of a .tlog whose checksum is right, or which are of a message without a known one.
+
+    wanted: ids of messages, None for all. A damaged frame costs itself alone: the search goes on at the next
+    frame whose checksum is right, whatever was wrong (content, length, the stamp before it).
     """
     found: defaultdict[int, list[int]] = defaultdict(list)
-    at = previous = count = good = 0
+    at = count = damaged = bad = 0
     size = len(data)
     while at + STAMP + 8 <= size:
         start = at + STAMP
-        magic = data[start]
-        if magic == MAGIC_2:
-            length = 12 + data[start + 1] + (13 if data[start + 2] & SIGNED else 0)
-        elif magic == MAGIC_1:
-            length = 8 + data[start + 1]
-        else:
-            at = previous = _resynchronised(data, previous + 1)
+        end, number = _header(data, start)
+        right = end > 0 and _checksum_right(data, start, end, number)
+        if right or (right is None and _goes_on(data, end)):
+            if wanted is None or number in wanted:
+                found[number].append(start)
+            at = end
+            count += 1
             continue
-        if start + length > size:
-            break
-        number = (
-            data[start + 5]
-            if magic == MAGIC_1
-            else data[start + 7] | data[start + 8] << 8 | data[start + 9] << 16
-        )
-        if wanted is None or number in wanted:
-            found[number].append(start)
-        previous, at = at, start + length
-        count += 1
-        good += STAMP + length
-    return found, count, max(size - good, 0)
+        if end > 0 and _goes_on(data, end) and _next_frame(data, start + 1, end) == end:
+            damaged, at = damaged + 1, end
+            continue
+        following = _next_frame(data, start + 1, size)
+        after = following - STAMP if following < size else size
+        damaged += following < size
+        bad += after - at
+        at = after
+    return Walk(found, count, damaged, bad + size - at)
 
 
-def _resynchronised(data: bytes, start: int) -> int:
-    """Where the next record starts that another one, or the end of the file, follows."""
+def _header(data: bytes, start: int) -> tuple[int, int]:
+    """(end, message id) of the frame that seems to start there; end 0 where there can be no whole one."""
     size = len(data)
-    for at in range(start, size - STAMP - 12):
-        magic = data[at + STAMP]
-        if magic == MAGIC_2:
-            end = at + STAMP + 12 + data[at + STAMP + 1] + (13 if data[at + STAMP + 2] & SIGNED else 0)
-        elif magic == MAGIC_1:
-            end = at + STAMP + 8 + data[at + STAMP + 1]
-        else:
-            continue
-        if end == size or (end + STAMP < size and data[end + STAMP] in (MAGIC_1, MAGIC_2)):
-            return at
-    return size
+    if start + 8 > size:
+        return 0, 0
+    if data[start] == MAGIC_1:
+        end, number = start + 8 + data[start + 1], data[start + 5]
+    elif data[start] == MAGIC_2 and start + 12 <= size:
+        end = start + 12 + data[start + 1] + (SIGNATURE if data[start + 2] & SIGNED else 0)
+        number = data[start + 7] | data[start + 8] << 8 | data[start + 9] << 16
+    else:
+        return 0, 0
+    return (end, number) if end <= size else (0, 0)
 
 
-def _decode(raw: NDArray[np.uint8], starts: NDArray[np.int64], name: str) -> tuple[Frames, int]:
-    """The frames at `starts`, and how many were dropped for their checksum."""
-    layout = _dtype(name)
-    payload = np.zeros((starts.size, layout.itemsize), np.uint8)
-    system, component = np.zeros(starts.size, np.uint8), np.zeros(starts.size, np.uint8)
-    right = np.zeros(starts.size, bool)
-    new = (raw[starts] == MAGIC_2).astype(np.int64)
-    shapes = np.stack((new, raw[starts + 1].astype(np.int64)))
-    for version, length in np.unique(shapes, axis=1).T.tolist():
-        k = np.flatnonzero((shapes[0] == version) & (shapes[1] == length))
-        head = 10 if version else 6
-        frame = raw[starts[k, None] + np.arange(head + length + 2)]
-        seed = np.full((k.size, 1), _message(name).crc_extra, np.uint8)
-        crc = frame[:, -2].astype(np.uint16) | frame[:, -1].astype(np.uint16) << 8
-        right[k] = _checksum(np.hstack((frame[:, 1:-2], seed))) == crc
-        body = min(length, layout.itemsize)  # a newer sender may add fields; zeros at the end are left out
-        payload[k, :body] = frame[:, head : head + body]
-        system[k], component[k] = (
-            frame[:, head - (5 if version else 3)],
-            frame[:, head - (4 if version else 2)],
-        )
-    frames = Frames(payload.view(layout)[:, 0], system, component, starts)
-    return frames.where(right), int(starts.size - right.sum())
+def _goes_on(data: bytes, end: int) -> bool:
+    """Whether another record, or the end of the file, follows."""
+    return end == len(data) or (end + STAMP < len(data) and data[end + STAMP] in (MAGIC_1, MAGIC_2))
 
 
-def _checksum(rows: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """CRC-16/MCRF4XX (X.25 of MAVLink) of each row (n, k) of bytes."""
-    crc = np.full(rows.shape[0], 0xFFFF, np.uint16)
-    table = _crc_table()
-    for column in rows.T:
-        crc = (crc >> np.uint16(8)) ^ table[(crc ^ column) & np.uint16(0xFF)]
-    return crc
+def _next_frame(data: bytes, start: int, stop: int) -> int:
+    """Where the next frame with a right checksum starts, `stop` where none does before."""
+    for match in _MAGIC.finditer(data, start, stop):
+        end, number = _header(data, match.start())
+        if end > 0 and _checksum_right(data, match.start(), end, number):
+            return match.start()
+    return stop
+
+
+def _checksum_right(data: bytes, start: int, end: int, number: int) -> bool | None:
+    """Whether the frame's checksum is right; None for a message that is not known."""
+    seed = _seeds().get(number)
+    if seed is None:
+        return None
+    at = start + data[start + 1] + (10 if data[start] == MAGIC_2 else 6)
+    right = crc16.mcrf4xx(data[start + 1 : at] + seed)
+    return bool(right == data[at] | data[at + 1] << 8)
 
 
 @cache
-def _crc_table() -> NDArray[np.uint16]:
-    value = np.arange(256, dtype=np.uint16)
-    for _ in range(8):
-        value = np.where(value & 1, value >> np.uint16(1) ^ np.uint16(0x8408), value >> np.uint16(1))
-    return value.astype(np.uint16)
+def _seeds() -> dict[int, bytes]:
+    """The byte that the checksum of each message also covers."""
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    return {number: bytes([message.crc_extra]) for number, message in ardupilotmega.mavlink_map.items()}
+
+
+def _decode(raw: NDArray[np.uint8], starts: NDArray[np.int64], name: str) -> Frames:
+    """The frames at `starts`."""
+    layout = _dtype(name)
+    payload = np.zeros((starts.size, layout.itemsize), np.uint8)
+    new = raw[starts] == MAGIC_2
+    shapes = np.stack((new.astype(np.int64), raw[starts + 1].astype(np.int64)))
+    for version, length in np.unique(shapes, axis=1).T.tolist():
+        k = np.flatnonzero((shapes[0] == version) & (shapes[1] == length))
+        body = min(length, layout.itemsize)  # a newer sender may add fields; zeros at the end are left out
+        payload[k, :body] = raw[starts[k, None] + (10 if version else 6) + np.arange(body)]
+    sequence = starts + np.where(new, 4, 2)
+    return Frames(payload.view(layout)[:, 0], raw[sequence + 1], raw[sequence + 2], starts, raw[sequence])

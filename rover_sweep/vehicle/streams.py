@@ -12,6 +12,7 @@ from rover_sweep.vehicle.mavlink import Message, kind, message_id
 
 _ACCEPTED, _DENIED, _UNSUPPORTED = 0, 2, 3
 LOST = 0.02  # share of the samples from which a response is spoilt
+_WRAP = 2.0**32 * 1e-6  # s after which SERVO_OUTPUT_RAW.time_usec starts again
 _GAP, _DELIVERED = 0.25, 0.9  # s: a period of 25 rad/s; share of what was granted
 
 # Rates in Hz: ten times the top of a 25 rad/s sweep and more, and granted from a loop rate of 100 on.
@@ -151,7 +152,6 @@ class StreamMonitor:
 
     names: frozenset[str]
     _stamps: dict[str, list[float]] = field(default_factory=dict)
-    _now: float = 0.0
 
     def __call__(self, message: Message) -> None:
         name = kind(message)
@@ -159,7 +159,13 @@ class StreamMonitor:
             return
         seconds = message.time_usec * 1e-6 if name == "SERVO_OUTPUT_RAW" else vehicle_seconds(message)
         if seconds is not None:
-            self._stamps.setdefault(name, []).append(seconds)
+            self._keep(name, seconds)
+
+    def _keep(self, name: str, seconds: float) -> None:
+        stamps = self._stamps.setdefault(name, [])
+        if name == "SERVO_OUTPUT_RAW" and stamps:
+            seconds += _WRAP * round((stamps[-1] - seconds) / _WRAP)
+        stamps.append(seconds)
 
     def quality(self) -> tuple[StreamQuality, ...]:
         """Judgement of each message asked for, in the order of their names."""
@@ -167,20 +173,24 @@ class StreamMonitor:
 
 
 def judge(name: str, stamps: list[float]) -> StreamQuality:
-    """Rate, jitter and gaps from time stamps [s]; a median interval of whole ms is what ArduPilot sends."""
-    steps = [b - a for a, b in zip(stamps, stamps[1:], strict=False) if b > a]
+    """Rate, jitter and gaps from time stamps [s]; a median interval of whole ms is what ArduPilot sends.
+
+    The stamps may be in any order and repeated: a radio lets messages overtake each other.
+    """
+    ordered = sorted(set(stamps))
+    steps = [b - a for a, b in zip(ordered, ordered[1:], strict=False)]
     if len(steps) < 2:
-        return StreamQuality(name, len(stamps), 0.0, 0.0, 0.0, 1.0)
+        return StreamQuality(name, len(ordered), 0.0, 0.0, 0.0, 1.0)
     typical = median(steps)
     mean = sum(steps) / len(steps)
     jitter = (sum((s - mean) ** 2 for s in steps) / len(steps)) ** 0.5
     missing = sum(max(round(s / typical) - 1, 0) for s in steps if s > 2.5 * typical)
     return StreamQuality(
         name,
-        len(stamps),
+        len(ordered),
         hz=1 / typical,
         jitter_ms=1e3 * jitter,
         gap_ms=1e3 * max(steps),
-        lost=missing / (len(stamps) + missing),
+        lost=missing / (len(ordered) + missing),
         mean_hz=1 / mean,
     )

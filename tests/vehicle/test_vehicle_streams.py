@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 from fake_vehicle import FakeVehicle
 
 from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.mavlink import make
 from rover_sweep.vehicle.streams import StreamMonitor, fastest_interval_ms, judge, poor_words, request
 
 
@@ -47,3 +50,23 @@ def test_the_monitor_keeps_the_vehicles_stamps(link: Link) -> None:
     assert (attitude.message, servo.message) == ("ATTITUDE", "SERVO_OUTPUT_RAW")
     assert attitude.hz == pytest.approx(50, rel=0.01)
     assert servo.hz == pytest.approx(50, rel=0.01)
+
+
+def test_late_and_repeated_messages_are_no_lost_ones() -> None:
+    steady = [n * 0.02 for n in range(400)]
+    chance = random.Random(1)
+    jittered = sorted(steady + steady[::20], key=lambda t: t + chance.uniform(0, 0.5))
+    assert jittered != sorted(jittered)
+    assert judge("ATTITUDE", jittered) == judge("ATTITUDE", steady)
+
+
+def test_the_servo_clock_that_wraps_is_no_gap() -> None:
+    monitor = StreamMonitor(frozenset({"SERVO_OUTPUT_RAW"}))
+    for n in range(200):
+        us = (2**32 - 2_000_000 + n * 20_000) % 2**32
+        monitor(
+            make("SERVO_OUTPUT_RAW", time_usec=us, port=0, **{f"servo{k}_raw": 1500 for k in range(1, 9)})
+        )
+    (servo,) = monitor.quality()
+    assert (servo.count, servo.lost) == (200, 0)
+    assert servo.gap_ms == pytest.approx(20)
