@@ -6,13 +6,14 @@ from collections.abc import Callable
 
 import click
 
+from rover_sweep.printable import printable_lines
 from rover_sweep.typed_ahead import forget_typed
 
 
 def confirmed(question: str) -> bool:
     """Asked on stderr; what was typed before is no answer."""
     forget_typed()
-    return click.confirm(question, err=True)
+    return click.confirm(printable_lines(question), err=True)
 
 
 def reboot_consent(given: bool) -> Callable[[tuple[str, ...]], bool]:

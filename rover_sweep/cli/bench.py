@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.options import NumbersType, vehicle_path
+from rover_sweep.cli.output import echo, echo_json
 from rover_sweep.cli.vehicle_link import URL_HELP
 from rover_sweep.errors import RoverSweepError, UsageError
 
@@ -119,12 +120,12 @@ def _driven(url: str, folder: BenchFolder, plan: Plan) -> bool:
     from rover_sweep.vehicle.transport import parse_url
 
     parse_url(url)
-    click.echo(f"recording into {folder.path}", err=True)
+    echo(f"recording into {folder.path}", err=True)
     try:
         with let_go_on_signals():
-            return drive(url, folder, plan, Terminal(lambda text: click.echo(text, err=True), plan.unasked))
+            return drive(url, folder, plan, Terminal(lambda text: echo(text, err=True), plan.unasked))
     except (RoverSweepError, KeyboardInterrupt):
-        click.echo(
+        echo(
             f"the steering is let go; what was recorded is evaluated by: "
             f"rover-sweep bench --from {folder.path}",
             err=True,
@@ -139,7 +140,7 @@ def _evaluated(
     from rover_sweep.vehicle_file import load
 
     if not whole:
-        click.echo("not all movements were carried out; what there is, is evaluated", err=True)
+        echo("not all movements were carried out; what there is, is evaluated", err=True)
     return evaluate(folder, load(vehicle), wheel, None if clock is None else clock == "vehicle")
 
 
@@ -152,18 +153,18 @@ def _write(path: Path, result: BenchResult) -> dict[str, Measured]:
 def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:
     from rover_sweep.cli.text import bullet
 
-    click.echo(f"Steering on blocks, {result.source}, {result.samples} samples, {folder.path}\n")
+    echo(f"Steering on blocks, {result.source}, {result.samples} samples, {folder.path}\n")
     for number in result.numbers:
         if number.told:
             span = f"{number.low:.4g} to {number.high:.4g}"
-            click.echo(f"  {number.name:17} {number.value:>10.4g} {number.unit:8} {span:26} {number.meaning}")
-    click.echo("  (intervals hold 90 %)\n")
+            echo(f"  {number.name:17} {number.value:>10.4g} {number.unit:8} {span:26} {number.meaning}")
+    echo("  (intervals hold 90 %)\n")
     for text in result.untold:
-        click.echo(bullet("-", f"not told: {text}"))
+        echo(bullet("-", f"not told: {text}"))
     for text in result.remarks:
-        click.echo(bullet("!", text))
+        echo(bullet("!", text))
     if written:
-        click.echo(f"\nwritten into {path}: {', '.join(key.partition('.')[2] for key in written)}")
+        echo(f"\nwritten into {path}: {', '.join(key.partition('.')[2] for key in written)}")
 
 
 def _print_json(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:
@@ -175,5 +176,4 @@ def _print_json(result: BenchResult, written: dict[str, Measured], folder: Bench
         **asdict(result), "numbers": numbers, "folder": str(folder.path), "vehicle_file": str(path),
         "written": {key: asdict(number) for key, number in written.items()},
     }  # fmt: skip
-    json.dump(content, sys.stdout, indent=2)
-    click.echo()
+    echo_json(json.dumps(content, indent=2))

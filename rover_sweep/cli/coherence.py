@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.options import NumberRange, filter_overrides, reading_options
+from rover_sweep.cli.output import echo_json
 
 if TYPE_CHECKING:
     from rover_sweep.identify.amplitude import AmplitudeProposal
@@ -52,9 +53,7 @@ def coherence(
     parameters = _parameters(runs, columns, found)
     judged = [_judged(run, parameters[run.name], vehicle, servo) for run in found]
     if as_json:
-        click.echo(
-            json.dumps([_as_json(*one, run) for one, run in zip(judged, found, strict=True)], indent=2)
-        )
+        echo_json(json.dumps([_as_json(*one, run) for one, run in zip(judged, found, strict=True)], indent=2))
         return
     for (verdict, proposal), run in zip(judged, found, strict=True):
         show(verdict, proposal, [note.text for note in run.notes if note.level == "warning"])

@@ -9,6 +9,7 @@ import click
 from click.core import ParameterSource
 
 from rover_sweep.cli.options import NumberRange
+from rover_sweep.cli.output import echo
 
 if TYPE_CHECKING:
     from rover_sweep.identify.sweep import Manoeuvre
@@ -123,7 +124,7 @@ def design(
         from rover_sweep.cli.design_plot import draw
 
         draw(planned, vehicle, Path(plot))
-        click.echo(f"picture written to {plot}", err=True)
+        echo(f"picture written to {plot}", err=True)
     if as_json:
         show_json(planned)
     else:

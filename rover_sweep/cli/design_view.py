@@ -7,9 +7,9 @@ import math
 import sys
 from dataclasses import asdict
 
-import click
 import numpy as np
 
+from rover_sweep.cli.output import echo, echo_json
 from rover_sweep.cli.terminal_plot import blocks, braille, ruler
 from rover_sweep.cli.text import bullet, fact
 from rover_sweep.design import (
@@ -34,26 +34,25 @@ SPAN_DB = 40.0
 
 def show_json(design: Design) -> None:
     """All numbers on stdout; the units are those of the Design's docstrings."""
-    json.dump(asdict(design), sys.stdout, indent=2)
-    click.echo()
+    echo_json(json.dumps(asdict(design), indent=2))
 
 
 def show(design: Design, vehicle: Vehicle | None) -> None:
     """The design on stdout: pictures, a table of facts, and what to mind."""
-    click.echo(_title(design) + "\n")
+    echo(_title(design) + "\n")
     if _can_draw():
-        click.echo("\n".join(_wave_lines(design)) + "\n")
-        click.echo("\n".join(_spectrum_lines(design)) + "\n")
+        echo("\n".join(_wave_lines(design)) + "\n")
+        echo("\n".join(_spectrum_lines(design)) + "\n")
     for name, text in _facts(design, vehicle):
-        click.echo(fact(name, text))
+        echo(fact(name, text))
     if design.notes:
-        click.echo("\nMind")
+        echo("\nMind")
     for level, mark in (("warning", "!"), ("info", "-")):
         for note in design.notes:
             if note.level == level:
-                click.echo(bullet(mark, note.text))
+                echo(bullet(mark, note.text))
     if not any(note.level == "warning" for note in design.notes):
-        click.echo("\nNothing speaks against it.")
+        echo("\nNothing speaks against it.")
 
 
 def _can_draw() -> bool:

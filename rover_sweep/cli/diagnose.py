@@ -102,7 +102,7 @@ def diagnosed_into(
     """Diagnoses, writes the report into `out` and prints summary and path; DataRefused for that verdict."""
     from datetime import datetime
 
-    from rover_sweep.cli.output import narration, results, tell_warnings
+    from rover_sweep.cli.output import echo_json, narration, results, tell_warnings
     from rover_sweep.report.diagnosis_terminal import WIDTH, summary
     from rover_sweep.report.provenance import provenance
 
@@ -116,7 +116,7 @@ def diagnosed_into(
     if files.variant:
         shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True, markup=False)
     if as_json:
-        click.echo(files.document.read_text(encoding="utf-8"), nl=False)
+        echo_json(files.document.read_text(encoding="utf-8"))
     if found.verdict == "refused":
         raise DataRefused("the data were refused, see above; the report says why as well")
     if interrupted:

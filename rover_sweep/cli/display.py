@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from rover_sweep.printable import printable_lines
 from rover_sweep.typed_ahead import forget_typed
 from rover_sweep.vehicle import events as e
 
@@ -62,8 +63,9 @@ class PlainDisplay:
     def ask(self, question: str) -> None:
         """Wait for a typed y. KeyboardInterrupt where the answer is Ctrl-C, or no terminal is left."""
         forget_typed()
+        words = printable_lines(question)
         try:
-            while self.console.input(f"{question} ", markup=False).strip().lower() not in ("y", "yes"):
+            while self.console.input(f"{words} ", markup=False).strip().lower() not in ("y", "yes"):
                 self.say("type y and Enter to start it, or Ctrl-C to end")
         except EOFError:
             raise KeyboardInterrupt from None
@@ -154,7 +156,8 @@ def display(console: Console, talk: bool = False) -> Iterator[PlainDisplay]:
     from rich.live import Live
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    title = TextColumn("{task.description:<34}", markup=False)
+    columns = (title, BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     progress = Progress(*columns, console=console)
     with Live(progress, console=console, refresh_per_second=10) as live:
         yield TerminalDisplay(live, progress, talk)

@@ -9,7 +9,9 @@ from typing import Any
 import click
 
 from rover_sweep.cli.options import NumberRange
+from rover_sweep.cli.output import echo
 from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.printable import printable_lines
 
 FORMATS = {".json": "json", ".m": "matlab", ".py": "python", ".mat": "mat"}
 JUDGED_GOOD = ("good", "acceptable", "none", "explained")
@@ -47,7 +49,7 @@ def export(
     _write(output, content, f"{model['model']} model at {model['speed_m_s']:.3g} m/s")
     if output != "-" and model["verdict"] not in JUDGED_GOOD:
         judged = "diagnosis" if model.get("augmented") else "fit"
-        click.echo(f"warning: the verdict of this {judged} is: {model['verdict']}", err=True)
+        echo(f"warning: the verdict of this {judged} is: {model['verdict']}", err=True)
 
 
 def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
@@ -89,13 +91,13 @@ def _write(output: str, content: str | bytes, what: str) -> None:
     from rover_sweep.report.files import write_file
 
     if output == "-":
-        click.echo(content, nl=False)
+        click.echo(printable_lines(content) if isinstance(content, str) else content, nl=False)
         return
     path = Path(output)
     if not path.parent.is_dir():
         raise UsageError(f"there is no folder {path.parent} to write {path.name} into; make it")
     write_file(path, content)
-    click.echo(f"{what} written to {output}", err=True)
+    echo(f"{what} written to {output}", err=True)
 
 
 def _by_suffix(output: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,14 +52,13 @@ def gains(
     Nothing is changed on a vehicle: load the file with a ground station, and try it with the wheels off the
     ground first.
     """
-    from rover_sweep.cli.output import narration, results
+    from rover_sweep.cli.output import echo_json, narration, results
     from rover_sweep.gains.document import gains_document
 
     found = _identified(Path(place), name, vehicle_file)
     proposal = _proposal(found, _autopilot(found, now, url), speed)
     if as_json:
-        json.dump(gains_document(proposal), sys.stdout, indent=2)
-        click.echo()
+        echo_json(json.dumps(gains_document(proposal), indent=2))
     else:
         from rover_sweep.cli.gains_view import show
 

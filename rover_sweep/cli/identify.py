@@ -131,7 +131,7 @@ def identified(
     """
     from datetime import datetime
 
-    from rover_sweep.cli.output import narration, results, tell_warnings
+    from rover_sweep.cli.output import echo_json, narration, results, tell_warnings
     from rover_sweep.identify.identification import identify as run_identification
     from rover_sweep.preparation import geometry_of
     from rover_sweep.report.provenance import provenance
@@ -154,4 +154,4 @@ def identified(
     shown.print(conclusion(result, origin))
     shown.print(f"report: {files.page}", soft_wrap=True, markup=False)
     if as_json:
-        click.echo(files.document.read_text(encoding="utf-8"), nl=False)
+        echo_json(files.document.read_text(encoding="utf-8"))

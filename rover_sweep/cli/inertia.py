@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import asdict
 
 import click
 
 from rover_sweep.cli.numbers import MeasuredType, TimesType
 from rover_sweep.cli.options import NumberRange
+from rover_sweep.cli.output import echo, echo_json
 from rover_sweep.cli.text import bullet
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.inertia import (
@@ -140,7 +140,7 @@ def inertia(
                 f"not written into {write}: {'; '.join(faults)}; swing again (--force writes it)"
             )
         set_number(write, KEY[axis], rounded(result.moment))
-        click.echo(
+        echo(
             f"{KEY[axis].partition('.')[2]} = {rounded(result.moment)} kg m^2 written into {write}", err=True
         )
 
@@ -208,24 +208,20 @@ def _print(
 ) -> None:
     moment = rounded(result.moment)
     percent = 100 * (result.moment.sd or 0.0) / result.moment.value
-    click.echo(f"Swing test, {axis} axis: {AXES[axis]}\n")
+    echo(f"Swing test, {axis} axis: {AXES[axis]}\n")
     if check is not None:
         verdict = "fine" if check.passed else "NOT GOOD"
-        click.echo(
-            f"  g, equation (1)      {rounded(check.gravity)} m/s^2, {check.percent:+.1f} %: {verdict}"
-        )
-    click.echo(f"  period               {rounded(test.period)} s ({times} x {swings} swings)")
-    click.echo(f"  inertia, eq. (2)     {moment} kg m^2 ({percent:.1f} %)")
-    click.echo(f"  radius of gyration   {result.radius_of_gyration:.3f} m")
+        echo(f"  g, equation (1)      {rounded(check.gravity)} m/s^2, {check.percent:+.1f} %: {verdict}")
+    echo(f"  period               {rounded(test.period)} s ({times} x {swings} swings)")
+    echo(f"  inertia, eq. (2)     {moment} kg m^2 ({percent:.1f} %)")
+    echo(f"  radius of gyration   {result.radius_of_gyration:.3f} m")
     shares = sorted(result.shares.items(), key=lambda item: -item[1])
-    click.echo(
-        f"  uncertainty from     {', '.join(f'{n} {100 * s:.0f} %' for n, s in shares if s >= 0.005)}\n"
-    )
+    echo(f"  uncertainty from     {', '.join(f'{n} {100 * s:.0f} %' for n, s in shares if s >= 0.005)}\n")
     for text in said:
-        click.echo(bullet("!", text))
-    click.echo("\nHolds for")
+        echo(bullet("!", text))
+    echo("\nHolds for")
     for text in CAVEATS:
-        click.echo(bullet("-", text))
+        echo(bullet("-", text))
 
 
 def _print_json(
@@ -248,5 +244,4 @@ def _print_json(
         "remarks": said,
         "caveats": CAVEATS,
     }
-    json.dump(data, sys.stdout, indent=2)
-    click.echo()
+    echo_json(json.dumps(data, indent=2))

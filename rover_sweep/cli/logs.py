@@ -30,13 +30,13 @@ def logs() -> None:
 @_via
 def list_(connect: str, as_json: bool, via: Via) -> None:
     """List the logs on the card, oldest first."""
-    from rover_sweep.cli.output import results
+    from rover_sweep.cli.output import echo_json, results
     from rover_sweep.vehicle.sources import log_source
 
     with unkept_link(connect) as link:
         entries = log_source(link, via).logs()
     if as_json:
-        click.echo(json.dumps({"logs": [_told(e) for e in entries]}, indent=2))
+        echo_json(json.dumps({"logs": [_told(e) for e in entries]}, indent=2))
         return
     console = results()
     if not entries:
@@ -61,7 +61,7 @@ def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
     checksum are compared with the file on the card. The rover must be disarmed.
     """
     from rover_sweep.cli.folders import check_writable
-    from rover_sweep.cli.output import results
+    from rover_sweep.cli.output import echo, echo_json, results
     from rover_sweep.vehicle.log_fetch import FetchedFile, choose, settled
     from rover_sweep.vehicle.log_fetch import fetch as bring
     from rover_sweep.vehicle.sources import log_source
@@ -77,11 +77,9 @@ def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
                 console.print(_sentence(event), markup=False, soft_wrap=True)
             elif console.is_terminal and (tenth := 10 * event.done // max(event.total, 1)) != last:
                 last = tenth
-                click.echo(
-                    f"log {event.number}: {event.done / 1e6:.1f} of {event.total / 1e6:.1f} MB", err=True
-                )
+                echo(f"log {event.number}: {event.done / 1e6:.1f} of {event.total / 1e6:.1f} MB", err=True)
     if as_json:
-        click.echo(json.dumps({"logs": [_file(f) for f in fetched]}, indent=2))
+        echo_json(json.dumps({"logs": [_file(f) for f in fetched]}, indent=2))
 
 
 def _sentence(f: FetchedFile) -> str:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import click
 
 from rover_sweep import __version__
+from rover_sweep.cli.output import tell_error
 from rover_sweep.errors import RoverSweepError
 
 # The matrices here are small: threads of the linear algebra library cost more than they bring.
@@ -105,16 +106,16 @@ def run(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except RoverSweepError as error:
-        click.echo(f"rover-sweep: {error}", err=True)
+        tell_error(str(error))
         return error.exit_code
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         return 2
     except click.ClickException as error:
-        click.echo(f"rover-sweep: {error.format_message()}{_see_help(error)}", err=True)
+        tell_error(f"{error.format_message()}{_see_help(error)}")
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
-        click.echo("rover-sweep: interrupted", err=True)
+        tell_error("interrupted")
         return 130
     except BrokenPipeError:  # the reader of our output went away, as in `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

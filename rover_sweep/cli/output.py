@@ -5,12 +5,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import click
+
+from rover_sweep.printable import printable_lines, shortened, within_json
+
 if TYPE_CHECKING:
     from rich.console import Console
 
     from rover_sweep.identify.recording import Recording
 
+_LONGEST = 6000  # characters of an error; a damaged file may quote a megabyte of itself
 PLAIN_WIDTH = 120  # columns where nobody's window sets a limit
+
+
+def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
+    """As click.echo: the door to the terminal for plain text, which no control character passes."""
+    click.echo(printable_lines(text), err=err, nl=nl)
+
+
+def echo_json(text: str) -> None:
+    """JSON to stdout: what JSON need not escape and a terminal would obey is escaped as JSON does."""
+    click.echo(within_json(text).removesuffix("\n"))
+
+
+def tell_error(words: str) -> None:
+    """The last sentence of a command that failed."""
+    echo(f"rover-sweep: {shortened(words, _LONGEST)}", err=True)
 
 
 def results(as_json: bool = False) -> Console:
@@ -31,9 +51,9 @@ def tell_warnings(console: Console, runs: Sequence[Recording]) -> None:
 
 
 def _console(stderr: bool) -> Console:
-    from rich.console import Console
+    from rover_sweep.cli.safe_console import SafeConsole
 
-    console = Console(stderr=stderr, highlight=False)
+    console = SafeConsole(stderr=stderr, highlight=False, markup=False)
     if not console.is_terminal:
         console.width = max(console.width, PLAIN_WIDTH)
     return console

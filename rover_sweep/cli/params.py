@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.asking import confirmed, reboot_consent
+from rover_sweep.cli.output import echo, echo_json
 from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link, via_option
 from rover_sweep.errors import UsageError
 
@@ -46,7 +47,7 @@ def diff(file: str, connect: str, as_json: bool, via: Via) -> int:
     with unkept_link(connect) as link:
         found = _differences(link, wanted, via)
     if as_json:
-        click.echo(json.dumps({"file": file, "differences": [_told(d) for d in found]}, indent=2))
+        echo_json(json.dumps({"file": file, "differences": [_told(d) for d in found]}, indent=2))
     else:
         _show(found, file)
     return 1 if found else 0
@@ -90,7 +91,7 @@ def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
         left, due = _differences(link, wanted, via) if found else [], waiting(link, _NOTES)
     if as_json:
         told = {"file": file, "set": [asdict(e) for e in was_set], "differences": [_told(d) for d in left]}
-        click.echo(json.dumps(told | {"reboot_due": list(due)}, indent=2))
+        echo_json(json.dumps(told | {"reboot_due": list(due)}, indent=2))
     return 1 if left or due else 0
 
 
@@ -117,7 +118,7 @@ def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
     if file != "-" or not as_json:
         write_text(file, "\n".join([f"# {told} ({vehicle.git_hash})", *_lines(values), ""]), told)
     if as_json:
-        click.echo(json.dumps({"firmware": vehicle.firmware, "parameters": values}, indent=2))
+        echo_json(json.dumps({"firmware": vehicle.firmware, "parameters": values}, indent=2))
 
 
 def _lines(values: dict[str, float]) -> Iterator[str]:
@@ -143,7 +144,7 @@ def _differences(link: Link, wanted: Sequence[WantedParameter], via: Via) -> lis
 
 
 def _wait(seconds: float) -> None:
-    click.echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its whole list", err=True)
+    echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its whole list", err=True)
 
 
 _FEW = 100  # parameters that are asked for one by one; all 1300 come in the time of 30

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.options import EFFECTS, NumberRange, filter_overrides, reading_options, vehicle_path
+from rover_sweep.cli.output import echo_json
 
 if TYPE_CHECKING:
     from rover_sweep.diagnosis.plans.types import PlannedRun
@@ -132,7 +133,7 @@ def _show(found: Any, as_json: bool) -> None:
     from rover_sweep.report.strict_json import dumps
 
     if as_json:
-        click.echo(dumps(plan_document(found)), nl=False)
+        echo_json(dumps(plan_document(found)))
         return
     console = results()
     console.print(plan_summary(found), width=min(console.width, WIDTH))

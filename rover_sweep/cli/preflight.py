@@ -12,6 +12,7 @@ import click
 
 from rover_sweep.cli.asking import confirmed
 from rover_sweep.cli.options import NumberRange
+from rover_sweep.cli.output import echo_json
 from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link
 from rover_sweep.errors import UsageError
 
@@ -58,7 +59,7 @@ def preflight(
             _fix(link, checks, name, folder, yes)
             checks = look(link, folder, w_max)
     if as_json:
-        click.echo(json.dumps({"checks": [asdict(check) for check in checks]}, indent=2))
+        echo_json(json.dumps({"checks": [asdict(check) for check in checks]}, indent=2))
     else:
         _show(checks)
     return 1 if any(check.state == "bad" for check in checks) else 0

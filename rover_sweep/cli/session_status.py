@@ -27,7 +27,7 @@ def status(folder: Path, as_json: bool) -> None:
 
     Changes nothing; the session may be under way.
     """
-    from rover_sweep.cli.output import results
+    from rover_sweep.cli.output import echo_json, results
     from rover_sweep.session_folder.content import to_json
     from rover_sweep.session_folder.folder import is_session, read
 
@@ -36,7 +36,7 @@ def status(folder: Path, as_json: bool) -> None:
     content = read(folder)
     if as_json:
         document = to_json(content) | {"to_drive": [run.name for run in content.to_drive]}
-        click.echo(json.dumps(document, indent=2, default=str))
+        echo_json(json.dumps(document, indent=2, default=str))
         return
     console = results()
     firmware = content.vehicle.get("firmware", "an unknown rover")

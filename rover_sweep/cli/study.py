@@ -25,7 +25,7 @@ def study(out: str, seed: int, as_json: bool) -> None:
     from rich.text import Text
 
     from rover_sweep.cli.folders import check_writable
-    from rover_sweep.cli.output import narration, results
+    from rover_sweep.cli.output import echo_json, narration, results
     from rover_sweep.report.tables import rich_table
     from rover_sweep.study.study import study as run
     from rover_sweep.study.tables import tables
@@ -34,7 +34,7 @@ def study(out: str, seed: int, as_json: bool) -> None:
 
     check_writable(Path(out))
     console = results(as_json)
-    columns = (TextColumn("{task.description:<44}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description:<44}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=narration(), transient=True) as progress:
         bar = progress.add_task("", total=1.0)
 
@@ -54,4 +54,4 @@ def study(out: str, seed: int, as_json: bool) -> None:
     console.print(Text(summary(found), "bold"))
     console.print(f"study: {files.page}", highlight=False, soft_wrap=True, markup=False)
     if as_json:
-        click.echo(files.document.read_text(encoding="utf-8"), nl=False)
+        echo_json(files.document.read_text(encoding="utf-8"))

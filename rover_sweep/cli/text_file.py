@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
+from rover_sweep.cli.output import echo
 from rover_sweep.errors import UsageError
 
 
@@ -19,10 +18,10 @@ def refuse_no_folder(output: str) -> None:
 def write_text(output: str, text: str, told: str = "written") -> None:
     """`told` of the file is said on stderr."""
     if output == "-":
-        click.echo(text, nl=False)
+        echo(text, nl=False)
         return
     from rover_sweep.report.files import write_file
 
     refuse_no_folder(output)
     write_file(Path(output), text)
-    click.echo(f"{output}: {told}", err=True)
+    echo(f"{output}: {told}", err=True)

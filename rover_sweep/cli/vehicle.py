@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import asdict
 from typing import get_args
 
 import click
 
+from rover_sweep.cli.output import echo, echo_json, results
 from rover_sweep.material_sizes import MATERIAL
 from rover_sweep.vehicle_file import Model, Vehicle, example, load
 from rover_sweep.vehicle_rules import KEYS
@@ -23,10 +23,10 @@ def vehicle(ctx: click.Context, show_example: bool) -> None:
     Begin one with: rover-sweep vehicle --example > rover.toml
     """
     if show_example:
-        click.echo(example(), nl=False)
+        echo(example(), nl=False)
         ctx.exit()
     if ctx.invoked_subcommand is None:
-        click.echo(ctx.get_help())
+        echo(ctx.get_help())
 
 
 @vehicle.command(short_help="Check FILE and say which models it is enough for.")
@@ -40,17 +40,15 @@ def check(file: str, as_json: bool) -> None:
     found = load(file)
     if as_json:
         models = {model: not found.missing_for(model) for model in get_args(Model)}
-        json.dump(asdict(found) | {"wheelbase": found.wheelbase, "models": models}, sys.stdout, indent=2)
-        click.echo()
+        echo_json(json.dumps(asdict(found) | {"wheelbase": found.wheelbase, "models": models}, indent=2))
         return
     _show(found, file)
 
 
 def _show(found: Vehicle, file: str) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False, markup=False)
+    console = results()
     table = Table(
         title=f"{file}: {found.name or 'no name'}", title_justify="left", box=None, padding=(0, 2, 0, 0)
     )

@@ -14,6 +14,7 @@ from rover_sweep.live.telemetry import STALE_SLOW, Telemetry
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs
 from rover_sweep.logs.vehicle_clock import Session
+from rover_sweep.printable import printable
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.follow import Follower
 from rover_sweep.vehicle.mavlink import Codec, kind
@@ -82,8 +83,9 @@ class TlogTrack:
         self._telemetry.message(message, t)
         self._follower.steering = self._telemetry.steering
         self._follower.message(message, t)
-        if kind(message) == "STATUSTEXT" and (text := self._assembler.add(message, t)) is not None:
-            self._follower.text(text)
+        if kind(message) == "STATUSTEXT":
+            for text in self._assembler.add(message, t):
+                self._follower.text(text)
 
     def _runs(self, path: Path, k: int, log: Log) -> tuple[tuple[Place, ...], str]:
         """Of start number `k` of the vehicle: runs with their positions, and why there are none."""
@@ -119,5 +121,5 @@ def _parameters(session: Session, until: float) -> dict[str, float]:
     if (frames := session.messages.get("PARAM_VALUE")) is None:
         return {}
     rows = frames.rows[session.seconds("PARAM_VALUE") <= until]
-    names = [name.decode("ascii", "replace") for name in rows["param_id"].tolist()]
+    names = [printable(name.decode("ascii", "replace")) for name in rows["param_id"].tolist()]
     return dict(zip(names, rows["param_value"].astype(float).tolist(), strict=True))

@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.printable import printable
+
 Array = NDArray[np.float64]
 
 HEAD = (0xA3, 0x95)
@@ -89,8 +91,9 @@ class DataFlash:
         return values * factor if factor != 1 else values
 
     def text(self, name: str, column: str) -> list[str]:
-        """A column of text, without the padding."""
-        return [cell.split(b"\0")[0].decode("ascii", "replace") for cell in self.rows(name)[column].tolist()]
+        """A column of text, printable, without the padding."""
+        cells = self.rows(name)[column].tolist()
+        return [printable(cell.split(b"\0")[0].decode("ascii", "replace")) for cell in cells]
 
     def seconds(self, name: str, rows: NDArray[np.void] | None = None) -> Array:
         """Time since boot of each message [s]: TimeUS, or TimeMS of logs from before 2015."""

@@ -31,6 +31,7 @@ from rover_sweep.logs.log import (
 )
 from rover_sweep.logs.tlog import Frames, Tlog, open_tlog
 from rover_sweep.logs.vehicle_clock import CLOCKS, Session, sessions
+from rover_sweep.printable import printable
 
 WANTED = frozenset(
     ("HEARTBEAT", "AUTOPILOT_VERSION", "ATTITUDE", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "HIGHRES_IMU")
@@ -152,14 +153,15 @@ def _parameters(session: Session) -> dict[str, float]:
     if "PARAM_VALUE" not in session.messages:
         return {}
     rows = session.messages["PARAM_VALUE"].rows
-    names = [n.decode("ascii", "replace") for n in rows["param_id"].tolist()]
+    names = [printable(n.decode("ascii", "replace")) for n in rows["param_id"].tolist()]
     return dict(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
 
 
 def _marks(session: Session) -> tuple[tuple[float, str], ...]:
     if "STATUSTEXT" not in session.messages:
         return ()
-    texts = [t.decode("utf-8", "replace") for t in session.messages["STATUSTEXT"].rows["text"].tolist()]
+    rows = session.messages["STATUSTEXT"].rows
+    texts = [printable(text.decode("utf-8", "replace")) for text in rows["text"].tolist()]
     return tuple(zip(session.seconds("STATUSTEXT").tolist(), texts, strict=True))
 
 

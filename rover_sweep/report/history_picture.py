@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_sweep.identify.recording import Recording, Signal
-from rover_sweep.report.picture_style import DATA, OUTSIDE, QUIET, WIDTH
+from rover_sweep.report.picture_style import DATA, OUTSIDE, QUIET, WIDTH, literal
 
 MARGIN = 4.0  # s shown before and after the manoeuvre
 DEG = 180 / np.pi
@@ -33,7 +33,7 @@ def history(run: Recording) -> Figure:
     start, end = run.span
     grid[-1].set_xlim(-MARGIN, end - start + MARGIN)
     grid[-1].set_xlabel("time since the manoeuvre began, s")
-    grid[0].set_title(f"{run.name}: {run.kind}, mean speed {run.mean_speed:.2f} m/s")
+    grid[0].set_title(f"{literal(run.name)}: {run.kind}, mean speed {run.mean_speed:.2f} m/s")
     return figure
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from rover_sweep.diagnosis.places.words import ordinal
 from rover_sweep.diagnosis.result import Mismatch, Overlay, Profile
 from rover_sweep.report.overlay_picture import AFTER, BEFORE, SHADE
-from rover_sweep.report.picture_style import OUTSIDE, log_frequency
+from rover_sweep.report.picture_style import OUTSIDE, literal, log_frequency
 
 SIZE = (5.2, 2.3)  # in
 FLOOR = "#555555"
@@ -97,7 +97,7 @@ def _frequency(axes: Axes, m: Mismatch, spectra: Sequence[Overlay]) -> None:
     low, high = min(o.w[0] for o in spectra), max(o.w[-1] for o in spectra)
     for k, o in enumerate(spectra):
         colour = BEFORE["color"] if k == 0 else AFTER["color"] if k == 1 else OUTSIDE
-        axes.plot(o.w, np.sqrt(o.residual_before), color=colour, label=o.run, alpha=0.9)
+        axes.plot(o.w, np.sqrt(o.residual_before), color=colour, label=literal(o.run), alpha=0.9)
     _shade(axes, m.band)
     log_frequency(axes, 0.95 * float(low), 1.05 * float(high), labelled=True)
     if len(spectra) > 1:

@@ -11,6 +11,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from rover_sweep.identify.identification import Identification
 from rover_sweep.identify.recording import Recording
+from rover_sweep.printable import printable_lines
 from rover_sweep.report.comparison import (
     Table,
     coherence_table,
@@ -70,10 +71,16 @@ def environment(*folders: str) -> Environment:
     """Templates of these folders of the package, and the parts that all pages share (page_parts.html.j2)."""
     loader = ChoiceLoader([PackageLoader("rover_sweep", folder) for folder in (*folders, "report")])
     found = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        finalize=_finalized,
+    )  # fmt: skip
     found.filters["number"] = number
     return found
+
+
+def _finalized(value: Any) -> Any:
+    """No control character of a name or a text of the vehicle gets onto a page."""
+    return printable_lines(value) if type(value) is str else value
 
 
 def _model(result: Identification, name: str) -> dict[str, Any]:

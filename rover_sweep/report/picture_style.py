@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from rover_sweep.identify.recording import Array
+from rover_sweep.printable import printable
 
 DPI = 115
 WIDTH = 10.5  # in
@@ -57,6 +58,11 @@ def model_line(name: str, names: Collection[str]) -> Mapping[str, Any]:
         return MODEL_LINES[name]
     place = [n for n in names if n not in MODEL_LINES].index(name)
     return {"color": OWN_COLOURS[place % len(OWN_COLOURS)], "linestyle": (0, (3, 1, 1, 1, 1, 1))}
+
+
+def literal(name: str) -> str:
+    """A name from outside for a picture: `$` begins no formula there, and nothing in it is invisible."""
+    return printable(name).replace("$", r"\$")
 
 
 def png(figure: Figure) -> bytes:

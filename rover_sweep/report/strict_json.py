@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from rover_sweep.printable import within_json
+
 
 def plain(value: Any) -> Any:
     """The value in plain types of JSON; numbers that are not finite become None. TypeError for others."""
@@ -30,7 +32,7 @@ def plain(value: Any) -> Any:
 
 def dumps(value: Any) -> str:
     """Indented strict JSON, lists of numbers and of short words on one line, with a newline at the end."""
-    return _text(plain(value), 0) + "\n"
+    return within_json(_text(plain(value), 0)) + "\n"
 
 
 def _text(value: Any, depth: int) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rover_sweep.identify.sweep import Manoeuvre
 from rover_sweep.live.planned import manoeuvre_of
+from rover_sweep.printable import printable
 from rover_sweep.session_folder.content import Span, State
 
 if TYPE_CHECKING:
@@ -90,7 +91,10 @@ def _named(boot: Session) -> list[tuple[float, str, float]]:
 def _texts(boot: Session) -> list[tuple[float, str]]:
     if "STATUSTEXT" not in boot.messages:
         return []
-    texts = [text.decode("utf-8", "replace") for text in boot.messages["STATUSTEXT"].rows["text"].tolist()]
+    texts = [
+        printable(text.decode("utf-8", "replace"))
+        for text in boot.messages["STATUSTEXT"].rows["text"].tolist()
+    ]
     return list(zip(boot.seconds("STATUSTEXT").tolist(), texts, strict=True))
 
 
@@ -98,6 +102,6 @@ def _parameters(boot: Session) -> Mapping[str, float]:
     if "PARAM_VALUE" not in boot.messages:
         return {}
     rows = boot.messages["PARAM_VALUE"].rows
-    names = [name.decode("ascii", "replace") for name in rows["param_id"].tolist()]
+    names = [printable(name.decode("ascii", "replace")) for name in rows["param_id"].tolist()]
     values = [float(f"{value:.7g}") for value in rows["param_value"].tolist()]  # float32: 0.3, not 0.30000001
     return dict(zip(names, values, strict=True))

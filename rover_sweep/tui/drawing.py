@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from rich.text import Text
 
+from rover_sweep.printable import same_length
 from rover_sweep.tui.palette import Palette
 
 Part = str | tuple[str, str]
@@ -57,6 +58,13 @@ class Rows:
     def text(self) -> Text:
         """All of it."""
         return Text("\n").join(self._rows[: self.height])
+
+
+def harmless(picture: Text) -> Text:
+    """The last door before the screen: a control character in it becomes U+FFFD, styles and columns stay."""
+    if (plain := same_length(picture.plain)) != picture.plain:
+        picture.plain = plain
+    return picture
 
 
 def wrapped(text: str, width: int) -> list[str]:

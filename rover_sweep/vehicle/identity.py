@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from firmware_params.parameters import PARAMETERS
 from rover_sweep.errors import LinkError
+from rover_sweep.printable import printable
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import Message, constant, vehicle_type_name
 from rover_sweep.vehicle.parameters import ParameterMissing, read, read_present
@@ -104,4 +105,4 @@ def _version(packed: int) -> tuple[int, int, int]:
 
 
 def _hash(answer: Message) -> str:
-    return bytes(answer.flight_custom_version).rstrip(b"\0").decode("ascii", "replace")
+    return printable(bytes(answer.flight_custom_version).rstrip(b"\0").decode("ascii", "replace"))

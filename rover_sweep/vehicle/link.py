@@ -195,19 +195,18 @@ class Link:
         self._watch.heard(self.clock.now if self.clock.known else None, kind(message) == "HEARTBEAT")
         if kind(message) == "HEARTBEAT":
             self.heartbeat = message
+            self._take_texts(self._assembler.late(self.clock.now))
         elif kind(message) == "STATUSTEXT":
-            self._take_text(message)
+            self._take_texts(self._assembler.add(message, self.clock.now))
         for listener in self._listeners:
             listener(message)
         return True
 
-    def _take_text(self, message: Message) -> None:
-        text = self._assembler.add(message, self.clock.now)
-        if text is None:
-            return
-        self.texts.append(text)
-        for listener in self._text_listeners:
-            listener(text)
+    def _take_texts(self, texts: tuple[StatusText, ...]) -> None:
+        self.texts.extend(texts)
+        for text in texts:
+            for listener in self._text_listeners:
+                listener(text)
 
     def hear(self, messages: Callable[[Message], None]) -> None:
         """Call `messages` with each message from now on."""

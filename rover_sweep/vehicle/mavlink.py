@@ -14,6 +14,8 @@ from typing import Any, Protocol
 from fastcrc import crc16
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from rover_sweep.printable import printable
+
 Message = Any  # a pymavlink message: attributes are the MAVLink fields
 
 GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
@@ -21,6 +23,11 @@ GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground stat
 V1, V2 = 0xFE, 0xFD
 _FTP_IDLE = 3.0  # s of silence on our side that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
 _SIGNED, _SIGNATURE = 0x01, 13  # incompatibility flag, bytes of the signature
+_NAMES = {  # the fields whose text becomes a name: of a parameter, of a value
+    dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_id",
+    dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: "name",
+    dialect.MAVLINK_MSG_ID_NAMED_VALUE_INT: "name",
+}
 _CRC_EXTRA = {number: cls.crc_extra for number, cls in dialect.mavlink_map.items()}
 
 
@@ -79,7 +86,15 @@ class Codec:
             message = self._mav.decode(bytearray(frame))
         except (dialect.MAVError, UnicodeDecodeError, ValueError):
             return None
-        return None if message.get_type().startswith("UNKNOWN") else message
+        return None if message.get_type().startswith("UNKNOWN") else _named_printably(message)
+
+
+def _named_printably(message: Message) -> Message:
+    """A message whose name field (16 or 10 bytes of anything) holds no control character."""
+    field = _NAMES.get(message.get_msgId())
+    if field and not (name := getattr(message, field)).isprintable():
+        setattr(message, field, printable(name))
+    return message
 
 
 class Framer:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rover_sweep.errors import LinkError
+from rover_sweep.printable import printable
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavsdk_rider import MavsdkRider
 from rover_sweep.vehicle.parameters import ParameterKept, ParameterMissing, Written, float32
@@ -26,7 +27,7 @@ class MavsdkParameters:
         """Every parameter, by name. MAVSDK tells no progress. LinkError where none came."""
         with MavsdkRider(self.link) as rider:
             found = rider.call(_plugin(rider).get_all_params)
-        values = {p.name: float(p.value) for p in (*found.int_params, *found.float_params)}
+        values = {printable(p.name): float(p.value) for p in (*found.int_params, *found.float_params)}
         if not values:
             raise LinkError("MAVSDK got no parameters; the link loses too much, or use --via mavlink")
         if progress is not None:

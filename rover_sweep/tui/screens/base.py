@@ -12,7 +12,7 @@ from textual.binding import Binding
 from textual.screen import Screen
 from textual.widgets import Static
 
-from rover_sweep.tui.drawing import Rows
+from rover_sweep.tui.drawing import Rows, harmless
 from rover_sweep.tui.pilot import task
 from rover_sweep.tui.screens import frame
 
@@ -86,17 +86,20 @@ class SessionScreen(Screen[None]):
         small = width < frame.LEAST[0] or height < frame.LEAST[1]
         for name in ("tabs", "status", "message", "keys"):
             self.query_one(f"#{name}").display = not small
-        body = self.query_one("#body", Static)
+        for name, picture in self._pictures(width, height, small):
+            self.query_one(f"#{name}", Static).update(harmless(picture))
+
+    def _pictures(self, width: int, height: int, small: bool) -> Iterator[tuple[str, Text]]:
+        """(place, what is drawn there) of all places."""
         if small:
-            body.update(frame.too_small(self.state, task(self.state), self.palette, width, height))
+            yield "body", frame.too_small(self.state, task(self.state), self.palette, width, height)
             return
-        self.query_one("#tabs", Static).update(frame.tabs(self.view, self.palette, width))
-        self.query_one("#status", Static).update(frame.status(self.state, self.palette, width))
-        body.update(self._drawn(width, height - _AROUND))
-        self.query_one("#message", Static).update(
-            frame.message(self.state, self.palette, width, self.repeats_messages, self.session.waited)
-        )
-        self.query_one("#keys", Static).update(frame.keys(list(self._keys()), self.palette, width))
+        waited = self.session.waited
+        yield "tabs", frame.tabs(self.view, self.palette, width)
+        yield "status", frame.status(self.state, self.palette, width)
+        yield "body", self._drawn(width, height - _AROUND)
+        yield "message", frame.message(self.state, self.palette, width, self.repeats_messages, waited)
+        yield "keys", frame.keys(list(self._keys()), self.palette, width)
 
     def _drawn(self, width: int, height: int) -> Text:
         """A view that cannot be drawn says so: the run under way matters more, and so does its end."""

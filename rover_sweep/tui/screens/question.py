@@ -8,6 +8,8 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from rover_sweep.printable import printable_lines
+
 YES = "y"  # neither SPACE nor ENTER, which a hand hits by itself
 
 
@@ -23,7 +25,7 @@ class Question(ModalScreen[bool]):
 
     def __init__(self, question: str, yes: str) -> None:
         super().__init__()
-        self._question, self._yes = question, yes
+        self._question, self._yes = printable_lines(question), printable_lines(yes)
 
     def compose(self) -> ComposeResult:
         with Vertical():
