@@ -37,19 +37,25 @@ EMERGENCY, ALERT, CRITICAL, ERROR, WARNING, NOTICE, INFO = range(7)  # MAV_SEVER
 class Rover:
     """One boot of the vehicle.
 
-    now_us: vehicle time. Callbacks, set by whoever links it: on_text(severity, text),
-    on_named_float(name, value), on_parameter(parameter).
+    plant_rate_hz: of plant, sensors and scripts; fewer steps are quicker and coarser. now_us: vehicle time.
+    Callbacks, set by whoever links it: on_text(severity, text), on_named_float(name, value),
+    on_parameter(parameter).
     """
 
     def __init__(
-        self, directory: Path, plant: PlantParameters, seed: int, parameters: ParameterStore
+        self,
+        directory: Path,
+        plant: PlantParameters,
+        seed: int,
+        parameters: ParameterStore,
+        plant_rate_hz: int = PLANT_RATE_HZ,
     ) -> None:
         self.directory = directory
         self.parameters = parameters
         low, high = LOOP_RATE_LIMITS
         self.loop_rate = int(min(max(parameters["SCHED_LOOP_RATE"], low), high))
         self.loop_period_us = 1_000_000 // self.loop_rate
-        self._substeps = max(1, ceil(PLANT_RATE_HZ / self.loop_rate))
+        self._substeps = max(1, ceil(plant_rate_hz / self.loop_rate))
         self._substep_us = self.loop_period_us / self._substeps
         self.now_us = 0
         self.ticks = 0

@@ -30,7 +30,7 @@ def test_a_good_link_is_a_good_run(tmp_path: Path) -> None:
     assert outcome.error is None and outcome.finished is not None and outcome.finished.completed
     assert outcome.record.completed == (1,) and outcome.unasked == 0 and not outcome.armed
     assert 20.0 < outcome.record.metres() < 40.0
-    assert outcome.sent_late() < 0.2 and outcome.driven_late() < 0.2
+    assert outcome.sent_late() < 0.2 and outcome.record.driven_unheard() < 0.2
     nothing_moved_unasked(outcome)
 
 

@@ -39,7 +39,7 @@ class VirtualLine:
 
     def sleep(self, seconds: float) -> None:
         until = self.monotonic() + seconds
-        while self.monotonic() < until - 1e-9:
+        while self.monotonic() < until:
             self.wait()
 
     def wait(self) -> None:
@@ -76,7 +76,7 @@ class VirtualTransport:
         until = self._line.monotonic() + (timeout if self._in_vain < _IMPATIENT else 0.02)
         while not (data := self._world.take()):
             self._check()
-            if self._line.monotonic() >= until - 1e-9:
+            if self._line.monotonic() >= until:
                 return b""
             self._line.wait()
         self._in_vain = 0

@@ -7,13 +7,14 @@ laptop, `Record.texts` what the vehicle said (heard or not). Times are seconds o
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import hypot
 from typing import NamedTuple
 
 TRIM_US = 1500
+_IN_TIME = 0.3
 _DONE = re.compile(r"^SWP: run (\d+) done")
 _STOPPED = re.compile(r"^SWP: run (\d+) stopped: (.*)")
 
@@ -21,7 +22,8 @@ _STOPPED = re.compile(r"^SWP: run (\d+) stopped: (.*)")
 class Row(NamedTuple):
     """One main loop. throttle, steering: PWM outputs [us]; throttle_in, switch_in: override in force [us], 0
     for none; state, run: the applet's; heard, state_heard: when the laptop last read a whole message of the
-    vehicle and last its SWP_ST, sent: when anything last left the laptop, `-inf` for never."""
+    vehicle and last its SWP_ST, sent: when anything last left the laptop, `-inf` for never; reachable:
+    whether what the laptop sends now would come through, and it is awake and alive to send it."""
 
     t: float
     boot: int
@@ -39,6 +41,7 @@ class Row(NamedTuple):
     heard: float
     state_heard: float
     sent: float
+    reachable: bool
 
     @property
     def driving(self) -> bool:
@@ -106,6 +109,16 @@ class Record:
         """Time [s] with throttle above trim."""
         return sum(b.t - a.t for a, b in pairwise(self.rows) if since <= a.t < until and a.driving)
 
-    def late(self) -> Iterator[tuple[float, float, float]]:
-        """(t, s since the vehicle was last heard, s since SWP_ST was last heard) while it drives."""
-        return ((row.t, row.t - row.heard, row.t - row.state_heard) for row in self.rows if row.driving)
+    def seconds_in(self, states: Collection[int]) -> float:
+        """Time [s] with throttle above trim in these states of the applet."""
+        return sum(b.t - a.t for a, b in pairwise(self.rows) if a.driving and a.state in states)
+
+    def driven_unheard(self) -> float:
+        """Longest time [s] since the laptop had heard the vehicle at which the rover still drove, although
+        the laptop could have stopped it for the last `_IN_TIME` s."""
+        longest, reachable_since = 0.0, 0.0
+        for row in self.rows:
+            reachable_since = reachable_since if row.reachable else row.t
+            if row.driving and row.t - reachable_since > _IN_TIME:
+                longest = max(longest, row.t - row.heard)
+        return longest

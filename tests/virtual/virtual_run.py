@@ -76,6 +76,11 @@ class Outcome:
         return self.record.rows[-1].armed
 
     @property
+    def left_armed(self) -> bool:
+        """Whether the rover was armed when the drive code ended."""
+        return next(row.armed for row in reversed(self.record.rows) if row.t <= self.ended + 1e-9)
+
+    @property
     def killed(self) -> bool:
         return isinstance(self.error, Killed)
 
@@ -92,10 +97,6 @@ class Outcome:
         """Longest time [s] since the vehicle was heard (or: sent.state_heard, sent.made) at which the tool
         still sent a throttle above trim; 0 where it sent none."""
         return max((of(sent) for sent in self.record.sent if sent.driving), default=0.0)
-
-    def driven_late(self) -> float:
-        """Longest time [s] since the laptop heard the vehicle at which the rover still drove."""
-        return max((heard for _, heard, _ in self.record.late()), default=0.0)
 
     def again_high(self) -> bool:
         """Whether the switch was sent high again after it had been let go."""

@@ -258,7 +258,9 @@ class World:
 
     def _write_row(self) -> None:
         vehicle, laptop, rover = self.vehicle, self.laptop, self.vehicle.rover
-        heard = laptop.heard, laptop.state_heard, laptop.sent
+        awake = laptop.death is None and self.now_us >= laptop.wakes_us
+        reachable = awake and self.connected and not (self.up.weather.hole or self.up.weather.stall)
+        heard = laptop.heard, laptop.state_heard, laptop.sent, reachable
         if rover is None:
             off = (0.0, 0.0, 0.0, 0, 0, 0, 0, False, 0, 0, vehicle.run)
             self.record.rows.append(Row(self.now, vehicle.boots, *off, *heard))
