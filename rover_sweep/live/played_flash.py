@@ -26,6 +26,7 @@ from rover_sweep.logs.dataflash import DataFlash, open_parts
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.pair import extent
 from rover_sweep.logs.read import read_logs
+from rover_sweep.printable import printable
 from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
 
 Array = NDArray[np.float64]
@@ -122,7 +123,7 @@ class FlashPart:
     def events(self, since: float, to: float) -> Iterator[Event]:
         """What happens after `since` up to `to` [s], in time."""
         found: list[tuple[float, Event]] = [
-            (t, Said(t, INFO, text)) for t, text in self.log.marks if since < t <= to
+            (t, Said(t, INFO, printable(text))) for t, text in self.log.marks if since < t <= to
         ]
         found += [
             (t, StateChanged(t, s, STATES.get(s, f"state {s}"))) for t, s in self.states if since < t <= to

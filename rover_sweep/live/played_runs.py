@@ -21,6 +21,7 @@ from rover_sweep.live.verdict import named, verdict_of
 from rover_sweep.live.verdict_advice import NOT_WHOLE
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import runs_of
+from rover_sweep.printable import printable
 from rover_sweep.vehicle.events import RunFinished, RunStarted
 from rover_sweep.vehicle.streams import StreamQuality
 
@@ -64,7 +65,7 @@ class PlayedRun:
         """By the applet's words, else by what the reading of the recording says."""
         for t, text in self.log.marks:
             if self.begin < t <= self.end + 1.0 and (match := _SAID.match(text)):
-                return match[2] == "done", match[3] or ("" if match[2] != "done" else _ENDED)
+                return match[2] == "done", printable(match[3] or "") or ("" if match[2] != "done" else _ENDED)
         faults = [n.text for n in self.recording.notes if n.text.startswith(NOT_WHOLE[:-1])]
         return not faults, faults[0] if faults else _ENDED
 

@@ -15,8 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.printable import printable
-
 Array = NDArray[np.float64]
 
 HEAD = (0xA3, 0x95)
@@ -91,9 +89,8 @@ class DataFlash:
         return values * factor if factor != 1 else values
 
     def text(self, name: str, column: str) -> list[str]:
-        """A column of text, printable, without the padding."""
-        cells = self.rows(name)[column].tolist()
-        return [printable(cell.split(b"\0")[0].decode("ascii", "replace")) for cell in cells]
+        """A column of text as logged, without the padding: whoever shows it makes it printable."""
+        return [cell.split(b"\0")[0].decode("ascii", "replace") for cell in self.rows(name)[column].tolist()]
 
     def seconds(self, name: str, rows: NDArray[np.void] | None = None) -> Array:
         """Time since boot of each message [s]: TimeUS, or TimeMS of logs from before 2015."""

@@ -23,8 +23,8 @@ from rover_sweep.logs.log import (
     Log,
     body_velocity,
     clock_notes,
+    firmware_of,
     increasing,
-    is_banner,
     joined_steering,
     output_channel,
     output_limits,
@@ -64,7 +64,7 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
         else ()
     )
     marks = _marks(flash)
-    firmware = next((text for _, text in marks if is_banner(text)), "")
+    firmware = firmware_of(marks)
     gyro, raw_gyro = _gyro(flash, parameters)
     accel, raw_accel = _accel(flash, parameters)
     raw = frozenset(("r", "p") if raw_gyro else ()) | frozenset(("ay",) if raw_accel else ())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import LowPass, Note, Signal
+from rover_sweep.printable import printable
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ class Log:
     signals: as the channels of `Recording`, over the whole log and without steering.
     steering: the recorded steering outputs ("pwm" in us, or "delta" in rad from a CSV), best first.
     loops: starts of the autopilot's main loops (n,) s, None where they were not logged.
-    marks: (time [s], text) of messages to the user. parameters: the last value of each.
+    marks: (time [s], text as logged) of messages to the user. parameters: the last value of each.
     limits: (lowest, highest) steering output [us], None where unknown.
     whole: all driving is one run, however it was steered.
     vehicle: "rover", another ArduPilot vehicle's name, or "" where the log does not tell.
@@ -77,8 +78,13 @@ def vehicle_of(firmware: str) -> str:
     return next((kind for word, kind in kinds.items() if word in banner), "")
 
 
+def firmware_of(marks: Iterable[tuple[float, str]]) -> str:
+    """The banner among messages to the user, printable, as "ArduRover V4.6.3 (3fc7011a)"; "" for none."""
+    return printable(next((text for _, text in marks if is_banner(text)), ""))
+
+
 def is_banner(text: str) -> bool:
-    """Whether a message to the user is the firmware's banner, e.g. "ArduRover V4.6.3 (3fc7011a)"."""
+    """Whether a message to the user is the firmware's banner."""
     return text.startswith(("Ardu", "APM:", "AntennaTracker", "Blimp")) and " v" in text.lower()
 
 

@@ -34,6 +34,7 @@ from rover_sweep.logs.wave import (
     half_waves,
     kind_of,
 )
+from rover_sweep.printable import printable
 
 Bool = NDArray[np.bool_]
 Interval = tuple[float, float]
@@ -144,7 +145,7 @@ def _states_window(log: Log, rows: AppletRows, waving: Bool) -> Window:
         reason = next(
             (text for t, text in log.marks if abs(t - at) < 1.0 and END.match(text)), "reason not logged"
         )
-        notes = (Note("warning", f"The applet stopped this run at {at - start:.1f} s ({reason})"),)
+        notes = (Note("warning", f"The applet stopped this run at {at - start:.1f} s ({printable(reason)})"),)
     return Window(start, end, rows.t[override][0], rows.t[override][-1], f"run {rows.run[0]:.0f}", notes)
 
 

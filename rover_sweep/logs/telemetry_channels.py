@@ -20,8 +20,8 @@ from rover_sweep.logs.log import (
     Log,
     body_velocity,
     clock_notes,
+    firmware_of,
     increasing,
-    is_banner,
     output_channel,
     output_limits,
     refuse_disorder,
@@ -31,7 +31,6 @@ from rover_sweep.logs.log import (
 )
 from rover_sweep.logs.tlog import Frames, Tlog, open_tlog
 from rover_sweep.logs.vehicle_clock import CLOCKS, Session, sessions
-from rover_sweep.printable import printable
 
 WANTED = frozenset(
     ("HEARTBEAT", "AUTOPILOT_VERSION", "ATTITUDE", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "HIGHRES_IMU")
@@ -131,7 +130,7 @@ def _log(
     throttle = _output(session, output_channel(parameters, THROTTLE) or 3)
     if throttle is not None:
         signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
-    firmware = next((text for _, text in marks if is_banner(text)), "") or _version(session)
+    firmware = firmware_of(marks) or _version(session)
     if recorded is None and steering is not None:
         notes += (Note("info", "The telemetry log does not tell which output steers: servo 1 is assumed"),)
     return Log(
@@ -153,7 +152,7 @@ def _parameters(session: Session) -> dict[str, float]:
     if "PARAM_VALUE" not in session.messages:
         return {}
     rows = session.messages["PARAM_VALUE"].rows
-    names = [printable(n.decode("ascii", "replace")) for n in rows["param_id"].tolist()]
+    names = [n.decode("ascii", "replace") for n in rows["param_id"].tolist()]
     return dict(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
 
 
@@ -161,7 +160,7 @@ def _marks(session: Session) -> tuple[tuple[float, str], ...]:
     if "STATUSTEXT" not in session.messages:
         return ()
     rows = session.messages["STATUSTEXT"].rows
-    texts = [printable(text.decode("utf-8", "replace")) for text in rows["text"].tolist()]
+    texts = [text.decode("utf-8", "replace") for text in rows["text"].tolist()]
     return tuple(zip(session.seconds("STATUSTEXT").tolist(), texts, strict=True))
 
 

@@ -145,3 +145,10 @@ def test_the_package_loads_nothing_slow() -> None:
         [sys.executable, "-c", code, str(RUN)], cwd=REPOSITORY, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_texts_are_those_of_the_log_whatever_they_hold() -> None:
+    writer = FlashWriter()
+    text = "\n\n Ready to drive.\x1b[2J\x07[/bold]"
+    writer.messages([text])
+    assert parsed(writer.data).text("MSG", "Message") == [text]
