@@ -16,12 +16,14 @@ from types import TracebackType
 from typing import Any
 
 from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.clock import Periodic, VehicleClock
 from rover_sweep.vehicle.mavlink import (
     Codec,
     Framer,
     Message,
     constant,
+    is_autopilot,
     kind,
     make,
     message_id,
@@ -50,8 +52,10 @@ class Link:
     connection and tells the time; whoever waits on a link takes the time from there.
     """
 
-    def __init__(self, url: str, transport: Transport, recorder: TlogWriter, line: Line) -> None:
-        self.url = url
+    def __init__(
+        self, url: str, transport: Transport, recorder: TlogWriter, line: Line, access: Access
+    ) -> None:
+        self.url, self._access = url, access
         self.line = line
         self.clock = VehicleClock()
         self.target = (0, 0)
@@ -74,11 +78,12 @@ class Link:
         timeout: float = 15.0,
         line: Line | None = None,
         meanwhile: Callable[[], None] | None = None,
+        access: Access | None = None,
     ) -> Link:
         """Connect, record into `tlog_path` and wait up to `timeout` s for a vehicle's heartbeat.
 
         line: a real one where none is given. meanwhile: called again and again, here and wherever the
-        link is waited on; what it raises comes out there.
+        link is waited on; what it raises comes out there. access: see there.
         """
         line = line or LiveLine()
         transport = line.open(url)
@@ -87,7 +92,7 @@ class Link:
         except BaseException:
             transport.close()
             raise
-        link = cls(url, transport, recorder, line)
+        link = cls(url, transport, recorder, line, access or Access())
         if meanwhile is not None:
             link.every(0.0, meanwhile)
         try:
@@ -173,6 +178,8 @@ class Link:
             raise LinkError(
                 f"the connection {self.url} ended ({error}); is the vehicle still running?"
             ) from error
+        if words := self._transport.remark():
+            self._access.tell(words)
         if not data:
             self._watch.waited(self.line.monotonic() - began, found=self.target != (0, 0))
             return
@@ -188,9 +195,10 @@ class Link:
     def _take(self, message: Message) -> bool:
         """Keep the books on a message; False where it is not from our vehicle."""
         if sender(message) != self.target:
-            if self.target != (0, 0) or kind(message) != "HEARTBEAT" or not _is_autopilot(message):
+            if self.target != (0, 0) or not is_autopilot(message):
                 return False
             self.target = sender(message)
+            self._transport.settle(self.target[0])
         self.clock.update(message)
         self._watch.heard(self.clock.now if self.clock.known else None, kind(message) == "HEARTBEAT")
         if kind(message) == "HEARTBEAT":
@@ -357,10 +365,7 @@ class Link:
             self._transport = self.line.open(self.url, timeout=2.0)
         except LinkError:
             return False
+        self._transport.settle(self.target[0])
         self._framer = Framer()
         self._queue.clear()
         return True
-
-
-def _is_autopilot(message: Message) -> bool:
-    return message.type != _GCS_TYPE and message.autopilot != _NO_AUTOPILOT

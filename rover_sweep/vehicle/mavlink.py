@@ -68,6 +68,14 @@ def sender(message: Message) -> tuple[int, int]:
     return message.get_srcSystem(), message.get_srcComponent()
 
 
+def is_autopilot(message: Message) -> bool:
+    """Whether it is the heartbeat of an autopilot: not of a ground station, a gimbal, a companion."""
+    if kind(message) != "HEARTBEAT" or message.get_srcComponent() != dialect.MAV_COMP_ID_AUTOPILOT1:
+        return False
+    others = dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID
+    return bool(message.type != others[0] and message.autopilot != others[1])
+
+
 class Codec:
     """Packs and decodes MAVLink 2 for one sender; keeps its sequence number."""
 

@@ -1,4 +1,5 @@
-"""Bytes to and from a vehicle over TCP, UDP or a serial line; nothing here knows MAVLink."""
+"""Bytes to and from a vehicle over TCP, UDP or a serial line. Of MAVLink only UDP knows: whom it answers
+is told by heartbeats (`greeting`)."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.greeting import Greeting
 
 _CHUNK = 65536
 # A vehicle simulated faster than real time is slowed by what we have not read yet. A small buffer
@@ -28,6 +30,14 @@ class Transport(Protocol):
 
     def send(self, data: bytes) -> None: ...
     def close(self) -> None: ...
+
+    def settle(self, system: int) -> None:
+        """The vehicle that is spoken with has this system id. Only UDP has others to keep out."""
+        return
+
+    def remark(self) -> str:
+        """What is to be told of the connection, a sentence, once; '' else."""
+        return ""
 
 
 class Line(Protocol):
@@ -126,7 +136,7 @@ def _advice(address: Address) -> str:
     return "is the vehicle running and is that its address?"
 
 
-class Tcp:
+class Tcp(Transport):
     """A TCP client."""
 
     def __init__(self, host: str, port: int, timeout: float) -> None:
@@ -156,14 +166,14 @@ class Tcp:
         self._socket.close()
 
 
-class Udp:
-    """UDP: listening (answers go to whoever spoke last) or speaking first."""
+class Udp(Transport):
+    """UDP, listening or speaking first; `Greeting` says who is heard and answered."""
 
     def __init__(self, host: str, port: int, listen: bool) -> None:
         info = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self._socket = socket.socket(*info[:3])
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _UDP_RECEIVE_BUFFER)
-        self._peer = None if listen else info[4]
+        self._greeting = Greeting(None if listen else info[4])
         if listen:
             try:
                 self._socket.bind(info[4])
@@ -175,26 +185,32 @@ class Udp:
         if not select.select([self._socket], [], [], max(timeout, 0.0))[0]:
             return b""
         try:
-            data, self._peer = self._socket.recvfrom(_CHUNK)
+            data, address = self._socket.recvfrom(_CHUNK)
         except (
             ConnectionRefusedError
         ):  # nobody listens there yet; the heartbeat watch tells when for too long
             return b""
-        return data
+        return data if self._greeting.takes(data, address, time.monotonic()) else b""
 
     def send(self, data: bytes) -> None:
-        if self._peer is None:
+        if self._greeting.peer is None:
             return
         try:
-            self._socket.sendto(data, self._peer)
+            self._socket.sendto(data, self._greeting.peer)
         except ConnectionRefusedError:
             return
+
+    def settle(self, system: int) -> None:
+        self._greeting.settle(system)
+
+    def remark(self) -> str:
+        return self._greeting.remark()
 
     def close(self) -> None:
         self._socket.close()
 
 
-class Serial:
+class Serial(Transport):
     """A serial line, raw 8N1, by termios."""
 
     def __init__(self, device: str, baud: int) -> None:

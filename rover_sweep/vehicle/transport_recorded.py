@@ -76,7 +76,7 @@ class RecordedLine:
         self.close()
 
 
-class RecordedTransport:
+class RecordedTransport(Transport):
     """A connection that tells its line what went over it."""
 
     def __init__(self, transport: Transport, line: RecordedLine) -> None:
@@ -99,6 +99,12 @@ class RecordedTransport:
             self._line.note(Kind.UNSENT, data)
             raise
         self._line.note(Kind.SENT, data)
+
+    def settle(self, system: int) -> None:
+        self._transport.settle(system)
+
+    def remark(self) -> str:
+        return self._transport.remark()
 
     def close(self) -> None:
         self._transport.close()

@@ -196,7 +196,7 @@ class ReplayedLine:
         return ConversationDiffers(self._difference)
 
 
-class ReplayedTransport:
+class ReplayedTransport(Transport):
     """A connection of a `ReplayedLine`."""
 
     def __init__(self, line: ReplayedLine) -> None:

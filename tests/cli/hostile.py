@@ -31,7 +31,7 @@ def hostile_link(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-class _Hostile:
+class _Hostile(Transport):
     """What the vehicle sends, changed on the way."""
 
     def __init__(self, inner: Transport) -> None:

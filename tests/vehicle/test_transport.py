@@ -8,6 +8,7 @@ import socket
 from pathlib import Path
 
 import pytest
+from greeted import heartbeat
 
 import rover_sweep.vehicle
 from rover_sweep.errors import LinkError, UsageError
@@ -42,21 +43,48 @@ def test_wrong_serial_devices(tmp_path: Path) -> None:
         open_transport("/dev/null,12345")
 
 
-def test_udp_answers_whoever_spoke() -> None:
+def test_udp_answers_the_vehicle() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         number = free.getsockname()[1]
     station = open_transport(f"udp:127.0.0.1:{number}")
     vehicle = open_transport(f"udpout:127.0.0.1:{number}")
     station.send(b"to nobody")
-    vehicle.send(b"hello")
-    assert station.receive(1.0) == b"hello"
+    hello = heartbeat(1)
+    vehicle.send(hello)
+    assert station.receive(1.0) == hello
+    station.settle(1)
     station.send(b"yes")
     assert vehicle.receive(1.0) == b"yes"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.bind(("127.0.0.1", 0))
+        stranger.sendto(hello, ("127.0.0.1", number))
+        assert station.receive(1.0) == b""
+        assert f"127.0.0.1:{stranger.getsockname()[1]} are ignored" in station.remark()
+        assert station.remark() == ""
+        station.send(b"still you")
+        assert vehicle.receive(1.0) == b"still you"
+        stranger.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            stranger.recv(100)
     with pytest.raises(LinkError, match="another ground station"):
         open_transport(f"udp:127.0.0.1:{number}")
     station.close()
     vehicle.close()
+
+
+def test_udp_that_spoke_first_hears_nobody_else() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.bind(("127.0.0.1", 0))
+        station = open_transport(f"udpout:127.0.0.1:{vehicle.getsockname()[1]}")
+        station.send(b"hello")
+        where = vehicle.recvfrom(100)[1]
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.sendto(heartbeat(1), where)
+            assert station.receive(1.0) == b""
+        vehicle.sendto(b"any bytes", where)
+        assert station.receive(1.0) == b"any bytes"
+        station.close()
 
 
 def test_pymavlink_is_known_to_one_module() -> None:

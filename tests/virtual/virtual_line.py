@@ -11,6 +11,7 @@ from __future__ import annotations
 from virtual_world import MONOTONIC_0, SINCE_BOOT_0, WALL_0, World
 
 from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.transport import Transport
 
 _IMPATIENT = 2000  # receives in a row that wait for nothing and get nothing
 
@@ -63,7 +64,7 @@ class VirtualLine:
             raise interrupt
 
 
-class VirtualTransport:
+class VirtualTransport(Transport):
     """One connection. It is closed by the other side (`World.cut`) or by `close`."""
 
     def __init__(self, line: VirtualLine) -> None:
