@@ -15,6 +15,7 @@ from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSetting
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Recording
+from rover_sweep.identify.soundness.faults import SPARED, faulty_channels
 from rover_sweep.known_steering import has_linkage, known
 from rover_sweep.material_sizes import spread_of
 from rover_sweep.preparation import doublets_apart, geometry_of, refuse_overlap
@@ -88,7 +89,9 @@ def diagnosed(
     bench = known(vehicle, spread_of(vehicle.material))
     settled = {effect: why for effect, why in bench.settled.items() if effect not in settings.with_effects}
     settings = replace(settings, spread=bench.spread, without_effects=(*settings.without_effects, *settled))
+    left_out: tuple[str, ...] = ()
     try:
+        given, left_out = _sound(given)
         found = diagnose(
             given.runs, geometry_of(vehicle), settings, given.held_out, given.simulated, progress, stop
         )
@@ -97,6 +100,7 @@ def diagnosed(
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
         found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
+    remarks += left_out
     remarks += [f"{effect} was not looked for: {why}" for effect, why in settled.items()]
     if has_linkage(vehicle):
         remarks.append(
@@ -107,6 +111,19 @@ def diagnosed(
         seconds = time.monotonic() - begun
         remarks.append(f"stopped by hand after {seconds:.0f} s: this is what was found until then, no more")
     return replace(found, remarks=(*found.remarks, *remarks))
+
+
+def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
+    """The material without lateral channels that are faulty, and why; DataRefused where more is faulty."""
+    runs = (*given.runs, *given.held_out)
+    without, why = faulty_channels(runs)
+    if not without:
+        return given, ()
+    left = {c for run in runs for c in run.channels} - without
+    if without - set(SPARED) or not left & set(SPARED):
+        raise DataRefused("; ".join(why))
+    fitted, kept = (tuple(r.without(without) for r in some) for some in (given.runs, given.held_out))
+    return replace(given, runs=fitted, held_out=kept), tuple(f"left out: {words}" for words in why)
 
 
 def _refused(why: str, given: Material, settings: DiagnosisSettings, seconds: float) -> Diagnosis:

@@ -27,6 +27,7 @@ from rover_sweep.identify.own_structure import own_result
 from rover_sweep.identify.quality import CoherenceVerdict, assess, input_responses
 from rover_sweep.identify.recommendation import recommendation
 from rover_sweep.identify.recording import Recording
+from rover_sweep.identify.soundness.faults import spoiling
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 from rover_sweep.identify.verdicts import ModelVerdict
@@ -123,8 +124,22 @@ def identify(
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
-    best, words = recommendation(models, geometry.wheelbase, too_much)
+    models, spoilt = _judged_by_data(models, groups, wanted)
+    best, words = recommendation(models, geometry.wheelbase, too_much, spoilt)
     return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *said))
+
+
+def _judged_by_data(
+    models: Mapping[str, ModelResult], groups: Sequence[Group], settings: Settings
+) -> tuple[dict[str, ModelResult], tuple[str, ...]]:
+    """(models, those made from spoilt channels no longer good; what is wrong with the channels)."""
+    runs = [run for group in groups for run in group.runs]
+    why = {
+        name: spoiling(runs, [o for o in settings.fitted if o in m.fit.structure.outputs])
+        for name, m in models.items()
+    }
+    judged = {name: m.spoilt(why[name]) if why[name] else m for name, m in models.items()}
+    return judged, tuple(dict.fromkeys(words for found in why.values() for words in found))
 
 
 def _left_out(group: Group, why: str) -> str:

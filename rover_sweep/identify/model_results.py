@@ -44,6 +44,11 @@ class ModelResult(Shown):
         """J_ave over all responses of the model, fitted or not."""
         return float(np.mean(list(self.costs.values())))
 
+    def spoilt(self, why: tuple[str, ...]) -> ModelResult:
+        """The result of data that are known to be wrong: poor at best, however well it fits."""
+        level = self.verdict.level if self.verdict.level == "not identifiable" else "poor"
+        return replace(self, verdict=ModelVerdict(level, (*why, *self.verdict.sentences)))
+
     def table(self) -> ShortTable:
         """The fit's table with the verdict and the verification."""
         fit = self.fit.table()

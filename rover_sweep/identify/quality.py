@@ -21,6 +21,7 @@ from rover_sweep.identify.response import (
     frequency_grid,
     frequency_responses,
 )
+from rover_sweep.identify.soundness.faults import advice_on
 from rover_sweep.identify.spectra import Transformer
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 
@@ -178,6 +179,8 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     keep = _output(worst).covered >= COVERED
     factor = None if keep else _factor(judged)
     peak = _peak(measured, float(np.ptp(run.manoeuvre(input).x)) / 2) * (factor or 1.0)
+    if broken := advice_on(run):
+        return CoherenceVerdict(run.name, False, swept, amplitude, unit, None, outputs, broken[1])
     if run.kind == "doublet":
         said = "doublet: for verification, so its coherence is not judged"
         return CoherenceVerdict(run.name, True, swept, amplitude, unit, None, outputs, said)

@@ -7,23 +7,26 @@ from collections.abc import Mapping
 from rover_sweep.identify.model_results import ModelResult
 
 ORDER = ("roll-yaw", "bicycle", "lumped", "kinematic")  # physical ones first: they carry to other speeds
+NONE_FITS = "no model fits these runs: see the verdict of each"
 MUCH_BETTER = 0.7  # of J_ave: from here on the other fit deserves a word
 WHEELBASE_RATIO = 2.0  # effective over measured wheelbase, either way: more is a mistake in units or scale
 
 
 def recommendation(
-    models: Mapping[str, ModelResult], wheelbase: float, too_much: str | None
+    models: Mapping[str, ModelResult], wheelbase: float, too_much: str | None, spoilt: tuple[str, ...] = ()
 ) -> tuple[str | None, tuple[str, ...]]:
     """(name of the model to use or None, sentences, the weightiest first).
 
     too_much: why tyre parameters mean nothing here, None where they do. wheelbase: a + b [m].
+    spoilt: faults of the data, for which models made from them are not good.
     """
-    doubt = _wheelbase_words(models["kinematic"], wheelbase)
-    if too_much:
+    doubt = (*spoilt, *_wheelbase_words(models["kinematic"], wheelbase))
+    if too_much and not spoilt:
         return "kinematic", (f"use the kinematic model: {too_much}", *doubt)
     usable = [n for n in ORDER if n in models and models[n].verdict.level in ("good", "acceptable")]
     if not usable:
-        return None, ("no model fits these runs: see the verdict of each", *doubt)
+        first = "the data are faulty, so use no model of them" if spoilt else NONE_FITS
+        return None, (first, *doubt)
     best = usable[0]
     reasons = models[best].verdict.sentences[: 1 if best == "lumped" else 2]
     others = (*_untied_words(models[best]), *_lumped_words(best, models))

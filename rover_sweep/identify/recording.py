@@ -6,7 +6,7 @@ an outward roll in a left turn is positive phi. ArduPilot's FRD axes end in `rov
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -84,10 +84,15 @@ class LowPass:
 
 @dataclass(frozen=True)
 class Note:
-    """A judgement on the recording, said to the user. level: 'info' or 'warning'."""
+    """A judgement on the recording, said to the user. level: 'info' or 'warning'.
+
+    fault: short name of a fault that makes what comes from the channels in `spoils` wrong; '' for none.
+    """
 
     level: Literal["info", "warning"]
     text: str
+    fault: str = ""
+    spoils: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +128,10 @@ class Recording:
 
     def __contains__(self, channel: str) -> bool:
         return channel in self.channels
+
+    def without(self, names: Collection[str]) -> Recording:
+        """The recording without some of its channels."""
+        return replace(self, channels={n: s for n, s in self.channels.items() if n not in names})
 
     def manoeuvre(self, channel: str) -> Signal:
         """The channel within `span`."""

@@ -14,6 +14,7 @@ from rover_sweep.identify.amplitude import AmplitudeProposal, propose
 from rover_sweep.identify.quality import answering, assess, responses
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import FrequencyResponse
+from rover_sweep.identify.soundness.faults import advice_on
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.verdict_advice import advice, side_remark
 from rover_sweep.live.verdict_bands import bands, spoken
@@ -58,6 +59,8 @@ def named(verdict: Verdict, name: str, source: Path) -> Verdict:
 def verdict_of(run: Recording, log: Log, vehicle: Vehicle | None = None) -> Verdict:
     """The verdict on a run of a log."""
     remarks = tuple(note.text for note in run.notes if note.level == "warning")
+    if run.kind == "doublet" and (broken := advice_on(run)):
+        return Verdict(run.name, *broken, remarks=remarks)
     if run.kind == "doublet":
         said = "keep: a doublet, for verification; its coherence is not judged"
         return Verdict(run.name, "keep", said, remarks=remarks)

@@ -11,6 +11,7 @@ from rover_sweep.identify.amplitude import AmplitudeProposal
 from rover_sweep.identify.quality import CoherenceVerdict, answering, sign_is_wrong
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import COHERENCE_GOOD, FrequencyResponse
+from rover_sweep.identify.soundness.faults import advice_on
 from rover_sweep.live.snapshot import Advice
 from rover_sweep.vehicle_file import Vehicle
 
@@ -37,6 +38,8 @@ def advice(
     vehicle: Vehicle | None,
 ) -> Said:
     """What to do with a sweep or multisine, and why."""
+    if broken := advice_on(run):
+        return broken
     for fault in (*_of_mounting(run, found, vehicle), *_of_driving(run)):
         return fault
     unit = measured.amplitude_unit

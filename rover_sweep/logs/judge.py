@@ -9,6 +9,7 @@ import numpy as np
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import Note, Recording, Signal
+from rover_sweep.identify.soundness.faults import with_faults
 from rover_sweep.logs.completeness import HOLE, hole_notes
 from rover_sweep.logs.log import STEERING, THRUST_LEFT, THRUST_RIGHT, Log, output_channel
 from rover_sweep.logs.wave import MOVING_SPEED
@@ -121,7 +122,7 @@ def judged(run: Recording, log: Log) -> Recording:
         *_steering(run),
         *_biases(run),
     )
-    return replace(run, notes=tuple(dict.fromkeys(notes)))
+    return with_faults(replace(run, notes=tuple(dict.fromkeys(notes))))
 
 
 def _steering_of(run: Recording) -> Signal:

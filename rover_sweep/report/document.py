@@ -129,7 +129,10 @@ def recording_document(run: Recording) -> dict[str, Any]:
             name: {"cutoff_hz": f.cutoff_hz, "order": 2, "source": f.source}
             for name, f in run.filters.items()
         },
-        "notes": [{"level": note.level, "text": note.text} for note in run.notes],
+        "notes": [
+            {"level": note.level, "text": note.text} | ({"fault": note.fault} if note.fault else {})
+            for note in run.notes
+        ],
     }
 
 

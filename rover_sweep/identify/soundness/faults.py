@@ -1,0 +1,52 @@
+"""The one place that judges whether a recording may be believed; commands and screens all ask it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+from rover_sweep.identify.recording import Note, Recording
+from rover_sweep.identify.soundness.clipping import CLIPPED, clipping
+
+REPEATED = (CLIPPED,)  # another drive mends these
+SPARED = {"p": "r,ay", "ay": "r,p"}  # channel that a fit can do without: the option that leaves it out
+
+
+def faults_of(run: Recording) -> tuple[Note, ...]:
+    """What is certainly wrong with a run: the faults among its notes, and those that its channels show."""
+    read = (note for note in run.notes if note.fault)
+    return tuple(dict.fromkeys((*read, *clipping(run))))
+
+
+def with_faults(run: Recording) -> Recording:
+    """The run with its faults among its notes, each once."""
+    return replace(run, notes=tuple(dict.fromkeys((*run.notes, *faults_of(run)))))
+
+
+def spoiling(runs: Sequence[Recording], channels: Sequence[str]) -> tuple[str, ...]:
+    """A sentence for each fault of the runs that spoils what is made of these channels."""
+    used = {*channels, "r", "speed"}
+    found = ((run.name, f) for run in runs for f in faults_of(run) if used & set(f.spoils))
+    return tuple(f"{name}: {_with_way_out(fault)}" for name, fault in found)
+
+
+def faulty_channels(runs: Sequence[Recording]) -> tuple[set[str], tuple[str, ...]]:
+    """(channels that a fault of any of the runs spoils, the faults in words)."""
+    found = [(run.name, fault) for run in runs for fault in faults_of(run)]
+    return {c for _, f in found for c in f.spoils}, tuple(f"{name}: {f.text}" for name, f in found)
+
+
+def _with_way_out(fault: Note) -> str:
+    """The fault's sentence, with how to answer without the channel where one can be left out."""
+    only = fault.spoils[0] if len(fault.spoils) == 1 else ""
+    return f"{fault.text}; without {only}: --fit {SPARED[only]}" if only in SPARED else fault.text
+
+
+def advice_on(run: Recording) -> tuple[Literal["repeat", "discard"], str] | None:
+    """(what to do, why) for the first fault of a run, None for a run without."""
+    for fault in faults_of(run):
+        if fault.fault in REPEATED:
+            return "repeat", f"repeat: {_with_way_out(fault)}"
+        return "discard", f"discard: {_with_way_out(fault)}"
+    return None
