@@ -30,7 +30,7 @@ class PlainDisplay:
         """One event."""
         match event:
             case e.Connected():
-                self.say(f"connected to {event.vehicle.firmware} on {event.url}")
+                self.say(f"connected to {event.vehicle.words} on {event.url}")
             case e.Notice():
                 self.say(event.text, "yellow" if event.level == "warning" else "")
             case e.ParameterSet() if self.talk and not event.name.startswith("SWP_"):

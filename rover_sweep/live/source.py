@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from rover_sweep.live.snapshot import Snapshot, Verdict
+from rover_sweep.vehicle.access import Heard
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.preflight import Check
 from rover_sweep.vehicle.run import RunSettings
@@ -21,9 +22,10 @@ from rover_sweep.vehicle.session import PlannedRun
 
 @dataclass(frozen=True)
 class Connect:
-    """Open the link, find the rover."""
+    """Open the link, find the rover. system: its MAVLink id, None where the one that is heard is meant."""
 
     url: str
+    system: int | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,14 @@ class Ended:
 
 
 @dataclass(frozen=True)
+class Several:
+    """More than one vehicle is heard on `url`; connecting there needs the system id of one."""
+
+    url: str
+    heard: tuple[Heard, ...]
+
+
+@dataclass(frozen=True)
 class Checked:
     """What a preflight found, in the order in which it is to be put right."""
 
@@ -110,7 +120,7 @@ class Played:
     rate: float
 
 
-Told = Event | Snapshot | Began | Ended | Checked | Judged | Lost | Played
+Told = Event | Snapshot | Began | Ended | Several | Checked | Judged | Lost | Played
 
 
 class Source(Protocol):

@@ -13,7 +13,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -29,6 +29,7 @@ from rover_sweep.live.source import (
     Lost,
     Preflight,
     Request,
+    Several,
     Told,
 )
 from rover_sweep.live.telemetry import Telemetry
@@ -36,6 +37,7 @@ from rover_sweep.live.vehicle_stop import Aborted, let_go_late
 from rover_sweep.live.vehicle_verdicts import Beside
 from rover_sweep.live.vehicle_work import Work
 from rover_sweep.session_folder.folder import Session
+from rover_sweep.vehicle.access import Access, SeveralVehicles
 from rover_sweep.vehicle.events import Notice
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import Message
@@ -50,22 +52,29 @@ _GOODBYE = 15.0  # s for letting the rover go when the source is closed
 class VehicleSource:
     """See `live.source.Source`. session: the folder, where the plan is put (`session.plan`) and read.
 
-    folder: of a session, begun or to be taken up again. vehicle_file: is copied into it. line: see
-    `Link.open`. UsageError where the folder cannot be used.
+    folder: of a session, begun or to be taken up again. vehicle_file: is copied into it. line, access: see
+    `Link.open`; the screen is told, and asked by `Several`. UsageError where the folder cannot be used.
     """
 
-    def __init__(self, folder: Path, vehicle_file: Path | None = None, line: Line | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        vehicle_file: Path | None = None,
+        line: Line | None = None,
+        access: Access | None = None,
+    ) -> None:
         self.session = Session.open(folder)
         if vehicle_file is not None:
             self.session.keep_vehicle_file(vehicle_file)
         self._line = line
+        self._access = replace(access or Access(), choose=None, tell=self._notice)
         self._requests: SimpleQueue[Request] = SimpleQueue()
         self._forgotten: SimpleQueue[Request] = SimpleQueue()
         self._stop, self._closing = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work_on, name="vehicle", daemon=True)
         self._tell_screen: Callable[[Told], None] = lambda told: None
         self._link: Link | None = None
-        self._url = ""  # of the vehicle that is to be found again
+        self._url, self._system = "", self._access.system  # of the vehicle that is to be found again
         self._lost = self._stopping = False
         self._telemetry, self._told_at = Telemetry(), 0.0
 
@@ -149,7 +158,7 @@ class VehicleSource:
     def _doing(self, request: Request) -> Iterator[Told]:
         if isinstance(request, Connect):
             self._lost = False  # another was chosen; where that one fails, none is looked for
-            return self._connect(request.url)
+            return self._connect(request.url, request.system or self._access.system)
         if self._link is None or self._lost:
             raise UsageError("no vehicle is connected")
         match request:
@@ -165,11 +174,16 @@ class VehicleSource:
 
     # ---- the link --------------------------------------------------------------------------------
 
-    def _connect(self, url: str, timeout: float = 15.0) -> Iterator[Told]:
+    def _connect(self, url: str, system: int | None, timeout: float = 15.0) -> Iterator[Told]:
         self._drop_link()
         self._telemetry = Telemetry()
-        opened = Link.open(url, self.session.between(), timeout, self._line, self._tick)
-        self._link, self._url = opened, url
+        access = replace(self._access, system=system)
+        try:
+            opened = Link.open(url, self.session.between(), timeout, self._line, self._tick, access)
+        except SeveralVehicles as several:
+            yield Several(url, several.heard)
+            raise
+        self._link, self._url, self._system = opened, url, opened.target[0]
         opened.hear(self._hear)
         try:
             yield from self._work.greet(opened)
@@ -180,7 +194,7 @@ class VehicleSource:
 
     def _find_again(self) -> None:
         try:
-            for told in self._connect(self._url, _TRY_FOR):
+            for told in self._connect(self._url, self._system, _TRY_FOR):
                 self._tell(told)
         except LinkError:
             self._drop_link()
@@ -247,6 +261,9 @@ class VehicleSource:
         for given in self._beside.given():
             self.session.judged(given.tlog, asdict(given.verdict))
             self._tell(Judged(given.verdict))
+
+    def _notice(self, sentence: str) -> None:
+        self._tell(Notice("warning", sentence))
 
     def _tell(self, told: Told) -> None:
         with contextlib.suppress(Exception):  # a screen that fails must not keep a rover from being let go

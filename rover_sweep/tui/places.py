@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from rover_sweep.vehicle.access import Heard
 
 USUAL = ("udp:127.0.0.1:14550", "tcp:127.0.0.1:5760")
 
@@ -13,6 +16,7 @@ class Place:
 
     url: str
     origin: str
+    system: int | None = None  # of several vehicles there
 
 
 def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> tuple[Place, ...]:
@@ -25,3 +29,11 @@ def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> t
         for url in urls:
             found.setdefault(url, origin)
     return tuple(Place(url, origin) for url, origin in found.items())
+
+
+def with_systems(found: tuple[Place, ...], url: str, heard: Sequence[Heard]) -> tuple[Place, ...]:
+    """Each vehicle that is heard on `url`, in its place; at the front where it is not among those found."""
+    each = tuple(Place(url, str(one), one.system) for one in heard)
+    at = next((n for n, place in enumerate(found) if place.url == url), 0)
+    rest = [place for place in found if place.url != url]
+    return (*rest[:at], *each, *rest[at:])

@@ -18,13 +18,13 @@ from textual.app import App
 from textual.message import Message
 from textual.reactive import reactive
 
-from rover_sweep.live.source import Connect, Drive, Ended, Fix, Preflight, Request, Source
+from rover_sweep.live.source import Connect, Drive, Ended, Fix, Preflight, Request, Several, Source
 from rover_sweep.tui import words
 from rover_sweep.tui.analysis import Job
 from rover_sweep.tui.desk import Desk, has_command, recordings
 from rover_sweep.tui.feed import Feed
 from rover_sweep.tui.palette import DARK, LIGHT, Palette
-from rover_sweep.tui.places import Place, places
+from rover_sweep.tui.places import Place, places, with_systems
 from rover_sweep.tui.plan_rows import FIRST, SPEED, Row, ground, named
 from rover_sweep.tui.screens.question import Question
 from rover_sweep.tui.setup import Setup, recall, remember, serial_ports, with_url
@@ -94,6 +94,8 @@ class SessionApp(App[None]):
             remember(self.setup.memory, self.memory)
             self.ask(Preflight())
             self.turn_to("preflight", ("connect",))
+        elif isinstance(told, Several):
+            self.places = with_systems(self.places, told.url, told.heard)
         elif isinstance(told, RunStarted):
             self.turn_to("run", ("plan", "verdict"))
         elif isinstance(told, Ended) and isinstance(told.request, Fix) and not told.failure:
@@ -111,9 +113,9 @@ class SessionApp(App[None]):
         self.state = reduce(self.state, Asked(request))
         self.source.ask(request)
 
-    def connect(self, url: str) -> None:
+    def connect(self, url: str, system: int | None = None) -> None:
         """Opens the link; what must be right is looked at then."""
-        self.ask(Connect(url))
+        self.ask(Connect(url, system))
 
     def look_for_ports(self) -> None:
         """The connections that can be chosen now."""

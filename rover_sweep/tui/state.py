@@ -15,7 +15,18 @@ from typing import Literal, TypeVar
 
 from rover_sweep.identify.sweep import Manoeuvre
 from rover_sweep.live.snapshot import Snapshot, Verdict
-from rover_sweep.live.source import Began, Checked, Drive, Ended, Judged, Lost, Played, Request, Told
+from rover_sweep.live.source import (
+    Began,
+    Checked,
+    Drive,
+    Ended,
+    Judged,
+    Lost,
+    Played,
+    Request,
+    Several,
+    Told,
+)
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.identity import Vehicle
 from rover_sweep.vehicle.preflight import Check
@@ -143,6 +154,8 @@ def reduce(state: State, told: Told | Own) -> State:
             return replace(state, checks=told.checks)
         case Judged():
             return _judged(state, told.verdict)
+        case Several():  # the list of connections shows them
+            return state
         case Lost():
             state = replace(state, lost=told.reason, aborting=state.aborting and state.driving is not None)
             return _said(state, "error", f"link lost: {told.reason}")
@@ -161,7 +174,7 @@ def _happened(state: State, event: e.Event) -> State:
     """A session's event."""
     match event:
         case e.Connected():
-            words = f"connected to {event.vehicle.firmware} on {event.url}"
+            words = f"connected to {event.vehicle.words} on {event.url}"
             return replace(_said(state, "info", words), url=event.url, vehicle=event.vehicle, lost="")
         case e.Notice():
             return _said(state, event.level, event.text)

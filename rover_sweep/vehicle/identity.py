@@ -26,6 +26,11 @@ class Vehicle:
     uid: int
     system: int
 
+    @property
+    def words(self) -> str:
+        """As it stands in a sentence: firmware, version and system id."""
+        return f"{self.firmware} (system {self.system})"
+
 
 def identify_vehicle(link: Link) -> Vehicle:
     """Ask for AUTOPILOT_VERSION. LinkError in words for anything but an ArduPilot Rover from 4.5 on."""

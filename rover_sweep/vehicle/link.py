@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -29,8 +30,10 @@ from rover_sweep.vehicle.mavlink import (
     message_id,
     result_name,
     sender,
+    source_system,
 )
 from rover_sweep.vehicle.recorder import TlogWriter
+from rover_sweep.vehicle.roll_call import RollCall, heard_as
 from rover_sweep.vehicle.statustext import StatusText, TextAssembler
 from rover_sweep.vehicle.transport import Line, LiveLine, Transport
 from rover_sweep.vehicle.watch import SILENCE, Watch
@@ -69,6 +72,8 @@ class Link:
         self._queue: deque[Message] = deque()
         self._periodic: list[Periodic] = [Periodic(1.0, self._send_heartbeat)]
         self._watch = Watch(url)
+        self._roll_call = RollCall(access.system)
+        self._others: set[int] = set()  # system ids of other rovers on this link
 
     @classmethod
     def open(
@@ -180,10 +185,17 @@ class Link:
             ) from error
         if words := self._transport.remark():
             self._access.tell(words)
-        if not data:
+        before = len(self._queue)
+        if data:
+            self._keep(data)
+        if not any(sender(message) == self.target for message in islice(self._queue, before, None)):
             self._watch.waited(self.line.monotonic() - began, found=self.target != (0, 0))
-            return
+
+    def _keep(self, data: bytes) -> None:
+        """Record what came, and queue its messages; not those of other rovers."""
         pieces = list(self._framer.feed(data))
+        if self._others:
+            pieces = [p for p in pieces if not (p[1] and source_system(p[0]) in self._others)]
         try:
             self._recorder.write(pieces)
         finally:  # also what a full disk does not take is heard, such as the answer to a disarm
@@ -195,10 +207,8 @@ class Link:
     def _take(self, message: Message) -> bool:
         """Keep the books on a message; False where it is not from our vehicle."""
         if sender(message) != self.target:
-            if self.target != (0, 0) or not is_autopilot(message):
-                return False
-            self.target = sender(message)
-            self._transport.settle(self.target[0])
+            self._overhear(message)
+            return False
         self.clock.update(message)
         self._watch.heard(self.clock.now if self.clock.known else None, kind(message) == "HEARTBEAT")
         if kind(message) == "HEARTBEAT":
@@ -209,6 +219,19 @@ class Link:
         for listener in self._listeners:
             listener(message)
         return True
+
+    def _overhear(self, message: Message) -> None:
+        """Somebody else's message counts for nothing; until the vehicle is chosen it shows who is there."""
+        if self.target == (0, 0):
+            self._roll_call.hear(message, self.line.monotonic())
+        elif is_autopilot(message) and sender(message)[0] not in {*self._others, self.target[0]}:
+            other = heard_as(message)
+            self._others.add(other.system)
+            if self._access.system is None:
+                self._access.tell(
+                    f"another vehicle is on {self.url} now, {other}; it is neither heeded nor recorded, this "
+                    f"goes on with system {self.target[0]}"
+                )
 
     def _take_texts(self, texts: tuple[StatusText, ...]) -> None:
         self.texts.extend(texts)
@@ -323,15 +346,29 @@ class Link:
     # ---- finding and losing the vehicle --------------------------------------------------------
 
     def _find_vehicle(self, timeout: float) -> None:
-        deadline = self.line.monotonic() + timeout
-        while self.heartbeat is None and self.line.monotonic() < deadline:
+        called, deadline = self._roll_call, self.line.monotonic() + timeout
+        while not called.over(now := self.line.monotonic()) and now < deadline:
             self._watch.forgive()  # a vehicle that boots may take its time; `timeout` is the limit here
-            self.receive(0.5)
-        if self.heartbeat is None:
-            raise LinkError(
-                f"no heartbeat of an autopilot on {self.url} within {timeout:.0f} s; "
-                "is the vehicle on, is it the right port or baud rate, does that port speak MAVLink?"
+            self.receive(0.05)
+        if not called.heard:
+            raise LinkError(self._nobody(timeout))
+        system = self._access.chosen(self.url, called.heard)
+        self.heartbeat = called.heartbeats[system]
+        self.target = sender(self.heartbeat)
+        self._others = set(called.heartbeats) - {system}
+        self._transport.settle(system)
+        self._watch.forgive()
+
+    def _nobody(self, timeout: float) -> str:
+        if others := self._roll_call.others():
+            return (
+                f"system {self._access.system} is not heard on {self.url} within {timeout:.0f} s, but "
+                f"{others}; give --system the id of the one that is meant"
             )
+        return (
+            f"no heartbeat of an autopilot on {self.url} within {timeout:.0f} s; "
+            "is the vehicle on, is it the right port or baud rate, does that port speak MAVLink?"
+        )
 
     def reconnect(self, timeout: float = 60.0) -> None:
         """After a reboot was asked for: wait until the vehicle is back and sends heartbeats.

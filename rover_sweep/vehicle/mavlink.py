@@ -68,6 +68,11 @@ def sender(message: Message) -> tuple[int, int]:
     return message.get_srcSystem(), message.get_srcComponent()
 
 
+def source_system(frame: bytes) -> int:
+    """System id of the sender of a whole frame, without decoding it."""
+    return frame[5] if frame[0] == V2 else frame[3]
+
+
 def is_autopilot(message: Message) -> bool:
     """Whether it is the heartbeat of an autopilot: not of a ground station, a gimbal, a companion."""
     if kind(message) != "HEARTBEAT" or message.get_srcComponent() != dialect.MAV_COMP_ID_AUTOPILOT1:

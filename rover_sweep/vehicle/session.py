@@ -15,6 +15,7 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.session_folder.content import FetchedLog, PlannedRun
 from rover_sweep.session_folder.folder import Session
 from rover_sweep.session_folder.recordings import held
+from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.controls import pump
 from rover_sweep.vehicle.events import (
     Connected,
@@ -52,9 +53,14 @@ class Plan:
 
 
 def drive(
-    url: str, folder: Path, plan: Plan, line: Line | None = None, vehicle_file: Path | None = None
+    url: str,
+    folder: Path,
+    plan: Plan,
+    line: Line | None = None,
+    vehicle_file: Path | None = None,
+    access: Access | None = None,
 ) -> Generator[Event, None, None]:
-    """Carry the plan out on the vehicle at `url`, recording into `folder`. line: see `Link.open`.
+    """Carry the plan out on the vehicle at `url`, recording into `folder`. line, access: see `Link.open`.
 
     Of a session that was begun there before, only what did not come to its end is driven. vehicle_file: is
     copied into the folder. Ctrl-C (or KeyboardInterrupt thrown in) during a run ends that run and all
@@ -63,13 +69,15 @@ def drive(
     with contextlib.closing(Session.open(folder)) as session:
         if vehicle_file is not None:
             session.keep_vehicle_file(vehicle_file)
-        yield from _drive(url, session, plan, line)
+        yield from _drive(url, session, plan, line, access)
 
 
-def _drive(url: str, session: Session, plan: Plan, line: Line | None) -> Generator[Event, None, None]:
+def _drive(
+    url: str, session: Session, plan: Plan, line: Line | None, access: Access | None
+) -> Generator[Event, None, None]:
     session.plan(plan.runs)
     session.set(asdict(plan.settings), {p.name: p.value for p in plan.parameters})
-    with Link.open(url, session.between(), line=line) as link:
+    with Link.open(url, session.between(), line=line, access=access) as link:
         vehicle = identify_vehicle(link)
         session.on(asdict(vehicle))
         if warning := untried(vehicle):

@@ -42,6 +42,7 @@ class Found:
     """A link to a rover that still drives."""
 
     armed = True
+    target = (1, 1)
 
     def hear(self, listener: Callable[[object], None]) -> None:
         """Nothing is heard."""

@@ -34,12 +34,14 @@ from rover_sweep.live.source import (
     Play,
     Played,
     Preflight,
+    Several,
 )
 from rover_sweep.tui.app import SweepApp
 from rover_sweep.tui.plan_rows import Row
 from rover_sweep.tui.screens.frame import VIEWS
 from rover_sweep.tui.setup import Setup
 from rover_sweep.vehicle import events as e
+from rover_sweep.vehicle.access import Heard, SeveralVehicles
 
 READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
 DRIVEN: tuple[Step, ...] = (*READY, "3", "g", under_way())
@@ -92,6 +94,18 @@ def test_a_connection_that_fails_is_a_sentence_and_not_looked_at() -> None:
         assert "✗ no rover answers on tcp:127.0.0.1:5760" in text_of(app)
 
     after(("enter", [Ended(Connect(URL), "no rover answers on tcp:127.0.0.1:5760")]), then)
+
+
+def test_of_several_rovers_one_is_chosen_in_the_list() -> None:
+    both = Several(URL, (Heard(1, "ground rover"), Heard(7, "ground rover")))
+    refused = Ended(Connect(URL), str(SeveralVehicles(URL, both.heard)))
+
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        assert "system 1 (ground rover)" in text_of(app) and "system 7 (ground rover)" in text_of(app)
+        await press(pilot, "down", "enter")
+        assert source.asked == [Connect(URL), Connect(URL, 7)]
+
+    after(("enter", [both, refused]), then)
 
 
 def test_a_remedy_takes_one_key_and_is_looked_at_again() -> None:

@@ -25,6 +25,7 @@ from rover_sweep.errors import RoverSweepError
 from rover_sweep.identify.sweep import Manoeuvre, Sweep
 from rover_sweep.session_folder.content import PlannedRun
 from rover_sweep.vehicle import recorder
+from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.events import Event, Interrupted, Notice, RunFinished, RunStarted
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.run import RunSettings, run
@@ -133,6 +134,7 @@ def played(
     seed: int = 1,
     after: float = AFTER,
     back: float = BACK,
+    access: Access | None = None,
 ) -> Outcome:
     """One run. limit: s of the world until `Overran`. vehicle: parameters before its first boot. radio: see
     `World`. after, back: how long the world goes on with the faults and without them."""
@@ -143,7 +145,7 @@ def played(
 
     def program() -> Iterator[Event]:
         world.enter("connecting")
-        with Link.open("virtual:", folder / "connect.tlog", line=VirtualLine(world)) as link:
+        with Link.open("virtual:", folder / "connect.tlog", line=VirtualLine(world), access=access) as link:
             for _ in start_streams(link):  # what it says of the rates is not of this run
                 pass
             world.enter("uploading")

@@ -39,7 +39,7 @@ class ConnectScreen(SessionScreen):
         rows.blank()
         if self.state.vehicle is not None:
             vehicle = self.state.vehicle
-            rows.sentence(f"Connected: {vehicle.firmware} on {self.state.url}", f"bold {self.palette.good}")
+            rows.sentence(f"Connected: {vehicle.words} on {self.state.url}", f"bold {self.palette.good}")
         elif self.state.busy:
             rows.sentence("Connecting ...", f"bold {self.palette.accent}")
         elif len(self.state.failure) + 3 > width:  # the row below cuts it
@@ -56,7 +56,8 @@ class ConnectScreen(SessionScreen):
         self.redraw()
 
     def action_connect(self) -> None:
-        self.session.connect(self.session.places[self.chosen].url)
+        place = self.session.places[self.chosen]
+        self.session.connect(place.url, place.system)
 
     def action_look(self) -> None:
         self.session.look_for_ports()
@@ -69,6 +70,7 @@ class ConnectScreen(SessionScreen):
 
     def _typed(self, url: str | None) -> None:
         if url:
+            self.chosen = 0
             self.session.connect(url)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
