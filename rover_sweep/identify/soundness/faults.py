@@ -8,6 +8,9 @@ from typing import Literal
 
 from rover_sweep.identify.recording import Note, Recording
 from rover_sweep.identify.soundness.clipping import CLIPPED, clipping
+from rover_sweep.identify.soundness.clock import stretched_by_angles
+from rover_sweep.identify.soundness.kinematics import kinematics
+from rover_sweep.identify.soundness.relations import relations
 
 REPEATED = (CLIPPED,)  # another drive mends these
 SPARED = {"p": "r,ay", "ay": "r,p"}  # channel that a fit can do without: the option that leaves it out
@@ -16,7 +19,15 @@ SPARED = {"p": "r,ay", "ay": "r,p"}  # channel that a fit can do without: the op
 def faults_of(run: Recording) -> tuple[Note, ...]:
     """What is certainly wrong with a run: the faults among its notes, and those that its channels show."""
     read = (note for note in run.notes if note.fault)
-    return tuple(dict.fromkeys((*read, *clipping(run))))
+    return tuple(dict.fromkeys((*read, *_shown(run))))
+
+
+def _shown(run: Recording) -> tuple[Note, ...]:
+    """The faults that the channels show."""
+    clipped = tuple(clipping(run))
+    sound = run.without({c for fault in clipped for c in fault.spoils if c != "speed"})
+    found = relations(sound)
+    return (*clipped, *(tuple(stretched_by_angles(found)) or kinematics(sound, found)))
 
 
 def with_faults(run: Recording) -> Recording:

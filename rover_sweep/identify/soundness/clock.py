@@ -1,0 +1,48 @@
+"""A clock that runs too fast or too slow: by the angles and their rates, or by a second clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rover_sweep.identify.recording import Note
+from rover_sweep.identify.soundness.relations import ALIKE, Relation, Relations
+
+STRETCHED = "stretched clock"
+ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
+SLOPE = 0.05  # of 1: sound recordings have .98 to 1.00 between heading and yaw rate
+AGREE = 0.06  # between heading and roll: sound recordings have .02 to .06
+ALONE = 0.1  # of 1, where the heading alone says it
+REACH = 0.25, 4.0  # stretches that are a clock's; beyond, another unit
+
+
+def stretched_by_angles(found: Relations) -> Iterator[Note]:
+    """A fault where heading and roll angle both change by the same wrong factor of their rates.
+
+    Of a rover that does not roll the heading must do, where r agrees with a_y.
+    """
+    if found.heading is None:
+        return
+    if found.roll is None:
+        yield from _by_heading(found.heading.ratio, found.force)
+        return
+    heading, roll = found.heading.ratio, found.roll.ratio
+    if not all(REACH[0] < x < REACH[1] for x in (heading, roll)) or abs(heading - 1) < SLOPE:
+        return
+    if abs(roll / heading - 1) < AGREE:
+        yield stretched(1 / heading, f"heading and roll angle change {heading:.3g} and {roll:.3g} times as "
+                        "fast as r and p say")  # fmt: skip
+
+
+def _by_heading(heading: float, force: Relation | None) -> Iterator[Note]:
+    agrees = force is not None and ALIKE[0] < force.ratio < ALIKE[1]
+    if agrees and REACH[0] < heading < REACH[1] and abs(heading - 1) > ALONE:
+        yield stretched(1 / heading, f"the heading changes {heading:.3g} times as fast as r says")
+
+
+def stretched(factor: float, by: str) -> Note:
+    """The fault of a clock of which a second is `factor` true seconds."""
+    text = (
+        f"the clock of this recording is stretched by {factor:.3g}: {by}; frequencies, stiffness and "
+        "inertia would be wrong, so record again or mend the times"
+    )
+    return Note("warning", text, STRETCHED, ALL)
