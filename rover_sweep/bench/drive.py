@@ -6,7 +6,7 @@ import datetime
 import shutil
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isfinite, isnan
 from pathlib import Path
 from typing import Protocol
@@ -18,6 +18,7 @@ from rover_sweep.bench.programme import Movement, Target, path
 from rover_sweep.bench.standing import ASTRAY, NotStanding, Standing
 from rover_sweep.bench.steering_output import NAMES, SteeringOutput, names_of, steering_output
 from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.parameters import read_present
@@ -67,13 +68,15 @@ class Plan:
     unasked: bool = False
 
 
-def drive(url: str, folder: BenchFolder, plan: Plan, operator: Operator) -> bool:
-    """Carry it out, recording into the folder; True where all was done.
+def drive(
+    url: str, folder: BenchFolder, plan: Plan, operator: Operator, access: Access | None = None
+) -> bool:
+    """Carry it out, recording into the folder; True where all was done. access: see `Link.open`.
 
     NotStanding and other LinkErrors where the rover does not allow it; the steering is then let go.
     """
     with ExitStack() as stack:
-        link = stack.enter_context(Link.open(url, folder.path / TELEMETRY))
+        link = stack.enter_context(Link.open(url, folder.path / TELEMETRY, access=access))
         vehicle = identify_vehicle(link)
         output = _look(link)
         _refuse(plan, output, url)
@@ -82,7 +85,10 @@ def drive(url: str, folder: BenchFolder, plan: Plan, operator: Operator) -> bool
                 operator.tell(stream.advice)
         wheel = None
         if plan.wheel and plan.wheel.url:
-            wheel = stack.enter_context(Link.open(plan.wheel.url, folder.path / WHEEL_TLOG))
+            any_system = replace(access or Access(), system=None)  # --system is of the rover
+            wheel = stack.enter_context(
+                Link.open(plan.wheel.url, folder.path / WHEEL_TLOG, access=any_system)
+            )
             request_all(wheel, _loop_rate(wheel), WHEEL_RATES)
         bench = _Bench(link, output, folder, operator, wheel)
         done: list[str] = []

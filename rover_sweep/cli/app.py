@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.access import access_options
 from rover_sweep.cli.manoeuvres import LimitType
+
+if TYPE_CHECKING:
+    from rover_sweep.vehicle.access import Access
 
 _PILOT_PATIENCE = 900.0  # s for the pilot to arm and to throw the switch, as `rover-sweep run` waits
 
@@ -14,6 +19,7 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm and to throw the switch, as `r
 @click.command()
 @click.option("--connect", "url", default="", metavar="URL",
               help="Put first in the list; as for `run`.")  # fmt: skip
+@access_options
 @click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
               help="Vehicle file (default: the session's own, else rover.toml here).")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False), default="session", show_default=True,
@@ -28,8 +34,8 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm and to throw the switch, as `r
               help="With --arm: let this program drive, with this throttle PWM.")  # fmt: skip
 @click.option("--throw-switch", is_flag=True, help="Let this program throw the applet's switch; it asks.")
 def session(
-    url: str, vehicle_file: str | None, out: str, limits: tuple[tuple[str, float], ...], arm: bool,
-    throttle: int | None, throw_switch: bool,
+    url: str, access: Access, vehicle_file: str | None, out: str, limits: tuple[tuple[str, float], ...],
+    arm: bool, throttle: int | None, throw_switch: bool,
 ) -> None:  # fmt: skip
     """Connect, check, plan, drive, judge, identify and diagnose on one screen, by single keys.
 
@@ -54,7 +60,7 @@ def session(
     settings = RunSettings(
         arm, throttle, "override" if throw_switch else "pilot", extra, patience=_PILOT_PATIENCE
     )
-    source = VehicleSource(folder, path)
+    source = VehicleSource(folder, path, access=access)
     kept = source.session
     setup = Setup(
         settings, url, folder, path, vehicle, memory_file(), rows(kept.content),

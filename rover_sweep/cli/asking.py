@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import click
 
@@ -14,6 +14,12 @@ def confirmed(question: str) -> bool:
     """Asked on stderr; what was typed before is no answer."""
     forget_typed()
     return click.confirm(printable_lines(question), err=True)
+
+
+def chosen_of(question: str, answers: Sequence[str]) -> str:
+    """One of `answers`, asked on stderr until it is one; what was typed before is no answer."""
+    forget_typed()
+    return str(click.prompt(printable_lines(question), type=click.Choice(answers), err=True))
 
 
 def reboot_consent(given: bool) -> Callable[[tuple[str, ...]], bool]:

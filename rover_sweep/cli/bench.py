@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rover_sweep.cli.access import access_options
 from rover_sweep.cli.options import NumbersType, vehicle_path
 from rover_sweep.cli.output import echo, echo_json
 from rover_sweep.cli.vehicle_link import URL_HELP
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from rover_sweep.bench.drive import Plan, Wheel
     from rover_sweep.bench.folder import BenchFolder
     from rover_sweep.bench.result import BenchResult
+    from rover_sweep.vehicle.access import Access
     from rover_sweep.vehicle_file import Measured
 
 STEPS = (50.0, 100.0, 150.0)
@@ -27,6 +29,7 @@ STEPS = (50.0, 100.0, 150.0)
 
 @click.command()
 @click.option("--connect", metavar="URL", help=URL_HELP)
+@access_options
 @click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
               help="Vehicle file, read and written (default: rover.toml here).")  # fmt: skip
 @click.option("--hand", is_flag=True, help="Angles of the wheel are read by hand and typed.")
@@ -45,9 +48,9 @@ STEPS = (50.0, 100.0, 150.0)
 @click.option("--yes", "unasked", is_flag=True, help="Do not ask; only a simulated rover allows it.")
 @click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
 def bench(
-    connect: str | None, vehicle_file: str | None, hand: bool, wheel_imu: str | None, wheel_clock: str | None,
-    steps: tuple[float, ...], ramp: bool, from_folder: str | None, out: str | None, no_write: bool,
-    unasked: bool, as_json: bool,
+    connect: str | None, access: Access, vehicle_file: str | None, hand: bool, wheel_imu: str | None,
+    wheel_clock: str | None, steps: tuple[float, ...], ramp: bool, from_folder: str | None,
+    out: str | None, no_write: bool, unasked: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Measure the steering on blocks: gain, both sides, curve, play, band, lag, rate limit.
 
@@ -84,7 +87,7 @@ def bench(
             raise click.UsageError("say how the wheel's angle is taken: --hand or --wheel-imu FILE or URL")
         plan = _plan(steps, hand, ramp, _wheel(wheel_imu, wheel_clock), unasked)
         folder = BenchFolder(session_folder(out, "bench", ("bench.json", "readings.csv")))
-        whole = _driven(connect, folder, plan)
+        whole = _driven(connect, access, folder, plan)
     given = Path(wheel_imu) if from_folder is not None and wheel_imu else None
     result = _evaluated(folder, path, given, wheel_clock, whole)
     written = {} if no_write else _write(path, result)
@@ -112,7 +115,7 @@ def _plan(steps: tuple[float, ...], hand: bool, ramp: bool, wheel: Wheel | None,
     return Plan(programme(steps, hand, ramp), wheel, unasked)
 
 
-def _driven(url: str, folder: BenchFolder, plan: Plan) -> bool:
+def _driven(url: str, access: Access, folder: BenchFolder, plan: Plan) -> bool:
     """Whether all movements were carried out; what is raised says where the recording lies."""
     from rover_sweep.bench.drive import drive
     from rover_sweep.bench.terminal import Terminal
@@ -123,7 +126,7 @@ def _driven(url: str, folder: BenchFolder, plan: Plan) -> bool:
     echo(f"recording into {folder.path}", err=True)
     try:
         with let_go_on_signals():
-            return drive(url, folder, plan, Terminal(lambda text: echo(text, err=True), plan.unasked))
+            return drive(url, folder, plan, Terminal(lambda text: echo(text, err=True), plan.unasked), access)
     except (RoverSweepError, KeyboardInterrupt):
         echo(
             f"the steering is let go; what was recorded is evaluated by: "

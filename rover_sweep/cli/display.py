@@ -111,6 +111,7 @@ class TerminalDisplay(PlainDisplay):
             self._live.start()
 
     def run_started(self, event: e.RunStarted) -> None:
+        self._live.start()
         self._length, self._start = event.manoeuvre.duration, math.nan
         self._bar = self._progress.add_task(_title(event), total=self._length)
 
@@ -135,6 +136,7 @@ class TerminalDisplay(PlainDisplay):
 
     def fetching(self, event: e.LogProgress) -> None:
         if self._fetching is None:
+            self._live.start()
             self._fetching = self._progress.add_task("", total=event.total)
         self._progress.update(self._fetching, completed=event.done, total=event.total,
                               description=f"fetching log {event.number}")  # fmt: skip
@@ -159,8 +161,11 @@ def display(console: Console, talk: bool = False) -> Iterator[PlainDisplay]:
     title = TextColumn("{task.description:<34}", markup=False)
     columns = (title, BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     progress = Progress(*columns, console=console)
-    with Live(progress, console=console, refresh_per_second=10) as live:
+    live = Live(progress, console=console, refresh_per_second=10)  # started by the first bar, so that what
+    try:  # is asked before a run, such as which rover is meant, is not drawn over
         yield TerminalDisplay(live, progress, talk)
+    finally:
+        live.stop()
 
 
 def live_line(sample: e.Sample, state: str) -> str:

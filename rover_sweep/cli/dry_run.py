@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from rover_sweep.cli.access import access_options
 from rover_sweep.cli.manoeuvres import ManoeuvreType
 from rover_sweep.cli.options import NumberRange, output_options
 from rover_sweep.cli.simulated_rover import SIMULATORS, own_numbers, rover_text, variants, vehicle_in
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep
+
+if TYPE_CHECKING:
+    from rover_sweep.vehicle.access import Access
 
 
 @click.command(name="dry-run")
@@ -25,6 +29,7 @@ from rover_sweep.identify.sweep import BiasSweep
               help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).")  # fmt: skip
 @click.option("--connect", metavar="URL",
               help="A vehicle that runs already: tcp:HOST:PORT, udp:HOST:PORT or a serial port.")  # fmt: skip
+@access_options
 @click.option("--arm-and-drive", is_flag=True,
               help="With --connect: let this program arm and drive that vehicle.")  # fmt: skip
 @click.option("--rover-file", type=click.Path(dir_okay=False), metavar="FILE",
@@ -46,8 +51,9 @@ from rover_sweep.identify.sweep import BiasSweep
               help="Of noise and road; the timing of messages still varies from run to run.")  # fmt: skip
 @output_options
 def dry_run(
-    out: str | None, simulator: str, ardurover: str | None, connect: str | None, arm_and_drive: bool,
-    rover_file: str | None, variant: str, amplitude: float, wmin: float, wmax: float, trec: float,
+    out: str | None, simulator: str, ardurover: str | None, connect: str | None, access: Access,
+    arm_and_drive: bool, rover_file: str | None, variant: str, amplitude: float, wmin: float, wmax: float,
+    trec: float,
     multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...], seed: int,
     as_json: bool, verbose: bool,
 ) -> None:  # fmt: skip
@@ -80,7 +86,7 @@ def dry_run(
     text = None if rover_file else rover_text(variant)
     folder = session_folder(out, "dry-run", also=() if rover_file else ("rover.toml",))
     rover = vehicle_in(folder, rover_file, text)
-    session = driven(drive(settings, folder), folder)
+    session = driven(drive(settings, folder, access), folder)
     identified_session(session, rover, as_json, verbose, None if settings.url else own_numbers(variant))
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from firmware_params.check import WantedParameter
+    from rover_sweep.vehicle.access import Access
     from rover_sweep.vehicle.survey import Checked, Survey
 
 NAMES = ("identification", "raw_imu")
@@ -54,14 +55,14 @@ def params(name: str, output: str) -> None:
 @firmware.command(short_help="Compare a rover with what is needed; changes nothing.")
 @_name
 @connect_option
-def check(name: str, connect: str) -> int:
+def check(name: str, connect: str, access: Access) -> int:
     """Compare a rover's parameters and its applet with what is needed. Changes nothing.
 
     Exit code 0 if everything fits, 1 if something does not.
     """
     from rover_sweep.vehicle.survey import survey
 
-    with unkept_link(connect) as link:
+    with unkept_link(connect, access) as link:
         found = survey(link, _wanted(name))
     _show(found)
     return 0 if found.fits else 1
@@ -71,7 +72,7 @@ def check(name: str, connect: str) -> int:
 @_name
 @connect_option
 @click.option("--yes", is_flag=True, help="Do not ask, not before a reboot either.")
-def install(name: str, connect: str, yes: bool) -> int:
+def install(name: str, connect: str, access: Access, yes: bool) -> int:
     """Bring the applet (by MAVLink FTP) and the parameters onto a rover.
 
     Shows first what differs, and asks; asks again before a reboot. The rover must be disarmed. Exit code
@@ -86,7 +87,7 @@ def install(name: str, connect: str, yes: bool) -> int:
     if not yes and not sys.stdin.isatty():
         raise UsageError("there is no terminal to ask at: give --yes to install without questions")
     wanted = _wanted(name)
-    with unkept_link(connect) as link:
+    with unkept_link(connect, access) as link:
         found = survey(link, wanted)
         _show(found, whole=False)
         if found.fits:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.access import access_options
 from rover_sweep.cli.options import NumberRange
 from rover_sweep.errors import UsageError
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from rover_sweep.gains.firmware import Autopilot
     from rover_sweep.gains.identified import Identified
     from rover_sweep.gains.proposal import Proposal
+    from rover_sweep.vehicle.access import Access
 
 
 @click.command(short_help="Steering gains for the autopilot out of an identified model.")
@@ -31,13 +33,14 @@ if TYPE_CHECKING:
 @click.option(
     "--connect", "url", metavar="URL", help="The same, read from the vehicle; nothing is changed on it."
 )
+@access_options
 @click.option(
     "--out", type=click.Path(dir_okay=False), metavar="FILE.param", help="Write the proposal as parameters."
 )
 @click.option("--json", "as_json", is_flag=True, help="Everything as JSON on stdout.")
 def gains(
     place: str, speed: float | None, name: str | None, vehicle_file: str | None, now: str | None,
-    url: str | None, out: str | None, as_json: bool,
+    url: str | None, access: Access, out: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Compute ATC_STR_RAT_FF, P, I, D and IMAX from the report of `identify`, `run` or `diagnose`.
 
@@ -56,7 +59,7 @@ def gains(
     from rover_sweep.gains.document import gains_document
 
     found = _identified(Path(place), name, vehicle_file)
-    proposal = _proposal(found, _autopilot(found, now, url), speed)
+    proposal = _proposal(found, _autopilot(found, now, url, access), speed)
     if as_json:
         echo_json(json.dumps(gains_document(proposal), indent=2))
     else:
@@ -80,13 +83,13 @@ def _identified(place: Path, name: str | None, vehicle_file: str | None) -> Iden
     return with_steering(found, load(vehicle_file).steering()[1]) if vehicle_file else found
 
 
-def _autopilot(found: Identified, now: str | None, url: str | None) -> Autopilot:
+def _autopilot(found: Identified, now: str | None, url: str | None, access: Access) -> Autopilot:
     from rover_sweep.cli.gains_input import parameters_of, parameters_over
     from rover_sweep.gains.firmware import autopilot
 
     if now and url:
         raise UsageError("--now and --connect both say what the vehicle flies; give one of them")
-    flown = parameters_of(Path(now)) if now else parameters_over(url) if url else {}
+    flown = parameters_of(Path(now)) if now else parameters_over(url, access) if url else {}
     known = (("INS_GYRO_FILTER", found.gyro_hz), ("SCHED_LOOP_RATE", found.loop_hz))
     try:
         return autopilot(flown, {name: value for name, value in known if value is not None})

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rover_sweep.cli.vehicle_link import unkept_link
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.gains.firmware import DEFAULTS, SERVO_DEFAULTS, SERVO_OUTPUTS
 from rover_sweep.gains.identified import Identified, from_diagnosis, from_identification
+
+if TYPE_CHECKING:
+    from rover_sweep.vehicle.access import Access
 
 LOGS = (".bin", ".log", ".tlog")
 
@@ -44,14 +47,14 @@ def parameters_of(path: Path) -> dict[str, float]:
         raise UsageError(f"{path} cannot be read as parameters: {error}") from None
 
 
-def parameters_over(url: str) -> dict[str, float]:
+def parameters_over(url: str, access: Access) -> dict[str, float]:
     """Those of a vehicle; only reads."""
     from rover_sweep.vehicle.parameters import read_present
 
     names = set(DEFAULTS) | {
         f"SERVO{n}_{key}" for n in range(1, SERVO_OUTPUTS + 1) for key in ("FUNCTION", *SERVO_DEFAULTS)
     }
-    with unkept_link(url) as link:
+    with unkept_link(url, access) as link:
         found = read_present(link, names)
     if "ATC_STR_RAT_FF" not in found:
         raise LinkError(f"{url} has no ATC_STR_RAT_FF: is it a rover?")

@@ -12,6 +12,7 @@ import click
 from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link, via_option
 
 if TYPE_CHECKING:
+    from rover_sweep.vehicle.access import Access
     from rover_sweep.vehicle.log_download import LogEntry
     from rover_sweep.vehicle.log_fetch import FetchedFile
     from rover_sweep.vehicle.sources import Via
@@ -28,12 +29,12 @@ def logs() -> None:
 @connect_option
 @json_option
 @_via
-def list_(connect: str, as_json: bool, via: Via) -> None:
+def list_(connect: str, access: Access, as_json: bool, via: Via) -> None:
     """List the logs on the card, oldest first."""
     from rover_sweep.cli.output import echo_json, results
     from rover_sweep.vehicle.sources import log_source
 
-    with unkept_link(connect) as link:
+    with unkept_link(connect, access) as link:
         entries = log_source(link, via).logs()
     if as_json:
         echo_json(json.dumps({"logs": [_told(e) for e in entries]}, indent=2))
@@ -53,7 +54,7 @@ def list_(connect: str, as_json: bool, via: Via) -> None:
 )
 @json_option
 @_via
-def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
+def fetch(which: str, connect: str, access: Access, out: str, as_json: bool, via: Via) -> None:
     """Bring logs here as log<NUMBER>.BIN; what is here already is not fetched again.
 
     latest: the last one that may hold a drive, not the stump that the autopilot begins after a download.
@@ -68,7 +69,7 @@ def fetch(which: str, connect: str, out: str, as_json: bool, via: Via) -> None:
 
     console, fetched = results(as_json), list[FetchedFile]()
     check_writable(Path(out))
-    with unkept_link(connect) as link:
+    with unkept_link(connect, access) as link:
         source = log_source(link, via)
         last = -1
         for event in bring(link, source, choose(settled(link, source), which), Path(out)):

@@ -18,6 +18,7 @@ from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from firmware_params.check import Difference, WantedParameter
+    from rover_sweep.vehicle.access import Access
     from rover_sweep.vehicle.link import Link
     from rover_sweep.vehicle.sources import Via
 
@@ -39,12 +40,12 @@ def params() -> None:
 @connect_option
 @json_option
 @_via
-def diff(file: str, connect: str, as_json: bool, via: Via) -> int:
+def diff(file: str, connect: str, access: Access, as_json: bool, via: Via) -> int:
     """Compare the rover with FILE. Changes nothing. Exit code 0 if nothing differs, 1 if something does."""
     from rover_sweep.vehicle.parameter_file import wanted_of
 
     wanted = wanted_of(file)
-    with unkept_link(connect) as link:
+    with unkept_link(connect, access) as link:
         found = _differences(link, wanted, via)
     if as_json:
         echo_json(json.dumps({"file": file, "differences": [_told(d) for d in found]}, indent=2))
@@ -59,7 +60,7 @@ def diff(file: str, connect: str, as_json: bool, via: Via) -> int:
 @click.option("--yes", is_flag=True, help="Do not ask, not before a reboot either.")
 @json_option
 @_via
-def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
+def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via: Via) -> int:
     """Set what differs from FILE; every value is read back and compared.
 
     Shows first what differs, and asks; asks again before a reboot. Interrupted, it goes on when it is
@@ -78,7 +79,7 @@ def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
     if not yes and not sys.stdin.isatty():
         raise UsageError("there is no terminal to ask at: give --yes to set them without questions")
     wanted, was_set = wanted_of(file), list[ParameterSet]()
-    with unkept_link(connect) as link:
+    with unkept_link(connect, access) as link:
         found = _differences(link, wanted, via)
         _show(found, file, as_json)
         count = sum(d.found is not None for d in found)
@@ -100,7 +101,7 @@ def push(file: str, connect: str, yes: bool, as_json: bool, via: Via) -> int:
 @connect_option
 @json_option
 @_via
-def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
+def pull(file: str, connect: str, access: Access, as_json: bool, via: Via) -> None:
     """Write all parameters of the rover into FILE (default: stdout), as any ground station reads them."""
     from rover_sweep.cli.text_file import refuse_no_folder, write_text
     from rover_sweep.vehicle.identity import identify_vehicle
@@ -110,7 +111,7 @@ def pull(file: str, connect: str, as_json: bool, via: Via) -> None:
     refuse_no_folder(file)
     if file != "-" and Path(file).is_file():
         raise UsageError(f"{file} is there already and is kept; give another name")
-    with unkept_link(connect) as link:
+    with unkept_link(connect, access) as link:
         vehicle = identify_vehicle(link)
         await_booted(link, _wait)
         values = dict(sorted(parameter_source(link, via).read_all().items()))

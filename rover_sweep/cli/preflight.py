@@ -19,6 +19,7 @@ from rover_sweep.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rover_sweep.vehicle.access import Access
     from rover_sweep.vehicle.link import Link
     from rover_sweep.vehicle.preflight import Check
 
@@ -36,8 +37,9 @@ _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yell
 @click.option("--yes", is_flag=True, help="Do not ask before something is changed or the rover rebooted.")
 @json_option
 def preflight(
-    connect: str, names: tuple[str, ...], w_max: float | None, out: str, yes: bool, as_json: bool
-) -> int:
+    connect: str, access: Access, names: tuple[str, ...], w_max: float | None, out: str, yes: bool,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Look at everything that must be right before a run: firmware, applet, parameters, rates, filters,
     streams, clock, log, disk, battery, GPS, EKF, radio, switch, mode.
 
@@ -53,7 +55,7 @@ def preflight(
     if names and not yes and not sys.stdin.isatty():
         raise UsageError("there is no terminal to ask at: give --yes to put it right without questions")
     folder = Path(out)
-    with unkept_link(connect) as link:
+    with unkept_link(connect, access) as link:
         checks = look(link, folder, w_max)
         for name in names:
             _fix(link, checks, name, folder, yes)

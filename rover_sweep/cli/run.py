@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rover_sweep.cli.access import access_options
 from rover_sweep.cli.manoeuvres import LimitType, ManoeuvreType
 from rover_sweep.cli.options import output_options, vehicle_path
 from rover_sweep.cli.run_job import TRIGGERS, Job, announce, diagnosed_session, folder_for
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rover_sweep.cli.display import PlainDisplay
+    from rover_sweep.vehicle.access import Access
     from rover_sweep.vehicle.controls import Trigger
     from rover_sweep.vehicle.events import Event, SessionFinished
     from rover_sweep.vehicle.run import RunSettings
@@ -37,6 +39,7 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disar
 
 @click.command()
 @click.option("--connect", metavar="URL", help=URL_HELP)
+@access_options
 @click.option("--vehicle", metavar="FILE|embedded|ardurover",
               help="Vehicle file (default: rover.toml here); or a simulated rover to start.")  # fmt: skip
 @click.option("--sweep", "sweeps", type=ManoeuvreType(Sweep), multiple=True,
@@ -63,8 +66,8 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disar
               help="Folder for recordings and report. [default: run, else run-2, ...]")  # fmt: skip
 @output_options
 def run(
-    connect: str | None, vehicle: str | None, sweeps: tuple[Sweep, ...], doublets: tuple[Doublet, ...],
-    multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...],
+    connect: str | None, access: Access, vehicle: str | None, sweeps: tuple[Sweep, ...],
+    doublets: tuple[Doublet, ...], multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...],
     limits: tuple[tuple[str, float], ...], arm: bool, throttle: int | None, throw_switch: Trigger | None,
     no_log: bool, diagnose: bool, out: str | None, as_json: bool, verbose: bool, **simulated: Any,
 ) -> None:  # fmt: skip
@@ -91,14 +94,20 @@ def run(
         rover, session, more = on_simulated(job, vehicle, out, **simulated)
     else:
         refuse_without_simulation(connect, simulated)
-        rover, session, more = *_on_rover(job, connect or "", vehicle, out, arm, throttle), None
+        rover, session, more = *_on_rover(job, connect or "", access, vehicle, out, arm, throttle), None
     identified_session(session, rover, as_json, verbose, more)
     if diagnose:
         diagnosed_session(session, rover)
 
 
 def _on_rover(
-    job: Job, connect: str, vehicle_file: str | None, out: str | None, arm: bool, throttle: int | None
+    job: Job,
+    connect: str,
+    access: Access,
+    vehicle_file: str | None,
+    out: str | None,
+    arm: bool,
+    throttle: int | None,
 ) -> tuple[tuple[Vehicle, Path], SessionFinished]:
     """The session on a rover behind `connect`; what could only fail after the drive is refused before."""
     from firmware_params.check import read, shipped
@@ -122,7 +131,7 @@ def _on_rover(
     folder = folder_for(out)
     announce(plan, folder)
     with RecordedLine(conversation_in(folder)) as line:
-        events = drive(connect, folder, plan, line, path)
+        events = drive(connect, folder, plan, line, path, access)
         session = driven(events, folder, talk=True, go_on=True, answer=_asking(settings), logs=job.logs)
     return (vehicle, path), session
 

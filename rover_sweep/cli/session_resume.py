@@ -16,6 +16,7 @@ from rover_sweep.errors import UsageError
 if TYPE_CHECKING:
     from rover_sweep.cli.display import PlainDisplay
     from rover_sweep.session_folder.content import Content
+    from rover_sweep.vehicle.access import Access
     from rover_sweep.vehicle.controls import Trigger
     from rover_sweep.vehicle.events import Event
     from rover_sweep.vehicle.session import Plan
@@ -36,7 +37,7 @@ _PILOT_PATIENCE = 900.0  # s, as `run` waits for the pilot
 @click.option("--no-log", is_flag=True, help="Leave the rover's log on its card.")
 @output_options
 def resume(
-    folder: Path, connect: str, vehicle_file: str | None, arm: bool, throttle: int | None,
+    folder: Path, connect: str, access: Access, vehicle_file: str | None, arm: bool, throttle: int | None,
     throw_switch: Trigger, no_log: bool, as_json: bool, verbose: bool,
 ) -> None:  # fmt: skip
     """Drive what is still to drive of the session in FOLDER, and identify from all of it.
@@ -64,7 +65,7 @@ def resume(
             display.ask(f"{event.name} arms the rover: is the ground free? y starts it, Ctrl-C ends")
 
     announce(plan, folder)
-    events = drive(connect, folder, plan, vehicle_file=path)
+    events = drive(connect, folder, plan, vehicle_file=path, access=access)
     session = driven(events, folder, talk=True, go_on=True, answer=answer)
     identified_session(session, (vehicle, path), as_json, verbose)
 

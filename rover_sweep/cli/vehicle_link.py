@@ -10,13 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rover_sweep.cli.access import access_options
+
 if TYPE_CHECKING:
+    from rover_sweep.vehicle.access import Access
     from rover_sweep.vehicle.link import Link
 
 URL_HELP = "tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200."
 
-connect_option = click.option("--connect", required=True, metavar="URL", help=URL_HELP)
+_connect = click.option("--connect", required=True, metavar="URL", help=URL_HELP)
 json_option = click.option("--json", "as_json", is_flag=True, help="JSON on stdout, nothing else there.")
+
+
+def connect_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """--connect, which must be given, and what says which vehicle there is meant."""
+    return _connect(access_options(command))
 
 
 def via_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -26,9 +34,12 @@ def via_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any
 
 
 @contextmanager
-def unkept_link(url: str) -> Iterator[Link]:
+def unkept_link(url: str, access: Access) -> Iterator[Link]:
     """A link whose recording is thrown away: nothing is driven on it."""
     from rover_sweep.vehicle.link import Link
 
-    with tempfile.TemporaryDirectory() as folder, Link.open(url, Path(folder) / "unkept.tlog") as link:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Link.open(url, Path(folder) / "unkept.tlog", access=access) as link,
+    ):
         yield link

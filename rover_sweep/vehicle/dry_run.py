@@ -17,6 +17,7 @@ from firmware_params.parameters import applet_path
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.manoeuvre import parameters_of, refuse_undersampled
 from rover_sweep.vehicle.run import RunSettings
@@ -88,12 +89,12 @@ class DryRun:
         )
 
 
-def dry_run(settings: DryRun, folder: Path) -> Generator[Event, None, None]:
+def dry_run(settings: DryRun, folder: Path, access: Access | None = None) -> Generator[Event, None, None]:
     """Drive all of it into `folder` (see `session`). Yields events; after each RunFinished the run's
-    recording is complete and may be judged before the next is asked for."""
+    recording is complete and may be judged before the next is asked for. access: see `Link.open`."""
     plan = settings.plan
     with _vehicle(settings, folder) as url, RecordedLine(conversation_in(folder)) as line:
-        yield from drive(url, folder, plan, line)
+        yield from drive(url, folder, plan, line, access=access)
 
 
 def _numbered(name: str, manoeuvres: Sequence[Manoeuvre]) -> Iterator[PlannedRun]:
