@@ -9,9 +9,12 @@ import numpy as np
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.identify.recording import Note, Recording, Signal
+from rover_sweep.identify.soundness.clock import stretched_by_applet, stretched_by_arrival
 from rover_sweep.identify.soundness.faults import with_faults
+from rover_sweep.identify.soundness.relations import relations
+from rover_sweep.logs.applet import applet_runs
 from rover_sweep.logs.completeness import HOLE, hole_notes
-from rover_sweep.logs.log import STEERING, THRUST_LEFT, THRUST_RIGHT, Log, output_channel
+from rover_sweep.logs.log import STEERING, THRUST_LEFT, THRUST_RIGHT, AppletRows, Log, output_channel
 from rover_sweep.logs.wave import MOVING_SPEED
 
 BOAT, BALANCE_BOT = 2, 3  # FRAME_CLASS (ArduRover 4.6 parameters)
@@ -121,6 +124,7 @@ def judged(run: Recording, log: Log) -> Recording:
         *_full_scale(run),
         *_steering(run),
         *_biases(run),
+        *_clock(run, log),
     )
     return with_faults(replace(run, notes=tuple(dict.fromkeys(notes))))
 
@@ -213,3 +217,19 @@ def _biases(run: Recording) -> Iterator[Note]:
         yield Note(
             "info", "No standstill was recorded, so the biases of gyro and accelerometer are not known"
         )
+
+
+def _clock(run: Recording, log: Log) -> Iterator[Note]:
+    """The run's clock against the applet's and that of the telemetry's recorder."""
+    if log.applet is not None:
+        yield from _by_applet(run, log.applet)
+    elif log.arrivals is not None:
+        t, arrival = log.arrivals
+        inside = (t >= run.span[0]) & (t <= run.span[1])
+        yield from stretched_by_arrival(t[inside], arrival[inside], relations(run).heading)
+
+
+def _by_applet(run: Recording, rows: AppletRows) -> Iterator[Note]:
+    for own in applet_runs(rows):
+        inside = (own.t >= run.span[0]) & (own.t <= run.span[1]) & (own.clock > 0)
+        yield from stretched_by_applet(own.t[inside], own.clock[inside])

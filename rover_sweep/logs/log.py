@@ -42,6 +42,7 @@ class Log:
     signals: as the channels of `Recording`, over the whole log and without steering.
     steering: the recorded steering outputs ("pwm" in us, or "delta" in rad from a CSV), best first.
     loops: starts of the autopilot's main loops (n,) s, None where they were not logged.
+    arrivals: vehicle's time (n,) s and recorder's time (n,) s of telemetry messages, None of other logs.
     marks: (time [s], text as logged) of messages to the user. parameters: the last value of each.
     limits: (lowest, highest) steering output [us], None where unknown.
     whole: all driving is one run, however it was steered.
@@ -53,6 +54,7 @@ class Log:
     steering: tuple[Signal, ...]
     applet: AppletRows | None = None
     loops: Array | None = None
+    arrivals: tuple[Array, Array] | None = None
     marks: tuple[tuple[float, str], ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
     filters: Mapping[str, LowPass] = field(default_factory=dict)

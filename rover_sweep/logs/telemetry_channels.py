@@ -17,6 +17,7 @@ from rover_sweep.identify.recording import Note, Signal
 from rover_sweep.logs.log import (
     STEERING,
     THROTTLE,
+    Array,
     Log,
     body_velocity,
     clock_notes,
@@ -137,6 +138,7 @@ def _log(
         name=name,
         signals=signals,
         steering=(steering,) if steering is not None else (),
+        arrivals=_arrivals(session),
         marks=marks,
         parameters=parameters,
         filters={c: f for c, f in filters.items() if c in signals},
@@ -146,6 +148,13 @@ def _log(
         notes=(*damage, *notes, *clock_notes(clocks)),
         sources=(source,),
     )
+
+
+def _arrivals(session: Session) -> tuple[Array, Array]:
+    """Vehicle's time and recorder's time [s] of the most frequent message that carries a time."""
+    name = max((n for n in CLOCKS if n in session.messages), key=lambda n: _count(session, n))
+    t, (arrival,) = increasing(session.seconds(name), session.messages[name].arrival)
+    return t, arrival
 
 
 def _parameters(session: Session) -> dict[str, float]:

@@ -26,14 +26,15 @@ _MAGIC = re.compile(b"[\xfe\xfd]")
 
 @dataclass(frozen=True)
 class Frames:
-    """The frames of one message id: rows (n,) structured; system, component, order (byte offset in the file)
-    and sequence (modulo 256) of each (n,)."""
+    """The frames of one message id: rows (n,) structured; system, component, order (byte offset in the file),
+    sequence (modulo 256) and arrival (s, the recorder's clock) of each (n,)."""
 
     rows: NDArray[np.void]
     system: NDArray[np.uint8]
     component: NDArray[np.uint8]
     order: NDArray[np.int64]
     sequence: NDArray[np.uint8]
+    arrival: NDArray[np.float64]
 
     def __len__(self) -> int:
         return int(self.rows.size)
@@ -46,6 +47,7 @@ class Frames:
             self.component[keep],
             self.order[keep],
             self.sequence[keep],
+            self.arrival[keep],
         )
 
 
@@ -205,4 +207,7 @@ def _decode(raw: NDArray[np.uint8], starts: NDArray[np.int64], name: str) -> Fra
         body = min(length, layout.itemsize)  # a newer sender may add fields; zeros at the end are left out
         payload[k, :body] = raw[starts[k, None] + (10 if version else 6) + np.arange(body)]
     sequence = starts + np.where(new, 4, 2)
-    return Frames(payload.view(layout)[:, 0], raw[sequence + 1], raw[sequence + 2], starts, raw[sequence])
+    stamps = np.ascontiguousarray(raw[starts[:, None] - STAMP + np.arange(STAMP)]).view(">u8")[:, 0] * 1e-6
+    return Frames(
+        payload.view(layout)[:, 0], raw[sequence + 1], raw[sequence + 2], starts, raw[sequence], stamps
+    )

@@ -8,7 +8,7 @@ from typing import Literal
 
 from rover_sweep.identify.recording import Note, Recording
 from rover_sweep.identify.soundness.clipping import CLIPPED, clipping
-from rover_sweep.identify.soundness.clock import stretched_by_angles
+from rover_sweep.identify.soundness.clock import STRETCHED, stretched_by_angles
 from rover_sweep.identify.soundness.kinematics import kinematics
 from rover_sweep.identify.soundness.relations import relations
 
@@ -18,16 +18,22 @@ SPARED = {"p": "r,ay", "ay": "r,p"}  # channel that a fit can do without: the op
 
 def faults_of(run: Recording) -> tuple[Note, ...]:
     """What is certainly wrong with a run: the faults among its notes, and those that its channels show."""
-    read = (note for note in run.notes if note.fault)
-    return tuple(dict.fromkeys((*read, *_shown(run))))
+    read = tuple(note for note in run.notes if note.fault)
+    odd_clock = any(note.fault == STRETCHED for note in read)
+    told: dict[tuple[str, tuple[str, ...]], Note] = {}
+    for note in (*read, *_shown(run, odd_clock)):
+        told.setdefault((note.fault, note.spoils), note)  # two clocks may say the same
+    return tuple(told.values())
 
 
-def _shown(run: Recording) -> tuple[Note, ...]:
-    """The faults that the channels show."""
+def _shown(run: Recording, odd_clock: bool) -> tuple[Note, ...]:
+    """The faults that the channels show; where the clock is wrong, rates cannot be held to angles."""
     clipped = tuple(clipping(run))
-    sound = run.without({c for fault in clipped for c in fault.spoils if c != "speed"})
+    if odd_clock:
+        return clipped
+    sound = run.without({c for fault in clipped for c in fault.spoils})
     found = relations(sound)
-    return (*clipped, *(tuple(stretched_by_angles(found)) or kinematics(sound, found)))
+    return (*clipped, *(tuple(stretched_by_angles(found)) or kinematics(found)))
 
 
 def with_faults(run: Recording) -> Recording:

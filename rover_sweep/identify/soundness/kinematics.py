@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_sweep.identify.recording import Note, Recording
+from rover_sweep.identify.recording import Note
 from rover_sweep.identify.soundness.relations import ALIKE, Relation, Relations
 
 REVERSED, UNIT, SCALE = "reversed", "other unit", "wrong scale"
@@ -43,7 +43,7 @@ class Wrong(NamedTuple):
     close: float = CLOSE
 
 
-def kinematics(run: Recording, found: Relations) -> Iterator[Note]:
+def kinematics(found: Relations) -> Iterator[Note]:
     """A fault for each of r, p, a_y, V that disagrees with the others."""
     yaw = tuple(_yaw(found))
     turned = any(wrong.channel == "ay" and wrong.factor < 0 and not wrong.others for wrong in yaw)
