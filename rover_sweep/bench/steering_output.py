@@ -3,8 +3,8 @@
 The steering is moved by RC_CHANNELS_OVERRIDE of the steering channel alone, in MANUAL, DISARMED. Facts of
 Rover-4.6.3, read there and seen on the program: AP_MotorsUGV::output_regular always lets the steering move,
 and holds the throttle at its trim or off while disarmed; GCS_MAVLINK::handle_rc_channels_override hears
-SYSID_MYGCS alone, and 65535 leaves a channel to the radio; an override lapses RC_OVERRIDE_TIME after the last
-one (0: none works, below 0: it never lapses).
+the rover's own ground station alone (`vehicle.ground_station`), and 65535 leaves a channel to the radio; an
+override lapses RC_OVERRIDE_TIME after the last one (0: none works, below 0: it never lapses).
 
 Rover::rudder_arm_disarm_check ARMS a rover whose steering stick is further right than 4000 of 4500 for 2 s
 with the throttle at rest, unless ARMING_RUDDER is 0, and an override counts as the stick (seen: 4403 of 4500
@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rover_sweep.errors import UsageError
+from rover_sweep.vehicle.ground_station import NEW_NAMES, OLD_NAME, unheard
 
 STEERING, SKID = 26, (73, 74)  # SERVOn_FUNCTION GroundSteering, ThrottleLeft and ThrottleRight
 FULL, STICK_LIMIT = 4500.0, 3800.0  # RC_Channel angle of a full stick; where arming by the stick is far
@@ -26,7 +27,7 @@ OVERRIDE_SWITCH = 46  # RCn_OPTION "RC override enable"
 CHANNELS = range(1, 17)
 
 NAMES: tuple[str, ...] = (
-    "RC_OVERRIDE_TIME", "RC_OPTIONS", "SYSID_MYGCS", "RCMAP_ROLL", "RCMAP_THROTTLE", "ARMING_RUDDER",
+    "RC_OVERRIDE_TIME", "RC_OPTIONS", OLD_NAME, "RCMAP_ROLL", "RCMAP_THROTTLE", "ARMING_RUDDER",
     "MANUAL_STR_EXPO", "SIM_RC_FAIL",
     *(f"SERVO{n}_FUNCTION" for n in CHANNELS), *(f"RC{n}_OPTION" for n in CHANNELS),
 )  # fmt: skip
@@ -105,12 +106,13 @@ def straightened(y: float, expo: float) -> float:
 
 
 def names_of(have: Mapping[str, float]) -> tuple[str, ...]:
-    """The parameters of the steering's own channels, once `NAMES` are known."""
+    """The parameters of the steering's own channels, and of 4.7 and later, once `NAMES` are known."""
     servo, roll, throttle = _servo(have), int(have.get("RCMAP_ROLL", 1)), int(have.get("RCMAP_THROTTLE", 3))
     return (
         *(f"SERVO{servo}_{what}" for what in ("TRIM", "MIN", "MAX", "REVERSED")),
         *(f"RC{roll}_{what}" for what in ("TRIM", "MIN", "MAX", "DZ", "REVERSED")),
         *(f"RC{throttle}_{what}" for what in ("TRIM", "DZ")),
+        *(() if OLD_NAME in have else NEW_NAMES),
     )
 
 
@@ -160,8 +162,5 @@ def _refuse(have: Mapping[str, float]) -> None:
         )
     if int(have.get("RC_OPTIONS", 0)) & IGNORE_OVERRIDES:
         raise UsageError("RC_OPTIONS has bit 1 set (ignore MAVLink overrides): the steering would not move")
-    if have.get("SYSID_MYGCS", 255) != 255:
-        raise UsageError(
-            f"SYSID_MYGCS is {have['SYSID_MYGCS']:g}: the rover hears overrides of that ground station "
-            "alone; this one is 255"
-        )
+    if sentence := unheard(have):
+        raise UsageError(sentence)
