@@ -118,9 +118,16 @@ class Problem:
 
 
 def over_noise(gain: float, rows: Array) -> float:
-    """Rms over the noise of the rows on which a signature of shape `rows` stands, whose fit takes `gain`."""
-    spread = float(np.sum(rows**2) ** 2 / max(np.sum(rows**4), 1e-12))  # rows over which it is spread
-    return float(np.sqrt(1.0 + gain / spread))
+    """Rms over the noise of the rows on which a signature of shape `rows` stands, whose fit takes `gain`.
+
+    1 where the signature is zero: a fit that moved nothing explains nothing.
+    """
+    peak = float(np.max(np.abs(rows), initial=0.0))
+    if peak == 0.0:
+        return 1.0
+    square = (rows / peak) ** 2
+    spread = float(np.sum(square) ** 2 / np.sum(square**2))  # rows over which it is spread
+    return float(np.sqrt(1.0 + max(gain, 0.0) / spread))
 
 
 def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Problem:
