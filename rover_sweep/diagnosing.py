@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -12,6 +11,7 @@ from typing import Any
 
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSettings
+from rover_sweep.documents import read_json
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Recording
@@ -201,7 +201,7 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} cannot be read as a model: {error}") from None
     formats = ("rover-sweep identification", "rover-sweep model")

@@ -10,7 +10,6 @@ rs.simulate(found, runs[0])  # by the model with what was found
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime
@@ -21,6 +20,7 @@ from rover_sweep.api import Location, Runs
 from rover_sweep.diagnosing import candidates_left, diagnosed, material, nominal_of, time_limit_of
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import BASELINES, DiagnosisSettings
+from rover_sweep.documents import read_json
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.table import ShortTable, Shown, number
@@ -154,7 +154,7 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
 
 def _is_report(text: str) -> bool:
     try:
-        document = json.loads(text)
+        document = read_json(text)
     except ValueError:
         return False
     return isinstance(document, dict) and document.get("format") == "rover-sweep diagnosis"

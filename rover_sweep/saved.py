@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep import __version__
+from rover_sweep.documents import read_json
 from rover_sweep.errors import UsageError
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.structure_text import structure_from_text
@@ -47,8 +48,8 @@ def dumps(value: Any) -> str:
 def loads(text: str, name: str = "the file") -> Any:
     """What `dumps` wrote; UsageError for anything else. name: what errors call the file."""
     try:
-        document = json.loads(text)
-    except json.JSONDecodeError as error:
+        document = read_json(text)
+    except ValueError as error:
         raise UsageError(f"{name} is no JSON ({error}); give a file that Result.save wrote") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__

@@ -16,6 +16,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
+from rover_sweep.documents import read_toml
 from rover_sweep.errors import UsageError
 from rover_sweep.material_sizes import read_material
 from rover_sweep.vehicle_rules import FREE_KEYS, KEYS, inconsistencies, read_number, unknown_keys
@@ -131,7 +132,7 @@ def load(path: str | os.PathLike[str]) -> Vehicle:
 def parse(text: str, name: str = "rover.toml") -> Vehicle:
     """A Vehicle from TOML text; `name` is what errors call the file. Raises UsageError as `load` does."""
     try:
-        data = tomllib.loads(text)
+        data = read_toml(text)
     except tomllib.TOMLDecodeError as error:
         raise UsageError(f"{name} is not valid TOML: {error}{_hint(text, str(error))}") from None
     problems = unknown_keys(data)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
-import tomllib
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from sitl.effects.table import Effects, checked, merged
+from sitl.toml_text import read_toml
 
 VARIANTS = Path(__file__).parent / "variants"
 _MAY_BE_NEGATIVE = {"roll_yaw_inertia", "rad_per_us"}
@@ -162,8 +162,8 @@ def _numbers(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     if path in seen:
         raise ValueError(f"variant {path.name}: its base leads back to itself")
     try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        entries = read_toml(path.read_text(encoding="utf-8"))
+    except ValueError as error:
         raise ValueError(f"variant {path.name} is not a TOML file: {error}") from None
     base = entries.pop("base", None)
     if base is not None and not isinstance(base, str):
@@ -187,9 +187,13 @@ def _checked(entries: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def _number(value: object, name: str, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
         raise ValueError(f"variant {where}: {name} = {value!r} must be a finite number")
     return float(value)
+
+
+def _is_finite(value: float) -> bool:
+    return abs(value) <= sys.float_info.max  # of whole numbers of any length too; NaN is not
 
 
 def _triple(value: object, name: str, where: str) -> tuple[float, ...]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.bench.steering_output import CHANNELS
+from rover_sweep.documents import read_json
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.vehicle.recorder import writing
 
@@ -68,7 +69,7 @@ class BenchFolder:
         """What bench.json says. UsageError where there is none, DataRefused where it is not one."""
         target = self.path / DESCRIPTION
         try:
-            content = json.loads(target.read_text(encoding="utf-8"))
+            content = read_json(target.read_text(encoding="utf-8"))
         except FileNotFoundError:
             raise UsageError(
                 f"{self.path} is no folder of a bench: there is no {DESCRIPTION} in it"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import click
 
 from rover_sweep.cli.options import NumberRange
 from rover_sweep.cli.output import echo
+from rover_sweep.documents import read_json
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.printable import printable_lines
 
@@ -154,7 +154,7 @@ def _absent(directory: Path, wanted: str, there: list[str], document: dict[str, 
 
 def _read(path: Path, missing: str) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UsageError(missing) from error
     except ValueError as error:

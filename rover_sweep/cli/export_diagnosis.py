@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from rover_sweep.diagnosis.augmented import AugmentedModel
+from rover_sweep.documents import read_json
 from rover_sweep.errors import UsageError
 
 
@@ -41,7 +41,7 @@ def exported(path: Path, name: str | None, speed: float | None) -> dict[str, Any
 
 def _is_diagnosis(path: Path) -> bool:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
     if not isinstance(document, dict):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rover_sweep.cli.vehicle_link import unkept_link
+from rover_sweep.documents import read_json
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.gains.firmware import DEFAULTS, SERVO_DEFAULTS, SERVO_OUTPUTS
 from rover_sweep.gains.identified import Identified, from_diagnosis, from_identification
@@ -73,7 +73,7 @@ def _file(place: Path) -> Path:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} cannot be read as an identification: {error}") from None
     if not isinstance(document, dict):

@@ -32,6 +32,7 @@ from typing import Any
 
 import numpy as np
 
+from rover_sweep.documents import read_toml
 from rover_sweep.identify.expressions import Expression, parsed
 from rover_sweep.identify.geometry import GRAVITY
 from rover_sweep.identify.structure import Matrices, ModelStructure, Parameter
@@ -66,7 +67,7 @@ class FormulaMatrices:
 def structure_from_text(text: str) -> ModelStructure:
     """The structure that a TOML text describes. Raises StructureError with a sentence for each mistake."""
     try:
-        data = tomllib.loads(text)
+        data = read_toml(text)
     except tomllib.TOMLDecodeError as error:
         raise StructureError(f"this is not valid TOML: {error}") from None
     reader = _Reader(data)

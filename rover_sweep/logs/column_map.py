@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.documents import read_toml
 from rover_sweep.errors import UsageError
 
 UNITS = {"pwm": "us", "delta": "rad", "r": "rad/s", "p": "rad/s", "ay": "m/s^2", "vy": "m/s",
@@ -87,7 +88,7 @@ def _loaded(given: Mapping[str, Any] | str | None, header: list[str], file_name:
     if not isinstance(given, str):
         return given
     try:
-        return tomllib.loads(Path(given).read_text(encoding="utf-8"))
+        return read_toml(Path(given).read_text(encoding="utf-8"))
     except OSError as error:
         raise UsageError(f"{given}: the column map cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:

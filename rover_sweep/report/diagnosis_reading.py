@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from rover_sweep.diagnosis.result import (
     Unknown,
     Unseen,
 )
+from rover_sweep.documents import read_json
 from rover_sweep.errors import UsageError
 from rover_sweep.report.diagnosis_document import FORMAT, FORMAT_VERSION
 from rover_sweep.report.model_of_diagnosis import augmented_from
@@ -27,7 +27,7 @@ from rover_sweep.report.model_of_diagnosis import augmented_from
 def read_diagnosis(path: Path) -> Diagnosis:
     """The diagnosis in a file that `diagnose` wrote. UsageError for any other file."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+        document = read_json(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} cannot be read as a diagnosis: {error}") from None
     return diagnosis_from(document, str(path))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep import __version__
+from rover_sweep.documents import read_json
 from rover_sweep.errors import UsageError
 from rover_sweep.session_folder.claim import Claim
 from rover_sweep.session_folder.content import (
@@ -203,7 +204,7 @@ def read(folder: Path) -> Content:
 def _said(folder: Path) -> Content:
     path = folder / DESCRIPTION
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path.read_text(encoding="utf-8"))
         written = Entry(data).get("format", TEXT)
         if written == "rover-sweep session 1":  # before sessions could be taken up again
             return Content()

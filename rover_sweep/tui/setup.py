@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rover_sweep.documents import read_json
 from rover_sweep.tui.plan_rows import Row
 from rover_sweep.tui.state import RunRecord
 from rover_sweep.vehicle.run import RunSettings
@@ -76,7 +77,7 @@ def recall(path: Path | None) -> Memory:
     if path is None:
         return Memory()
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
+        kept = read_json(path.read_text(encoding="utf-8"))
         return Memory(tuple(str(url) for url in kept["urls"])[:_MOST], bool(kept["dark"]))
     except (OSError, ValueError, KeyError, TypeError):
         return Memory()

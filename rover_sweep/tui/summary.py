@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+from rover_sweep.documents import read_json
 
 _DOCUMENTS = {"identify": "identification.json", "diagnose": "diagnosis.json", "gains": "gains.json"}
 _PAGES = {"identify": "report.html", "diagnose": "diagnosis.html", "gains": "gains.html"}
@@ -23,7 +24,7 @@ def summary_of(kind: str, out: Path) -> tuple[str, ...]:
     if not path.is_file():
         return ()
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path.read_text(encoding="utf-8"))
         return tuple({"identify": _identified, "diagnose": _diagnosed}.get(kind, _plain)(document))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         return (f"{path} cannot be read: {error}",)
@@ -32,7 +33,7 @@ def summary_of(kind: str, out: Path) -> tuple[str, ...]:
 def next_runs(out: Path) -> tuple[str, ...]:
     """What a diagnosis proposes to drive next, a sentence for each finding; nothing where it was not made."""
     try:
-        found = json.loads((out / _DOCUMENTS["diagnose"]).read_text(encoding="utf-8"))["findings"]
+        found = read_json((out / _DOCUMENTS["diagnose"]).read_text(encoding="utf-8"))["findings"]
         return tuple(dict.fromkeys(f"{f['effect']}: {f['next_run']}" for f in found if f.get("next_run")))
     except (OSError, ValueError, KeyError, TypeError):
         return ()

@@ -20,6 +20,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.documents import read_json
 from rover_sweep.errors import DataRefused
 
 FORMAT = "rover-sweep conversation 1"
@@ -100,7 +101,7 @@ def read_conversation(path: Path) -> Conversation:
     content, whole = _unpacked(path)
     line, newline, body = content.partition(b"\n")
     try:
-        about = json.loads(line)
+        about = read_json(line.decode("utf-8"))
         known = about.get("format") == FORMAT
     except (ValueError, AttributeError):
         known = False

@@ -10,6 +10,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
+from rover_sweep.documents import read_json
 from rover_sweep.vehicle.identity import Vehicle
 from rover_sweep.vehicle.recorder import writing
 
@@ -19,7 +20,7 @@ NOTE = "reboot-pending.json"
 def waiting(folder: Path, vehicle: Vehicle, boots: float) -> tuple[str, ...]:
     """Names noted for this vehicle in this boot (boots: STAT_BOOTCNT); none where it booted since."""
     try:
-        note = json.loads((folder / NOTE).read_text(encoding="utf-8"))
+        note = read_json((folder / NOTE).read_text(encoding="utf-8"))
         mine = note["vehicle"] == _key(vehicle) and note["boots"] == boots
         return tuple(map(str, note["names"])) if mine else ()
     except (OSError, ValueError, KeyError, TypeError):

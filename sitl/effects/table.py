@@ -39,7 +39,7 @@ cross_slope           b [rad], psi0 [rad]: the accelerometer reads g b cos(psi -
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -179,7 +179,7 @@ def _text(value: object, name: str, place: str) -> str:
 
 
 def _value(value: object, name: str, rule: Rule, place: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
         raise ValueError(f"{place}: {name} = {value!r} must be a finite number")
     if not rule.low <= value <= rule.high or (rule.above and value == rule.low):
         raise ValueError(f"{place}: {name} = {value} must {rule.words}")

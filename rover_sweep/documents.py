@@ -1,0 +1,82 @@
+"""TOML and JSON of anybody's making, read so that a hostile or damaged text is one sentence.
+
+The parsers of the standard library end in RecursionError over deep nesting, in ValueError over a numeral of
+more than 4,300 digits, and tomllib takes minutes for a key of 100,000 parts.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+DEEPEST = 100  # objects or lists within each other; ours have some 30
+LONGEST_LINE = 10_000  # characters of a line of TOML
+
+
+def read_toml(text: str) -> dict[str, Any]:
+    """The document; tomllib.TOMLDecodeError with a sentence for anything else."""
+    lines = text.split("\n")
+    number, line = max(enumerate(lines, 1), key=lambda numbered: len(numbered[1]))
+    if len(line) > LONGEST_LINE:
+        raise tomllib.TOMLDecodeError(
+            f"line {number} has {len(line)} characters; {LONGEST_LINE} are the most, so is the file damaged?"
+        )
+    try:
+        found = tomllib.loads(text)
+    except RecursionError:
+        raise tomllib.TOMLDecodeError(_too_deep()) from None
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError as error:  # a date that is none, a numeral that is too long
+        raise tomllib.TOMLDecodeError(_number_words(error)) from None
+    if _is_deep(found):
+        raise tomllib.TOMLDecodeError(_too_deep())
+    if any(
+        type(part) is int and abs(part) > sys.float_info.max for level in _levels(found) for part in level
+    ):
+        raise tomllib.TOMLDecodeError("a whole number has more than 308 digits; is the file damaged?")
+    return found
+
+
+def read_json(text: str, parse_constant: Callable[[str], Any] | None = None) -> Any:
+    """The value; ValueError with a sentence for what is no JSON. parse_constant: as of json.loads."""
+    try:
+        found = json.loads(text, parse_constant=parse_constant)
+    except RecursionError:
+        raise ValueError(_too_deep()) from None
+    except json.JSONDecodeError:
+        raise
+    except ValueError as error:
+        raise ValueError(_number_words(error)) from None
+    if _is_deep(found):
+        raise ValueError(_too_deep())
+    return found
+
+
+def _too_deep() -> str:
+    return f"more than {DEEPEST} brackets or keys lie within each other; is the file damaged?"
+
+
+def _number_words(error: ValueError) -> str:
+    """Python's words on a long numeral end in advice to programmers."""
+    return str(error).partition(";")[0]
+
+
+def _is_deep(value: Any) -> bool:
+    """Whether objects or lists lie deeper within each other than `DEEPEST`."""
+    return next((True for depth, _ in enumerate(_levels(value)) if depth == DEEPEST), False)
+
+
+def _levels(value: Any) -> Iterator[list[Any]]:
+    """What is in it, then what is in that, until nothing is."""
+    level = [value]
+    while level := [part for whole in level for part in _parts(whole)]:
+        yield level
+
+
+def _parts(value: Any) -> Iterable[Any]:
+    """What is in an object or a list."""
+    return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
