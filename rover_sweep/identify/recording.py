@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+ASSUMED = "factory value, assumed"  # source of a low-pass that nobody recorded or gave
 AT_LOOP = "at the main loop"  # ends the source of commands that stand where the servo got them
 Kind = Literal["sweep", "bias_sweep", "doublet", "multisine", "other"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.recording import LowPass, Note, Signal
+from rover_sweep.identify.recording import ASSUMED, LowPass, Note, Signal
 from rover_sweep.printable import printable
 
 Array = NDArray[np.float64]
@@ -90,6 +91,11 @@ def is_banner(text: str) -> bool:
     return text.startswith(("Ardu", "APM:", "AntennaTracker", "Blimp")) and " v" in text.lower()
 
 
+def finite_only(named: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Parameters by name, the last of each, without those whose value is no number: as if not recorded."""
+    return {name: value for name, value in named if math.isfinite(value)}
+
+
 def output_channel(parameters: Mapping[str, float], function: int) -> int | None:
     """Servo output (1-based) that carries a SERVOn_FUNCTION; firmware before 3.2 has RCMAP_* instead."""
     for n in range(1, 33):
@@ -129,7 +135,7 @@ def sensor_filters(
         if key in told:
             source = f"given as {key}"
         elif cutoff is None and filtered:
-            cutoff, source = factory, "factory value, assumed"
+            cutoff, source = factory, ASSUMED
             notes.append(
                 Note(
                     "warning",
