@@ -152,10 +152,11 @@ class FlashPart:
 
     def _named_values(self) -> list[tuple[float, str, float]]:
         flash = self._flash
-        if not flash.has("PARM", "Name", "Value"):
+        if not (flash.has("PARM", "Value") and flash.has_text("PARM", "Name")):
             return []
         values = flash.rows("PARM")["Value"].astype(float).tolist()
-        return list(zip(flash.seconds("PARM").tolist(), flash.text("PARM", "Name"), values, strict=True))
+        named = zip(flash.seconds("PARM").tolist(), flash.text("PARM", "Name"), values, strict=True)
+        return [said for said in named if math.isfinite(said[2])]
 
     def _states(self) -> tuple[tuple[float, int], ...]:
         """Where the applet's state changes; idle where it says nothing. Empty for the one of 2025."""

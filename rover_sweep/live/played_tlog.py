@@ -11,7 +11,7 @@ from rover_sweep.live.played_frames import FrameIndex, frame_index
 from rover_sweep.live.played_runs import Place, runs_in
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.live.telemetry import STALE_SLOW, Telemetry
-from rover_sweep.logs.log import Log
+from rover_sweep.logs.log import Log, finite_only
 from rover_sweep.logs.read import read_logs
 from rover_sweep.logs.vehicle_clock import Session
 from rover_sweep.printable import printable
@@ -122,4 +122,4 @@ def _parameters(session: Session, until: float) -> dict[str, float]:
         return {}
     rows = frames.rows[session.seconds("PARAM_VALUE") <= until]
     names = [printable(name.decode("ascii", "replace")) for name in rows["param_id"].tolist()]
-    return dict(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
+    return finite_only(zip(names, rows["param_value"].astype(float).tolist(), strict=True))

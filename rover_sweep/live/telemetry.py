@@ -107,7 +107,9 @@ class Telemetry:
         return value if self.t - when <= stale else otherwise
 
     def _keep(self, **values: float) -> None:
-        self._values |= {name: (float(value), self.t) for name, value in values.items()}
+        """What is no finite number is not known."""
+        known = {name: float(value) if math.isfinite(value) else math.nan for name, value in values.items()}
+        self._values |= {name: (value, self.t) for name, value in known.items()}
 
     def _now(self) -> float:
         """Progress of the manoeuvre, 0..1."""
@@ -131,8 +133,10 @@ class Telemetry:
     def _velocity(self, m: Message) -> None:
         """Forward speed; along the track where the heading is not known."""
         yaw = self._known("yaw", STALE)
-        forward = m.vx * math.cos(yaw) + m.vy * math.sin(yaw)
-        self._keep(speed=forward if math.isfinite(forward) else math.hypot(m.vx, m.vy))
+        if math.isfinite(yaw):
+            self._keep(speed=m.vx * math.cos(yaw) + m.vy * math.sin(yaw))
+        else:
+            self._keep(speed=math.hypot(m.vx, m.vy))
 
     def _outputs(self, m: Message) -> None:
         if m.port == (self.steering - 1) // 16:

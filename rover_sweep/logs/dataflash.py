@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.errors import DataRefused
+
 Array = NDArray[np.float64]
 
 HEAD = (0xA3, 0x95)
@@ -28,6 +30,7 @@ FORMATS: dict[str, tuple[str, float]] = {
     "c": ("<i2", 0.01), "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7),
     "n": ("S4", 0), "N": ("S16", 0), "Z": ("S64", 0), "a": ("64u1", 0),
 }  # fmt: skip
+TEXTS, ARRAYS = "nNZ", "a"
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,23 @@ class MessageFormat:
         fields = [("_head", "3u1")]
         fields += [(c, FORMATS[f][0]) for c, f in zip(self.columns, self.format, strict=True)]
         return np.dtype(fields)
+
+    @cached_property
+    def numbers(self) -> frozenset[str]:
+        """Columns that hold a number."""
+        pairs = zip(self.columns, self.format, strict=True)
+        return frozenset(column for column, code in pairs if code not in TEXTS + ARRAYS)
+
+    @property
+    def stamp(self) -> tuple[str, float] | None:
+        """(column, s per unit) of the time since boot; None without one.
+
+        In logs from before 2015 GPS.TimeMS is the time of the GPS week and GPS.T the time since boot, and MSG
+        and PARM carry none (source: libraries/DataFlash/DataFlash.h of ArduRover 2.4x).
+        """
+        of_week = {"TimeMS", "Week", "T"} <= self.numbers
+        stamps = (("TimeUS", 1e-6), ("T", 1e-3) if of_week else ("TimeMS", 1e-3))
+        return next((stamp for stamp in stamps if stamp[0] in self.numbers), None)
 
 
 @dataclass(frozen=True)
@@ -70,8 +90,15 @@ class DataFlash:
         return int(self.positions[name].size) if name in self.positions else 0
 
     def has(self, name: str, *columns: str) -> bool:
-        """Whether there are such messages, with all these columns."""
-        return self.count(name) > 0 and set(columns) <= set(self.formats[name].columns)
+        """Whether there are such messages, with all these columns as numbers."""
+        return self.count(name) > 0 and set(columns) <= self.formats[name].numbers
+
+    def has_text(self, name: str, column: str) -> bool:
+        """Whether there are such messages, with this column as text."""
+        if not self.count(name) or column not in self.formats[name].columns:
+            return False
+        layout = self.formats[name]
+        return layout.format[layout.columns.index(column)] in TEXTS
 
     def rows(self, name: str) -> NDArray[np.void]:
         """All messages of a name, (n,) structured as stored: integers without their factor."""
@@ -93,10 +120,29 @@ class DataFlash:
         return [cell.split(b"\0")[0].decode("ascii", "replace") for cell in self.rows(name)[column].tolist()]
 
     def seconds(self, name: str, rows: NDArray[np.void] | None = None) -> Array:
-        """Time since boot of each message [s]: TimeUS, or TimeMS of logs from before 2015."""
-        rows = self.rows(name) if rows is None else rows
-        stamp, scale = ("TimeUS", 1e-6) if "TimeUS" in (rows.dtype.names or ()) else ("TimeMS", 1e-3)
-        return rows[stamp].astype(float) * scale
+        """Time since boot of each message [s]; that of the message before, where it has none.
+
+        DataRefused for chosen rows of messages without time: those of a sensor cannot be used then.
+        """
+        stamp = self.formats[name].stamp
+        if stamp is not None:
+            return (self.rows(name) if rows is None else rows)[stamp[0]].astype(float) * stamp[1]
+        if rows is None:
+            return self._seconds_before(name)
+        raise DataRefused(
+            f"the {name} messages of the log carry no time (TimeUS or TimeMS), only "
+            f"{', '.join(self.formats[name].columns)}: the firmware is too old, or the log is damaged; "
+            "record again with ArduRover 4.1 or newer"
+        )
+
+    def _seconds_before(self, name: str) -> Array:
+        """By the messages of the kind with a time that the log holds most of."""
+        stamped = [n for n, layout in self.formats.items() if layout.stamp is not None and self.count(n)]
+        if not stamped:
+            return np.zeros(self.count(name))
+        clock = max(stamped, key=self.count)
+        k = np.searchsorted(self.positions[clock], self.positions[name], "right") - 1
+        return self.seconds(clock)[np.clip(k, 0, None)]
 
 
 def open_dataflash(path: str | Path) -> DataFlash:

@@ -23,6 +23,7 @@ from rover_sweep.logs.log import (
     Log,
     body_velocity,
     clock_notes,
+    finite_only,
     firmware_of,
     increasing,
     joined_steering,
@@ -58,9 +59,9 @@ def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> tu
 
 
 def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, source: tuple[str, str]) -> Log:
-    parameters = dict(
+    parameters = finite_only(
         zip(flash.text("PARM", "Name"), flash.rows("PARM")["Value"].astype(float).tolist(), strict=True)
-        if flash.has("PARM", "Name", "Value")
+        if flash.has("PARM", "Value") and flash.has_text("PARM", "Name")
         else ()
     )
     marks = _marks(flash)
@@ -139,26 +140,26 @@ def _reading_notes(log: str, flash: DataFlash) -> Iterator[Note]:
 
 
 def _marks(flash: DataFlash) -> tuple[tuple[float, str], ...]:
-    if not flash.has("MSG", "Message"):
+    if not flash.has_text("MSG", "Message"):
         return ()
     return tuple(zip(flash.seconds("MSG").tolist(), flash.text("MSG", "Message"), strict=True))
 
 
 def _instance_rows(flash: DataFlash, name: str) -> Rows:
     """Rows of instance 0, by whatever name a message has for its instance."""
-    label = next((c for c in ("I", "C") if c in flash.formats[name].columns), "")
+    label = next((c for c in ("I", "C") if c in flash.formats[name].numbers), "")
     return _first_instance(flash, name, label)
 
 
 def _first_instance(flash: DataFlash, name: str, instance: str, number: int = 0) -> Rows:
     """Rows of one sensor or filter core; logs before 4.1 have no instance column."""
     rows = flash.rows(name)
-    return rows[rows[instance] == number] if instance in flash.formats[name].columns else rows
+    return rows[rows[instance] == number] if instance in flash.formats[name].numbers else rows
 
 
 def _stamps(flash: DataFlash, name: str, rows: Rows) -> Array:
     """Raw samples carry the time of the sample beside the time of writing."""
-    if "SampleUS" in flash.formats[name].columns:
+    if "SampleUS" in flash.formats[name].numbers:
         return rows["SampleUS"].astype(float) * 1e-6
     return flash.seconds(name, rows)
 
@@ -245,7 +246,7 @@ def _output(flash: DataFlash, channel: int) -> Signal | None:
     Logged at 10 Hz whatever the loop rate, so it samples a much finer staircase: the samples are those
     of a band-limited signal, and holding them would cost 2.4 dB and 50 ms at 4 Hz. Hence no `hold`.
     """
-    for column in (f"C{channel}", f"Ch{channel}"):
+    for column in (f"C{channel}", f"Ch{channel}", f"Chan{channel}"):
         if flash.has("RCOU", column):
             return _signals(flash, "RCOU", flash.rows("RCOU"), {"pwm": (column, 1.0, "us")})["pwm"]
     return None

@@ -21,6 +21,7 @@ from rover_sweep.logs.log import (
     Log,
     body_velocity,
     clock_notes,
+    finite_only,
     firmware_of,
     increasing,
     output_channel,
@@ -162,7 +163,7 @@ def _parameters(session: Session) -> dict[str, float]:
         return {}
     rows = session.messages["PARAM_VALUE"].rows
     names = [n.decode("ascii", "replace") for n in rows["param_id"].tolist()]
-    return dict(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
+    return finite_only(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
 
 
 def _marks(session: Session) -> tuple[tuple[float, str], ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -85,7 +86,8 @@ def _named(boot: Session) -> list[tuple[float, str, float]]:
     rows = boot.messages["NAMED_VALUE_FLOAT"].rows
     names = [name.decode("ascii", "replace") for name in rows["name"].tolist()]
     times = boot.seconds("NAMED_VALUE_FLOAT").tolist()
-    return list(zip(times, names, rows["value"].astype(float).tolist(), strict=True))
+    values = rows["value"].astype(float).tolist()
+    return [said for said in zip(times, names, values, strict=True) if math.isfinite(said[2])]
 
 
 def _texts(boot: Session) -> list[tuple[float, str]]:
@@ -104,4 +106,4 @@ def _parameters(boot: Session) -> Mapping[str, float]:
     rows = boot.messages["PARAM_VALUE"].rows
     names = [printable(name.decode("ascii", "replace")) for name in rows["param_id"].tolist()]
     values = [float(f"{value:.7g}") for value in rows["param_value"].tolist()]  # float32: 0.3, not 0.30000001
-    return dict(zip(names, values, strict=True))
+    return {name: value for name, value in zip(names, values, strict=True) if math.isfinite(value)}

@@ -7,6 +7,7 @@ Everything else handles opaque messages (`kind(message)`, attributes by MAVLink 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
@@ -27,6 +28,10 @@ _NAMES = {  # the fields whose text becomes a name: of a parameter, of a value
     dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_id",
     dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: "name",
     dialect.MAVLINK_MSG_ID_NAMED_VALUE_INT: "name",
+}
+_VALUES = {
+    dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_value",
+    dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: "value",
 }
 _CRC_EXTRA = {number: cls.crc_extra for number, cls in dialect.mavlink_map.items()}
 
@@ -94,12 +99,20 @@ class Codec:
         return data
 
     def decode(self, frame: bytes) -> Message | None:
-        """The message in a frame; None where it is unknown or damaged."""
+        """The message in a frame; None where it is unknown, damaged, or a value that is no number."""
         try:
             message = self._mav.decode(bytearray(frame))
         except (dialect.MAVError, UnicodeDecodeError, ValueError):
             return None
-        return None if message.get_type().startswith("UNKNOWN") else _named_printably(message)
+        if message.get_type().startswith("UNKNOWN") or not _says_a_number(message):
+            return None
+        return _named_printably(message)
+
+
+def _says_a_number(message: Message) -> bool:
+    """False for a parameter or a named value of NaN or infinity, which says nothing that could be used."""
+    field = _VALUES.get(message.get_msgId())
+    return field is None or math.isfinite(getattr(message, field))
 
 
 def _named_printably(message: Message) -> Message:

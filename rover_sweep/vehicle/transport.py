@@ -108,7 +108,7 @@ def parse_url(url: str) -> Address:
 
 
 def _number(text: str, url: str) -> int:
-    if not text.isdigit():
+    if not (text.isascii() and text.isdecimal() and len(text) < 10):  # int() takes digits of any script
         raise UsageError(f"connection {url!r}: {text!r} is not a port or baud rate")
     return int(text)
 
