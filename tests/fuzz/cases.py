@@ -23,6 +23,7 @@ from rover_sweep.logs import read_runs
 from rover_sweep.preparation import with_delta
 from rover_sweep.session_folder.folder import DESCRIPTION, VEHICLE_FILE
 from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.transport import Transport
 from rover_sweep.vehicle_file import parse
 from sitl.parameters import load_variant
 from tests.fuzz import seeds
@@ -211,7 +212,7 @@ def _models_file(data: bytes, folder: Path, random: Random) -> None:
 # ---- the live stream -----------------------------------------------------------------------------
 
 
-class Replayed:
+class Replayed(Transport):
     """A line and its transport: the bytes in pieces, and a clock that goes on with each."""
 
     def __init__(self, data: bytes, random: Random) -> None:
@@ -223,7 +224,7 @@ class Replayed:
     def receive(self, timeout: float) -> bytes:
         if self._at >= len(self._data):
             raise ConnectionResetError("closed by the vehicle")
-        self._now += 0.02
+        self._now += 0.1
         start, self._at = self._at, self._at + self._random.choice((1, 20, 300, 3000))
         return self._data[start : self._at]
 
