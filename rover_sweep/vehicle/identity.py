@@ -45,9 +45,8 @@ def identify_vehicle(link: Link) -> Vehicle:
         )
     answer = link.request_message("AUTOPILOT_VERSION")
     if answer is None:
-        raise LinkError(
-            f"the rover on {link.url} does not tell its version (AUTOPILOT_VERSION); is the link too slow?"
-        )
+        silent = f"the rover on {link.url} does not tell its version (AUTOPILOT_VERSION)"
+        raise link.no_answer(silent, "is the link too slow?")
     version = _version(answer.flight_sw_version)
     if version[:2] < OLDEST:
         raise LinkError(

@@ -9,7 +9,7 @@ override lapses by itself (RC_OVERRIDE_TIME, 3 s) and the applet stops; see `run
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -19,12 +19,17 @@ from typing import Any
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.clock import Periodic, VehicleClock
+from rover_sweep.vehicle.link_meter import LinkMeter
+from rover_sweep.vehicle.link_quality import LONGEST, BadLink, LinkQuality
 from rover_sweep.vehicle.mavlink import (
     Codec,
     Framer,
     Message,
     constant,
+    frame_number,
+    frame_source,
     is_autopilot,
+    is_known,
     kind,
     make,
     message_id,
@@ -41,6 +46,8 @@ from rover_sweep.vehicle.watch import SILENCE, Watch
 _SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _GCS_TYPE, _NO_AUTOPILOT = 6, 8  # MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID
 _IN_PROGRESS = 5  # MAV_RESULT_IN_PROGRESS
+_NEVER = (2, 3, 4)  # MAV_RESULT: DENIED, UNSUPPORTED, FAILED (ArduPilot, for a message it has not)
+_TRIES, _TIMEOUT = 3, 2.0  # of a request, s
 
 
 class Refused(LinkError):
@@ -74,6 +81,7 @@ class Link:
         self._watch = Watch(url)
         self._roll_call = RollCall(access.system)
         self._others: set[int] = set()  # system ids of other rovers on this link
+        self._meter, self._ack = LinkMeter(), b""
 
     @classmethod
     def open(
@@ -138,6 +146,11 @@ class Link:
         """custom_mode of the last heartbeat; on Rover 0 is MANUAL."""
         return int(self.heartbeat.custom_mode) if self.heartbeat is not None else -1
 
+    @property
+    def quality(self) -> LinkQuality:
+        """How good the link has been in the last seconds."""
+        return self._meter.quality(self.line.monotonic())
+
     # ---- receiving -----------------------------------------------------------------------------
 
     def receive(self, timeout: float) -> Message | None:
@@ -201,18 +214,41 @@ class Link:
         finally:  # also what a full disk does not take is heard, such as the answer to a disarm
             for frame, is_frame in pieces:
                 message = self._codec.decode(frame) if is_frame else None
-                if message is not None:
+                again = is_frame and self._measure(frame, message)
+                if message is not None and not (self._acknowledged(frame, message) and again):
                     self._queue.append(message)
+
+    def _acknowledged(self, frame: bytes, message: Message) -> bool:
+        """Whether it is an acknowledgement that came just before: the next command of its number must not
+        take it for its own."""
+        if kind(message) != "COMMAND_ACK":
+            return False
+        before, self._ack = self._ack, frame
+        return before == frame
+
+    def _measure(self, frame: bytes, message: Message | None) -> bool:
+        """Count a frame of our vehicle; whether it had come before."""
+        if frame_source(frame) != self.target:
+            return False
+        now = self.line.monotonic()
+        if message is None and is_known(frame):
+            self._meter.damaged(now)
+            return False
+        return self._meter.frame(frame_number(frame), now)
 
     def _take(self, message: Message) -> bool:
         """Keep the books on a message; False where it is not from our vehicle."""
         if sender(message) != self.target:
             self._overhear(message)
             return False
+        boots = self.clock.boots
         self.clock.update(message)
+        if self.clock.boots > boots:
+            self._meter.restart()
+        self._note_answer(message)
         self._watch.heard(self.clock.now if self.clock.known else None, kind(message) == "HEARTBEAT")
         if kind(message) == "HEARTBEAT":
-            self.heartbeat = message
+            self.heartbeat, self._watch.lost = message, self.quality.lost
             self._take_texts(self._assembler.late(self.clock.now))
         elif kind(message) == "STATUSTEXT":
             self._take_texts(self._assembler.add(message, self.clock.now))
@@ -294,24 +330,69 @@ class Link:
             )
         )
 
-    def command(self, name: str, *params: float, timeout: float = 2.0, tries: int = 3) -> int:
+    def asked(self, what: Hashable) -> None:
+        """Note that a request leaves, so that its answer tells how good the link is: ("PARAM_VALUE", name)
+        or ("COMMAND_ACK", number)."""
+        self._meter.asked(what, self.line.monotonic())
+
+    def _note_answer(self, message: Message) -> None:
+        number = {"COMMAND_ACK": "command", "PARAM_VALUE": "param_id", "PARAM_ERROR": "param_id"}
+        if field := number.get(kind(message)):
+            what = "COMMAND_ACK" if field == "command" else "PARAM_VALUE"
+            self._meter.answered((what, getattr(message, field)), self.line.monotonic())
+
+    def attempts(self, timeout: float | None, tries: int | None) -> Iterator[float]:
+        """s to wait for each of the attempts that the link as measured demands; those given are kept to.
+
+        While no answer has ever come, the link may be slow: the last wait is long enough for that.
+        """
+        attempt, began = 0, self.line.monotonic()
+        while attempt < (tries or self.quality.tries(_TRIES)):
+            attempt += 1
+            wait = self.quality.wait(_TIMEOUT) if timeout is None else timeout
+            last = attempt >= (tries or _TRIES) and timeout is None and self.quality.latency is None
+            yield max(wait, LONGEST - (self.line.monotonic() - began)) if last else wait
+
+    def command(
+        self, name: str, *params: float, timeout: float | None = None, tries: int | None = None
+    ) -> int:
         """Send COMMAND_LONG `name` (MAV_CMD_...) and return its MAV_RESULT (0 accepted).
 
-        Repeated while no answer comes; LinkError when none comes at all.
+        Repeated while no answer comes, as often as the link demands, or `tries` times of `timeout` s.
+        LinkError when none comes at all.
         """
-        number = constant(name)
-        for attempt in range(tries):
+        number, began = constant(name), self.line.monotonic()
+        self._hear_out()  # an acknowledgement of the command before may be among it
+        attempt = 0
+        for attempt, wait in enumerate(self.attempts(timeout, tries)):
+            sent = self.line.monotonic()
             self._send_command(number, params, attempt)
-            answer = self.wait_for(
-                "COMMAND_ACK", timeout, lambda m: m.command == number and m.result != _IN_PROGRESS
-            )
+            answer = self._acknowledgement(number, wait)
             if answer is not None:
+                self._absorb(number, attempt, sent)
                 return int(answer.result)
-        raise LinkError(
-            f"the vehicle did not answer {name} in {tries} tries of {timeout:.0f} s; is the link too slow?"
-        )
+        asked = f"the vehicle did not answer {name} in {attempt + 1} tries and "
+        asked += f"{self.line.monotonic() - began:.0f} s"
+        raise self.no_answer(asked, "is the link too slow?")
+
+    def _acknowledgement(self, number: int, wait: float) -> Message | None:
+        return self.wait_for("COMMAND_ACK", wait, lambda m: m.command == number and m.result != _IN_PROGRESS)
+
+    def _absorb(self, number: int, repeated: int, sent: float) -> None:
+        """Take the acknowledgements of a repeated command, so that the next one does not."""
+        until = sent + self.quality.wait(0.0)
+        for _ in range(repeated):
+            left = until - self.line.monotonic()
+            if left <= 0 or self._acknowledgement(number, left) is None:
+                return
+
+    def no_answer(self, what: str, otherwise: str) -> LinkError:
+        """The error for a request that stayed without an answer: the link's fault where it is poor."""
+        words = self.quality.words
+        return BadLink(f"{what}: {words}") if words else LinkError(f"{what}; {otherwise}")
 
     def _send_command(self, number: int, params: tuple[float, ...], confirmation: int = 0) -> None:
+        self.asked(("COMMAND_ACK", number))
         values = {f"param{i}": params[i - 1] if i <= len(params) else 0.0 for i in range(1, 8)}
         self.to_vehicle("COMMAND_LONG", command=number, confirmation=confirmation, **values)
 
@@ -327,14 +408,29 @@ class Link:
             f"the vehicle refuses to {what} ({result_name(result)})" + (f": {said}" if said else "")
         )
 
-    def request_message(self, name: str, timeout: float = 2.0, tries: int = 3) -> Message | None:
-        """Ask for one message by name and wait for it; None where it does not come."""
-        for _ in range(tries):
+    def request_message(
+        self, name: str, timeout: float | None = None, tries: int | None = None
+    ) -> Message | None:
+        """Ask for one message by name and wait for it; None where it does not come, or the vehicle says that
+        it has none. Repeated as `command` is."""
+        asked = constant("MAV_CMD_REQUEST_MESSAGE")
+        for wait in self.attempts(timeout, tries):
             self._request(name)
-            message = self.wait_for(name, timeout)
-            if message is not None:
-                return message
+            answer = self.wait_for(
+                (name, "COMMAND_ACK"),
+                wait,
+                lambda m: kind(m) == name or (m.command == asked and m.result in _NEVER),
+            )
+            if answer is not None:
+                if self.quality.latency is None:
+                    self._hear_out()  # the acknowledgement tells how slow the link is
+                return answer if kind(answer) == name else None
         return None
+
+    def _hear_out(self) -> None:
+        """Take what has come already."""
+        while self._queue and self.receive(0.0):
+            pass
 
     def _request(self, name: str) -> None:
         self._send_command(constant("MAV_CMD_REQUEST_MESSAGE"), (message_id(name),))
@@ -405,4 +501,5 @@ class Link:
         self._transport.settle(self.target[0])
         self._framer = Framer()
         self._queue.clear()
+        self._meter.restart()
         return True

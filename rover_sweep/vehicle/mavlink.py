@@ -86,6 +86,22 @@ def is_autopilot(message: Message) -> bool:
     return bool(message.type != others[0] and message.autopilot != others[1])
 
 
+def frame_number(frame: bytes) -> int:
+    """Sequence number of a frame, damaged or not."""
+    return frame[4] if frame[0] == V2 else frame[2]
+
+
+def frame_source(frame: bytes) -> tuple[int, int]:
+    """(system, component) of a frame, damaged or not."""
+    return (frame[5], frame[6]) if frame[0] == V2 else (frame[3], frame[4])
+
+
+def is_known(frame: bytes) -> bool:
+    """Whether its message is of the dialect: one that is not cannot be told from a damaged one."""
+    number = int.from_bytes(frame[7:10], "little") if frame[0] == V2 else frame[5]
+    return number in _CRC_EXTRA
+
+
 class Codec:
     """Packs and decodes MAVLink 2 for one sender; keeps its sequence number."""
 

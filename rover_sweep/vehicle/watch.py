@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 
 from rover_sweep.errors import LinkError
 
 SILENCE = 5.0  # s without any message from the vehicle
 HEARTBEAT_LOSS = 10.0  # s of the vehicle's clock without a heartbeat while other messages come
 _JUMP = 3.0  # s
+_CHANCE = 1e-5  # that so many heartbeats in a row are lost on the way
 
 
 @dataclass
 class Watch:
-    """Counts the time spent waiting in vain (a caller that does not read is not the vehicle's silence)."""
+    """Counts the time spent waiting in vain (a caller that does not read is not the vehicle's silence).
+
+    lost: share of the frames that the link loses; where it is large, more heartbeats may stay away."""
 
     url: str
+    lost: float = 0.0
     silent: float = 0.0  # s
     _heartbeat: float = 0.0  # vehicle's clock at the last one [s]
     _last: float | None = None  # and at the last message
@@ -45,11 +50,15 @@ class Watch:
         self._last = now
         if heartbeat or jumped:
             self._heartbeat = now
-        elif now - self._heartbeat > HEARTBEAT_LOSS:
+        elif now - self._heartbeat > (limit := self._limit()):
             raise LinkError(
-                f"the vehicle on {self.url} sends messages but no heartbeat for {HEARTBEAT_LOSS:.0f} s of "
+                f"the vehicle on {self.url} sends messages but no heartbeat for {limit:.0f} s of "
                 "its clock; its main loop may hang: stop it by hand and look at its messages"
             )
+
+    def _limit(self) -> float:
+        """s without a heartbeat, of which one is sent a second."""
+        return max(HEARTBEAT_LOSS, log(_CHANCE) / log(min(self.lost, 0.75))) if self.lost else HEARTBEAT_LOSS
 
     def forgive(self) -> None:
         """Start anew: the vehicle was told to reboot, or is booting."""

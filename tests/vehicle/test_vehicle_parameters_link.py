@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from fake_vehicle import FakeVehicle
 from pymavlink.dialects.v20 import ardupilotmega as m
@@ -17,6 +19,7 @@ from rover_sweep.vehicle.parameters import await_booted, float32, read, read_all
 @pytest.fixture(autouse=True)
 def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parameters, "_TIMEOUT", 0.15)
+    monkeypatch.setattr(parameters, "LONGEST", 1.0)
 
 
 def _lose(count: int) -> object:
@@ -93,3 +96,50 @@ def test_a_manoeuvre_as_the_applets_parameters() -> None:
     assert (doublet["SWP_TYPE"], doublet["SWP_PULSE"], doublet["SWP_COUNT"]) == (1, 0.5, 2)
     with pytest.raises(UsageError, match="SWP_AMP 900 us is outside"):
         parameters_of(Sweep(amplitude=900))
+
+
+class FrankVehicle(FakeVehicle):
+    """Says what it lacks, as ArduPilot after 4.6 does (GCS_Param.cpp)."""
+
+    refusal = 5  # MAV_PARAM_ERROR_READ_ONLY, to a change of a parameter that stays as it is
+
+    def _on_param_request_read(self, message: m.MAVLink_message) -> None:
+        if message.param_id in self.parameters:
+            self._send_parameter(message.param_id)
+        else:
+            self._send_error(message, m.MAV_PARAM_ERROR_DOES_NOT_EXIST)
+
+    def _on_param_set(self, message: m.MAVLink_message) -> None:
+        if message.param_id in self.fixed:
+            self._send_error(message, self.refusal)
+        else:
+            super()._on_param_set(message)
+
+    def _send_error(self, message: m.MAVLink_message, error: int) -> None:
+        to = message.get_srcSystem(), message.get_srcComponent()
+        self._send(m.MAVLink_param_error_message(*to, message.param_id.encode(), -1, error))
+
+
+def test_a_vehicle_that_says_what_it_lacks_is_believed_at_once(tmp_path: Path) -> None:
+    with FrankVehicle() as vehicle, Link.open(vehicle.url, tmp_path / "a.tlog") as link:
+        with pytest.raises(
+            parameters.ParameterMissing, match="the vehicle says that it has no parameter NOT_THERE"
+        ):
+            read(link, "NOT_THERE")
+        assert read_present(link, ["SWP_AMP", "NOT_THERE", "NOR_THIS"]) == {"SWP_AMP": 150}
+        asked = [request.param_id for request in vehicle.of_kind("PARAM_REQUEST_READ")]
+        assert asked.count("NOT_THERE") == 2 and asked.count("NOR_THIS") == 1
+
+
+@pytest.mark.parametrize(("refusal", "why"), [(5, "it is read-only"), (2, "the value is out of its range")])
+def test_why_a_parameter_stays_is_told(tmp_path: Path, refusal: int, why: str) -> None:
+    with (
+        FrankVehicle(fixed=frozenset({"SWP_AMP"})) as vehicle,
+        Link.open(vehicle.url, tmp_path / "a.tlog") as link,
+    ):
+        vehicle.refusal = refusal
+        with pytest.raises(
+            parameters.ParameterKept, match=f"SWP_AMP was set to 99 but the vehicle has 150; {why}$"
+        ):
+            write(link, "SWP_AMP", 99)
+        assert len(vehicle.of_kind("PARAM_SET")) == 1

@@ -1,0 +1,158 @@
+"""A bad link is called a bad link, and what is said of the rover is true over any link."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+from virtual_line import VirtualLine
+from virtual_pipe import FAIR, Weather
+from virtual_run import BOOT
+from virtual_world import World
+
+from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.events import StreamsSet
+from rover_sweep.vehicle.identity import check_applet, identify_vehicle
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.link_quality import BadLink
+from rover_sweep.vehicle.parameters import read_all, write
+from rover_sweep.vehicle.session import start_streams
+from sitl.ground_link import GroundLink
+
+SLOWER = {  # than a good link, and no wrong word
+    "20 % lost": Weather(drop=0.2),
+    "20 % corrupted": Weather(corrupt=0.2),
+    "5 % corrupted": Weather(corrupt=0.05),
+    "30 % twice": Weather(duplicate=0.3),
+    "30 % overtaken": Weather(reorder=0.3),
+    "2 s late each way": Weather(delay=2.0),
+    "3 s late each way": Weather(delay=3.0),
+    "jitter 1.5 s": Weather(jitter=1.5),
+    "20 % lost, 1 s late": Weather(drop=0.2, delay=1.0),
+}
+
+
+@contextmanager
+def linked(
+    folder: Path, down: Weather, up: Weather | None = None, seed: int = 1, **settings: float
+) -> Iterator[tuple[World, Link]]:
+    world = World(folder / "vehicle", settings, seed=seed, limit=400.0)
+    world.run(BOOT)
+    world.down.weather, world.up.weather = down, down if up is None else up
+    with Link.open("virtual:", folder / "a.tlog", line=VirtualLine(world)) as link:
+        yield world, link
+
+
+@contextmanager
+def without(*names: str) -> Iterator[None]:
+    """Vehicles that answer for no parameters of these names or beginnings."""
+    answer = GroundLink._on_param_request_read
+
+    def answered(link: GroundLink, message: Any) -> None:
+        if not message.param_id.startswith(names):
+            answer(link, message)
+
+    with mock.patch.object(GroundLink, "_on_param_request_read", answered):
+        yield
+
+
+@pytest.mark.parametrize("weather", SLOWER)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_poor_link_is_only_slower(tmp_path: Path, weather: str, seed: int) -> None:
+    with linked(tmp_path, SLOWER[weather], seed=seed) as (world, link):
+        assert identify_vehicle(link).firmware.startswith("ArduRover")
+        assert check_applet(link)["SWP_ENABLE"] == 1
+        assert write(link, "SWP_AMP", 123).value == 123
+        streams = [e.streams for e in start_streams(link) if isinstance(e, StreamsSet)]
+        assert not [s.message for s in streams[0] if s.hz == 0]
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_one_direction_may_lose_half(tmp_path: Path, up: bool) -> None:
+    bad = Weather(drop=0.5)
+    with linked(tmp_path, FAIR if up else bad, bad if up else FAIR) as (_, link):
+        identify_vehicle(link)
+        assert check_applet(link)["SWP_ENABLE"] == 1
+
+
+def test_a_list_comes_over_a_poor_link(tmp_path: Path) -> None:
+    with linked(tmp_path, Weather(drop=0.2)) as (world, link):
+        assert world.vehicle.rover is not None
+        assert len(read_all(link)) == len(world.vehicle.rover.parameters.listed())
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_link_too_bad_is_named(tmp_path: Path, seed: int) -> None:
+    sentence = r"the link loses [67]\d% of the frames \(measured over \d+ s\); move"
+    with linked(tmp_path, Weather(drop=0.7), seed=seed) as (_, link), pytest.raises(BadLink, match=sentence):
+        identify_vehicle(link)
+        check_applet(link)
+
+
+def test_an_absence_is_no_conclusion_over_a_bad_link(tmp_path: Path) -> None:
+    sentence = r"did not answer for SWP_.*the link loses [56]\d% of the frames"
+    bad = linked(tmp_path, Weather(drop=0.6))
+    with without("SWP_"), bad as (_, link), pytest.raises(BadLink, match=sentence):
+        check_applet(link)
+
+
+@pytest.mark.parametrize("weather", [FAIR, SLOWER["20 % lost"], SLOWER["2 s late each way"]])
+@pytest.mark.parametrize(
+    ("lacking", "sentence"),
+    [
+        (("SWP_DWELL",), r"another version \(no SWP_DWELL\)"),
+        (("SWP_", "SCR_"), "no Lua scripting"),
+        (("SWP_",), "does not run .no parameter SWP_ENABLE"),
+    ],
+)
+def test_what_is_absent_is_said_so(
+    tmp_path: Path, weather: Weather, lacking: tuple[str, ...], sentence: str
+) -> None:
+    with without(*lacking), linked(tmp_path, weather) as (_, link):
+        identify_vehicle(link)
+        with pytest.raises(LinkError, match=sentence) as raised:
+            check_applet(link)
+        assert not isinstance(raised.value, BadLink)
+
+
+def test_scripting_that_is_off_is_said_so(tmp_path: Path) -> None:
+    with linked(tmp_path, Weather(drop=0.2), SCR_ENABLE=0.0) as (_, link):
+        identify_vehicle(link)
+        with pytest.raises(LinkError, match="does not run: SCR_ENABLE is 0"):
+            check_applet(link)
+
+
+def test_a_hole_while_parameters_are_asked_is_no_absence(tmp_path: Path) -> None:
+    """3 s without any frame, from the first question on."""
+    with linked(tmp_path, FAIR) as (world, link):
+        identify_vehicle(link)
+        ends = world.now + 3.0
+
+        def hole(world: World) -> None:
+            world.down.weather = world.up.weather = Weather(hole=True) if world.now < ends else FAIR
+
+        world.each_step.append(hole)
+        assert check_applet(link)["SWP_ENABLE"] == 1
+
+
+def test_a_link_that_becomes_slow_is_no_absence(tmp_path: Path) -> None:
+    with linked(tmp_path, FAIR) as (world, link):
+        identify_vehicle(link)
+        assert write(link, "SWP_AMP", 120).value == 120
+        world.run(0.1)
+        world.down.weather = world.up.weather = Weather(delay=2.0)
+        for _ in range(3):
+            link.wait_for("HEARTBEAT", 2.5)
+        assert check_applet(link)["SWP_ENABLE"] == 1
+        assert link.quality.latency == pytest.approx(4.0, abs=0.1)
+
+
+def test_acknowledgements_that_come_twice_are_taken_once(tmp_path: Path) -> None:
+    with linked(tmp_path, Weather(duplicate=1.0), FAIR) as (_, link):
+        assert link.command("MAV_CMD_SET_MESSAGE_INTERVAL", 30, 20_000) == 2  # 50 Hz at a loop of 50: denied
+        assert link.command("MAV_CMD_SET_MESSAGE_INTERVAL", 30, 100_000) == 0
+        assert link.quality.duplicated == pytest.approx(0.5, abs=0.05)
