@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,23 +20,30 @@ if TYPE_CHECKING:
 _SYSTEM = click.option("--system", type=click.IntRange(1, 255), metavar="N",
                        help="MAVLink system id of the vehicle, where several are heard.")  # fmt: skip
 
+_KEY = click.option("--signing-key", type=click.Path(dir_okay=False), metavar="FILE",
+                    help="MAVLink signing key: 32 bytes, 64 hex digits, or else a passphrase, whose SHA-256 "
+                         "is the key (as in Mission Planner).")  # fmt: skip
+
 
 def access_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--system, of every command with --connect; the command gets an `access` of them."""
+    """--system and --signing-key, of every command with --connect; the command gets an `access` of them."""
 
     @functools.wraps(command)
-    def with_access(*args: Any, system: int | None, **rest: Any) -> Any:
-        if system is not None and None in (rest.get("connect", ""), rest.get("url", "")):
-            raise UsageError("--system says which vehicle behind --connect is meant; give --connect too")
-        return command(*args, access=_access(system), **rest)
+    def with_access(*args: Any, system: int | None, signing_key: str | None, **rest: Any) -> Any:
+        given = "--system" if system is not None else "--signing-key" if signing_key else ""
+        if given and None in (rest.get("connect", ""), rest.get("url", "")):
+            raise UsageError(f"{given} is for the vehicle behind --connect; give --connect too")
+        return command(*args, access=_access(system, signing_key), **rest)
 
-    return _SYSTEM(with_access)
+    return _SYSTEM(_KEY(with_access))
 
 
-def _access(system: int | None) -> Access:
+def _access(system: int | None, key: str | None) -> Access:
     from rover_sweep.vehicle.access import Access
+    from rover_sweep.vehicle.signing import read_key
 
-    return Access(system, _asked if sys.stdin.isatty() else None, _tell)
+    asked = _asked if sys.stdin.isatty() else None
+    return Access(system, asked, _tell, read_key(Path(key)) if key else None)
 
 
 def _asked(heard: Sequence[Heard]) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rover_sweep.errors import UsageError
+from rover_sweep.vehicle.signing import SigningKey
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,13 @@ class Access:
     """system: id of the only vehicle that is listened to; None where the one that is heard is meant. choose:
     is asked for a system id where several are heard. tell: is given a sentence for each thing that a link
     notices beside its vehicle, such as a second rover; it may be called wherever somebody waits on the link.
+    key: of MAVLink signing.
     """
 
     system: int | None = None
     choose: Callable[[Sequence[Heard]], int] | None = None
     tell: Callable[[str], None] = _nobody
+    key: SigningKey | None = None
 
     def chosen(self, url: str, heard: Sequence[Heard]) -> int:
         """The system id that is meant of those heard on `url`. SeveralVehicles where nobody can say."""

@@ -38,7 +38,9 @@ from rover_sweep.vehicle.mavlink import (
     source_system,
 )
 from rover_sweep.vehicle.recorder import TlogWriter
+from rover_sweep.vehicle.refusals import Refusals
 from rover_sweep.vehicle.roll_call import RollCall, heard_as
+from rover_sweep.vehicle.signing import signs
 from rover_sweep.vehicle.statustext import StatusText, TextAssembler
 from rover_sweep.vehicle.transport import Line, LiveLine, Transport
 from rover_sweep.vehicle.watch import SILENCE, Watch
@@ -75,7 +77,9 @@ class Link:
         self._text_listeners: list[Callable[[StatusText], None]] = []
         self._transport = transport
         self._recorder = recorder
-        self._codec, self._framer, self._assembler = Codec(), Framer(), TextAssembler()
+        self._codec = Codec(key=access.key, wall=line.wall())
+        self._framer, self._assembler = Framer(), TextAssembler()
+        self._refusals = Refusals(access.key)
         self._queue: deque[Message] = deque()
         self._periodic: list[Periodic] = [Periodic(1.0, self._send_heartbeat)]
         self._watch = Watch(url)
@@ -217,6 +221,8 @@ class Link:
                 again = is_frame and self._measure(frame, message)
                 if message is not None and not (self._acknowledged(frame, message) and again):
                     self._queue.append(message)
+                elif is_frame and self.target == (0, 0):
+                    self._refusals.look(frame, self.line.monotonic())
 
     def _acknowledged(self, frame: bytes, message: Message) -> bool:
         """Whether it is an acknowledgement that came just before: the next command of its number must not
@@ -442,8 +448,11 @@ class Link:
     # ---- finding and losing the vehicle --------------------------------------------------------
 
     def _find_vehicle(self, timeout: float) -> None:
+        self._believe()
         called, deadline = self._roll_call, self.line.monotonic() + timeout
         while not called.over(now := self.line.monotonic()) and now < deadline:
+            if not called.heard and self._refusals.final(now):
+                break
             self._watch.forgive()  # a vehicle that boots may take its time; `timeout` is the limit here
             self.receive(0.05)
         if not called.heard:
@@ -454,8 +463,27 @@ class Link:
         self._others = set(called.heartbeats) - {system}
         self._transport.settle(system)
         self._watch.forgive()
+        self._require_key()
+
+    def _believe(self) -> None:
+        if self._access.key is not None:
+            self._transport.believe(self._access.key.signed)
+
+    def _require_key(self) -> None:
+        """LinkError where the vehicle signs, we do not, and it answers no unsigned request. On its first port
+        (USB) ArduPilot takes unsigned messages all the same (GCS_Signing.cpp, accept_unsigned_callback)."""
+        assert self.heartbeat is not None
+        if self._access.key is not None or not signs(bytes(self.heartbeat.get_msgbuf())):
+            return
+        if self.request_message("AUTOPILOT_VERSION", timeout=1.5) is None:
+            raise LinkError(
+                f"the vehicle on {self.url} signs its messages and answers no unsigned ones; "
+                "give the key that was set up on it with --signing-key FILE"
+            )
 
     def _nobody(self, timeout: float) -> str:
+        if refused := self._refusals.words(self.url):
+            return refused
         if others := self._roll_call.others():
             return (
                 f"system {self._access.system} is not heard on {self.url} within {timeout:.0f} s, but "
@@ -498,6 +526,7 @@ class Link:
             self._transport = self.line.open(self.url, timeout=2.0)
         except LinkError:
             return False
+        self._believe()
         self._transport.settle(self.target[0])
         self._framer = Framer()
         self._queue.clear()

@@ -16,12 +16,14 @@ from fastcrc import crc16
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from rover_sweep.printable import printable
+from rover_sweep.vehicle.signing import SigningKey, timestamp
 
 Message = Any  # a pymavlink message: attributes are the MAVLink fields
 
 GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
 GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
 V1, V2 = 0xFE, 0xFD
+_LINK_ID = 0  # of our signatures: one link at a time
 _FTP_IDLE = 3.0  # s of silence on our side that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
 _SIGNED, _SIGNATURE = 0x01, 13  # incompatibility flag, bytes of the signature
 _NAMES = {  # the fields whose text becomes a name: of a parameter, of a value
@@ -103,10 +105,24 @@ def is_known(frame: bytes) -> bool:
 
 
 class Codec:
-    """Packs and decodes MAVLink 2 for one sender; keeps its sequence number."""
+    """Packs and decodes MAVLink 2 for one sender; keeps its sequence number.
 
-    def __init__(self, system: int = GCS_SYSTEM, component: int = GCS_COMPONENT) -> None:
+    key: what is packed is signed with it, and only what is signed with it is decoded, but for a radio's own
+    status. wall: s of UTC, from which the signatures' timestamps begin.
+    """
+
+    def __init__(
+        self,
+        system: int = GCS_SYSTEM,
+        component: int = GCS_COMPONENT,
+        key: SigningKey | None = None,
+        wall: float = 0.0,
+    ) -> None:
         self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        if key is not None:
+            signing = self._mav.signing
+            signing.secret_key, signing.sign_outgoing, signing.link_id = key.secret, True, _LINK_ID
+            signing.timestamp, signing.allow_unsigned_callback = timestamp(wall), _may_be_unsigned
 
     def pack(self, message: Message) -> bytes:
         """Bytes of the message with the next sequence number."""
@@ -116,9 +132,12 @@ class Codec:
 
     def decode(self, frame: bytes) -> Message | None:
         """The message in a frame; None where it is unknown, damaged, or a value that is no number."""
+        heard = dict(self._mav.signing.stream_timestamps) if self._mav.signing.secret_key else None
         try:
             message = self._mav.decode(bytearray(frame))
         except (dialect.MAVError, UnicodeDecodeError, ValueError):
+            if heard is not None:  # pymavlink keeps a forged timestamp, and refuses all older ones
+                self._mav.signing.stream_timestamps = heard
             return None
         if message.get_type().startswith("UNKNOWN") or not _says_a_number(message):
             return None
@@ -137,6 +156,11 @@ def _named_printably(message: Message) -> Message:
     if field and not (name := getattr(message, field)).isprintable():
         setattr(message, field, printable(name))
     return message
+
+
+def _may_be_unsigned(_: Any, number: int) -> bool:
+    """A telemetry radio reports its own state without a key; so ArduPilot takes it too."""
+    return number in (dialect.MAVLINK_MSG_ID_RADIO_STATUS, dialect.MAVLINK_MSG_ID_RADIO)
 
 
 class Framer:

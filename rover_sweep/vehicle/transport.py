@@ -7,6 +7,7 @@ import os
 import select
 import socket
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -33,6 +34,10 @@ class Transport(Protocol):
 
     def settle(self, system: int) -> None:
         """The vehicle that is spoken with has this system id. Only UDP has others to keep out."""
+        return
+
+    def believe(self, authentic: Callable[[bytes], bool]) -> None:
+        """Only heartbeats for whose frames this holds are the vehicle's. Only UDP has others to keep out."""
         return
 
     def remark(self) -> str:
@@ -202,6 +207,9 @@ class Udp(Transport):
 
     def settle(self, system: int) -> None:
         self._greeting.settle(system)
+
+    def believe(self, authentic: Callable[[bytes], bool]) -> None:
+        self._greeting.believe(authentic)
 
     def remark(self) -> str:
         return self._greeting.remark()

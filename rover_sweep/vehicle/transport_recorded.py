@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +102,9 @@ class RecordedTransport(Transport):
 
     def settle(self, system: int) -> None:
         self._transport.settle(system)
+
+    def believe(self, authentic: Callable[[bytes], bool]) -> None:
+        self._transport.believe(authentic)
 
     def remark(self) -> str:
         return self._transport.remark()

@@ -1,4 +1,4 @@
-"""--system: which vehicle behind --connect is meant."""
+"""--system and --signing-key: which vehicle behind --connect is meant, and the key that it wants."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def commands(group: click.Group, name: str = "") -> Iterator[tuple[str, click.Co
             yield f"{name}{each}", command
 
 
-def test_each_command_that_connects_has_it() -> None:
+def test_each_command_that_connects_has_them() -> None:
     options = {name: {o for p in c.params for o in p.opts} for name, c in commands(cli)}
     connecting = {name for name, has in options.items() if "--connect" in has}
     assert len(connecting) >= 13
-    assert {name for name in connecting if "--system" not in options[name]} == set()
+    assert {name for name in connecting if not {"--system", "--signing-key"} <= options[name]} == set()
 
 
 def test_two_rovers_are_named_and_one_is_taken_by_its_id(
@@ -88,6 +88,9 @@ def test_the_question_takes_only_one_that_is_heard(
     ("command", "words"),
     [
         (("run", "--system", "3"), "give --connect too"),
+        (("gains", "x", "--signing-key", "k"), "--signing-key is for the vehicle behind --connect"),
+        (("preflight", "--connect", "tcp:127.0.0.1:1", "--signing-key", "/dev/null"), "holds no signing key"),
+        (("preflight", "--connect", "tcp:127.0.0.1:1", "--signing-key", "nothing"), "nothing cannot be read"),
         (("preflight", "--connect", "tcp:127.0.0.1:1", "--system", "0"), "0 is not in the range"),
         (("preflight", "--connect", "tcp:127.0.0.1:1", "--system", "256"), "256 is not in the range"),
     ],
