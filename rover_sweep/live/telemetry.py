@@ -20,6 +20,8 @@ from rover_sweep.vehicle.mavlink import Message, constant, kind
 STALE = 3.0  # s after which a fast signal that no longer comes is not known any more
 STALE_SLOW = 10.0  # s, for the battery, the satellites and the EKF's state
 RATE_OVER = 1.0  # s of the vehicle's clock over which messages are counted
+_MOST_TIMES = 20_000  # messages in RATE_OVER; a clock that stands still must not fill the memory
+_MOST_PARAMETERS = 5000  # names; ArduRover 4.6 has 1,300
 _MILLI_G = 9.80665e-3
 _SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
@@ -45,7 +47,7 @@ class Telemetry:
         self._straight_from, self._progress = math.nan, math.nan
         self._armed, self._mode = False, -1
         self._values: dict[str, tuple[float, float]] = {}  # name -> (value, when it came [s])
-        self._came: deque[float] = deque()
+        self._came: deque[float] = deque(maxlen=_MOST_TIMES)
         self._readers: Mapping[str, Callable[[Message], None]] = {
             "HEARTBEAT": self._heartbeat,
             "ATTITUDE": self._attitude,
@@ -183,7 +185,8 @@ class Telemetry:
 
     def _parameter(self, m: Message) -> None:
         name, value = str(m.param_id), float(m.param_value)
-        self.parameters[name] = value
+        if name in self.parameters or len(self.parameters) < _MOST_PARAMETERS:
+            self.parameters[name] = value
         if (match := _OUTPUT.match(name)) and round(value) == _STEERING_FUNCTION:
             self.steering = int(match[1])
         elif name == f"{PREFIX}CHAN" or _RADIO.match(name):

@@ -14,6 +14,7 @@ from typing import Protocol
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.mavlink import Message
 from rover_sweep.vehicle.recorder import writing
 
 _BLOCK = 90  # bytes in a LOG_DATA
@@ -22,6 +23,7 @@ _WINDOW = 2048 * _BLOCK  # that is whole before it is written
 # armed before (AP_Logger_Backend::ShouldLog, 4.6.3): window by window, a log of 11.6 MB left 7 stumps.
 _LARGE = 4 * _WINDOW
 _COMPARED = 64 * _BLOCK  # of an earlier download's end, before it is gone on with
+_LISTING = 60.0  # s for one list, however much the vehicle repeats itself; 500 logs come in 10 s
 _QUIET, _TRIES = 0.5, 12  # s without data until the gaps are asked for again; how often without any progress
 
 
@@ -65,7 +67,8 @@ class MavlinkLogs:
         entries: dict[int, LogEntry] = {}
         for _ in range(3):
             self.link.to_vehicle("LOG_REQUEST_LIST", start=0, end=0xFFFF)
-            while (message := self.link.wait_for("LOG_ENTRY", 1.5)) is not None:
+            until = self.link.line.monotonic() + _LISTING
+            while (message := self._entry(until)) is not None:
                 if message.num_logs == 0:
                     return ()
                 entries[message.id] = LogEntry(message.id, message.size, message.time_utc)
@@ -76,6 +79,11 @@ class MavlinkLogs:
                 "the vehicle does not list its logs; is there a card in it, and another download running?"
             )
         return tuple(entries[number] for number in sorted(entries))
+
+    def _entry(self, until: float) -> Message | None:
+        """The next LOG_ENTRY before `until` [s], None where none comes."""
+        left = until - self.link.line.monotonic()
+        return self.link.wait_for("LOG_ENTRY", 1.5) if left > 0 else None
 
     def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
         """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved.

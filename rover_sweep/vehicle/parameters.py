@@ -24,6 +24,8 @@ _ERRORS = {
     5: "it is read-only",
 }
 _NOT_THERE = 1
+_STUCK = 3.0  # s in which only parameters come that are known already
+_CHANGES = 20  # of the length of a list while it comes
 _BOOTED = 20.0  # s since boot
 _LISTS = 3  # how often a list is asked for that changes meanwhile
 
@@ -177,17 +179,20 @@ def _read_list(link: Link, progress: Callable[[int, int], None] | None) -> dict[
     """(name, value) by index."""
     link.to_vehicle("PARAM_REQUEST_LIST")
     found: dict[int, tuple[str, float]] = {}
-    count, quiet = 0, 0
-    while quiet < link.quality.tries(_TRIES) and (count == 0 or len(found) < count):
+    count, quiet, changes, news = 0, 0, 0, link.line.monotonic()
+    while quiet < link.quality.tries(_TRIES) and changes < _CHANGES and (count == 0 or len(found) < count):
         message = link.wait_for("PARAM_VALUE", link.quality.wait(_TIMEOUT))
-        if message is None:
-            quiet += 1
+        if message is None or link.line.monotonic() - news > link.quality.wait(_STUCK):
+            quiet, news = quiet + 1, link.line.monotonic()
             _ask_again(link, found, count)
             continue
         if count not in (0, int(message.param_count)):
             found.clear()
+            changes += 1
             link.to_vehicle("PARAM_REQUEST_LIST")
-        count, quiet = int(message.param_count), 0
+        count = int(message.param_count)
+        if message.param_index < count and message.param_index not in found:
+            quiet, news = 0, link.line.monotonic()
         if message.param_index < count:
             found[int(message.param_index)] = (message.param_id, float(message.param_value))
         if progress is not None:

@@ -14,6 +14,7 @@ _HEADER = struct.Struct("<HBBBBBxI")
 _LIST, _CRC32, _ACK = 3, 14, 128
 _DATA, _PAYLOAD = 12, 251
 _TRIES, _TIMEOUT = 2, 1.5
+_MOST = 5000  # entries of a folder: ArduPilot keeps at most 500 logs (LOG_MAX_FILES)
 
 
 def crc32(data: bytes, before: int = 0) -> int:
@@ -33,19 +34,22 @@ def remote_sizes(link: Link, folder: str) -> dict[str, int]:
     found: dict[str, int] = {}
     for entry in _entries(link, folder):
         name, _, size = entry[1:].partition("\t")
-        if entry.startswith("F") and size.isdigit():
+        if entry.startswith("F") and size.isascii() and size.isdecimal():
             found[name] = int(size)
     return found
 
 
 def _entries(link: Link, folder: str) -> Iterator[str]:
-    """Lines of a directory's listing; the vehicle counts on in entries where one answer does not hold all."""
+    """Lines of a directory's listing; the vehicle counts on in entries where one answer does not hold all.
+
+    A listing that never ends, ends after `_MOST` lines.
+    """
     offset = 0
     while data := _ask(link, _LIST, folder, offset, _TIMEOUT):
         lines = [line for line in data.decode("utf-8", "replace").split("\0") if line]
         yield from lines
         offset += len(lines)
-        if not lines:
+        if not lines or offset >= _MOST:
             return
 
 

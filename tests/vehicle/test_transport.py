@@ -12,7 +12,7 @@ from greeted import heartbeat
 
 import rover_sweep.vehicle
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.transport import open_transport
+from rover_sweep.vehicle.transport import open_transport, parse_url
 
 
 def test_a_serial_line_carries_every_byte_unchanged() -> None:
@@ -91,3 +91,9 @@ def test_pymavlink_is_known_to_one_module() -> None:
     folder = Path(rover_sweep.vehicle.__file__ or "").parent
     importing = re.compile(r"^\s*(from|import) pymavlink", re.MULTILINE)
     assert [p.name for p in folder.glob("*.py") if importing.search(p.read_text())] == ["mavlink.py"]
+
+
+@pytest.mark.parametrize("url", ["udp:0.0.0.0:²", "tcp:127.0.0.1:٣", f"tcp:a:{'9' * 5000}", "/dev/ttyS0,²"])
+def test_digits_of_other_scripts_and_long_numerals_are_no_port(url: str) -> None:
+    with pytest.raises(UsageError, match="is not a port or baud rate"):
+        parse_url(url)
