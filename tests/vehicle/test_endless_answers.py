@@ -22,6 +22,8 @@ LIMIT = 200_000  # messages that nobody needs
 class GoodLink:
     """As `Link.quality` of a link that loses nothing."""
 
+    words = ""
+
     def tries(self, count: int) -> int:
         return count
 
