@@ -95,7 +95,7 @@ class LinkQuality:
         if self._loses:
             damaged = f", {self.corrupted:.0%} by damage" if self.corrupted >= 0.01 else ""
             faults.append(f"the link loses {self.lost:.0%} of the frames{damaged}")
-        if self.answered < 1 - _BAD_LOSS and self.answered < (1 - self.lost) ** 2:
+        if self.answered < (1 - self.lost) ** 2 - _BAD_LOSS:  # the way there is worse than the way back
             faults.append(f"{1 - self.answered:.0%} of the requests stay without an answer")
         if (self.latency or 0.0) > _SLOW:
             faults.append(f"an answer takes {self.latency:.1f} s")

@@ -21,7 +21,7 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at. name: stable, lower case (firmware, applet, parameters, filters,
+    """One thing that was looked at. name: stable, lower case (link, firmware, applet, parameters, filters,
     loop_rate, ekf, gps, battery, rc, switch, disk, streams, source, mode); seen: the value in a few words."""
 
     name: str

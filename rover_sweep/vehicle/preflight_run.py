@@ -15,16 +15,19 @@ from pathlib import Path
 
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.checks import disk, onboard, radio, rates, readiness, remedies, source
+from rover_sweep.vehicle.checks.link import link as link_check
 from rover_sweep.vehicle.checks.look import look
 from rover_sweep.vehicle.checks.seen import Seen
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.link_quality import ADVICE, BadLink
 from rover_sweep.vehicle.preflight import Check, Remedy
 
 _IN_ORDER = (
     *(readiness.armed, onboard.firmware, onboard.parameters, onboard.applet),
-    *(rates.loop_rate, rates.filters, rates.streams, rates.clock, onboard.logging, source.source, disk.disk),
+    *(rates.loop_rate, rates.filters, link_check, rates.streams, rates.clock),
+    *(onboard.logging, source.source, disk.disk),
     *(readiness.battery, readiness.gps, readiness.ekf, radio.rc, radio.switch, readiness.mode),
 )
 NAMES = tuple(check.__name__ for check in _IN_ORDER)
@@ -35,15 +38,26 @@ def preflight(link: Link, folder: Path, w_max: float | None = None) -> tuple[Che
     """All checks, in the order in which they are to be put right.
 
     folder: where runs will be recorded. w_max: top of the sweep to come [rad/s], the applet's own if not
-    given. A vehicle that is none of ours gets the check `firmware` alone. LinkError when the link is lost.
+    given. A vehicle that is none of ours gets the check `firmware` alone, a link over which nothing can be
+    concluded the check `link`. LinkError when the link is lost.
     """
     try:
+        return judged(look(link, folder, w_max)) if (other := _other(link)) is None else (other,)
+    except BadLink as error:
+        return (Check("link", "bad", "too poor", str(error), Remedy(ADVICE, by_hand=True)),)
+
+
+def _other(link: Link) -> Check | None:
+    """What is to be said of a vehicle that is none of ours."""
+    try:
         identify_vehicle(link)
+    except BadLink:
+        raise
     except LinkError as error:
         link.receive(1.0)  # a link that is gone says so itself
         hand = Remedy("connect an ArduPilot Rover", by_hand=True)
-        return (Check("firmware", "bad", "not usable", str(error), hand),)
-    return judged(look(link, folder, w_max))
+        return Check("firmware", "bad", "not usable", str(error), hand)
+    return None
 
 
 def judged(seen: Seen) -> tuple[Check, ...]:

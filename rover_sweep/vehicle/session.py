@@ -148,6 +148,8 @@ def recorded_run(
         number=ended.number,
         quality=tuple(asdict(stream) for stream in ended.quality),
     )
+    if words := link.quality.words:
+        yield Notice("warning", f"after {planned.name}: {words}")
     return ended
 
 

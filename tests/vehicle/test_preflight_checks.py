@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from rover_sweep.vehicle.applet import AppletFile
 from rover_sweep.vehicle.checks.clock import estimate
 from rover_sweep.vehicle.checks.seen import Battery, Clock, Estimator, Gps, Seen
 from rover_sweep.vehicle.identity import Vehicle
+from rover_sweep.vehicle.link_quality import LinkQuality
 from rover_sweep.vehicle.preflight import Check
 from rover_sweep.vehicle.preflight_run import NAMES, judged
 from rover_sweep.vehicle.streams import IDENTIFICATION_RATES, Stream, StreamQuality
@@ -48,6 +50,7 @@ def seen(changed: dict[str, float] | None = None, **values: Any) -> Seen:
         tuple(StreamQuality(name, int(2 * hz), hz, 1.0, 1300 / hz, 0.0, hz) for name, hz in fast.items()),
         Clock(2.0, 1.0, 0.004, 1e-5, 1e-3, 0.2), Battery(12.4, 0.9), Gps(3, 10, 0.8), Estimator(831, 0.1),
         {n: 1000 if n == 6 else 1500 for n in range(1, 9)}, True, disk=(20_000_000_000, "today"),
+        link=LinkQuality(5.0, 900, latency=0.04),
     )  # fmt: skip
     return replace(whole, **values)
 
@@ -138,3 +141,30 @@ def test_two_clocks_are_compared_whatever_the_radio_adds() -> None:
     assert found.jitter == pytest.approx(0.03, abs=0.001) and found.offset == pytest.approx(1000.0, abs=1e-3)
     assert found.rate == pytest.approx(1, abs=0.001) and found.behind_utc == 1.5
     assert estimate(pairs[:10]) is None and estimate([(1.0, 1.0)] * 30) is None
+
+
+@pytest.mark.parametrize(
+    ("link", "state", "told", "sentence"),
+    [
+        (
+            LinkQuality(5.0, 900, latency=0.04),
+            "good",
+            "nothing lost, answers in 40 ms",
+            "on 900 frames in 5 s",
+        ),
+        (LinkQuality(5.0, 900, 0.05, 0.04), "doubtful", "5.0% lost", "loses 5% of the frames, 4% by damage"),
+        (
+            LinkQuality(5.0, 900, 0.52),
+            "bad",
+            "52.0% lost",
+            r"loses 52% of the frames \(measured over 5 s\); move",
+        ),
+        (LinkQuality(5.0, 900, latency=4.0), "bad", "nothing lost, answers in 4000 ms", "takes 4.0 s"),
+        (LinkQuality(2.0, 3, 0.5), "unknown", "not measured", "too few frames"),
+    ],
+)
+def test_the_link(link: LinkQuality, state: str, told: str, sentence: str) -> None:
+    found = check("link", seen(link=link))
+    assert (found.state, found.seen) == (state, told)
+    assert re.search(sentence, found.sentence)
+    assert found.remedy is None or found.remedy.by_hand

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ from rover_sweep.vehicle.identity import check_applet, identify_vehicle
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.link_quality import BadLink
 from rover_sweep.vehicle.parameters import read_all, write
+from rover_sweep.vehicle.preflight_run import preflight
 from rover_sweep.vehicle.session import start_streams
 from sitl.ground_link import GroundLink
 
@@ -156,3 +158,27 @@ def test_acknowledgements_that_come_twice_are_taken_once(tmp_path: Path) -> None
         assert link.command("MAV_CMD_SET_MESSAGE_INTERVAL", 30, 20_000) == 2  # 50 Hz at a loop of 50: denied
         assert link.command("MAV_CMD_SET_MESSAGE_INTERVAL", 30, 100_000) == 0
         assert link.quality.duplicated == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("weather", "state", "words"),
+    [
+        (FAIR, "good", "measured on"),
+        (Weather(corrupt=0.05), "doubtful", r"the link loses [3-7]% of the frames, [3-7]% by damage"),
+        (Weather(drop=0.3), "bad", r"the link loses (2[5-9]|3[0-5])% of the frames \("),
+        (Weather(delay=2.0), "bad", r"an answer takes 4\.\d s"),
+    ],
+)
+def test_preflight_has_a_line_on_the_link(tmp_path: Path, weather: Weather, state: str, words: str) -> None:
+    with linked(tmp_path, weather) as (_, link):
+        checks = {check.name: check for check in preflight(link, tmp_path)}
+    assert checks["link"].state == state
+    assert re.search(words, checks["link"].sentence), checks["link"]
+    assert checks["applet"].seen not in ("does not run", "another", "no scripting")
+
+
+def test_preflight_over_a_link_too_bad_says_only_that(tmp_path: Path) -> None:
+    with linked(tmp_path, Weather(drop=0.7)) as (_, link):
+        (check,) = preflight(link, tmp_path)
+    assert (check.name, check.state, check.seen) == ("link", "bad", "too poor")
+    assert "the link loses" in check.sentence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import nan
@@ -11,23 +10,25 @@ from statistics import linear_regression, median
 from rover_sweep.vehicle.checks.seen import Clock
 from rover_sweep.vehicle.clock import vehicle_seconds
 from rover_sweep.vehicle.mavlink import Message, kind
+from rover_sweep.vehicle.transport import Line
 
 _LEAST = 20  # messages
 
 
 @dataclass
 class ClockMonitor:
-    """A listener of the link that keeps (vehicle, arrival) of each message [s], and GPS time."""
+    """A listener of a link on `line` that keeps (vehicle, arrival) of each message [s], and GPS time."""
 
+    line: Line
     pairs: list[tuple[float, float]] = field(default_factory=list)
     behind_utc: float = nan
 
     def __call__(self, message: Message) -> None:
         seconds = vehicle_seconds(message)
         if seconds is not None:
-            self.pairs.append((seconds, time.monotonic()))
+            self.pairs.append((seconds, self.line.monotonic()))
         if kind(message) == "SYSTEM_TIME" and message.time_unix_usec:
-            self.behind_utc = time.time() - message.time_unix_usec * 1e-6
+            self.behind_utc = self.line.wall() - message.time_unix_usec * 1e-6
 
 
 def estimate(pairs: Sequence[tuple[float, float]], behind_utc: float = nan) -> Clock | None:

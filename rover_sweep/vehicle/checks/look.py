@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import nan
@@ -70,6 +69,7 @@ def look(link: Link, folder: Path, w_max: float | None = None) -> Seen:
         clock=clock,
         pending=pending.waiting(folder, found.vehicle, has.get("STAT_BOOTCNT", 0.0)),
         disk=(_free(folder), folder.name or str(folder)),
+        link=link.quality,
         **_values(latest),
     )
 
@@ -86,8 +86,8 @@ def _messages(link: Link) -> dict[str, Message]:
         wanted = [
             name for name in _ASKED if link.command("MAV_CMD_REQUEST_MESSAGE", float(message_id(name))) == 0
         ]
-        deadline = time.monotonic() + _ANSWER
-        while any(name not in latest for name in wanted) and time.monotonic() < deadline:
+        deadline = link.line.monotonic() + link.quality.wait(_ANSWER)
+        while any(name not in latest for name in wanted) and link.line.monotonic() < deadline:
             link.receive(0.1)
     return latest
 
@@ -137,12 +137,12 @@ def _measured(
     with _as_they_were(link):
         granted = request_all(link, loop_rate)
         wanted = frozenset(s.message for s in granted if s.hz >= _JUDGED)
-        monitor, clock = StreamMonitor(wanted), ClockMonitor()
+        monitor, clock = StreamMonitor(wanted), ClockMonitor(link.line)
         link.request_message("SYSTEM_TIME")
-        pump(link, _SETTLED)
-        start, deadline = link.clock.now, time.monotonic() + 2 * _MEASURED
+        pump(link, max(_SETTLED, link.quality.latency or 0.0))
+        start, deadline = link.clock.now, link.line.monotonic() + 2 * _MEASURED
         with link.listening(monitor), link.listening(clock):
-            while link.clock.now - start < _MEASURED and time.monotonic() < deadline:
+            while link.clock.now - start < _MEASURED and link.line.monotonic() < deadline:
                 link.receive(0.2)
         return granted, monitor.quality(), estimate(clock.pairs, clock.behind_utc)
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
 
+from rover_sweep.vehicle.link_quality import LinkQuality
 from rover_sweep.vehicle.streams import Stream, StreamQuality
 from rover_sweep.vehicle.survey import Survey
 
@@ -63,7 +64,7 @@ class Seen:
     """Everything at once. w_max: top of the sweep to come [rad/s]. channels: PWM of RC_CHANNELS by number,
     empty without a receiver; a receiver that lost its radio keeps the last ones. radio, logging: the
     firmware's own word that it hears the radio, that it can log. pending: parameters that were set and wait
-    for a reboot. disk: bytes free in the folder, and its name."""
+    for a reboot. disk: bytes free in the folder, and its name. link: how good the link was meanwhile."""
 
     survey: Survey
     parameters: Mapping[str, float]
@@ -81,6 +82,7 @@ class Seen:
     logging: bool | None = None
     pending: tuple[str, ...] = ()
     disk: tuple[int, str] = (0, "")
+    link: LinkQuality | None = None
 
     def parameter(self, name: str) -> float:
         """A parameter of the rover, NaN where it has none."""
