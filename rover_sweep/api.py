@@ -128,13 +128,15 @@ def read(
     columns: Mapping[str, Any] | Location | None = None,
     gyro_hz: float | None = None,
     accel_hz: float | None = None,
+    system: int | None = None,
 ) -> Runs:
     """All runs of .BIN, .tlog or .csv files, of pairs "log.BIN+log.tlog", or of the folder of a session.
 
     vehicle: a vehicle file (rover.toml) or a `Vehicle`, which makes the PWM a road-wheel angle; of a
     session its own, if not given.
     columns: the column map of a .csv. gyro_hz, accel_hz: sensor low-passes [Hz, 0 = off] in place of
-    the recorded ones. Raises UsageError for what cannot be opened, DataRefused for what cannot be used.
+    the recorded ones. system: MAVLink id of the vehicle in a .tlog that holds several. Raises UsageError for
+    what cannot be opened, DataRefused for what cannot be used.
     """
     if not sources:
         raise UsageError("nothing to read: give the path of a .BIN, .tlog or .csv")
@@ -142,7 +144,7 @@ def read(
     rover = load_vehicle(vehicle) if isinstance(vehicle, str | PathLike) else vehicle
     filters = {k: v for k, v in (("gyro_hz", gyro_hz), ("accel_hz", accel_hz)) if v is not None}
     column_map = columns if columns is None or isinstance(columns, Mapping) else str(columns)
-    runs = load_runs([str(source) for source in sources], column_map, filters or None)
+    runs = load_runs([str(source) for source in sources], column_map, filters or None, system=system)
     if rover is not None:
         runs = tuple(with_delta(run, rover) for run in runs)
     return Runs(runs, rover, Path(vehicle) if isinstance(vehicle, str | PathLike) else None)

@@ -39,10 +39,12 @@ class Reading:
     """How to read the recordings. columns: the map of a .csv (dict or path of a TOML file).
 
     filters: {"gyro_hz", "accel_hz"} [Hz] in place of the recorded sensor low-passes.
+    system: MAVLink id of the vehicle in a .tlog that holds several.
     """
 
     columns: Mapping[str, Any] | str | None = None
     filters: Mapping[str, float] | None = None
+    system: int | None = None
 
 
 def geometry_of(vehicle: Vehicle) -> Geometry:
@@ -73,7 +75,7 @@ def load(
     sources: Sequence[str], vehicle: Vehicle, reading: Reading, beside: Sequence[str] = ()
 ) -> tuple[Recording, ...]:
     """All runs of the sources with the steering angle in radians; beside: as in `load_runs`."""
-    runs = load_runs(sources, reading.columns, reading.filters, beside)
+    runs = load_runs(sources, reading.columns, reading.filters, beside, reading.system)
     return tuple(with_delta(run, vehicle) for run in runs)
 
 
@@ -82,6 +84,7 @@ def load_runs(
     columns: Mapping[str, Any] | str | None,
     filters: Mapping[str, float] | None,
     beside: Sequence[str] = (),
+    system: int | None = None,
 ) -> tuple[Recording, ...]:
     """All runs of the sources as recorded, named apart from each other and from those of `beside`.
 
@@ -93,7 +96,7 @@ def load_runs(
         if is_session(Path(source)):
             found += _of_session(source, filters, names)
         else:
-            runs = read_runs(source, column_map=columns, filters=filters)
+            runs = read_runs(source, column_map=columns, filters=filters, system=system)
             found += [named(run, source, names[source]) for run in runs]
     return tuple(found)
 

@@ -33,6 +33,7 @@ def coherence(
     columns: str | None,
     gyro_filter: float | None,
     accel_filter: float | None,
+    system: int | None,
     vehicle_file: str | None,
     servo: float | None,
     as_json: bool,
@@ -49,7 +50,7 @@ def coherence(
 
     vehicle = load(vehicle_file) if vehicle_file else None
     filters = filter_overrides(gyro_filter, accel_filter)
-    found = load_runs(runs, columns, filters)
+    found = load_runs(runs, columns, filters, system=system)
     parameters = _parameters(runs, columns, found)
     judged = [_judged(run, parameters[run.name], vehicle, servo) for run in found]
     if as_json:

@@ -50,7 +50,7 @@ def diagnose(
     runs: tuple[str, ...], vehicle_file: str | None, baseline: Baseline | None, model_file: str | None,
     simulated: tuple[str, ...], held_out: tuple[str, ...], only: tuple[str, ...], without: tuple[str, ...],
     time_limit: float | None, seed: int, columns: str | None, gyro_filter: float | None,
-    accel_filter: float | None, out: str, as_json: bool,
+    accel_filter: float | None, system: int | None, out: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Say what the model leaves out of the recorded RUNs: where, what, how much, and on what evidence.
 
@@ -66,7 +66,7 @@ def diagnose(
     check_writable(Path(out))
     path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
-    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
+    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
     sources = (*runs, *held_out, *simulated)
 
     def read(some: tuple[str, ...]) -> tuple[Recording, ...]:

@@ -68,8 +68,8 @@ def identify(
     runs: tuple[str, ...], vehicle_file: str | None, verify_runs: tuple[str, ...], models: tuple[str, ...],
     fitted: tuple[str, ...], untied: bool, no_reduction: bool, keep: tuple[str, ...], bands: tuple[Any, ...],
     wmin: float | None, wmax: float | None, windows: tuple[float, ...] | None, columns: str | None,
-    gyro_filter: float | None, accel_filter: float | None, out: str, as_json: bool, verbose: bool,
-    structures: tuple[str, ...], condition_on: tuple[str, ...], bootstrap: int,
+    gyro_filter: float | None, accel_filter: float | None, system: int | None, out: str, as_json: bool,
+    verbose: bool, structures: tuple[str, ...], condition_on: tuple[str, ...], bootstrap: int,
 ) -> None:  # fmt: skip
     """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
 
@@ -93,7 +93,7 @@ def identify(
     check_writable(Path(out))
     path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
-    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
+    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
     sweeps, doublets = divided(load(runs, vehicle, reading, verify_runs))
     checks = load(verify_runs, vehicle, reading, runs) if verify_runs else doublets
     refuse_overlap(sweeps, checks)

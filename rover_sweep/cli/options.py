@@ -128,12 +128,14 @@ def filter_overrides(gyro: float | None, accel: float | None) -> dict[str, float
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--columns, --gyro-filter and --accel-filter."""
+    """--columns, --system, --gyro-filter and --accel-filter."""
     for decorate in (
         click.option("--accel-filter", type=NumberRange(0), metavar="HZ",
                      help="INS_ACCEL_FILTER of the drive, where the log does not hold it (0: off)."),
         click.option("--gyro-filter", type=NumberRange(0), metavar="HZ",
                      help="INS_GYRO_FILTER of the drive, where the log does not hold it (0: off)."),
+        click.option("--system", type=click.IntRange(1, 255), metavar="N",
+                     help="MAVLink system id of the vehicle, in a .tlog that holds several."),
         click.option("--columns", type=click.Path(dir_okay=False), metavar="FILE",
                      help="Column map of .csv recordings (TOML)."),
     ):  # fmt: skip

@@ -91,7 +91,7 @@ def plan(
     vehicle_file: str | None, have: tuple[str, ...], sweep: tuple[PlannedRun, ...],
     doublet: tuple[PlannedRun, ...], bias_sweep: tuple[PlannedRun, ...], multisine: tuple[PlannedRun, ...],
     servo_test: tuple[float, ...], want: tuple[str, ...], columns: str | None,
-    gyro_filter: float | None, accel_filter: float | None, as_json: bool,
+    gyro_filter: float | None, accel_filter: float | None, system: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Say which effects a set of runs tells apart, and propose the fewest runs that do.
 
@@ -112,7 +112,7 @@ def plan(
     wanted = effects_named(want)
     vehicle = load_vehicle(Path(vehicle_path(vehicle_file, have)))
     vehicle.steering()  # refuses in words before anything is read
-    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter))
+    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
     driven = load(have, vehicle, reading) if have else ()
     refuse_overlap(driven, ())
     blocks = [PlannedRun("servo_test", amplitude, 0.0) for amplitude in servo_test]

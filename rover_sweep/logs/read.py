@@ -21,18 +21,20 @@ def read_runs(
     *,
     column_map: Mapping[str, Any] | str | None = None,
     filters: Mapping[str, float] | None = None,
+    system: int | None = None,
 ) -> tuple[Recording, ...]:
     """All runs in a recording, in SI units and ISO axes, judged.
 
     source: path of a .BIN, .tlog or .csv, or "log.BIN+log.tlog" (both of one drive, put together on
     the vehicle's clock). column_map: for a .csv, see `rover_sweep.logs.column_map`. filters: {"gyro_hz",
     "accel_hz"} [Hz, 0 = off] in place of the recorded INS_GYRO_FILTER and INS_ACCEL_FILTER.
+    system: MAVLink id of the vehicle in a .tlog that holds several.
     Raises UsageError for a source that cannot be opened, DataRefused for one that cannot be used.
     """
     runs: list[Recording] = []
     refusals: list[DataRefused] = []
     with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers, which are screened out next
-        logs = read_logs(source, column_map=column_map, filters=filters)
+        logs = read_logs(source, column_map=column_map, filters=filters, system=system)
     for whole in logs:
         try:
             runs += runs_of(whole)
@@ -58,17 +60,18 @@ def read_logs(
     *,
     column_map: Mapping[str, Any] | str | None = None,
     filters: Mapping[str, float] | None = None,
+    system: int | None = None,
 ) -> tuple[Log, ...]:
     """The logs in a source: one, or several where the vehicle restarted or a .csv joins trials."""
     parts = [source] if Path(source).is_file() else source.split("+")
     if len(parts) == 2:
-        return _pair(parts[0], parts[1], filters)
+        return _pair(parts[0], parts[1], filters, system)
     path = _existing(source)
     match path.suffix.lower():
         case ".bin":
             return _flash(path, filters)
         case ".tlog":
-            return _telemetry(path, filters)
+            return _telemetry(path, filters, system)
         case ".csv":
             from rover_sweep.logs.csv import read_csv
 
@@ -82,20 +85,22 @@ def _flash(path: Path, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
     return read_dataflash(path, filters)
 
 
-def _telemetry(path: Path, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
+def _telemetry(path: Path, filters: Mapping[str, float] | None, system: int | None) -> tuple[Log, ...]:
     from rover_sweep.logs.telemetry_channels import read_telemetry
 
-    return read_telemetry(path, filters)
+    return read_telemetry(path, filters, system)
 
 
-def _pair(first: str, second: str, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
+def _pair(
+    first: str, second: str, filters: Mapping[str, float] | None, system: int | None
+) -> tuple[Log, ...]:
     """Both logs of one drive, named in either order."""
     from rover_sweep.logs.pair import paired
 
     by_kind = {path.suffix.lower(): path for path in (_existing(first), _existing(second))}
     if set(by_kind) != {".bin", ".tlog"}:
         raise UsageError(f"{first}+{second}: a pair is one .BIN and one .tlog of the same drive")
-    telemetry = _telemetry(by_kind[".tlog"], filters)
+    telemetry = _telemetry(by_kind[".tlog"], filters, system)
     found, refusals = [], []
     for flash in _flash(by_kind[".bin"], filters):
         try:

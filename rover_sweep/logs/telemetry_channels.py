@@ -51,19 +51,23 @@ KINDS = {10: "rover", 11: "boat", 12: "submarine", 5: "antenna tracker", 1: "pla
 EVERY_STEP_SEEN = 100.0  # Hz: a faster stream catches each step of the staircase (Lua runs at 84 Hz)
 MILLI_G = 9.80665e-3
 STEERING_FIRST = 1
+_PASSING = 2  # heartbeats of another vehicle that are no drive: a link records none after the first
 
 
-def read_telemetry(path: Path, filters: Mapping[str, float] | None = None) -> tuple[Log, ...]:
-    """A .tlog as one `Log` for each start of the vehicle. Raises DataRefused for a useless file."""
+def read_telemetry(
+    path: Path, filters: Mapping[str, float] | None = None, system: int | None = None
+) -> tuple[Log, ...]:
+    """A .tlog as one `Log` for each start of the vehicle. system: its MAVLink id, None: the one heard most.
+    Raises DataRefused for a useless file."""
     tlog = open_tlog(path, WANTED)
     _refuse_damage(path, tlog)
-    kind, own = _of_vehicle(path, tlog)
+    kind, own, others = _of_vehicle(path, tlog, system)
     starts = list(sessions(own))
     if not starts:
         raise DataRefused(
             f"{path.name} holds no ATTITUDE or IMU messages: ask the vehicle for them while recording"
         )
-    source, damage = source_of(path), tuple(_reading_notes(tlog, len(starts)))
+    source, damage = source_of(path), (*others, *_reading_notes(tlog, len(starts)))
     names = [path.stem if len(starts) == 1 else f"{path.stem} start {i + 1}" for i in range(len(starts))]
     return tuple(_log(n, s, kind, filters, source, damage) for n, s in zip(names, starts, strict=True))
 
@@ -97,20 +101,41 @@ def _reading_notes(tlog: Tlog, starts: int) -> Iterator[Note]:
         yield Note("info", f"The vehicle restarted {starts - 1} times while this was recorded")
 
 
-def _of_vehicle(path: Path, tlog: Tlog) -> tuple[str, dict[str, Frames]]:
-    """The kind of the vehicle whose heartbeats are most frequent, and its messages."""
+def _of_vehicle(
+    path: Path, tlog: Tlog, wanted: int | None
+) -> tuple[str, dict[str, Frames], tuple[Note, ...]]:
+    """The kind of the vehicle of that system id, else of the one whose heartbeats are most frequent; its
+    messages; and that others are in the file too."""
     hearts = tlog.messages.get("HEARTBEAT")
     if hearts is None or not np.any(hearts.rows["autopilot"] == ARDUPILOT):
         raise DataRefused(
             f"{path.name} holds no heartbeat of an ArduPilot vehicle in {tlog.frame_count} frames"
         )
     hearts = hearts.where(hearts.rows["autopilot"] == ARDUPILOT)
-    system = np.bincount(hearts.system).argmax()
+    counts = np.bincount(hearts.system, minlength=256)
+    system = int(counts.argmax()) if wanted is None else wanted
+    there = [int(number) for number in np.flatnonzero((counts > _PASSING) | (counts == counts.max()))]
+    if not counts[system]:
+        names = ", ".join(f"system {number}" for number in there)
+        raise DataRefused(
+            f"{path.name} holds no heartbeat of system {system}, only of {names}; give --system one of them"
+        )
     hearts = hearts.where(hearts.system == system)
     component = np.bincount(hearts.component).argmax()
     kind = int(hearts.rows["type"][-1])
     own = {n: f.where((f.system == system) & (f.component == component)) for n, f in tlog.messages.items()}
-    return KINDS.get(kind, f"vehicle of MAV_TYPE {kind}"), {n: f for n, f in own.items() if len(f)}
+    notes = () if wanted is not None else tuple(_others(system, [n for n in there if n != system]))
+    return KINDS.get(kind, f"vehicle of MAV_TYPE {kind}"), {n: f for n, f in own.items() if len(f)}, notes
+
+
+def _others(system: int, others: list[int]) -> Iterator[Note]:
+    if others:
+        names = " and ".join(f"system {number}" for number in others)
+        yield Note(
+            "warning",
+            f"The telemetry log holds several vehicles: system {system}, which is read, and {names}, which "
+            "is left out; choose with --system N",
+        )
 
 
 def _log(
