@@ -9,6 +9,7 @@ from functools import partial
 from threadpoolctl import threadpool_limits
 
 from rover_sweep.identify.conditioned import moving
+from rover_sweep.identify.doubts import doubts
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identify.handling import Handling, handling, has_handling
@@ -26,7 +27,7 @@ from rover_sweep.identify.models.kinematic import kinematic
 from rover_sweep.identify.own_structure import own_result
 from rover_sweep.identify.quality import CoherenceVerdict, assess, input_responses
 from rover_sweep.identify.recommendation import recommendation
-from rover_sweep.identify.recording import ASSUMED, Recording
+from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.soundness.faults import spoiling
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, band_words
@@ -121,8 +122,8 @@ def identify(
     groups = tuple(g for i, g in enumerate(groups) if i not in reasons)
     models, refused = _fitted(Work(groups, geometry, tuple(verify_on), wanted), structures)
     models = with_intervals(models, groups, wanted)
-    if assumed := _assumed(runs):
-        models = {n: replace(m, verdict=not_good(m.verdict, assumed)) for n, m in models.items()}
+    if doubted := doubts(runs):
+        models = {n: replace(m, verdict=not_good(m.verdict, doubted)) for n, m in models.items()}
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
@@ -142,17 +143,6 @@ def _judged_by_data(
     }
     judged = {name: m.spoilt(why[name]) if why[name] else m for name, m in models.items()}
     return judged, tuple(dict.fromkeys(words for found in why.values() for words in found))
-
-
-def _assumed(runs: Sequence[Recording]) -> str:
-    """Why no model of these runs is good: the low-pass of a sensor was assumed; "" where all are known."""
-    found = sorted({c for run in runs for c, low in run.filters.items() if low.source == ASSUMED})
-    return (
-        f"the low-pass of {', '.join(found)} was not recorded and the factory value is assumed; where it was "
-        "set otherwise, the parameters are wrong by tens of percent: give --gyro-filter and --accel-filter"
-        if found
-        else ""
-    )
 
 
 def _left_out(group: Group, why: str) -> str:

@@ -50,9 +50,9 @@ def judge_model(
     return ModelVerdict("poor" if failed else _level(result.average), tuple(words))
 
 
-def not_good(verdict: ModelVerdict, why: str) -> ModelVerdict:
-    """At most acceptable, for a reason that the fit cannot show; as it was where it is no better anyway."""
-    return ModelVerdict("acceptable", (why, *verdict.sentences)) if verdict.level == "good" else verdict
+def not_good(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerdict:
+    """At most acceptable, for reasons that the fit cannot show; as it was where it is no better anyway."""
+    return ModelVerdict("acceptable", (*why, *verdict.sentences)) if verdict.level == "good" else verdict
 
 
 def _prediction_words(v: Verification) -> str:

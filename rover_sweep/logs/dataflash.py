@@ -171,7 +171,8 @@ def _mapped(path: str | Path) -> NDArray[np.uint8]:
 
 def index(data: NDArray[np.uint8]) -> DataFlash:
     """Find the formats and the messages of a log held in `data`."""
-    formats = _formats(data)
+    by_type = {layout.type: layout for layout in _formats(data).values()}  # two of a type: one is damaged
+    formats = {layout.name: layout for layout in by_type.values()}
     lengths = np.zeros(256, np.int64)
     for layout in formats.values():
         lengths[layout.type] = layout.length

@@ -89,6 +89,20 @@ def test_shuffled_columns_end_in_an_answer_or_a_sentence(
         assert len(str(refusal)) > 20
 
 
+def test_two_formats_of_one_type_are_one() -> None:
+    """A damaged FMT gave its type to another message, longer than what is there: IndexError at the end."""
+    w = FlashWriter()
+    w.define("MSG", "QZ", "TimeUS,Message")
+    w.define("IMU", "QBff", "TimeUS,I,GyrX,GyrZ")
+    for k in range(50):
+        w.write("IMU", k, 0, 0.0, 0.0)
+    kind = w.data[w.data.index(b"IMU") - 2]
+    at = w.data.index(b"MSG") - 2
+    found = parsed(w.data[:at] + bytes([kind]) + w.data[at + 1 :])
+    assert [found.count(name) for name in ("IMU", "MSG")] == [50, 0]
+    assert found.rows("IMU").size == 50
+
+
 def test_a_text_column_is_no_number_and_a_number_no_text() -> None:
     w = FlashWriter()
     w.define("MSG", "ZQ", "TimeUS,Message")
