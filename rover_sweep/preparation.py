@@ -16,6 +16,7 @@ from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import Settings
 from rover_sweep.identify.models.lumped import COLUMNS, ROWS
 from rover_sweep.identify.recording import Note, Recording, steered
+from rover_sweep.identify.soundness.rovers import with_rovers
 from rover_sweep.known_steering import through_linkage
 from rover_sweep.logs import read_runs
 from rover_sweep.run_names import named, source_names
@@ -98,7 +99,7 @@ def load_runs(
         else:
             runs = read_runs(source, column_map=columns, filters=filters, system=system)
             found += [named(run, source, names[source]) for run in runs]
-    return tuple(found)
+    return with_rovers(found)
 
 
 def _of_session(

@@ -29,6 +29,7 @@ from rover_sweep.identify.quality import CoherenceVerdict, assess, input_respons
 from rover_sweep.identify.recommendation import recommendation
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.soundness.faults import spoiling
+from rover_sweep.identify.soundness.rovers import TWO_ROVERS, with_rovers
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 from rover_sweep.identify.verdicts import ModelVerdict, not_good
@@ -111,6 +112,8 @@ def identify(
     """
     wanted = settings or Settings()
     _refuse_same_names([s.name for s in structures])
+    together = with_rovers((*runs, *verify_on))
+    runs, verify_on = together[: len(runs)], together[len(runs) :]
     groups, quality = grouped(runs, wanted), tuple(_assessed(run, wanted.condition_on) for run in runs)
     reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
     said = tuple(dict.fromkeys(words for g in groups for words in g.remarks))
@@ -127,16 +130,24 @@ def identify(
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
-    models, spoilt = _judged_by_data(models, groups, wanted)
+    models, spoilt = _judged_by_data(models, (*_runs(groups), *_of_another(verify_on)), wanted)
     best, words = recommendation(models, geometry.wheelbase, too_much, spoilt)
     return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *said))
 
 
+def _runs(groups: Sequence[Group]) -> tuple[Recording, ...]:
+    return tuple(run for group in groups for run in group.runs)
+
+
+def _of_another(runs: Sequence[Recording]) -> tuple[Recording, ...]:
+    """The runs that are of another rover."""
+    return tuple(run for run in runs if any(note.fault == TWO_ROVERS for note in run.notes))
+
+
 def _judged_by_data(
-    models: Mapping[str, ModelResult], groups: Sequence[Group], settings: Settings
+    models: Mapping[str, ModelResult], runs: Sequence[Recording], settings: Settings
 ) -> tuple[dict[str, ModelResult], tuple[str, ...]]:
     """(models, those made from spoilt channels no longer good; what is wrong with the channels)."""
-    runs = [run for group in groups for run in group.runs]
     why = {
         name: spoiling(runs, [o for o in settings.fitted if o in m.fit.structure.outputs])
         for name, m in models.items()

@@ -110,7 +110,7 @@ class Recording:
     span: (start, end) s of the manoeuvre, from before fade-in to after fade-out; spectra use it.
     standstill, straight: intervals (start, end) s for biases and the noise floor.
     filters: known sensor low-pass per channel name (r, p: INS_GYRO_FILTER; ay: INS_ACCEL_FILTER).
-    sources: (path name, sha256) of the files it came from.
+    sources: (path name, sha256) of the files it came from. vehicle: what the log says of which one it is.
     """
 
     name: str
@@ -123,6 +123,7 @@ class Recording:
     notes: tuple[Note, ...] = ()
     firmware: str = ""
     sources: tuple[tuple[str, str], ...] = ()
+    vehicle: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, channel: str) -> Signal:
         return self.channels[channel]

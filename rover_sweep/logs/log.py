@@ -47,6 +47,7 @@ class Log:
     marks: (time [s], text as logged) of messages to the user. parameters: the last value of each.
     limits: (lowest, highest) steering output [us], None where unknown.
     whole: all driving is one run, however it was steered.
+    system: MAVLink system id of a telemetry log, 0 where not known.
     vehicle: "rover", another ArduPilot vehicle's name, or "" where the log does not tell.
     """
 
@@ -65,6 +66,7 @@ class Log:
     notes: tuple[Note, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()
     whole: bool = False
+    system: int = 0
 
 
 def source_of(path: Path) -> tuple[str, str]:

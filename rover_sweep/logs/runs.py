@@ -22,6 +22,7 @@ from rover_sweep.logs.applet import (
     told_kind,
 )
 from rover_sweep.logs.completeness import completeness_notes, refuse_stump
+from rover_sweep.logs.identity import identity
 from rover_sweep.logs.log import AppletRows, Array, Log
 from rover_sweep.logs.main_loop import at_main_loops
 from rover_sweep.logs.screen import without_dead_channels
@@ -195,6 +196,7 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
         notes=(*log.notes, *window.notes, *completeness_notes(log, window.start, window.end)),
         firmware=log.firmware,
         sources=log.sources,
+        vehicle=identity(log),
     )
 
 

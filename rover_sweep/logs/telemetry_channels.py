@@ -173,6 +173,7 @@ def _log(
         firmware=firmware,
         notes=(*damage, *notes, *clock_notes(clocks)),
         sources=(source,),
+        system=int(next(iter(session.messages.values())).system[0]),
     )
 
 

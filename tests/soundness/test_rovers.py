@@ -1,0 +1,109 @@
+"""Runs of two rovers given together are named; runs of one rover are not accused, whatever changes on it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damage import NOMINAL, damaged
+
+import rover_sweep as rs
+from rover_sweep.cli.main import run as program
+from rover_sweep.identify.recording import Recording
+from rover_sweep.identify.soundness.rovers import TWO_ROVERS, with_rovers
+from rover_sweep.logs import read_runs
+from rover_sweep.logs.identity import identity
+from rover_sweep.logs.read import read_logs
+
+DATA = NOMINAL.parents[1]
+VEHICLE = DATA / "rover.toml"
+CONCEALED = DATA / "concealed-ardurover"
+SETS = sorted(p for p in CONCEALED.iterdir() if p.is_dir())
+
+
+def accused(runs: tuple[Recording, ...]) -> list[str]:
+    return [note.text for run in with_rovers(runs) for note in run.notes if note.fault == TWO_ROVERS]
+
+
+def of(folder: Path) -> tuple[Recording, ...]:
+    return tuple(run for path in sorted(folder.glob("*.BIN")) for run in read_runs(str(path)))
+
+
+@pytest.mark.parametrize("folder", [*SETS, NOMINAL], ids=lambda p: p.name)
+def test_runs_of_one_rover_are_not_accused(folder: Path) -> None:
+    assert accused(of(folder)) == []
+
+
+def first(name: str) -> Recording:
+    (run,) = read_runs(str(CONCEALED / name / "run1.BIN"))
+    return run
+
+
+@pytest.mark.parametrize("names", [("a", "e"), ("b", "c"), ("c", "d"), ("e", "f")])
+def test_other_rovers_are_told_by_their_answers(names: tuple[str, str]) -> None:
+    (text,) = accused((first(names[0]), first(names[1])))
+    assert "are not of one rover, or it was changed between them: at 2." in text
+
+
+def test_another_surface_is_no_other_rover(sweep: Recording) -> None:
+    """A surface changes the answer to the steering, and leaves the roll for a_y as it is."""
+    softer = damaged(sweep, r=lambda x: 0.85 * x, ay=lambda x: 0.7 * x, p=lambda x: 0.7 * x)
+    assert accused((sweep, softer)) == []
+
+
+def test_dry_friction_in_the_suspension_is_no_other_rover(sweep: Recording) -> None:
+    assert accused((sweep, damaged(sweep, p=lambda x: 0.6 * x))) == []
+
+
+def test_another_linkage_is_told(sweep: Recording) -> None:
+    (text,) = accused((sweep, damaged(sweep, **dict.fromkeys(("r", "ay", "p"), lambda x: 1.4 * x))))
+    assert "slow yaw rate for the same steering differs by 34 %" in text
+
+
+def test_noise_is_no_other_rover(sweep: Recording) -> None:
+    noise = np.random.default_rng(1)
+    loud = damaged(
+        sweep,
+        r=lambda x: x + 0.2 * noise.standard_normal(x.size),
+        p=lambda x: x + 0.2 * noise.standard_normal(x.size),
+    )
+    assert accused((sweep, loud)) == []
+
+
+def test_boards_and_system_ids_tell_whatever_the_runs() -> None:
+    one, two = (read_runs(str(NOMINAL / f"run{n}.BIN"))[0] for n in (1, 4))
+    assert one.vehicle["system id"] == "1" and one.vehicle["SERVO1_TRIM"] == "1500"
+    other = replace(two, vehicle={**two.vehicle, "system id": "7"})
+    assert "system id 1 and 7" in accused((one, other))[0]
+    boards = [
+        replace(r, vehicle={"board": f"CubeOrange 0028001{n} 3432510D 37343231"})
+        for n, r in ((1, one), (2, two))
+    ]
+    assert "00280011 3432510D 37343231 and CubeOrange 00280012" in accused(tuple(boards))[0]
+    trimmed = replace(two, vehicle={**two.vehicle, "SERVO1_TRIM": "1520", "INS_GYR_ID": "3"})
+    assert accused((one, trimmed)) == []
+
+
+def test_the_board_is_read_from_the_banner() -> None:
+    (log,) = read_logs(str(NOMINAL / "run1.BIN"))
+    said = replace(log, marks=((1.0, "ChibiOS: 88b84600"), (1.0, "MatekH743 0028001F 3432510D 37343231")))
+    assert identity(said)["board"] == "MatekH743 0028001F 3432510D 37343231"
+    assert "board" not in identity(log)
+    (telemetry,) = read_logs(str(NOMINAL / "run1.tlog"))
+    assert identity(telemetry)["system id"] == "1"
+
+
+def test_no_model_of_two_rovers_is_good(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [str(CONCEALED / name / "run1.BIN") for name in ("c", "e")]
+    assert program(["coherence", "--json", *paths]) == 0
+    verdicts = json.loads(capsys.readouterr().out)
+    assert [v["keep"] for v in verdicts] == [True, False]
+    assert "are not of one rover" in verdicts[1]["sentence"]
+    runs = rs.read(paths[0], vehicle=VEHICLE) + rs.read(paths[1], vehicle=VEHICLE)
+    result = rs.identify(runs, models=("bicycle",), bootstrap=0)
+    assert result.recommended is None and "are not of one rover" in " ".join(result.summary)
+    found = rs.diagnose(runs)
+    assert found.verdict == "refused" and "are not of one rover" in found.sentence
