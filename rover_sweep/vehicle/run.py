@@ -33,6 +33,7 @@ from rover_sweep.vehicle.follow import Follower
 from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.manoeuvre import parameters_of
 from rover_sweep.vehicle.parameters import read_present, write
+from rover_sweep.vehicle.rebooted import RebootWatch
 from rover_sweep.vehicle.streams import StreamMonitor
 
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
@@ -97,6 +98,7 @@ def run(
     channels = find_channels(link)
     follower, monitor = Follower(_steering_output(present)), StreamMonitor(_JUDGED)
     controls = Controls(link, channels, settings.trigger, drive=settings.throttle_us is not None)
+    reboots = RebootWatch.since_now(link.clock)
     yield RunStarted(name, manoeuvre, tlog)
     limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
     with link.listening(lambda m: follower.message(m, link.clock.now), follower.text):
@@ -114,7 +116,7 @@ def run(
         yield Notice("warning", f"after {name}: {failure}")
     if settings.trigger == "pilot":
         yield SwitchWanted("low", channels.switch)
-    completed, reason = follower.outcome
+    completed, reason = reboots.outcome(follower.number, follower.outcome)
     finished = RunFinished(
         name, completed, reason, tlog, (start, follower.ended_at), follower.number, monitor.quality()
     )
