@@ -19,6 +19,7 @@ from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import Codec, make
 from rover_sweep.vehicle.parameters import read, write
+from rover_sweep.vehicle.refusals import Refusals
 from rover_sweep.vehicle.signing import SigningKey, read_key, signs, timestamp
 
 RIGHT, WRONG = Access(key=SigningKey(KEY)), Access(key=SigningKey(OTHER))
@@ -130,6 +131,24 @@ def test_the_key_is_in_no_file_and_no_error(tmp_path: Path) -> None:
     for form in (KEY, KEY.hex().encode(), repr(KEY).encode()):
         assert not any(re.search(re.escape(form), path.read_bytes()) for path in tmp_path.iterdir())
         assert form not in (str(raised.value) + repr(RIGHT)).encode()
+
+
+def test_why_a_heartbeat_is_refused() -> None:
+    def why(frame: bytes) -> tuple[str, bool]:
+        refusals = Refusals(SigningKey(KEY))
+        refusals.look(frame, 10.0)
+        assert (refusals.words("tcp:x") == "") == (refusals.why == "")
+        return refusals.why, refusals.final(20.0)
+
+    def beat(key: bytes) -> bytes:
+        mav = m.MAVLink(None, srcSystem=1, srcComponent=1)
+        mav.signing.secret_key, mav.signing.sign_outgoing = key, True
+        return bytes(m.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3).pack(mav))
+
+    assert why(beat(KEY)) == ("old", False)  # what we send puts its time right
+    assert why(beat(OTHER)) == ("other key", True)
+    assert why(heartbeat(1)) == ("unsigned", True)
+    assert why(heartbeat(1, component=100)) == ("", False)
 
 
 def test_on_udp_only_a_heartbeat_with_the_key_greets() -> None:
