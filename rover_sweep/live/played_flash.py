@@ -118,6 +118,7 @@ class FlashPart:
             fix=fix,
             ekf=self._uses_gps(t, fix),
             recorded=_whole(self._bytes.at(t), 0),
+            link="",
         )
 
     def events(self, since: float, to: float) -> Iterator[Event]:

@@ -18,7 +18,7 @@ class Snapshot:
     [m/s^2]; phi [rad]; speed [m/s]. state, state_name: of the applet; frequency: of the sweep [rad/s];
     progress: of the manoeuvre, 0..1. switch: PWM of the applet's channel [us]. battery: volts, and
     remaining 0..1. satellites, fix: GPS_FIX_TYPE. ekf: uses GPS. received: messages a second;
-    recorded: bytes of the .tlog on disk.
+    recorded: bytes of the .tlog on disk. link: what is wrong with it, in words, '' where it is good.
     """
 
     t: float
@@ -42,6 +42,7 @@ class Snapshot:
     ekf: bool = False
     received: float = nan
     recorded: int = 0
+    link: str = ""
 
 
 @dataclass(frozen=True)

@@ -75,8 +75,8 @@ class Telemetry:
         self.t = t
         self._came.append(t)
 
-    def snapshot(self, recorded: int = 0) -> Snapshot:
-        """The rover now. recorded: bytes of its .tlog on disk."""
+    def snapshot(self, recorded: int = 0, link: str = "") -> Snapshot:
+        """The rover now. recorded: bytes of its .tlog on disk. link: what is wrong with the link."""
         while self._came and self._came[0] <= self.t - RATE_OVER:
             self._came.popleft()
         fast = {name: self._known(name, STALE) for name in ("pwm", "r", "p", "ay", "phi", "speed")}
@@ -97,6 +97,7 @@ class Telemetry:
             ekf=bool(self._known("ekf", STALE_SLOW, 0)),
             received=len(self._came) / RATE_OVER,
             recorded=recorded,
+            link=link,
         )
 
     def _forget(self) -> None:

@@ -226,7 +226,8 @@ class VehicleSource:
         self._told_at = now
         self._tell_verdicts()
         with contextlib.suppress(OSError):  # a folder that was taken away; the link tells
-            self._tell(self._telemetry.snapshot(self._link.tlog.stat().st_size))
+            recorded, link = self._link.tlog.stat().st_size, self._link.quality.words
+            self._tell(self._telemetry.snapshot(recorded, link))
 
     # ---- stopping --------------------------------------------------------------------------------
 

@@ -29,6 +29,7 @@ from rover_sweep.tui.analysis import Job
 from rover_sweep.tui.app import SweepApp
 from rover_sweep.tui.setup import Setup
 from rover_sweep.vehicle import events as e
+from rover_sweep.vehicle.link_quality import LinkQuality
 from rover_sweep.vehicle.run import RunSettings
 from rover_sweep.vehicle_file import load
 
@@ -43,6 +44,7 @@ _DRIVEN: tuple[Step, ...] = (*_READY, "3", "g", under_way())
 _KEEP = Verdict("sweep1", "keep", "keep: coherence >= 0.6 over 0.3-25 rad/s", VERDICT.bands[:4])
 _ASKED: tuple[Step, ...] = (*_READY, "3", "g", [e.RunStarted("sweep1", SWEEP, TLOG)])
 _FAR = snapshot(2.0, state=0, state_name="idle", pwm=1500.0, r=0.0, ay=0.0, phi=0.0, speed=0.0, switch=1000.0)
+_POOR = LinkQuality(seconds=12.0, frames=900, lost=0.52).words
 
 SCENES: Mapping[str, tuple[Step, ...]] = {
     "connect": (),
@@ -62,6 +64,7 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "run-arm": (*_ASKED, [replace(_FAR, armed=False)]),
     "run-switch-high": (*_ASKED, [e.Armed(2.0), e.SwitchWanted("high", 6), _FAR]),
     "run-steers": _DRIVEN,
+    "run-poor-link": (*_DRIVEN, [snapshot(15.0, link=_POOR)]),
     "run-aborting": (*_DRIVEN, "space"),
     "run-lost": (*_DRIVEN, [Lost("nothing was heard of the rover for 3 s.")]),
     "run-switch-low": (*_DRIVEN, [e.SwitchWanted("low", 6), snapshot(75.0, state=0, state_name="idle")]),

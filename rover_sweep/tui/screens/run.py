@@ -106,6 +106,8 @@ class RunScreen(SessionScreen):
             f"{heard}recorded {words.size(now.recorded)}",
             style=self.palette.ink,
         )
+        if now.link and not self.state.lost:
+            rows.sentence(now.link, self.palette.bad, most=2)
 
     def _abort(self, rows: Rows, height: int) -> None:
         palette = self.palette
