@@ -120,10 +120,12 @@ def propose(
     driven: float,
     limits: tuple[Limit, ...] = (),
     little: float = 0.0,
+    unit: str = "us",
 ) -> AmplitudeProposal:
     """The proposal from a run's responses {output: response}, those that are to be answered for.
 
-    driven: amplitude of the run, in the unit of the limits [us]; little: no cut below it is ever proposed.
+    driven: amplitude of the run, in the unit of the limits; little: no cut below it is ever proposed;
+    unit: of all these, "us" of a servo output or "rad" of the wheels' angle.
     """
     if not found:
         return AmplitudeProposal(driven, (), None, None, "")
@@ -134,7 +136,7 @@ def propose(
         for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
         if (band := _band(found, low, high, driven, limits, little)) is not None
     )
-    return _proposal(driven, bands, limits)
+    return _proposal(driven, bands, limits, unit)
 
 
 def _band(
@@ -163,7 +165,7 @@ def _band(
 
 
 def _proposal(
-    driven: float, bands: tuple[BandAmplitude, ...], limits: tuple[Limit, ...]
+    driven: float, bands: tuple[BandAmplitude, ...], limits: tuple[Limit, ...], unit: str
 ) -> AmplitudeProposal:
     if not bands:
         return AmplitudeProposal(driven, (), None, None, "")
@@ -173,23 +175,27 @@ def _proposal(
     tightest = min(limits, key=lambda limit: limit.within(first, last), default=None)
     most = tightest.within(first, last) if tightest else np.inf
     if needy.wanted <= ENOUGH * driven:
-        spare = f"; {_said(needy.wanted)} would do" if needy.wanted < driven / ENOUGH**2 else ""
-        past = f", but {tightest.words} allows {_said(most)}" if tightest and driven > ENOUGH * most else ""
-        return AmplitudeProposal(driven, bands, None, None, f"{_said(driven)} is enough{past}{spare}")
+        spare = f"; {_said(needy.wanted, unit)} would do" if needy.wanted < driven / ENOUGH**2 else ""
+        past = (
+            f", but {tightest.words} allows {_said(most, unit)}"
+            if tightest and driven > ENOUGH * most
+            else ""
+        )
+        return AmplitudeProposal(driven, bands, None, None, f"{_said(driven, unit)} is enough{past}{spare}")
     alike = [b for b in bands if b.response == needy.response and b.wanted > 0.9 * needy.wanted]
     where = f"at {alike[0].low:.2g}-{alike[-1].high:.3g} rad/s"
-    asked = f"{'at least ' if needy.drowned else ''}{_said(needy.wanted)}"
+    asked = f"{'at least ' if needy.drowned else ''}{_said(needy.wanted, unit)}"
     if tightest is None or needy.wanted <= most:
         said = f"{asked}: {needy.response} needs it {where}"
-        return AmplitudeProposal(driven, bands, needy.wanted, None, said + _less(driven, bands))
-    said = f"{needy.response} asks for {asked} {where}, but {tightest.words} allows {_said(most)}"
+        return AmplitudeProposal(driven, bands, needy.wanted, None, said + _less(driven, bands, unit))
+    said = f"{needy.response} asks for {asked} {where}, but {tightest.words} allows {_said(most, unit)}"
     count, amplitude = _usable(driven, bands, limits)
     return AmplitudeProposal(
         driven,
         bands,
         amplitude if amplitude > ENOUGH * driven else None,
         bands[count - 1].high if 0 < count < len(bands) else None,
-        said + _less(driven, bands),
+        said + _less(driven, bands, unit),
     )
 
 
@@ -209,7 +215,7 @@ def _reached(noise: float, driven: float, amplitude: float) -> float:
     return 1 / (1 + noise * (driven / amplitude) ** 2)
 
 
-def _less(driven: float, bands: tuple[BandAmplitude, ...]) -> str:
+def _less(driven: float, bands: tuple[BandAmplitude, ...], unit: str) -> str:
     """Up to where less would do than was driven, '' where nowhere."""
     spare = []
     for band in bands:
@@ -218,9 +224,8 @@ def _less(driven: float, bands: tuple[BandAmplitude, ...]) -> str:
         spare.append(band)
     if not spare:
         return ""
-    return f"; below {spare[-1].high:.2g} rad/s {_said(max(b.wanted for b in spare))} would do"
+    return f"; below {spare[-1].high:.2g} rad/s {_said(max(b.wanted for b in spare), unit)} would do"
 
 
-def _said(amplitude: float) -> str:
-    """In us; of a recording that has the wheels' angle alone in rad, which is never more than 2."""
-    return f"{amplitude:.0f} us" if amplitude > 2.0 else f"{amplitude:.2g} rad"
+def _said(amplitude: float, unit: str) -> str:
+    return f"{amplitude:.0f} us" if unit == "us" else f"{amplitude:.2g} {unit}"

@@ -27,7 +27,8 @@ from rover_sweep.identify.table import ShortTable, Shown, band_words
 
 COVERED = 0.8  # of the swept range, in log w
 VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction (the paper used 3-25 rad/s)
-SERVO_TRAVEL = 500.0  # us from the trim
+SERVO_TRAVEL = 500.0  # us from the trim, where a log does not say
+WHEEL_LOCK = 0.6  # rad that the front wheels of a car or rover turn at most
 LINE_GAP = 3.0  # rad/s
 LATERAL_LIMIT = 6.0  # m/s^2, above which a rover on asphalt slides or rolls over
 
@@ -187,7 +188,9 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     words = (
         _keep_words(outputs, swept, _kind(worst))
         if keep
-        else _repeat_words(worst, amplitude, unit, factor or 1.0, peak)
+        else _repeat_words(
+            worst, amplitude, unit, factor or 1.0, peak, max(_steering_travel(run, unit), amplitude)
+        )
     )
     return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, words)
 
@@ -244,24 +247,40 @@ def _peak(found: Mapping[str, FrequencyResponse], amplitude: float) -> float:
     return amplitude * float(np.max(np.abs(ay.h) * np.sqrt(ay.coherence))) if ay else 0.0
 
 
-def _repeat_words(f: FrequencyResponse, amplitude: float, unit: str, factor: float, peak: float) -> str:
+def _repeat_words(
+    f: FrequencyResponse, amplitude: float, unit: str, factor: float, peak: float, travel: float
+) -> str:
     w, g2 = _judged(f)
     low = w[g2 < COHERENCE_GOOD]
     where = f"{low[0]:.2g}-{low[-1]:.3g} rad/s"
     wanted = amplitude * factor
     value = f"{wanted:.0f} us" if unit == "us" else f"{wanted:.2g} {unit}"
-    said = (
-        f"repeat with {factor:.1f} times the amplitude ({value} in place of {amplitude:.3g}): "
+    why = (
         f"{_kind(f)} of {f.output} is below 0.6 over {100 * np.mean(g2 < COHERENCE_GOOD):.0f} % "
         f"of the range ({where}, median {np.median(g2):.2f})"
     )
-    if unit == "us" and wanted > SERVO_TRAVEL:
-        said += f"; the servo has about {SERVO_TRAVEL:.0f} us, so drive faster or lengthen T_rec instead"
-    elif peak > LATERAL_LIMIT:
+    if wanted > travel:
+        most = f"{travel:.0f} us" if unit == "us" else f"{travel:.2g} {unit}"
+        return (
+            f"repeat faster, with a longer T_rec or a lower w_max: {why}; {value} would be needed, but the "
+            f"steering has {most} only"
+        )
+    said = f"repeat with {factor:.1f} times the amplitude ({value} in place of {amplitude:.3g}): {why}"
+    if peak > LATERAL_LIMIT:
         said += (
             f"; that much would take a_y to about {peak:.0f} m/s^2, so lengthen T_rec or lower w_max instead"
         )
     return said
+
+
+def _steering_travel(run: Recording, unit: str) -> float:
+    """How far the steering goes to either side [us or rad]: by SERVOn_MIN, _MAX and _TRIM where logged."""
+    ends = {name.rpartition("_")[2]: float(x) for name, x in run.vehicle.items() if name.startswith("SERVO")}
+    if unit != "us":
+        return WHEEL_LOCK
+    if not {"MIN", "MAX", "TRIM"} <= set(ends):
+        return SERVO_TRAVEL
+    return min(ends["MAX"] - ends["TRIM"], ends["TRIM"] - ends["MIN"])
 
 
 def sign_is_wrong(response: FrequencyResponse) -> bool:

@@ -18,7 +18,7 @@ from rover_sweep.identify.soundness.faults import advice_on
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.verdict_advice import advice, side_remark
 from rover_sweep.live.verdict_bands import bands, spoken
-from rover_sweep.live.verdict_limits import limits_of
+from rover_sweep.live.verdict_limits import limits_of, limits_of_wheels
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs, runs_of
 from rover_sweep.vehicle_file import Vehicle
@@ -99,7 +99,10 @@ def proposed(
     """The amplitude for the next run like this one [us; rad for a .csv that has the wheels' angle]."""
     judged = answering(found)
     if "pwm" not in run:
-        return propose(judged, _amplitude(run, "delta"))
+        unit = run["delta"].unit or "rad"
+        driven = _amplitude(run, "delta")
+        limits = limits_of_wheels(judged, run.mean_speed, driven, vehicle)
+        return propose(judged, driven, limits, unit=unit)
     driven = _amplitude(run, "pwm")
     scale = _amplitude(run, next(iter(found.values())).input) / driven
     middle = _middle(run) if run.kind == "bias_sweep" else 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from rover_sweep.design import HORN_DEG_PER_US, SERVO_60_DEG
 from rover_sweep.identify.amplitude import Limit
 from rover_sweep.identify.geometry import FRICTION, GRAVITY, NEAR
+from rover_sweep.identify.quality import SERVO_TRAVEL, WHEEL_LOCK
 from rover_sweep.identify.recording import Array
 from rover_sweep.identify.response import FrequencyResponse
 from rover_sweep.logs.log import STEERING, output_channel, output_limits
@@ -46,6 +47,22 @@ def limits_of(
     )
 
 
+def limits_of_wheels(
+    found: Mapping[str, FrequencyResponse], speed: float, driven: float, vehicle: Vehicle | None = None
+) -> tuple[Limit, ...]:
+    """The limits [rad] of a recording that holds the wheels' angle and no servo output. driven: its own."""
+    if not found:
+        return ()
+    w = next(iter(found.values())).w
+    scale = vehicle.rad_per_us.value if vehicle and vehicle.rad_per_us else None
+    lock = max(WHEEL_LOCK if scale is None else abs(scale) * SERVO_TRAVEL, driven)
+    words = f"the wheels' lock (about {lock:.2g} rad{', assumed' if scale is None else ''})"
+    return tuple(
+        Limit(said, w, np.broadcast_to(rad, w.shape))
+        for said, rad in ((words, np.array(lock)), *_tyres(found, speed, 1.0, vehicle))
+    )
+
+
 def _travel(parameters: Mapping[str, float]) -> Iterator[tuple[str, Array]]:
     if "SWP_PWM_MAX" in parameters:
         yield "SWP_PWM_MAX", np.array(parameters["SWP_PWM_MAX"])
@@ -53,6 +70,11 @@ def _travel(parameters: Mapping[str, float]) -> Iterator[tuple[str, Array]]:
     if (ends := output_limits(parameters, channel)) is not None:
         trim = parameters.get(f"SERVO{channel}_TRIM", sum(ends) / 2)
         yield f"the end stop (SERVO{channel}_MIN and _MAX)", np.array(min(ends[1] - trim, trim - ends[0]))
+    else:
+        yield (
+            f"a servo's usual travel ({SERVO_TRAVEL:.0f} us, as no SERVOn_MIN was recorded)",
+            np.array(SERVO_TRAVEL),
+        )
 
 
 def _servo(w: Array, own: float | None) -> Iterator[tuple[str, Array]]:
