@@ -3,8 +3,9 @@
     python -m tests.benchmarks.kill_trials --run 100 --session 50 --driving 50
 
 `run`: the command drives an embedded rover that is another process; `session`: the terminal session in a
-terminal of its own, connected by a key, or in its first run (`driving`). A relay between the two counts what went to the program. To count,
-the program is stopped (SIGSTOP) right before the kill, and what still waits in its socket is taken off.
+terminal of its own, connected by a key, or in its first run (`driving`). A relay between the two counts what
+went to the program. To count, the program is stopped (SIGSTOP) right before the kill, and what still waits in
+its socket is taken off.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Many damaged files in one go: `python -m tests.fuzz.campaign --count 100000 --seed 1`.
 
 Each case runs in this process under a watchdog and a limit of memory. Prints each new mistake with its
-traceback and a command that repeats it, at the end the table; the exit code is 1 where there was any.
+traceback and a command that repeats it, at the end (or at SIGTERM) the table; the exit code is 1
+where there was any.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
@@ -26,10 +27,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads 
 
 from tests.fuzz.cases import KINDS, Kind, WrongModel, case, right_models, undamaged
 
-PATIENCE = 30.0  # s for a case
+PATIENCE = 30.0  # s of computing for a case
+ASLEEP = 240.0  # s in all
 MEMORY = 1 << 30  # bytes that a case may take beyond what the program has
-SLOW = 3.0  # s that are worth a line
-STUCK = 300.0  # s after which even a call that no signal interrupts ends the program
+STUCK = 600.0  # s after which even a call that no signal interrupts ends the program
 
 
 class Hang(BaseException):
@@ -53,20 +54,24 @@ class Campaign:
 
 
 def _barked(number: int, frame: FrameType | None) -> None:
-    raise Hang(f"no answer within {PATIENCE:.0f} s")
+    raise Hang(f"no answer within {PATIENCE:.0f} s of computing, or {ASLEEP:.0f} s in all")
 
 
 @contextmanager
 def watchdog() -> Iterator[None]:
-    """Raises Hang in the main thread after `PATIENCE`; ends the program where that does not help."""
-    before = signal.signal(signal.SIGALRM, _barked)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+    """Raises Hang in the main thread after `PATIENCE` of computing, or after `ASLEEP` in all: a machine that
+    is busy with other work makes no hang. Ends the program where that does not help."""
+    timers = ((signal.SIGPROF, signal.ITIMER_PROF, PATIENCE), (signal.SIGALRM, signal.ITIMER_REAL, ASLEEP))
+    before = {number: signal.signal(number, _barked) for number, _, _ in timers}
     faulthandler.dump_traceback_later(STUCK, exit=True)
     try:
+        for _, timer, seconds in timers:
+            signal.setitimer(timer, seconds)
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for number, timer, _ in timers:
+            signal.setitimer(timer, 0)
+            signal.signal(number, before[number])
         faulthandler.cancel_dump_traceback_later()
 
 
@@ -99,24 +104,29 @@ def place(said: str) -> str:
 
 
 def campaign(kinds: Sequence[Kind], numbers: Sequence[int], seed: int) -> Campaign:
-    """The kinds in turn, a case for each number."""
+    """The kinds in turn, a case for each number; what was done where it is interrupted."""
     done = Campaign({kind.name: Row() for kind in kinds})
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, suppress(KeyboardInterrupt):
         for number in numbers:
-            kind = kinds[number % len(kinds)]
-            begun = time.monotonic()
-            how, said = outcome(kind, Path(folder), f"{seed}/{number}")
-            row = done.rows[kind.name]
-            row.outcomes[how] += 1
-            took = time.monotonic() - begun
-            row.slowest = max(row.slowest, took)
-            if took > SLOW:
-                print(f"---- {took:.1f} s for {kind.name} {number}", flush=True)
-            if said and (where := f"{how}: {place(said)}") not in done.mistakes:
-                done.mistakes[where] = said
-                again = f"python -m tests.fuzz.campaign --seed {seed} --only {number}"
-                print(f"---- {where}\n{again}\n{said}", flush=True)
+            _one(done, kinds[number % len(kinds)], Path(folder), seed, number)
     return done
+
+
+def _one(done: Campaign, kind: Kind, folder: Path, seed: int, number: int) -> None:
+    begun = time.monotonic()
+    how, said = outcome(kind, folder, f"{seed}/{number}")
+    took, row = time.monotonic() - begun, done.rows[kind.name]
+    row.outcomes[how] += 1
+    row.slowest = max(row.slowest, took)
+    if said and (where := f"{how}: {place(said)}") not in done.mistakes:
+        done.mistakes[where] = said
+        print(
+            f"---- {where}\npython -m tests.fuzz.campaign --seed {seed} --only {number}\n{said}", flush=True
+        )
+
+
+def _interrupted(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 COLUMNS = ("answer", "refused", "traceback", "hang", "memory", "wrong model")
@@ -148,6 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if kind.whole is not None:
             right_models(kind.name)
     limit_memory()
+    signal.signal(signal.SIGTERM, _interrupted)
     numbers = [asked.only] if asked.only is not None else range(asked.first, asked.first + asked.count)
     done = campaign(KINDS if asked.only is not None else kinds, numbers, asked.seed)
     print(table(done))

@@ -34,14 +34,20 @@ def test_the_campaign_tells_tracebacks_hangs_and_wrong_models(
         raise ZeroDivisionError
 
     def hang(data: bytes, folder: Path, random: object) -> None:
-        time.sleep(5.0)
+        while time.process_time() >= 0.0:
+            pass
+
+    def sleep(data: bytes, folder: Path, random: object) -> None:
+        time.sleep(60.0)
 
     def swallow(data: bytes, folder: Path, random: object) -> None:
         bytearray(1 << 60)
 
     monkeypatch.setattr("tests.fuzz.campaign.PATIENCE", 0.1)
-    kinds = [Kind(KINDS[0].name, KINDS[0].seed, KINDS[0].mutators, read) for read in (crash, hang, swallow)]
-    assert [outcome(kind, tmp_path, "1")[0] for kind in kinds] == ["traceback", "hang", "memory"]
+    monkeypatch.setattr("tests.fuzz.campaign.ASLEEP", 0.5)
+    one, reads = KINDS[0], (crash, hang, sleep, swallow)
+    kinds = [Kind(one.name, one.seed, one.mutators, read) for read in reads]
+    assert [outcome(kind, tmp_path, "1")[0] for kind in kinds] == ["traceback", "hang", "hang", "memory"]
     done = campaign(kinds[:1], range(3), 1)
     assert len(done.mistakes) == 1 and f"{KINDS[0].name:14}{3:9d}{0:13d}{0:13d}{3:13d}" in table(done)
 
