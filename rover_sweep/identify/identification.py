@@ -29,10 +29,13 @@ from rover_sweep.identify.quality import CoherenceVerdict, assess, input_respons
 from rover_sweep.identify.recommendation import recommendation
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.soundness.faults import spoiling
+from rover_sweep.identify.soundness.imu_place import wrong_place
 from rover_sweep.identify.soundness.rovers import TWO_ROVERS, with_rovers
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, band_words
 from rover_sweep.identify.verdicts import ModelVerdict, not_good
+
+PLACED = ("roll-yaw", "bicycle", "lumped")  # models that hold the IMU's place
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,14 +126,17 @@ def identify(
         return Identification(geometry, wanted, groups, quality, {}, refused, None, (*stops, *said))
     said = (*(_left_out(groups[i], why) for i, why in reasons.items()), *said)
     groups = tuple(g for i, g in enumerate(groups) if i not in reasons)
-    models, refused = _fitted(Work(groups, geometry, tuple(verify_on), wanted), structures)
+    work = Work(groups, geometry, tuple(verify_on), wanted)
+    models, refused = _fitted(work, structures)
     models = with_intervals(models, groups, wanted)
     if doubted := doubts(runs):
         models = {n: replace(m, verdict=not_good(m.verdict, doubted)) for n, m in models.items()}
     too_much = tyres_unseen(models)
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
-    models, spoilt = _judged_by_data(models, (*_runs(groups), *_of_another(verify_on)), wanted)
+    models, spoilt = _judged_by_data(
+        models, (*_runs(groups), *_of_another(verify_on)), wanted, _misplaced(models, work)
+    )
     best, words = recommendation(models, geometry.wheelbase, too_much, spoilt)
     return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *said))
 
@@ -144,14 +150,25 @@ def _of_another(runs: Sequence[Recording]) -> tuple[Recording, ...]:
     return tuple(run for run in runs if any(note.fault == TWO_ROVERS for note in run.notes))
 
 
+def _misplaced(models: Mapping[str, ModelResult], work: Work) -> str:
+    """What the richest model with a place of the IMU says of it."""
+    name = next((n for n in PLACED[:2] if n in models), "")
+    return wrong_place(models[name].fit, work.conditions(), work.geometry) if name else ""
+
+
 def _judged_by_data(
-    models: Mapping[str, ModelResult], runs: Sequence[Recording], settings: Settings
+    models: Mapping[str, ModelResult], runs: Sequence[Recording], settings: Settings, misplaced: str
 ) -> tuple[dict[str, ModelResult], tuple[str, ...]]:
-    """(models, those made from spoilt channels no longer good; what is wrong with the channels)."""
+    """(models, those made from spoilt channels no longer good; what is wrong with the channels).
+
+    misplaced: what is wrong with the IMU's place, '' for nothing.
+    """
     why = {
         name: spoiling(runs, [o for o in settings.fitted if o in m.fit.structure.outputs])
         for name, m in models.items()
     }
+    if misplaced:
+        why = {n: (misplaced, *found) if n in PLACED else found for n, found in why.items()}
     judged = {name: m.spoilt(why[name]) if why[name] else m for name, m in models.items()}
     return judged, tuple(dict.fromkeys(words for found in why.values() for words in found))
 
