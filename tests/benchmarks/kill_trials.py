@@ -95,7 +95,9 @@ def by_driving_session(url: str, folder: Path):  # type: ignore[no-untyped-def]
     with Terminal(command(*words), environment(folder)) as terminal:
         terminal.until("[1 CONNECT]")
         terminal.press("\r")
-        terminal.until("[2 PREFLIGHT]", "✓ good      applet")
+        terminal.until("[2 PREFLIGHT]", "are good")
+        terminal.press("3")
+        terminal.until("[3 PLAN]", "sweep1")
         terminal.press("g")
         terminal.until("Is the ground free")
         terminal.press("y")
