@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import exp, log
 
+import numpy as np
+
 from rover_sweep.diagnosis import lumped
 from rover_sweep.diagnosis.alike import Alike
 from rover_sweep.diagnosis.augmented import augmented
@@ -14,6 +16,7 @@ from rover_sweep.diagnosis.beyond import standing_out, unknown
 from rover_sweep.diagnosis.candidates import Model
 from rover_sweep.diagnosis.choose import Choice, Named, choose
 from rover_sweep.diagnosis.experiment import Experiment, experiment
+from rover_sweep.diagnosis.floor import WINDOW, quiet_frames
 from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
 from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
 from rover_sweep.diagnosis.ordinary import unknown_beyond
@@ -69,6 +72,7 @@ def diagnose(
     if simulated:
         settings = replace(settings, baseline=followed([experiment(run) for run in simulated], rover))
     used = [experiment(run) for run in runs]
+    _refuse_without_floor(used)
     fresh = [experiment(run) for run in held_out_runs]
     model = Model(settings.baseline, rover, settings.spread, two_clocks=any(r.two_clocks for r in used))
     options = Options(
@@ -100,6 +104,16 @@ def _refuse(runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSetti
     for group in grouped(runs, Settings()):
         if why := group.why_not():
             raise DataRefused(why)
+
+
+def _refuse_without_floor(used: Sequence[Experiment]) -> None:
+    """DataRefused where no frame of any run is beside its excitation: nothing tells a residual from noise."""
+    if not np.any(quiet_frames(used)[1]):
+        longest = max(float(run.t[-1]) for run in used)
+        raise DataRefused(
+            f"the runs are too short to find their noise floor: the longest has {longest:.1f} s, and "
+            f"{WINDOW:g} s are needed in which a frequency is not steered; drive a whole sweep"
+        )
 
 
 def _start(parameters: Mapping[str, float]) -> dict[str, float]:
