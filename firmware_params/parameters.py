@@ -66,6 +66,14 @@ PARAMETERS: tuple[AppletParameter, ...] = (
     ),
     AppletParameter("SWP_RUN", "", 0, 0, 65535, "number of the last run; counted by the applet"),
     AppletParameter("SWP_BIAS", "us", 0, -400, 400, "bias sweep: offset from trim about which it steers"),
+    AppletParameter(
+        "SWP_GO",
+        "",
+        0,
+        0,
+        65535,
+        "go number: the ground station writes a new one for each run that was asked for",
+    ),
 )
 
 TYPES: Mapping[str, int] = MappingProxyType({"sweep": 0, "doublet": 1, "multisine": 2, "bias_sweep": 3})
@@ -87,13 +95,14 @@ STATES: Mapping[int, str] = MappingProxyType(
 )
 """Field St of the log message SWEP and value of SWP_ST; the applet steers in 3 to 8."""
 
+_NOT_OF_A_MANOEUVRE = ("SWP_TYPE", "SWP_RUN", "SWP_GO")
 _FIELDS = {
     "amplitude": "SWP_AMP",
     "w_min": "SWP_WMIN",
     "w_max": "SWP_WMAX",
     "t_rec": "SWP_TREC",
     "periods": "SWP_COUNT",
-} | {p.name.removeprefix(PREFIX).lower(): p.name for p in PARAMETERS if p.name not in ("SWP_TYPE", "SWP_RUN")}
+} | {p.name.removeprefix(PREFIX).lower(): p.name for p in PARAMETERS if p.name not in _NOT_OF_A_MANOEUVRE}
 
 
 def for_manoeuvre(kind: str, **numbers: float) -> dict[str, float]:

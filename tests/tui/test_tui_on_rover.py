@@ -53,7 +53,7 @@ async def whole(person: Person, folder: Path) -> None:
     await person.press("enter")
     await person.until("[2 PREFLIGHT]", "does not run", "F: copy this program's applet")
     await person.press("f")
-    await person.until("✓ good      applet       1.2 runs")
+    await person.until("✓ good      applet       1.3 runs")
     await person.when(lambda: " BAD " not in person.screen, "nothing that is bad")
 
     await person.press("3")
