@@ -18,6 +18,7 @@ from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.controls import Channels, Controls, pump
 from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.mavlink import constant
+from rover_sweep.vehicle.right_to_move import Limits, RightToMove
 from sitl.parameters import PlantParameters
 from sitl.redrive.course import Course
 from sitl.redrive.restamp import first, restamped
@@ -100,7 +101,7 @@ def _drive(link: Link, length: float) -> Iterator[str]:
         if link.clock.now - started > _READY_S:
             raise LinkError(f"the simulated rover's estimator is not ready after {_READY_S:.0f} s")
         pump(link, 1.0)
-    controls = Controls(link, _CHANNELS, "pilot", drive=True)
+    controls = Controls(link, _CHANNELS, "pilot", True, RightToMove(link.line, link.clock, Limits()))
     try:
         controls.take()
         _arm(link, controls)

@@ -1,28 +1,37 @@
 """What the ground station may move: RC override, arming, mode; and how all of it is let go.
 
-An override is refreshed at 5 Hz of the vehicle's clock and lapses after RC_OVERRIDE_TIME (3 s)
-without us: then the radio is in charge again, or without a radio the RC failsafe.
+An override is refreshed in bursts and lapses after RC_OVERRIDE_TIME (3 s; 1 s while we drive) without
+us: then the radio is in charge again, or without a radio the RC failsafe.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Literal
 
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.vehicle.clock import Periodic
 from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.parameters import read_present
+from rover_sweep.vehicle.right_to_move import RightToMove
 
 Trigger = Literal["override", "aux", "pilot"]
 
 LOW, HIGH = 1100, 1900  # us; aux switches read below 1200 as low and above 1800 as high
 MANUAL = 0  # custom_mode of Rover
 SCRIPTING_1 = 300  # RCn_OPTION and auxiliary function of the applet's switch
-_REFRESH = 0.2  # s
+_BURST, _GAP = 0.24, 0.55  # s
 _IGNORE, _RELEASE, _RELEASE_HIGH = 0xFFFF, 0, 0xFFFE  # channels 9.. take 65534 for "back to the radio"
-_FORCE = 21196.0
+_FORCE = 21196.0  # param2 of the order to disarm: even while it moves
+_AUX, _ARM = "MAV_CMD_DO_AUX_FUNCTION", "MAV_CMD_COMPONENT_ARM_DISARM"
+_ANSWER = 1.0  # s
+INSISTS = 30.0  # s that a rover is asked to disarm for
+MAY_BE_ARMED = (
+    "The rover may still be armed: keep away from its wheels, and disarm it with the transmitter "
+    "or switch its power off"
+)
 _SETTLE = 0.6  # s that the applet needs to see the switch (10 Hz, 200 ms debounce, 84 Hz script)
 
 
@@ -64,53 +73,70 @@ def _switch(have: dict[str, float]) -> int:
     )
 
 
-class Controls:
-    """Overrides and arming of one run. Nothing is sent before the first call of a method."""
+def overridden(channels: Channels, trigger: Trigger, drive: bool) -> dict[int, int]:
+    """The RC channels that a run overrides, each at rest [us]: throttle and steering at trim, switch low."""
+    rest = dict[int, int]()
+    if drive:
+        rest |= {channels.steering: channels.steering_trim, channels.throttle: channels.throttle_trim}
+    return rest | ({channels.switch: LOW} if trigger == "override" else {})
 
-    def __init__(self, link: Link, channels: Channels, trigger: Trigger, drive: bool) -> None:
+
+class Controls:
+    """Overrides and arming of one run. Nothing is sent before the first call of a method.
+
+    Throttle and switch are sent only while `right` holds; once it is lost they go to trim and low at once,
+    and stay there.
+    """
+
+    def __init__(
+        self, link: Link, channels: Channels, trigger: Trigger, drive: bool, right: RightToMove
+    ) -> None:
         self.channels = channels
-        self._link, self._trigger, self._drive = link, trigger, drive
+        self._link, self._trigger, self._drive, self._right = link, trigger, drive, right
         self._override: dict[int, int] = {}
-        self._periodic: Periodic | None = None
-        self._armed_by_us = False
+        self._periodic: list[Periodic] = []
+        self._armed_by_us = self._thrown = self._switch_is_ours = False
 
     def take(self) -> None:
         """Begin to override: the switch low and, where we drive, steering and throttle at trim."""
-        if self._drive:
-            self._override[self.channels.steering] = self.channels.steering_trim
-            self._override[self.channels.throttle] = self.channels.throttle_trim
-        if self._trigger == "override":
-            self._override[self.channels.switch] = LOW
+        self._override = overridden(self.channels, self._trigger, self._drive)
         if self._override:
-            self._periodic = self._link.every(_REFRESH, self._send_override)
+            self._periodic = [self._link.every(0.0, self._guard), bursts(self._link, self._refresh)]
 
     def throttle(self, us: int) -> None:
         """Throttle [us]; only where we drive."""
         if not self._drive:
             raise ValueError("throttle is the pilot's in this run")
-        if self._override.get(self.channels.throttle) != us:
+        if self._override.get(self.channels.throttle) != us and self._right.holds():
             self._override[self.channels.throttle] = us
-            self._send_override()
+            self._refresh()
 
-    def switch(self, high: bool) -> None:
-        """Throw the applet's switch; a switch that is the pilot's is not touched."""
+    def throw(self) -> None:
+        """Throw the applet's switch, once in a run; one that is the pilot's is not touched."""
+        if self._thrown:
+            raise ValueError("the switch was thrown before; another run needs another yes")
+        self._thrown = True
+        if not self._right.holds():
+            return
         if self._trigger == "override":
-            self._override[self.channels.switch] = HIGH if high else LOW
-            self._send_override()
+            self._override[self.channels.switch] = HIGH
+            self._refresh()
         elif self._trigger == "aux":
-            self._link.require(
-                "take the switch", "MAV_CMD_DO_AUX_FUNCTION", float(SCRIPTING_1), 2.0 if high else 0.0
-            )
+            self._switch_is_ours = True
+            self._link.require("take the switch", _AUX, float(SCRIPTING_1), 2.0, tries=1)
 
     def arm(self) -> None:
         """MANUAL mode and arm. LinkError with the vehicle's reasons where it refuses."""
         self._link.require("go into MANUAL", "MAV_CMD_DO_SET_MODE", 1.0, float(MANUAL))
-        self._armed_by_us = True  # before the command: an answer that is lost must not leave it armed
+        self._armed(True)  # before the command: an answer that is lost must not leave it armed
         try:
-            self._link.require("arm", "MAV_CMD_COMPONENT_ARM_DISARM", 1.0)
+            self._link.require("arm", _ARM, 1.0)
         except Refused:
-            self._armed_by_us = False
+            self._armed(False)
             raise
+
+    def _armed(self, by_us: bool) -> None:
+        self._armed_by_us = self._link.may_be_armed = by_us
 
     def let_go(self) -> list[str]:
         """Switch low, throttle to trim, disarm if we armed, release the override. What failed, in words.
@@ -119,14 +145,15 @@ class Controls:
         for a lost link: what then stops the rover is on the rover.
         """
         failures: list[str] = []
-        try:
-            for step in (self._stop_now, self._settle, self._disarm, self._release):
-                self._attempt(step, failures)
-        except KeyboardInterrupt:  # a second Ctrl-C: no more waiting
-            for step in (self._stop_now, self._disarm_blind, self._release):
-                self._attempt(step, failures)
-        if self._periodic is not None:
-            self._link.cancel(self._periodic)
+        with self._link.unwatched():
+            try:
+                for step in (self._stop_now, self._settle, self._end_aux, self._disarm, self._release):
+                    self._attempt(step, failures)
+            except KeyboardInterrupt:  # a second Ctrl-C: no more waiting
+                for step in (self._stop_now, self._disarm_blind, self._release):
+                    self._attempt(step, failures)
+        for periodic in self._periodic:
+            self._link.cancel(periodic)
         return failures
 
     def _attempt(self, step: Callable[[], None], failures: list[str]) -> None:
@@ -140,50 +167,107 @@ class Controls:
             failures.append(str(error))
 
     def _stop_now(self) -> None:
-        if self._drive and self._override:
-            self._override[self.channels.throttle] = self.channels.throttle_trim
-            self._override[self.channels.steering] = self.channels.steering_trim
-        if self._trigger == "override" and self._override:
-            self._override[self.channels.switch] = LOW
+        self._at_rest()
         if self._override:
             self._send_override()
-        if self._trigger == "aux":
-            self._link.require("take the switch", "MAV_CMD_DO_AUX_FUNCTION", float(SCRIPTING_1), 0.0)
+
+    def _at_rest(self) -> None:
+        """Throttle and steering at trim, the switch low, from the next message on."""
+        if self._override:
+            self._override = overridden(self.channels, self._trigger, self._drive)
 
     def _settle(self) -> None:
         if self._override:
             pump(self._link, _SETTLE)
 
+    def _end_aux(self) -> None:
+        if self._switch_is_ours:
+            self._insist("take the switch low", lambda: self._tried(_AUX, float(SCRIPTING_1), 0.0))
+            self._switch_is_ours = False
+
     def _disarm(self) -> None:
         if not self._armed_by_us:
             return
-        if self._link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0) != 0:
-            self._link.require("disarm", "MAV_CMD_COMPONENT_ARM_DISARM", 0.0, _FORCE)
-        self._armed_by_us = False
-        self._link.wait_for("HEARTBEAT", 3.0, lambda _: not self._link.armed)
-        if self._link.armed:
-            raise LinkError(
-                "the rover took the order to disarm but still says that it is armed; disarm it by hand"
-            )
+        orders = iter([(0.0,), *[(0.0, _FORCE)] * 1000])  # a rover that moves refuses the first
+        try:
+            self._insist("disarm", lambda: self._tried(_ARM, *next(orders)) and self._is_disarmed())
+        except LinkError as error:
+            raise LinkError(f"{error}. {MAY_BE_ARMED}") from error
+        self._armed(False)
+
+    def _is_disarmed(self) -> bool:
+        """Whether a heartbeat that came after the order says so."""
+        return self._link.wait_for("HEARTBEAT", 2.5) is not None and not self._link.armed
+
+    def _tried(self, command: str, *params: float) -> bool:
+        """Whether one sending of a command was accepted; the connection is opened again where it ended."""
+        try:
+            self._link.reopen_if_ended()
+            return self._link.command(command, *params, timeout=_ANSWER, tries=1) == 0
+        except LinkError:
+            self._link.line.sleep(0.1)
+            return False
+
+    def _insist(self, what: str, done: Callable[[], bool]) -> None:
+        """Try for `INSISTS` s of our clock. LinkError where it never is done."""
+        deadline = self._link.line.monotonic() + INSISTS
+        while not done():
+            if self._link.line.monotonic() > deadline:
+                raise LinkError(f"the rover did not confirm within {INSISTS:.0f} s the order to {what}")
 
     def _disarm_blind(self) -> None:
         if self._armed_by_us:
-            self._link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0, _FORCE, timeout=0.3, tries=2)
-            self._armed_by_us = False
+            if self._link.command(_ARM, 0.0, _FORCE, timeout=0.3, tries=2) != 0:
+                raise LinkError(MAY_BE_ARMED)
+            self._armed(False)
 
     def _release(self) -> None:
-        if self._periodic is not None:
-            self._link.cancel(self._periodic)
-            self._periodic = None
+        for periodic in self._periodic:
+            self._link.cancel(periodic)
+        self._periodic = []
         if self._override:
             self._override = {n: _RELEASE if n <= 8 else _RELEASE_HIGH for n in self._override}
             for _ in range(3):
                 self._send_override()
             self._override = {}
 
+    @property
+    def _moves(self) -> bool:
+        """Whether what is kept up moves the rover, or begins a run."""
+        throttle = self._override.get(self.channels.throttle, self.channels.throttle_trim)
+        return throttle != self.channels.throttle_trim or self._override.get(self.channels.switch, LOW) != LOW
+
+    def _guard(self) -> None:
+        """At every look at the link: what moves ends as soon as the right to it is lost."""
+        if self._moves and not self._right.holds() and self._right.lost:
+            self._stop_now()
+
+    def _refresh(self) -> None:
+        if not self._moves or self._right.holds():
+            self._send_override()
+        elif self._right.lost:
+            self._stop_now()
+
     def _send_override(self) -> None:
         fields = {f"chan{n}_raw": self._override.get(n, _IGNORE) for n in range(1, 17)}
         self._link.to_vehicle("RC_CHANNELS_OVERRIDE", **fields, chan17_raw=0, chan18_raw=0)
+
+
+def bursts(link: Link, action: Callable[[], None]) -> Periodic:
+    """Do `action` three times in `_BURST` s and then not for `_GAP` s, until cancelled.
+
+    The firmware takes an override for a sign of its radio and misses the radio 0.5 s after the last
+    (Rover/radio.cpp, 4.6.3): only in a longer gap does it see that the transmitter failed, and with it the
+    applet, which stops (measured on 4.6.3: in every gap).
+    """
+    gaps = cycle((_BURST / 2, _BURST / 2, _GAP))
+
+    def step() -> None:
+        periodic.interval = next(gaps)
+        action()
+
+    periodic = link.every(_GAP, step)
+    return periodic
 
 
 def pump(link: Link, seconds: float, wall_limit: float = 3.0) -> None:

@@ -43,7 +43,7 @@ from rover_sweep.vehicle.roll_call import RollCall, heard_as
 from rover_sweep.vehicle.signing import signs
 from rover_sweep.vehicle.statustext import StatusText, TextAssembler
 from rover_sweep.vehicle.transport import Line, LiveLine, Transport
-from rover_sweep.vehicle.watch import SILENCE, Watch
+from rover_sweep.vehicle.watch import SILENCE, Unwatched, Watch
 
 _SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _GCS_TYPE, _NO_AUTOPILOT = 6, 8  # MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID
@@ -60,8 +60,9 @@ class Link:
     """One vehicle on one connection. Use as a context manager.
 
     url, tlog: where it is connected and recorded. clock: the vehicle's. armed, mode (custom_mode),
-    heartbeat: from its last HEARTBEAT. texts: the last 200 status texts. line: what opens the
-    connection and tells the time; whoever waits on a link takes the time from there.
+    heartbeat: from its last HEARTBEAT. may_be_armed: a run armed it and has not heard that it is
+    disarmed. texts: the last 200 status texts. line: what opens the connection and tells the time;
+    whoever waits on a link takes the time from there.
     """
 
     def __init__(
@@ -86,6 +87,8 @@ class Link:
         self._roll_call = RollCall(access.system)
         self._others: set[int] = set()  # system ids of other rovers on this link
         self._meter, self._ack = LinkMeter(), b""
+        self._ended = False
+        self.may_be_armed = False
 
     @classmethod
     def open(
@@ -197,6 +200,7 @@ class Link:
         try:
             data = self._transport.receive(wait)
         except (OSError, ValueError) as error:  # ValueError: a socket that was closed
+            self._ended = True
             raise LinkError(
                 f"the connection {self.url} ended ({error}); is the vehicle still running?"
             ) from error
@@ -305,7 +309,8 @@ class Link:
     def send(self, message: Message) -> None:
         try:
             self._transport.send(self._codec.pack(message))
-        except OSError as error:
+        except (OSError, ValueError) as error:
+            self._ended = True
             raise LinkError(f"cannot send to {self.url} ({error}); is it still running?") from error
 
     def every(self, interval: float, action: Callable[[], None]) -> Periodic:
@@ -402,10 +407,10 @@ class Link:
         values = {f"param{i}": params[i - 1] if i <= len(params) else 0.0 for i in range(1, 8)}
         self.to_vehicle("COMMAND_LONG", command=number, confirmation=confirmation, **values)
 
-    def require(self, what: str, name: str, *params: float) -> None:
+    def require(self, what: str, name: str, *params: float, tries: int = 3) -> None:
         """A command that must be accepted; Refused with the vehicle's own words where it is not."""
         before = len(self.texts)
-        result = self.command(name, *params)
+        result = self.command(name, *params, tries=tries)
         if result == 0:
             return
         self.wait_for("STATUSTEXT", 0.3)
@@ -494,6 +499,21 @@ class Link:
             "is the vehicle on, is it the right port or baud rate, does that port speak MAVLink?"
         )
 
+    @contextmanager
+    def unwatched(self) -> Iterator[None]:
+        """Meanwhile a vehicle that is silent, or sends no heartbeat, ends no wait: who stops it goes on."""
+        before, self._watch = self._watch, Unwatched(self.url)
+        try:
+            yield
+        finally:
+            self._watch = before
+            self._watch.forgive()
+
+    def reopen_if_ended(self) -> None:
+        """Open the connection again where it ended; LinkError where that fails."""
+        if self._ended and not self._reopen():
+            raise LinkError(f"the connection {self.url} ended and cannot be opened again")
+
     def reconnect(self, timeout: float = 60.0) -> None:
         """After a reboot was asked for: wait until the vehicle is back and sends heartbeats.
 
@@ -528,7 +548,7 @@ class Link:
             return False
         self._believe()
         self._transport.settle(self.target[0])
-        self._framer = Framer()
+        self._framer, self._ended = Framer(), False
         self._queue.clear()
         self._meter.restart()
         return True

@@ -3,23 +3,35 @@
 Nothing arms or moves unless `RunSettings` says so. However the run ends (done, exception, Ctrl-C, the
 generator closed, the link lost) the switch goes low, throttle and steering go to trim, the rover is
 disarmed if this program armed it, and the override is released. What is the pilot's stays the pilot's;
-only Ctrl-C also tells the applet to stop.
+only Ctrl-C also tells the applet to stop. While something of ours moves the rover, `RightToMove` says at
+every look at the link whether it still may; once it may not, the run is over.
 
 Stop paths that need no laptop, all on the vehicle: the pilot throws the switch low, disarms or
-changes the mode; RC_OVERRIDE_TIME (3 s) after our last override the switch is the radio's again and
-the applet stops; the applet stops on RC loss, GCS loss (SWP_GCS) and on its own limits; its servo
-override has a timeout, so that even a script error hands steering back within a fraction of a second.
+changes the mode; RC_OVERRIDE_TIME after our last override (1 s where we drive) the switch is the radio's
+again and the applet stops; the applet stops on RC loss, GCS loss (SWP_GCS) and on its own limits; its servo
+override has a timeout, so that even a script error hands steering back within a fraction of a second. It
+begins no second run for one SWP_GO, which is written anew for each run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+import math
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.identify.sweep import Manoeuvre
-from rover_sweep.vehicle.controls import MANUAL, SCRIPTING_1, Controls, Trigger, find_channels, pump
+from rover_sweep.vehicle.before_run import await_rest, catch_up, refuse_blind, write_go
+from rover_sweep.vehicle.controls import (
+    MANUAL,
+    SCRIPTING_1,
+    Controls,
+    Trigger,
+    find_channels,
+    overridden,
+    pump,
+)
 from rover_sweep.vehicle.events import (
     Armed,
     Event,
@@ -32,13 +44,19 @@ from rover_sweep.vehicle.events import (
 from rover_sweep.vehicle.follow import Follower
 from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.manoeuvre import parameters_of
+from rover_sweep.vehicle.mavlink import Message
+from rover_sweep.vehicle.outcome import hear_outcome
+from rover_sweep.vehicle.override_time import Lapse
 from rover_sweep.vehicle.parameters import read_present, write
 from rover_sweep.vehicle.rebooted import RebootWatch
+from rover_sweep.vehicle.right_to_move import Limits, RightToMove
 from rover_sweep.vehicle.streams import StreamMonitor
 
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
 _SWITCH_LOW = 1200  # us, below which an auxiliary switch is low (RC_Channel.cpp, 4.6.3)
 _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's first state
+_ARMING_LIMIT = 60.0  # s that we try to arm for: a yes is not good for ever
+_LOOK = 0.1  # s
 _BEFORE_ARMING = 1.0  # s: the radio inputs must show our override before the arming checks
 _JUDGED = frozenset({"SERVO_OUTPUT_RAW", "ATTITUDE", "RAW_IMU"})
 # Read at the start of each run, so that its .tlog explains itself (filters, steering output, limits).
@@ -49,7 +67,10 @@ _SELF_DESCRIBING = (
         "SCHED_LOOP_RATE",
         "LOG_BITMASK",
         "SWP_STILL",
+        "SWP_V_MAX",
         "RC_OVERRIDE_TIME",
+        "RC_FS_TIMEOUT",
+        "FS_THR_ENABLE",
     ),
     *(f"SERVO{n}_{what}" for n in (1, 2, 3, 4) for what in ("FUNCTION", "TRIM", "MIN", "MAX", "REVERSED")),
 )
@@ -88,40 +109,68 @@ def run(
 ) -> Generator[Event, None, RunFinished]:
     """Upload, arm and trigger as far as `settings` allow, follow, and let go. Returns the last event too.
 
-    LinkError where the vehicle refuses or the applet does not start; a manoeuvre that the applet
-    stopped is a `RunFinished` with completed False. Whatever exception ends it carries what could not
-    be let go as its notes.
+    LinkError where the vehicle refuses, the applet does not start, or the link is lost for good; a
+    manoeuvre that ended early is a `RunFinished` with completed False. Whatever exception ends it carries
+    what could not be let go as its notes.
     """
     link.record_to(tlog)
     yield from _upload(link, parameters_of(manoeuvre, **settings.extra))
     present = read_present(link, _SELF_DESCRIBING)
+    refuse_blind(present, settings)
     channels = find_channels(link)
     follower, monitor = Follower(_steering_output(present)), StreamMonitor(_JUDGED)
-    controls = Controls(link, channels, settings.trigger, drive=settings.throttle_us is not None)
     reboots = RebootWatch.since_now(link.clock)
     yield RunStarted(name, manoeuvre, tlog)
-    limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
-    with link.listening(lambda m: follower.message(m, link.clock.now), follower.text):
+    catch_up(link)  # the user may have been asked, for minutes
+    still = present.get("SWP_STILL", 0.0)
+    drives = settings.throttle_us is not None
+    ours = overridden(channels, settings.trigger, drives)
+    right = RightToMove(link.line, link.clock, _limits(manoeuvre, present, drives, ours))
+    controls = Controls(link, channels, settings.trigger, drives, right)
+    limit = manoeuvre.duration + 2 * still + settings.patience + _START_LIMIT
+    lapse = Lapse(link, present, overrides=bool(ours))
+    with link.listening(right.message), link.listening(_into(follower, link), follower.text):
         try:
-            start = yield from _start(link, controls, follower, settings)
+            yield from await_rest(link, follower, settings)
+            lapse.shorten()
+            start = yield from _start(link, controls, follower, settings, right)
             with link.listening(monitor):
-                yield from _follow(link, controls, follower, settings, limit)
+                yield from _follow(link, controls, follower, settings, limit, right)
         except BaseException as error:
-            for failure in [*_told_to_stop(error, link, settings), *controls.let_go()]:
+            told, failed = _told_to_stop(error, link, settings), controls.let_go()
+            for failure in [*told, *lapse.put_back(right.heard), *failed]:
                 error.add_note(failure)
             raise
         failures = controls.let_go()
+        failures = [*lapse.put_back(right.heard), *failures]
+        outcome = hear_outcome(link, follower, right, name, failures)
         yield from follower.take()
     for failure in failures:
         yield Notice("warning", f"after {name}: {failure}")
     if settings.trigger == "pilot":
         yield SwitchWanted("low", channels.switch)
-    completed, reason = reboots.outcome(follower.number, follower.outcome)
+    completed, reason = reboots.outcome(follower.number, outcome)
     finished = RunFinished(
         name, completed, reason, tlog, (start, follower.ended_at), follower.number, monitor.quality()
     )
     yield finished
     return finished
+
+
+def _into(follower: Follower, link: Link) -> Callable[[Message], None]:
+    return lambda message: follower.message(message, link.clock.now)
+
+
+def _limits(
+    manoeuvre: Manoeuvre, present: Mapping[str, float], drives: bool, ours: Mapping[int, int]
+) -> Limits:
+    return Limits(
+        drives=drives,
+        ours=frozenset(ours),
+        manoeuvre=manoeuvre.duration,
+        still=present.get("SWP_STILL", 0.0),
+        v_max=present.get("SWP_V_MAX", math.inf),
+    )
 
 
 def _told_to_stop(error: BaseException, link: Link, settings: RunSettings) -> list[str]:
@@ -143,7 +192,7 @@ def _upload(link: Link, values: Mapping[str, float]) -> Iterator[Event]:
 
 
 def _start(
-    link: Link, controls: Controls, follower: Follower, settings: RunSettings
+    link: Link, controls: Controls, follower: Follower, settings: RunSettings, right: RightToMove
 ) -> Generator[Event, None, float]:
     """Arm, throw the switch and wait for the applet; returns the vehicle's time of the switch [s]."""
     controls.take()
@@ -152,20 +201,24 @@ def _start(
     if link.mode != MANUAL:
         yield Notice("warning", f"the rover is not in MANUAL (mode {link.mode}); the applet will not start")
     yield from follower.take()
+    write_go(link)
     follower.begin()
     start = link.clock.now
     pilot = settings.trigger == "pilot"
     if pilot:
         yield SwitchWanted("high", controls.channels.switch)
-    else:
-        controls.switch(True)
+        catch_up(link)
+    right.thrown(follower.number)
+    controls.throw()
     patience = settings.patience if pilot else _START_LIMIT
     while not follower.active:
         if follower.refused:
             raise LinkError(f"the applet refuses the run: {follower.refused}")
         if link.clock.now - start > patience:
             raise LinkError(_not_started(link, controls, settings.trigger, patience))
-        link.receive(0.5)
+        if right.lost:
+            return start
+        link.receive(_LOOK)
         yield from follower.take()
     return start
 
@@ -173,11 +226,12 @@ def _start(
 def _arm(link: Link, controls: Controls, follower: Follower, settings: RunSettings) -> Iterator[Event]:
     """Arm, again and again while the vehicle is not ready; or wait until the pilot did."""
     started, told = link.clock.now, ""
+    patience = min(settings.patience, _ARMING_LIMIT) if settings.arm else settings.patience
     if not settings.arm and not link.armed:
         yield Notice("info", "waiting for the pilot to arm, in MANUAL")
     while not link.armed:
-        if link.clock.now - started > settings.patience:
-            waited = f"the rover was not armed within {settings.patience:.0f} s"
+        if link.clock.now - started > patience:
+            waited = f"the rover was not armed within {patience:.0f} s"
             raise LinkError(f"{waited}: {told}" if told else waited)
         yield from follower.take()
         if not settings.arm:
@@ -188,7 +242,7 @@ def _arm(link: Link, controls: Controls, follower: Follower, settings: RunSettin
             controls.arm()
         except Refused as refused:
             if str(refused) != told:
-                yield Notice("info", f"{refused}; trying for {settings.patience:.0f} s")
+                yield Notice("info", f"{refused}; trying for {patience:.0f} s")
             told = str(refused)
         else:
             link.wait_for("HEARTBEAT", 3.0, lambda _: link.armed)
@@ -211,18 +265,23 @@ def _not_started(link: Link, controls: Controls, trigger: Trigger, patience: flo
 
 
 def _follow(
-    link: Link, controls: Controls, follower: Follower, settings: RunSettings, limit: float
+    link: Link,
+    controls: Controls,
+    follower: Follower,
+    settings: RunSettings,
+    limit: float,
+    right: RightToMove,
 ) -> Iterator[Event]:
-    """Follow the applet to its end; drives while it waits for speed and steers (states 2 to 8)."""
+    """Follow the applet to its end, or until the right to move is lost; drives in its states 2 to 8."""
     deadline = link.clock.now + limit
-    while not follower.ended:
+    while not follower.ended and not right.lost:
         if link.clock.now > deadline:
             yield Notice("warning", f"the applet did not end within {limit:.0f} s (state {follower.state})")
             return
         if settings.throttle_us is not None:
             moving = 2 <= follower.state <= 8
             controls.throttle(settings.throttle_us if moving else controls.channels.throttle_trim)
-        link.receive(0.5)
+        link.receive(_LOOK)
         yield from follower.take()
 
 

@@ -133,17 +133,18 @@ def recorded_run(
     try:
         ended = yield from run(link, planned.manoeuvre, planned.name, tlog, settings)
     except KeyboardInterrupt as stopped:
-        session.ended(tlog, "stopped", "interrupted", settings.arm and link.armed)
-        yield Interrupted(planned.name, tlog, tuple(getattr(stopped, "__notes__", ())), link.armed)
+        session.ended(tlog, "stopped", "interrupted", _left_armed(link, settings))
+        armed = link.armed or link.may_be_armed
+        yield Interrupted(planned.name, tlog, tuple(getattr(stopped, "__notes__", ())), armed)
         return None
     except BaseException as error:
-        session.ended(tlog, "cut", str(error) or "the program ended", settings.arm and link.armed)
+        session.ended(tlog, "cut", str(error) or "the program ended", _left_armed(link, settings))
         raise
     session.ended(
         tlog,
         "done" if ended.completed else "stopped",
         ended.reason,
-        settings.arm and link.armed,
+        _left_armed(link, settings),
         span=ended.span,
         number=ended.number,
         quality=tuple(asdict(stream) for stream in ended.quality),
@@ -151,6 +152,10 @@ def recorded_run(
     if words := link.quality.words:
         yield Notice("warning", f"after {planned.name}: {words}")
     return ended
+
+
+def _left_armed(link: Link, settings: RunSettings) -> bool:
+    return settings.arm and (link.armed or link.may_be_armed)
 
 
 def _run(

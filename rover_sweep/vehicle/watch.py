@@ -37,7 +37,7 @@ class Watch:
             )
         raise LinkError(
             f"the vehicle on {self.url} has been silent for {SILENCE:.0f} s; check its power, the radio's "
-            "range and the cable. Its own failsafes stop a running sweep"
+            "range and the cable"
         )
 
     def heard(self, now: float | None, heartbeat: bool) -> None:
@@ -63,3 +63,13 @@ class Watch:
     def forgive(self) -> None:
         """Start anew: the vehicle was told to reboot, or is booting."""
         self.silent, self._last = 0.0, None
+
+
+class Unwatched(Watch):
+    """Waits for a vehicle as long as its caller likes."""
+
+    def waited(self, seconds: float, found: bool) -> None:
+        pass
+
+    def heard(self, now: float | None, heartbeat: bool) -> None:
+        pass

@@ -17,12 +17,14 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 from firmware_params.parameters import PARAMETERS
 
 SWITCH, THROTTLE, STEERING = 6, 3, 1
+_HURRIED = 5  # times longer holds an override on a clock that runs ahead of the one who sends it
 _COURSE = (1, 2, 3, 4, 5, 6, 7, 8, 9, 0)  # states that a run goes through, 1 s each
 
 
 def default_parameters() -> dict[str, float]:
     values = {p.name: float(p.default) for p in PARAMETERS}
     values |= {"SCR_ENABLE": 1.0, "SCHED_LOOP_RATE": 100.0, "RC6_OPTION": 300.0, "RC_OVERRIDE_TIME": 3.0}
+    values |= {"FS_THR_ENABLE": 1.0}
     values |= {f"RC{n}_OPTION": 0.0 for n in range(1, 17) if n != SWITCH}
     for n in range(1, 5):
         values |= {f"SERVO{n}_FUNCTION": 0.0, f"SERVO{n}_TRIM": 1500.0, f"SERVO{n}_REVERSED": 0.0}
@@ -58,7 +60,7 @@ class FakeVehicle:
         self._mav = m.MAVLink(None, srcSystem=1, srcComponent=1)
         self._rc: dict[int, tuple[int, float]] = {}
         self._state, self._state_since, self._ready = 0, 0.0, True
-        self._hang_up = False
+        self._hang_up, self._whole = False, 0
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
         return self
@@ -76,7 +78,8 @@ class FakeVehicle:
         """What the vehicle acts on: the override while it lasts, else a radio at rest (switch low)."""
         value, since = self._rc.get(channel, (0, -9.0))
         rest = 1000 if channel == SWITCH else 1500
-        return value if value and self.now - since < self.parameters["RC_OVERRIDE_TIME"] else rest
+        lapse = _HURRIED * self.parameters["RC_OVERRIDE_TIME"]
+        return value if value and self.now - since < lapse else rest
 
     def of_kind(self, name: str) -> list[Any]:
         return [message for message in self.received if message.get_type() == name]
@@ -130,10 +133,19 @@ class FakeVehicle:
         if int(before) != int(self.now):
             self._heartbeat()
         self._send(m.MAVLink_attitude_message(ms, 0, 0, 0, 0, 0, 0.25))
+        moves = self.armed and self.rc(THROTTLE) > 1500
+        self._send(m.MAVLink_local_position_ned_message(ms, 0, 0, 0, 2.0 if moves else 0.0, 0, 0))
         pwm = [self.rc(n) if self.armed else 1500 for n in range(1, 9)]
         self._send(m.MAVLink_servo_output_raw_message(ms * 1000, 0, *pwm))
         self._send(m.MAVLink_raw_imu_message(ms * 1000, 0, 100, 0, 0, 0, 0, 0, 0, 0))
         self._applet()
+        if int(before * 5) != int(self.now * 5):
+            self._report(ms)
+
+    def _report(self, ms: int) -> None:
+        floats = {"SWP_ST": self._state, "SWP_RUN": self.parameters["SWP_RUN"], "SWP_DONE": self._whole}
+        for name, value in floats.items():
+            self._send(m.MAVLink_named_value_float_message(ms, name.encode(), value))
 
     def _heartbeat(self) -> None:
         mode = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (m.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0)
@@ -160,6 +172,7 @@ class FakeVehicle:
             following = _COURSE[_COURSE.index(self._state) + 1]
             if following == 0:
                 self._text(f"SWP: run {self.parameters['SWP_RUN']:.0f} done")
+                self._whole = int(self.parameters["SWP_RUN"])
             self._enter(following)
 
     def _stop(self, reason: str) -> None:

@@ -36,6 +36,7 @@ DRIVE = RunSettings(arm=True, throttle_us=1710, trigger="override", patience=20)
 @pytest.fixture(autouse=True)
 def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.2)
+    monkeypatch.setattr("rover_sweep.vehicle.controls.INSISTS", 2.0)
 
 
 def _run(link: Link, tmp_path: Path, settings: RunSettings = DRIVE) -> Iterator[Event]:

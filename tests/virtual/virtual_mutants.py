@@ -1,7 +1,6 @@
-"""The drive code with one of its rules taken out: a scenario that depends on the rule must notice.
+"""The drive code with a rule taken out: a scenario that depends on the rule must notice.
 
-CAUGHT_BY = {"rover_sweep.vehicle.guard._heard": ("hole down inf s @ sweep + 0.3 s",)}
-assert noticed("rover_sweep.vehicle.guard._heard", lambda *_: "", CASES[name], tmp_path)
+assert noticed("rover_sweep.vehicle.right_to_move.RULES", without("reported"), CASES[name], tmp_path)
 """
 
 from __future__ import annotations
@@ -12,17 +11,23 @@ from unittest import mock
 from virtual_matrix import Case
 from virtual_promises import broken
 
+from rover_sweep.vehicle import right_to_move
+from rover_sweep.vehicle.right_to_move import Rule
 
-def noticed(rule: str, instead: object, case: Case, folder: Path) -> list[str]:
-    """The promises that are broken in `case` with the rule (a dotted name) replaced by `instead`.
 
-    ValueError where the case breaks a promise with the rule in place: then it says nothing on the rule.
-    AttributeError where there is no such rule.
+def without(*names: str) -> tuple[Rule, ...]:
+    """The rules of the right to move but for these."""
+    assert {rule.__name__ for rule in right_to_move.RULES} >= set(names), names
+    return tuple(rule for rule in right_to_move.RULES if rule.__name__ not in names)
+
+
+def noticed(place: str, instead: object, case: Case, folder: Path) -> list[str]:
+    """The promises that are broken in `case` with `place` (a dotted name) replaced by `instead`.
+
+    AttributeError where there is no such place.
     """
-    if before := problems(case, folder / "whole"):
-        raise ValueError(f"{case.name} fails without the mutant too: {before}")
-    with mock.patch(rule, instead):
-        return problems(case, folder / "mutant")
+    with mock.patch(place, instead):
+        return problems(case, folder)
 
 
 def problems(case: Case, folder: Path) -> list[str]:

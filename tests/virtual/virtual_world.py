@@ -44,6 +44,7 @@ _OF_STATE: Mapping[int, Phase] = {
     9: "standing after",
 }
 _STEERING, _THROTTLE, _SWITCH = 0, 2, 5  # RC channels, 0-based
+_REACHES = 0.3  # s within which what the laptop sends must come through to count as reaching the vehicle
 _OVERRIDE, _COMMAND, _NAMED_FLOAT = 70, 76, 251  # message numbers
 WALL_0, SINCE_BOOT_0, MONOTONIC_0 = 1_700_000_000.0, 5000.0, 1000.0
 
@@ -259,7 +260,9 @@ class World:
     def _write_row(self) -> None:
         vehicle, laptop, rover = self.vehicle, self.laptop, self.vehicle.rover
         awake = laptop.death is None and self.now_us >= laptop.wakes_us
-        reachable = awake and self.connected and not (self.up.weather.hole or self.up.weather.stall)
+        up = self.up.weather
+        in_time = up.delay + up.jitter < _REACHES and not (up.hole or up.stall)
+        reachable = awake and self.connected and in_time
         heard = laptop.heard, laptop.state_heard, laptop.sent, reachable
         if rover is None:
             off = (0.0, 0.0, 0.0, 0, 0, 0, 0, False, 0, 0, vehicle.run)

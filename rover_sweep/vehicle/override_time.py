@@ -1,0 +1,48 @@
+"""Parameters that are other while something of ours is overridden, and put back afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rover_sweep.errors import LinkError, RoverSweepError, UsageError
+from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.parameters import write
+
+_LAPSE = "RC_OVERRIDE_TIME"
+SHORT: Mapping[str, float] = {
+    _LAPSE: 1.0,  # s that an override outlives us; the longest gap between two of ours is 0.55 s
+    "RC_FS_TIMEOUT": 0.5,  # s after which a lost radio is missed, in such a gap; 4.7 and later, 0.5 before
+}
+
+
+class Lapse:
+    """present: parameters of the vehicle. overrides: whether this run overrides anything."""
+
+    def __init__(self, link: Link, present: Mapping[str, float], overrides: bool) -> None:
+        self._link = link
+        self._before = {name: present[name] for name in SHORT if overrides and name in present}
+        self._changed: list[str] = []
+
+    def shorten(self) -> None:
+        """UsageError where the vehicle takes no overrides."""
+        if self._before.get(_LAPSE) == 0:
+            raise UsageError(
+                f"{_LAPSE} is 0: the rover takes no throttle or switch from a ground station; set it to 3, "
+                "or let the pilot drive and throw the switch"
+            )
+        for name, before in self._before.items():
+            if before != SHORT[name]:
+                self._changed.append(name)
+                write(self._link, name, SHORT[name])
+
+    def put_back(self, reachable: bool) -> list[str]:
+        """As it was; a sentence where that fails. reachable: whether the vehicle is heard at all."""
+        failures = []
+        for name in self._changed:
+            try:
+                if not reachable:
+                    raise LinkError("the rover is not heard")
+                write(self._link, name, self._before[name])
+            except RoverSweepError:
+                failures.append(f"{name} is still {SHORT[name]:g} s; it was {self._before[name]:g} s before")
+        return failures

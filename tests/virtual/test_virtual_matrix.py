@@ -1,0 +1,40 @@
+"""Every fault in every phase of a run: what is promised holds; and what breaks without the rules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from virtual_matrix import CASES
+from virtual_mutants import noticed, problems, without
+
+RULES = "rover_sweep.vehicle.right_to_move.RULES"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_promised_holds(name: str, tmp_path: Path) -> None:
+    assert problems(CASES[name], tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("rules", "case"),
+    [
+        (("reported",), "script silent @ sweep + 0.3 s"),
+        (("reported",), "script silent @ waiting + 0.3 s"),
+        (("heard", "reported", "no_hole"), "hole down inf s @ sweep + 0.3 s"),
+        (("heard", "reported", "no_hole", "speed_known"), "hole down 4 s @ waiting + 0.3 s"),
+    ],
+)
+def test_what_is_promised_breaks_without_the_rule(rules: tuple[str, ...], case: str, tmp_path: Path) -> None:
+    assert noticed(RULES, without(*rules), CASES[case], tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("place", "instead", "case"),
+    [
+        ("rover_sweep.vehicle.controls.MAY_BE_ARMED", "", "hole both inf s @ sweep + 0.3 s"),
+        ("rover_sweep.vehicle.controls.HIGH", 1100, "hole both 0.6 s @ waiting + 0.3 s"),
+    ],
+)
+def test_it_breaks_without_the_mechanism(place: str, instead: object, case: str, tmp_path: Path) -> None:
+    assert noticed(place, instead, CASES[case], tmp_path)
