@@ -47,7 +47,7 @@ def identify_vehicle(link: Link) -> Vehicle:
     if answer is None:
         silent = f"the rover on {link.url} does not tell its version (AUTOPILOT_VERSION)"
         raise link.no_answer(silent, "is the link too slow?")
-    version = _version(answer.flight_sw_version)
+    version = link.version = _version(answer.flight_sw_version)
     if version[:2] < OLDEST:
         raise LinkError(
             f"ArduRover {'.'.join(map(str, version))} is too old for the applet, "

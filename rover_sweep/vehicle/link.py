@@ -61,8 +61,9 @@ class Link:
 
     url, tlog: where it is connected and recorded. clock: the vehicle's. armed, mode (custom_mode),
     heartbeat: from its last HEARTBEAT. may_be_armed: a run armed it and has not heard that it is
-    disarmed. texts: the last 200 status texts. line: what opens the connection and tells the time;
-    whoever waits on a link takes the time from there.
+    disarmed. version: of the firmware once it was asked for, () before. texts: the last 200 status
+    texts. line: what opens the connection and gives the time; whoever waits on a link takes the time
+    from there.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class Link:
         self._meter, self._ack = LinkMeter(), b""
         self._ended = False
         self.may_be_armed = False
+        self.version: tuple[int, ...] = ()
 
     @classmethod
     def open(

@@ -10,19 +10,25 @@ from rover_sweep.vehicle.right_to_move import RightToMove
 _REPORTS = 3.0  # s: an idle applet tells its last whole run once a second
 _LOST = 1.5  # s without a message
 _OF_OUR_SWITCH = "switch low"
+_NOT_RECEIVED = "the rover did not receive our override of the switch, which fell low"
 
 
 def hear_outcome(
-    link: Link, follower: Follower, right: RightToMove, name: str, failures: list[str]
+    link: Link, follower: Follower, right: RightToMove, name: str, failures: list[str], holds_switch: bool
 ) -> tuple[bool, str]:
-    """(completed, reason in words). LinkError, with `failures` as its notes, where the rover is not heard."""
+    """(completed, reason in words). LinkError, with `failures` as its notes, where the rover is not heard.
+
+    holds_switch: the switch is an override of ours.
+    """
     if right.lost and right.silence > _LOST:
         raise cut_off(right, name, failures)
     _wait(link, follower)
     completed, reason = follower.outcome
-    if right.lost and not completed and (not follower.outcome_heard or reason == _OF_OUR_SWITCH):
-        reason = right.lost
-    return completed, reason
+    if completed or (follower.outcome_heard and reason != _OF_OUR_SWITCH):
+        return completed, reason
+    if right.rebooted:
+        return False, "the rover rebooted"
+    return False, right.lost or (_NOT_RECEIVED if holds_switch else reason)
 
 
 def cut_off(right: RightToMove, name: str, failures: list[str]) -> LinkError:

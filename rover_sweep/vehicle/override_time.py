@@ -8,10 +8,10 @@ from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.parameters import write
 
-_LAPSE = "RC_OVERRIDE_TIME"
+_LAPSE, RADIO_MISSED, RADIO_MISSED_SINCE = "RC_OVERRIDE_TIME", "RC_FS_TIMEOUT", (4, 7)
 SHORT: Mapping[str, float] = {
     _LAPSE: 1.0,  # s that an override outlives us; the longest gap between two of ours is 0.55 s
-    "RC_FS_TIMEOUT": 0.5,  # s after which a lost radio is missed, in such a gap; 4.7 and later, 0.5 before
+    RADIO_MISSED: 0.5,  # s after which a lost radio is missed, in such a gap; fixed at 0.5 before 4.7
 }
 
 

@@ -105,8 +105,11 @@ def same_boot(s: Situation) -> str:
 
 
 def reported(s: Situation) -> str:
-    late = s.under_way and s.since_report > REPORTED
-    return f"the applet has not reported its state for {s.since_report:.1f} s" if late else ""
+    if not s.under_way or s.since_report <= REPORTED:
+        return ""
+    if s.silence > REPORTED / 2:
+        return f"nothing was heard from the rover for {s.silence:.1f} s"
+    return f"the applet has not reported its state for {s.since_report:.1f} s"
 
 
 def same_run(s: Situation) -> str:
@@ -195,7 +198,8 @@ class RightToMove:
         """The switch goes high now. before: SWP_RUN until now; the run that is begun has another number."""
         self._hole, self._thrown, self._before, self._begun = 0.0, True, before, 0
         self._last, self._entered, self._state = self._now(), self._now(), 0
-        self._armed = True  # of this the next heartbeat tells
+        self._armed = True  # the next heartbeat says whether it is so
+        self._channels, self._no_transmitter = {}, ""
 
     def holds(self) -> bool:
         """Whether the rover may be moved now. False, and `lost` '', while the wall clock is in doubt."""
@@ -210,6 +214,10 @@ class RightToMove:
     def silence(self) -> float:
         """s since the vehicle was last heard."""
         return self._last.age(self._now())
+
+    @property
+    def rebooted(self) -> bool:
+        return self._clock.boots > self._boots
 
     @property
     def heard(self) -> bool:
@@ -284,7 +292,7 @@ class RightToMove:
             thrown=self._thrown,
             silence=self._last.age(now),
             hole=self._hole,
-            rebooted=self._clock.boots > self._boots,
+            rebooted=self.rebooted,
             state=self._state,
             since_report=math.inf if reported is None else reported.age_anywhere(now),
             in_state=now.vehicle - self._entered.vehicle,

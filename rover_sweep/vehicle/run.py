@@ -46,7 +46,7 @@ from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.manoeuvre import parameters_of
 from rover_sweep.vehicle.mavlink import Message
 from rover_sweep.vehicle.outcome import hear_outcome
-from rover_sweep.vehicle.override_time import Lapse
+from rover_sweep.vehicle.override_time import RADIO_MISSED, RADIO_MISSED_SINCE, Lapse
 from rover_sweep.vehicle.parameters import read_present, write
 from rover_sweep.vehicle.rebooted import RebootWatch
 from rover_sweep.vehicle.right_to_move import Limits, RightToMove
@@ -69,7 +69,6 @@ _SELF_DESCRIBING = (
         "SWP_STILL",
         "SWP_V_MAX",
         "RC_OVERRIDE_TIME",
-        "RC_FS_TIMEOUT",
         "FS_THR_ENABLE",
     ),
     *(f"SERVO{n}_{what}" for n in (1, 2, 3, 4) for what in ("FUNCTION", "TRIM", "MIN", "MAX", "REVERSED")),
@@ -115,7 +114,8 @@ def run(
     """
     link.record_to(tlog)
     yield from _upload(link, parameters_of(manoeuvre, **settings.extra))
-    present = read_present(link, _SELF_DESCRIBING)
+    newer = (RADIO_MISSED,) if link.version >= RADIO_MISSED_SINCE else ()
+    present = read_present(link, (*_SELF_DESCRIBING, *newer))
     refuse_blind(present, settings)
     channels = find_channels(link)
     follower, monitor = Follower(_steering_output(present)), StreamMonitor(_JUDGED)
@@ -143,7 +143,8 @@ def run(
             raise
         failures = controls.let_go()
         failures = [*lapse.put_back(right.heard), *failures]
-        outcome = hear_outcome(link, follower, right, name, failures)
+        holds_switch = settings.trigger == "override"
+        outcome = hear_outcome(link, follower, right, name, failures, holds_switch)
         yield from follower.take()
     for failure in failures:
         yield Notice("warning", f"after {name}: {failure}")

@@ -138,7 +138,7 @@ def test_a_lost_link_is_found_again_and_the_rover_let_go(rover: launcher.Running
         asked.connect(proxy.url)
         in_mid_sweep(asked, FAST, SETTINGS)
         proxy.cut()
-        assert "ended" in asked.wait(Ended).failure
+        assert "ended" in asked.wait(Ended, seconds=60.0).failure
         assert asked.wait(Lost).reason
         (run,) = read(tmp_path / "s").runs
         assert (run.state, run.left_armed) == ("cut", True)

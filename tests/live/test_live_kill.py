@@ -49,6 +49,8 @@ def station(url: str, folder: Path) -> subprocess.Popen[str]:
 
 def frames_of(tlog: Path) -> list[bytes]:
     """The frames of a .tlog, each after 8 bytes of time; of the last one a part may be missing."""
+    if not tlog.exists():  # killed before it was begun
+        return []
     frames, data, at = list[bytes](), tlog.read_bytes(), 8
     while at + 12 < len(data):
         length = 12 + data[at + 1]  # MAVLink 2, unsigned
