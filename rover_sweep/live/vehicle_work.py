@@ -56,6 +56,8 @@ class Work:
         """Who it is, what a run before left undone, and the streams."""
         vehicle = identify_vehicle(link)
         self.session.on(asdict(vehicle))
+        if link.armed and not link.clock.known:
+            link.request_message("SYSTEM_TIME")  # since when it is armed is judged by its clock
         if link.armed and still_ours(self.session.content, link.clock.now):
             yield from let_go_late(link, disarm=True)
         yield Connected(link.url, vehicle)

@@ -26,8 +26,6 @@ def hear_outcome(
     completed, reason = follower.outcome
     if completed or (follower.outcome_heard and reason != _OF_OUR_SWITCH):
         return completed, reason
-    if right.rebooted:
-        return False, "the rover rebooted"
     return False, right.lost or (_NOT_RECEIVED if holds_switch else reason)
 
 

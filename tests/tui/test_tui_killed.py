@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,7 +34,11 @@ def session(rover: launcher.Running, folder: Path) -> Iterator[Terminal]:
     with Terminal((*command, *options), state) as terminal:
         terminal.until("[1 CONNECT]", rover.connection)
         terminal.press("\r")
-        terminal.until("[2 PREFLIGHT]", "✓ good      applet")
+        terminal.until("[2 PREFLIGHT]", "mode  ")
+        while "BAD       ekf" in terminal.screen:  # its clock runs from the connection on
+            time.sleep(1.0)
+            terminal.press("r")
+            terminal.until("[2 PREFLIGHT]", "ekf", "good")
         yield terminal
 
 
