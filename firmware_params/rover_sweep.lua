@@ -111,10 +111,10 @@ local function missing_call()
 end
 
 local function roll_rad()
-    if ahrs.get_roll then
-        return ahrs:get_roll()
+    if ahrs.get_roll_rad then -- first: from 4.7 on a call of the old name forbids arming (seen on 4.8-dev)
+        return ahrs:get_roll_rad()
     end
-    return ahrs:get_roll_rad()
+    return ahrs:get_roll()
 end
 
 -- NaN where that channel steers no more: get_output_pwm would tell the PWM of another servo.

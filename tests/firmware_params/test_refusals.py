@@ -181,6 +181,16 @@ def test_neither_way_to_read_the_output_is_refused() -> None:
     assert bench.texts == ["SWP: no SRV_Channels:get_output_pwm"]
 
 
+def test_roll_is_read_by_its_new_name_where_there_is_one() -> None:
+    """4.7 and later refuse to arm after a single call of ahrs:get_roll."""
+    newer = "ahrs.get_roll_rad, ahrs.get_roll = ahrs.get_roll, function() error('deprecated') end\n"
+    bench = moving(still=0, trec=5, straight=0)
+    drive = Drive(bench, newer + applet_source())
+    throw_switch(drive)
+    drive.run_until(0)
+    assert drive.host.error is None and bench.texts[-1] == "SWP: run 1 done"
+
+
 def test_gcs_loss_wanted_but_not_to_be_seen_is_refused() -> None:
     bench = moving(gcs=1)
     drive = Drive(bench, removed=("gcs:last_seen",))
