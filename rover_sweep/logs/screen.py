@@ -20,7 +20,7 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
     "throttle": (500.0, 2500.0), "pwm": (500.0, 2500.0), "delta": (-np.pi / 2, np.pi / 2),
 }  # fmt: skip
 OUTPUTS = ("pwm", "throttle")  # 0 us is an output that is switched off
-OTHER_UNIT = dict.fromkeys(("r", "p"), "deg/s for rad/s") | {"ay": "mg or cm/s^2 for m/s^2"}
+OTHER_UNIT = dict.fromkeys(("r", "p"), " (deg/s for rad/s?)") | {"ay": " (mg or cm/s^2 for m/s^2?)"}
 IMPOSSIBLE_LIMIT = 0.01  # share of a channel's samples above which what is left is not to be trusted either
 RESPONSES = ("r", "ay", "p", "vy")
 FEWEST = 20  # samples of a channel in a run
@@ -58,7 +58,8 @@ def _possible(log: Log, channel: str, signal: Signal, notes: list[Note]) -> Sign
         )
         if count > 1 + IMPOSSIBLE_LIMIT * signal.x.size:
             raise DataRefused(
-                f"{log.name}: {said}; a damaged file, or {OTHER_UNIT.get(channel, 'another unit')}?"
+                f"{log.name}: {said}; the file is damaged, or {channel} is in another unit"
+                f"{OTHER_UNIT.get(channel, '')}: copy the log again, or convert the channel"
             )
         notes.append(Note("warning", f"{said}; they were left out"))
     keep = ~(wrong | off)
