@@ -27,6 +27,7 @@ from rover_sweep.identify.identification import identify as run_identification
 from rover_sweep.identify.quality import CoherenceVerdict, assess
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import Band
+from rover_sweep.identify.soundness.length import each_with_length
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, number
 from rover_sweep.preparation import (
@@ -77,7 +78,7 @@ class Runs(Shown, Sequence[Recording]):
 
     def coherence(self) -> tuple[CoherenceVerdict, ...]:
         """The quick verdict on each run: keep it, or repeat it with what."""
-        return tuple(assess(run) for run in self.recordings)
+        return tuple(assess(run) for run in each_with_length(self.recordings))
 
     def table(self) -> ShortTable:
         """Name, kind, length, speed and channels of each run, and the warnings."""

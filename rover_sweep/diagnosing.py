@@ -16,6 +16,7 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.soundness.faults import SPARED, faulty_channels
+from rover_sweep.identify.soundness.length import with_length
 from rover_sweep.identify.soundness.rovers import with_rovers
 from rover_sweep.known_steering import has_linkage, known
 from rover_sweep.material_sizes import spread_of
@@ -116,7 +117,7 @@ def diagnosed(
 
 def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
     """The material without lateral channels that are faulty, and why; DataRefused where more is faulty."""
-    runs = with_rovers((*given.runs, *given.held_out))
+    runs = with_rovers((*with_length(given.runs), *given.held_out))
     without, why = faulty_channels(runs)
     if not without:
         return given, ()

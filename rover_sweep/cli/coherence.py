@@ -45,12 +45,13 @@ def coherence(
     0.8 and a random error of 10 %, as far as servo, tyres and applet allow. A poor run is an answer, not
     an error: the exit code is 0.
     """
+    from rover_sweep.identify.soundness.length import each_with_length
     from rover_sweep.preparation import load_runs
     from rover_sweep.vehicle_file import load
 
     vehicle = load(vehicle_file) if vehicle_file else None
     filters = filter_overrides(gyro_filter, accel_filter)
-    found = load_runs(runs, columns, filters, system=system)
+    found = each_with_length(load_runs(runs, columns, filters, system=system))
     parameters = _parameters(runs, columns, found)
     judged = [_judged(run, parameters[run.name], vehicle, servo) for run in found]
     if as_json:

@@ -30,6 +30,7 @@ from rover_sweep.identify.recommendation import recommendation
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.soundness.faults import spoiling
 from rover_sweep.identify.soundness.imu_place import wrong_place
+from rover_sweep.identify.soundness.length import each_with_length, too_short, with_length
 from rover_sweep.identify.soundness.rovers import TWO_ROVERS, with_rovers
 from rover_sweep.identify.structure import ModelStructure
 from rover_sweep.identify.table import ShortTable, Shown, band_words
@@ -117,11 +118,12 @@ def identify(
     _refuse_same_names([s.name for s in structures])
     together = with_rovers((*runs, *verify_on))
     runs, verify_on = together[: len(runs)], together[len(runs) :]
-    groups, quality = grouped(runs, wanted), tuple(_assessed(run, wanted.condition_on) for run in runs)
+    quality = tuple(_assessed(run, wanted.condition_on) for run in each_with_length(runs))
+    groups = grouped(runs, wanted)
     reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
     said = tuple(dict.fromkeys(words for g in groups for words in g.remarks))
     if len(reasons) == len(groups):
-        stops = tuple(dict.fromkeys(reasons.values()))
+        stops = (*_short(runs, wanted), *dict.fromkeys(reasons.values()))
         refused = dict.fromkeys((*wanted.models, *(s.name for s in structures)), stops[0])
         return Identification(geometry, wanted, groups, quality, {}, refused, None, (*stops, *said))
     said = (*(_left_out(groups[i], why) for i, why in reasons.items()), *said)
@@ -135,7 +137,7 @@ def identify(
     if too_much:
         models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
     models, spoilt = _judged_by_data(
-        models, (*_runs(groups), *_of_another(verify_on)), wanted, _misplaced(models, work)
+        models, (*_long_enough(groups, wanted), *_of_another(verify_on)), wanted, _misplaced(models, work)
     )
     best, words = recommendation(models, geometry.wheelbase, too_much, spoilt)
     return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *said))
@@ -143,6 +145,17 @@ def identify(
 
 def _runs(groups: Sequence[Group]) -> tuple[Recording, ...]:
     return tuple(run for group in groups for run in group.runs)
+
+
+def _long_enough(groups: Sequence[Group], settings: Settings) -> tuple[Recording, ...]:
+    """The runs of the groups, with a fault where they are too short together."""
+    return with_length(_runs(groups), *(settings.band or ())[:1])
+
+
+def _short(runs: Sequence[Recording], settings: Settings) -> tuple[str, ...]:
+    """What to say first where nothing can be identified because the runs are short."""
+    fault = too_short(runs, *(settings.band or ())[:1])
+    return (f"nothing can be identified: {fault.text}",) if fault else ()
 
 
 def _of_another(runs: Sequence[Recording]) -> tuple[Recording, ...]:

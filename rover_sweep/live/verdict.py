@@ -15,6 +15,7 @@ from rover_sweep.identify.quality import answering, assess, responses
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.response import FrequencyResponse
 from rover_sweep.identify.soundness.faults import advice_on
+from rover_sweep.identify.soundness.length import each_with_length
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.verdict_advice import advice, side_remark
 from rover_sweep.live.verdict_bands import bands, spoken
@@ -58,6 +59,7 @@ def named(verdict: Verdict, name: str, source: Path) -> Verdict:
 
 def verdict_of(run: Recording, log: Log, vehicle: Vehicle | None = None) -> Verdict:
     """The verdict on a run of a log."""
+    (run,) = each_with_length([run])
     remarks = tuple(note.text for note in run.notes if note.level == "warning")
     if run.kind == "doublet" and (broken := advice_on(run)):
         return Verdict(run.name, *broken, remarks=remarks)

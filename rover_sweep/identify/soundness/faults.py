@@ -10,9 +10,10 @@ from rover_sweep.identify.recording import Note, Recording
 from rover_sweep.identify.soundness.clipping import CLIPPED, clipping
 from rover_sweep.identify.soundness.clock import STRETCHED, stretched_by_angles
 from rover_sweep.identify.soundness.kinematics import kinematics
+from rover_sweep.identify.soundness.length import TOO_SHORT
 from rover_sweep.identify.soundness.relations import relations
 
-REPEATED = (CLIPPED,)  # another drive mends these
+REPEATED = (CLIPPED, TOO_SHORT)  # another drive mends these
 SPARED = {"p": "r,ay", "ay": "r,p"}  # channel that a fit can do without: the option that leaves it out
 
 
