@@ -106,7 +106,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except RoverSweepError as error:
-        tell_error(str(error))
+        tell_error(str(error), getattr(error, "__notes__", ()))
         return error.exit_code
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
@@ -114,8 +114,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except click.ClickException as error:
         tell_error(f"{error.format_message()}{_see_help(error)}")
         return error.exit_code
-    except (click.Abort, KeyboardInterrupt):
-        tell_error("interrupted")
+    except (click.Abort, KeyboardInterrupt) as error:
+        tell_error("interrupted", getattr(error, "__notes__", ()))
         return 130
     except BrokenPipeError:  # the reader of our output went away, as in `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

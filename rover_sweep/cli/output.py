@@ -28,9 +28,11 @@ def echo_json(text: str) -> None:
     click.echo(within_json(text).removesuffix("\n"))
 
 
-def tell_error(words: str) -> None:
-    """The last sentence of a command that failed."""
+def tell_error(words: str, notes: Sequence[str] = ()) -> None:
+    """The last sentence of a command that failed, and what could not be undone after it, a line each."""
     echo(f"rover-sweep: {shortened(words, _LONGEST)}", err=True)
+    for note in notes:
+        echo(shortened(note, _LONGEST), err=True)
 
 
 def results(as_json: bool = False) -> Console:

@@ -121,30 +121,30 @@ def run(
     follower, monitor = Follower(_steering_output(present)), StreamMonitor(_JUDGED)
     reboots = RebootWatch.since_now(link.clock)
     yield RunStarted(name, manoeuvre, tlog)
-    catch_up(link)  # the user may have been asked, for minutes
-    still = present.get("SWP_STILL", 0.0)
     drives = settings.throttle_us is not None
     ours = overridden(channels, settings.trigger, drives)
-    right = RightToMove(link.line, link.clock, _limits(manoeuvre, present, drives, ours))
-    controls = Controls(link, channels, settings.trigger, drives, right)
-    limit = manoeuvre.duration + 2 * still + settings.patience + _START_LIMIT
     lapse = Lapse(link, present, overrides=bool(ours))
-    with link.listening(right.message), link.listening(_into(follower, link), follower.text):
-        try:
-            yield from await_rest(link, follower, settings)
-            lapse.shorten()
-            start = yield from _start(link, controls, follower, settings, right)
-            with link.listening(monitor):
-                yield from _follow(link, controls, follower, settings, limit, right)
-        except BaseException as error:
-            told, failed = _told_to_stop(error, link, settings), controls.let_go()
-            for failure in [*told, *lapse.put_back(right.heard), *failed]:
-                error.add_note(failure)
-            raise
-        failures = controls.let_go()
-        failures = [*lapse.put_back(right.heard), *failures]
-        holds_switch = settings.trigger == "override"
-        outcome = hear_outcome(link, follower, right, name, failures, holds_switch)
+    limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
+    with link.listening(_into(follower, link), follower.text):
+        catch_up(link)  # the user may have been asked, for minutes
+        right = RightToMove(link.line, link.clock, _limits(manoeuvre, present, drives, ours))
+        controls = Controls(link, channels, settings.trigger, drives, right)
+        with link.listening(right.message):
+            try:
+                yield from await_rest(link, follower, settings)
+                lapse.shorten()
+                start = yield from _start(link, controls, follower, settings, right)
+                with link.listening(monitor):
+                    yield from _follow(link, controls, follower, settings, limit, right)
+            except BaseException as error:
+                told, failed = _told_to_stop(error, link, settings), controls.let_go()
+                for failure in [*told, *lapse.put_back(right.heard), *failed]:
+                    error.add_note(failure)
+                raise
+            failures = controls.let_go()
+            failures = [*lapse.put_back(right.heard), *failures]
+            holds_switch = settings.trigger == "override"
+            outcome = hear_outcome(link, follower, right, name, failures, holds_switch)
         yield from follower.take()
     for failure in failures:
         yield Notice("warning", f"after {name}: {failure}")
