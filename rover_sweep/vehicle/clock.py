@@ -24,21 +24,30 @@ def vehicle_seconds(message: Message) -> float | None:
 
 @dataclass
 class VehicleClock:
-    """Latest time since boot [s]; `boots` counts how often it went back (a reboot)."""
+    """Latest time since boot [s]; `boots` counts how often it went back (a reboot).
+
+    One message with an earlier time is none; a second in a row that goes on from there is.
+    """
 
     now: float = 0.0
     known: bool = False
     boots: int = 0
+    _earlier: float | None = None
 
     def update(self, message: Message) -> None:
         seconds = vehicle_seconds(message)
         if seconds is None:
             return
         if self.known and seconds < self.now - _REWIND:
-            self.boots += 1
-            self.now = seconds
-        self.now = max(self.now, seconds)
-        self.known = True
+            self._went_back(seconds)
+            return
+        self.now, self.known, self._earlier = max(self.now, seconds), True, None
+
+    def _went_back(self, seconds: float) -> None:
+        if self._earlier is None or seconds < self._earlier:
+            self._earlier = seconds
+            return
+        self.boots, self.now, self._earlier = self.boots + 1, seconds, None
 
 
 @dataclass

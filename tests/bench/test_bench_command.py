@@ -17,6 +17,7 @@ from rover_sweep.bench.standing import NotStanding
 from rover_sweep.cli.main import run
 from rover_sweep.errors import UsageError
 from rover_sweep.logs.tlog import open_tlog
+from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.parameters import write
 from rover_sweep.vehicle_file import load
@@ -119,7 +120,7 @@ def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: On
     url = on_blocks()
 
     def takes_it() -> None:
-        with Link.open(url, tmp_path / "pilot.tlog") as pilot:
+        with Link.open(url, tmp_path / "pilot.tlog", access=Access(system=1)) as pilot:  # at once
             pilot.require("go into HOLD", "MAV_CMD_DO_SET_MODE", 1.0, 4.0)
 
     def hold() -> None:

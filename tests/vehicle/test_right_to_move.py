@@ -105,6 +105,13 @@ def hole_unnoticed(run: Run) -> None:
     run.go(0.5)
 
 
+def test_one_message_of_an_earlier_time_is_no_reboot() -> None:
+    run = Run()
+    run.clock.update(m.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, 0))
+    run.go(0.5)
+    assert run.holds and run.clock.boots == 0
+
+
 def reboot(run: Run) -> None:
     run.boot = 2.0
     run.go(0.5)
