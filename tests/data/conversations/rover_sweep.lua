@@ -17,12 +17,16 @@ ends, and the main loop gives steering back to the pilot. If this script dies, t
 itself after OVERRIDE_MS. After a stop the switch must go low first; so it must after boot, after arming
 and after a change of SWP_CHAN. A disarm and arm between two updates cannot be seen from Lua.
 
+One SWP_GO is one run: after a run for which the ground wrote a new SWP_GO, after a lost GCS, a paused script,
+or a switch that may have fallen only because an override lapsed, no run begins until SWP_GO is written anew
+or the pilot throws the switch high and low while no ground station can override it.
+
 The waves are those of rover_sweep/identify/sweep.py and multisine.py. Numbers here are 32-bit integers and
 single floats.
 "Source" below is ArduPilot at Rover-4.6.3, with Rover-4.5.7 compared.
 ]]
 
-local VERSION = "1.2"
+local VERSION = "1.3"
 local TABLE_KEY = 158 -- used by no script that ships with 4.5 or 4.6
 local PREFIX = "SWP_"
 
@@ -51,6 +55,7 @@ local PARAMETERS = {
     { "CHAN", 0, 0, 16 },
     { "RUN", 0, 0, 65535 },
     { "BIAS", 0, -400, 400 }, -- new ones at the end: the place in this table is the parameter's key
+    { "GO", 0, 0, 65535 },
 }
 
 local PERIOD_MS = 10 -- gives 85 Hz on 4.5.7 and 4.6.3; 72 ms was the longest gap on an idle machine, at loop 50
@@ -106,10 +111,10 @@ local function missing_call()
 end
 
 local function roll_rad()
-    if ahrs.get_roll then
-        return ahrs:get_roll()
+    if ahrs.get_roll_rad then -- first: from 4.7 on a call of the old name forbids arming (seen on 4.8-dev)
+        return ahrs:get_roll_rad()
     end
-    return ahrs:get_roll_rad()
+    return ahrs:get_roll()
 end
 
 -- NaN where that channel steers no more: get_output_pwm would tell the PWM of another servo.
@@ -331,6 +336,71 @@ local function look(source)
     }
 end
 
+---------------------------------------------------------------- who may begin a run
+
+-- From Lua an override of the switch looks like the pilot's own radio. It holds for RC_OVERRIDE_TIME after the
+-- ground station was last heard (source: RC_Channel::has_override), so what is seen later is the pilot's.
+local go = {
+    used = nil, -- SWP_GO of the last run, or as it was when this script started
+    locked_by = nil, -- number of the run after which no other begins
+    high = false, -- the pilot's own switch was seen high since
+    LATE_MS = 1500, -- a ground station sends overrides several times a second
+    MARGIN_MS = 1000, -- last_seen may be older than the last override
+}
+
+-- How long an override may hold [ms]; nil where it never ends (RC_OVERRIDE_TIME below 0).
+function go.lapse_ms()
+    local seconds = param:get("RC_OVERRIDE_TIME") or 3.0
+    return seconds >= 0 and 1000.0 * seconds or nil
+end
+
+-- Whether the switch that is seen now can only be the pilot's.
+function go.is_pilots(seen)
+    local lapse = go.lapse_ms()
+    return lapse and seen.gcs_age_ms and seen.gcs_age_ms > lapse + go.MARGIN_MS
+end
+
+-- Whether a switch that goes low now may be an override that lapsed.
+function go.may_have_lapsed(seen)
+    local lapse = go.lapse_ms()
+    return lapse and seen.gcs_age_ms and seen.gcs_age_ms > math.min(go.LATE_MS, 0.8 * lapse)
+        and not go.is_pilots(seen)
+end
+
+-- Unlocked by the pilot: high, then low, while only his radio moves the switch.
+function go.watch(seen)
+    if not go.locked_by or not go.is_pilots(seen) then
+        go.high = false
+    elseif seen.switch == HIGH then
+        go.high = true
+    elseif seen.switch == LOW and go.high then
+        go.locked_by, go.high = nil, false
+    end
+end
+
+-- Why these parameters begin no run, or nil.
+function go.refuse(values)
+    if go.locked_by and values.GO == go.used then
+        return string.format("after run %d, needs a new SWP_GO", go.locked_by)
+    end
+    return nil
+end
+
+-- A run begins with this SWP_GO.
+function go.take(values)
+    values.asked = values.GO ~= go.used
+    go.used, go.locked_by, go.high = values.GO, nil, false
+end
+
+-- The run ends, whole or for this reason.
+function go.ended(ended, seen, reason)
+    local lapsed = reason == "switch low" and go.may_have_lapsed(seen)
+    local unattended = reason == "GCS lost" or reason and string.find(reason, "^script paused")
+    if ended.asked or unattended or lapsed then
+        go.locked_by, go.high = ended.number, false
+    end
+end
+
 ---------------------------------------------------------------- refusing and stopping
 
 local function read_parameters()
@@ -466,10 +536,15 @@ end
 
 ---------------------------------------------------------------- acting and telling
 
+local whole -- number of the last run that came to its end
+
 local function report(rate)
     gcs:send_named_float("SWP_ST", state)
     gcs:send_named_float("SWP_W", rate)
     gcs:send_named_float("SWP_RUN", run and run.number or parameter.RUN:get())
+    if whole and (state == IDLE or state == STOPPED) then
+        gcs:send_named_float("SWP_DONE", whole)
+    end
     last_report = micros()
 end
 
@@ -514,12 +589,15 @@ local function stop(seen, reason)
         release()
     end
     say(WARNING, "run %d stopped: %s", run.number, reason)
+    go.ended(run, seen, reason)
     enter(STOPPED)
     log(seen, run.time, nil)
 end
 
-local function done()
+local function done(seen)
     say(INFO, "run %d done", run.number)
+    go.ended(run, seen, nil)
+    whole = run.number
     enter(IDLE)
     run = nil
 end
@@ -562,11 +640,12 @@ end
 local function begin(seen)
     local values = read_parameters()
     local refusal = refuse_vehicle(values, seen) or refuse_parameters(values) or refuse_servo(values)
-        or refuse_stick(values) or reason_to_stop(values, seen)
+        or refuse_stick(values) or reason_to_stop(values, seen) or go.refuse(values)
     if refusal then
         say(WARNING, "refused: %s", refusal)
         return
     end
+    go.take(values)
     run = values
     run.manoeuvre, run.time = MANOEUVRES[run.TYPE], 0.0
     run.number = math.floor(run.RUN) % 65535 + 1
@@ -628,20 +707,20 @@ local function stand_after(seen)
     end
     local stood = run.still_since and seconds_since(run.still_since) >= run.STILL
     if stood or seen.switch ~= HIGH or not seen.armed then
-        done()
+        done(seen)
     elseif seconds_since(entered) > STILL_TIMEOUT_S then
         say(INFO, "run %d no standstill at the end", run.number)
-        done()
+        done(seen)
     end
 end
 
-local function end_override()
+local function end_override(seen)
     release()
     if run.STILL > 0 then
         say(INFO, "run %d steering is yours: stop", run.number)
         enter(STILL_AFTER)
     else
-        done()
+        done(seen)
     end
 end
 
@@ -657,7 +736,7 @@ local function drive(seen)
     local next_state, offset, rate = run.manoeuvre.at(run, t)
     run.time = t
     if not next_state then
-        end_override()
+        end_override(seen)
         return
     end
     if next_state ~= state then
@@ -707,6 +786,7 @@ local function update()
     local source = channel_number(run and run.CHAN or parameter.CHAN:get())
     local seen = look(source)
     watch_switch(source, seen.armed)
+    go.watch(seen)
     if state == IDLE then
         idle(seen)
         if overriding() then
@@ -741,6 +821,7 @@ local function add_parameters()
         end
         parameter[p[1]] = Parameter(PREFIX .. p[1])
     end
+    go.used = parameter.GO:get()
     return nil
 end
 
