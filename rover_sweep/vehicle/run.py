@@ -56,7 +56,7 @@ _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
 _SWITCH_LOW = 1200  # us, below which an auxiliary switch is low (RC_Channel.cpp, 4.6.3)
 _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's first state
 _ARMING_LIMIT = 60.0  # s that we try to arm for: a yes is not good for ever
-_LOOK = 0.1  # s
+_LOOK, _ASKED = 0.1, 0.3  # s
 _BEFORE_ARMING = 1.0  # s: the radio inputs must show our override before the arming checks
 _JUDGED = frozenset({"SERVO_OUTPUT_RAW", "ATTITUDE", "RAW_IMU"})
 # Read at the start of each run, so that its .tlog explains itself (filters, steering output, limits).
@@ -120,13 +120,15 @@ def run(
     channels = find_channels(link)
     follower, monitor = Follower(_steering_output(present)), StreamMonitor(_JUDGED)
     reboots = RebootWatch.since_now(link.clock)
+    asked = link.line.monotonic()
     yield RunStarted(name, manoeuvre, tlog)
     drives = settings.throttle_us is not None
     ours = overridden(channels, settings.trigger, drives)
     lapse = Lapse(link, present, overrides=bool(ours))
     limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
     with link.listening(_into(follower, link), follower.text):
-        catch_up(link)  # the user may have been asked, for minutes
+        if link.line.monotonic() - asked > _ASKED:  # the user was asked, perhaps for minutes
+            catch_up(link)
         right = RightToMove(link.line, link.clock, _limits(manoeuvre, present, drives, ours))
         controls = Controls(link, channels, settings.trigger, drives, right)
         with link.listening(right.message):
@@ -198,6 +200,7 @@ def _start(
     """Arm, throw the switch and wait for the applet; returns the vehicle's time of the switch [s]."""
     controls.take()
     yield from _arm(link, controls, follower, settings)
+    yield from follower.take()
     yield Armed(link.clock.now)
     if link.mode != MANUAL:
         yield Notice("warning", f"the rover is not in MANUAL (mode {link.mode}); the applet will not start")
@@ -208,7 +211,6 @@ def _start(
     pilot = settings.trigger == "pilot"
     if pilot:
         yield SwitchWanted("high", controls.channels.switch)
-        catch_up(link)
     right.thrown(follower.number)
     controls.throw()
     patience = settings.patience if pilot else _START_LIMIT

@@ -16,7 +16,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
+from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 from conversation_scenarios import (
     APPLET,
@@ -37,6 +39,7 @@ from rover_sweep.vehicle.events import Event, StateChanged, SwitchWanted
 from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link import Link, Refused
 from rover_sweep.vehicle.parameters import write
+from rover_sweep.vehicle.right_to_move import Limits, RightToMove
 from rover_sweep.vehicle.simulated import pilot
 from rover_sweep.vehicle.transport_recorded import RecordedLine
 from rover_sweep.vehicle.transport_replayed import ReplayedLine
@@ -82,13 +85,19 @@ def _recorded(binary: Path, name: str, folder: Path) -> str:
         again.finish()
     except Exception as error:
         return f"{type(error).__name__}: {error}"
-    if json.loads(json.dumps(now)) != then:
-        return "played back, it gives something else"
+    if (again_plain := json.loads(json.dumps(now))) != then:
+        return f"played back, it gives something else: {_first_difference(then, again_plain)}"
     place = CONVERSATIONS / firmware
     place.mkdir(exist_ok=True)
     shutil.copy(path, place / path.name)
     (place / f"{name}.json").write_text(json.dumps(then, indent=None, separators=(",", ":")) + "\n")
     return ""
+
+
+def _first_difference(then: dict[str, Any], now: dict[str, Any]) -> str:
+    pairs = zip_longest(then["events"], now["events"])
+    found = next(((a, b) for a, b in pairs if a != b), (then["files"], now["files"]))
+    return f"{found[0]} then, {found[1]} now"
 
 
 @contextmanager
@@ -119,7 +128,8 @@ def _prepared(rover: Running, name: str, folder: Path) -> str:
 
 
 def _armed_for_a_moment(link: Link) -> None:
-    controls = Controls(link, Channels(1, 3, 6, 1500, 1500), "override", drive=False)
+    right = RightToMove(link.line, link.clock, Limits())
+    controls = Controls(link, Channels(1, 3, 6, 1500, 1500), "override", False, right)
     controls.take()
     for _ in range(60):
         pump(link, 1.0)
