@@ -16,6 +16,7 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identify.effects import library
 from rover_sweep.identify.recording import Recording
 from rover_sweep.identify.soundness.faults import SPARED, faulty_channels
+from rover_sweep.identify.soundness.imu_place import wrong_place_in
 from rover_sweep.identify.soundness.length import with_length
 from rover_sweep.identify.soundness.rovers import with_rovers
 from rover_sweep.known_steering import has_linkage, known
@@ -92,8 +93,10 @@ def diagnosed(
     settled = {effect: why for effect, why in bench.settled.items() if effect not in settings.with_effects}
     settings = replace(settings, spread=bench.spread, without_effects=(*settings.without_effects, *settled))
     left_out: tuple[str, ...] = ()
+    misplaced = ""
     try:
         given, left_out = _sound(given)
+        misplaced = wrong_place_in(given.runs, geometry_of(vehicle), settings.baseline)
         found = diagnose(
             given.runs, geometry_of(vehicle), settings, given.held_out, given.simulated, progress, stop
         )
@@ -102,7 +105,7 @@ def diagnosed(
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
         found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
-    remarks += left_out
+    remarks += [*([misplaced] if misplaced else []), *left_out]
     remarks += [f"{effect} was not looked for: {why}" for effect, why in settled.items()]
     if has_linkage(vehicle):
         remarks.append(

@@ -9,11 +9,16 @@ import pytest
 from damage import NOMINAL
 
 import rover_sweep as rs
+from rover_sweep.diagnosing import Material, diagnosed
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.identify.geometry import Geometry
 from rover_sweep.identify.grouping import Settings
 from rover_sweep.identify.identification import Identification, identify
 from rover_sweep.identify.recording import Recording
+from rover_sweep.identify.soundness.imu_place import wrong_place_in
 from rover_sweep.preparation import geometry_of
+from rover_sweep.vehicle_file import Vehicle
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 NAMED = "the IMU's place has the wrong sign"
@@ -39,7 +44,13 @@ def identified(runs: rs.Runs, true: tuple[float, float], told: tuple[float, floa
 
 
 @pytest.mark.parametrize(
-    ("true", "told", "axis"), [((0.1, 0.0), (-0.1, 0.0), "forward"), ((0.0, 0.0), (0.0, 0.116), "down")]
+    ("true", "told", "axis"),
+    [
+        ((0.1, 0.0), (-0.1, 0.0), "forward"),
+        ((0.05, 0.0), (-0.05, 0.0), "forward"),
+        ((-0.05, 0.0), (0.05, 0.0), "forward"),
+        ((0.0, 0.0), (0.0, 0.116), "down"),
+    ],
 )
 def test_a_wrong_sign_is_named(
     runs: rs.Runs, true: tuple[float, float], told: tuple[float, float], axis: str
@@ -51,8 +62,36 @@ def test_a_wrong_sign_is_named(
     assert any(NAMED in words for words in found.summary)
 
 
-@pytest.mark.parametrize("place", [(0.0, 0.0), (0.1, 0.0), (-0.1, 0.0), (0.0, 0.116)])
+@pytest.mark.parametrize(
+    "place", [(0.0, 0.0), (0.1, 0.0), (-0.1, 0.0), (0.05, 0.0), (-0.03, 0.0), (0.0, 0.116)]
+)
 def test_a_right_place_is_not_doubted(runs: rs.Runs, place: tuple[float, float]) -> None:
     found = identified(runs, place, place)
     assert not any(NAMED in words for words in found.summary)
     assert found.models["roll-yaw"].verdict.level == "good"
+
+
+def test_without_a_yaw_inertia_in_the_file_mass_and_axles_tell(runs: rs.Runs) -> None:
+    """5 cm on the wrong side: C 78 for 32, at a J_ave of 6 for 5."""
+    assert runs.vehicle is not None
+    geometry = replace(geometry_of(runs.vehicle), yaw_inertia=None, imu_x=-0.05)
+    words = wrong_place_in([moved(run, 0.05, 0.0) for run in runs], geometry, "roll-yaw")
+    assert words.startswith(f"{NAMED}: with forward") and "(mass and axles suggest 0.0761)" in words
+
+
+def test_a_diagnosis_says_it_too(runs: rs.Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert runs.vehicle is not None
+    monkeypatch.setattr(
+        "rover_sweep.diagnosis.diagnose.diagnose", lambda *_: Diagnosis("none", "", "roll-yaw")
+    )
+    given = Material(tuple(moved(run, 0.05, 0.0) for run in runs))
+    right, wrong = (diagnosed(given, at(runs.vehicle, x), DiagnosisSettings()) for x in (0.05, -0.05))
+    assert any(words.startswith(NAMED) for words in wrong.remarks)
+    assert not any(words.startswith(NAMED) for words in right.remarks)
+
+
+def at(vehicle: Vehicle, forward: float) -> Vehicle:
+    """The vehicle with its IMU so far ahead of the CG [m]."""
+    assert vehicle.imu_position is not None
+    x, y, z = vehicle.imu_position
+    return replace(vehicle, imu_position=(replace(x, value=forward), y, z))
