@@ -170,6 +170,7 @@ def driven(variant: Path, folder: Path) -> str:
     return str(out)
 
 
+@pytest.mark.slow
 def test_a_bench_takes_the_look_alikes_out_of_a_diagnosis(
     on_blocks: OnBlocks, vehicle_toml: Path, tmp_path: Path
 ):

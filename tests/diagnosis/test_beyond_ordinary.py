@@ -49,6 +49,7 @@ def test_the_candidate_that_has_it_is_named() -> None:
     assert np.exp(found.last.fitted.x["ln_ratio"]) == pytest.approx(RATIO, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_law_without_a_name_is_weighed_as_it_can_be_fitted() -> None:
     """A wind turns the rover with its heading: no candidate does, and a law that does is found."""
     law = next(w for w in laws() if w.words == "yaw moment ~ cos(psi)")

@@ -66,6 +66,7 @@ def found(runs: list[str], columns: str, folder: Path) -> dict[str, dict[str, fl
     return {f["effect"]: {n: p["value"] for n, p in f["parameters"].items()} for f in findings}
 
 
+@pytest.mark.slow
 def test_another_dress_of_the_same_runs_changes_no_name(tmp_path: Path) -> None:
     plain, dressed = tmp_path / "plain", tmp_path / "dressed"
     plain.mkdir(), dressed.mkdir()

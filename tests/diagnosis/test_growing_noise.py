@@ -31,6 +31,7 @@ def runs(grows: float) -> list[Experiment]:
     return out
 
 
+@pytest.mark.slow
 def test_what_is_named_is_not_withdrawn_for_noise_that_no_state_predicts() -> None:
     found = choose(runs(2.0), MODEL, X, Options((EFFECT,), (), 1, lambda what, share: None, lambda: False))
     assert [n.trial.effect for n in found.named] == [EFFECT]
