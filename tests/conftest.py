@@ -10,6 +10,11 @@ import pytest
 DATA = Path(__file__).parent / "data"
 
 
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """A third of the tests waits for a simulated rover's time: half as many workers again as cores."""
+    return -(-3 * (os.cpu_count() or 2) // 2)
+
+
 @pytest.fixture(scope="session")
 def data() -> Path:
     """Recordings of the real firmware that are part of the project."""

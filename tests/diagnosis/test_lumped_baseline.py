@@ -16,6 +16,7 @@ SET = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "d"
 ROVER = Geometry(2.76, 0.196, 0.187, 2.49, 0.058, 0.0146, 0.075)
 
 
+@pytest.mark.slow
 def test_a_trim_and_a_rate_limit_are_named_beside_derivatives(tmp_path: Path) -> None:
     runs = [str(SET / f"run{k}.BIN") for k in (1, 2, 3)]
     out = tmp_path / "out"
