@@ -37,7 +37,8 @@ def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> 
         folder = Path(given)
         if held := _held(folder, (*_SESSION, *also)):
             raise UsageError(
-                f"{folder} holds a session already ({held}); give another --out, or none for a new folder"
+                f"{folder} holds a session already ({held}); go on with it by `rover-sweep resume`, or give "
+                "another --out"
             )
     check_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -33,12 +33,13 @@ from rover_sweep.live.source import (
     Told,
 )
 from rover_sweep.live.telemetry import Telemetry
-from rover_sweep.live.vehicle_stop import Aborted, let_go_late
+from rover_sweep.live.vehicle_stop import Aborted
 from rover_sweep.live.vehicle_verdicts import Beside
 from rover_sweep.live.vehicle_work import Work
 from rover_sweep.session_folder.folder import Session
 from rover_sweep.vehicle.access import Access, SeveralVehicles
 from rover_sweep.vehicle.events import Notice
+from rover_sweep.vehicle.left_armed import let_go_late
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.mavlink import Message
 from rover_sweep.vehicle.transport import Line

@@ -14,11 +14,12 @@ from rover_sweep.identify.multisine import Multisine
 from rover_sweep.identify.sweep import Sweep
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.source import Checked, Drive, Fix, Told
-from rover_sweep.live.vehicle_stop import Aborted, let_go_late, still_ours
+from rover_sweep.live.vehicle_stop import Aborted
 from rover_sweep.live.vehicle_verdicts import Beside
 from rover_sweep.session_folder.folder import Session
 from rover_sweep.vehicle.events import Connected, LogSaved, Notice, Rebooting
 from rover_sweep.vehicle.identity import identify_vehicle, untried
+from rover_sweep.vehicle.left_armed import disarm_left_armed
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.log_download import MavlinkLogs
 from rover_sweep.vehicle.parameters import read, read_present
@@ -56,10 +57,7 @@ class Work:
         """Who it is, what a run before left undone, and the streams."""
         vehicle = identify_vehicle(link)
         self.session.on(asdict(vehicle))
-        if link.armed and not link.clock.known:
-            link.request_message("SYSTEM_TIME")  # since when it is armed is judged by its clock
-        if link.armed and still_ours(self.session.content, link.clock.now):
-            yield from let_go_late(link, disarm=True)
+        yield from disarm_left_armed(link, self.session.content)
         yield Connected(link.url, vehicle)
         if warning := untried(vehicle):
             yield Notice("warning", warning)

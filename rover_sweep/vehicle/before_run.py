@@ -11,12 +11,14 @@ from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle.events import Event, Notice
 from rover_sweep.vehicle.follow import Follower
 from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.link_quality import BadLink
 from rover_sweep.vehicle.parameters import read, write
 
 if TYPE_CHECKING:
     from rover_sweep.vehicle.run import RunSettings
 
 _REPORTS = 5.0  # s of the vehicle's clock; an idle applet reports once a second
+_TOO_LATE, _TOO_LOSSY = 1.0, 0.35  # s from a request to its answer; share of the frames
 _AT_REST, _COMES_TO_REST = 0.5, 20.0  # m/s; s
 _STOPPED, _NUMBERS = 10, 65535
 
@@ -43,10 +45,12 @@ def catch_up(link: Link) -> None:
 def await_rest(link: Link, follower: Follower, settings: RunSettings) -> Iterator[Event]:
     """Wait, where we throw the switch or drive, until the applet is idle and the rover stands.
 
-    LinkError where the applet does not report, is in a run, or the rover goes on moving.
+    LinkError where the link is too poor to drive over, the applet does not report or is in a run, or the
+    rover goes on moving.
     """
     if settings.trigger == "pilot" and settings.throttle_us is None:
         return
+    _refuse_poor(link, settings)
     started, asked = link.clock.now, False
     while waits_for := _not_at_rest(follower, settings):
         waited = link.clock.now - started
@@ -57,6 +61,14 @@ def await_rest(link: Link, follower: Follower, settings: RunSettings) -> Iterato
             yield Notice("info", f"not begun yet: {waits_for}")
         link.receive(0.1)
         yield from follower.take()
+
+
+def _refuse_poor(link: Link, settings: RunSettings) -> None:
+    """BadLink where we would drive over a link too late or too lossy to stop the rover in time."""
+    quality = link.quality
+    late = quality.latency is not None and quality.latency > _TOO_LATE
+    if settings.throttle_us is not None and (late or quality.lost > _TOO_LOSSY):
+        raise BadLink(f"the rover is not driven over this link: {quality.words}")
 
 
 def _not_at_rest(follower: Follower, settings: RunSettings) -> str:

@@ -220,6 +220,7 @@ class Controls:
             if self._link.command(_ARM, 0.0, _FORCE, timeout=0.3, tries=2) != 0:
                 raise LinkError(MAY_BE_ARMED)
             self._armed(False)
+            self._is_disarmed()  # so that nobody is told of a heartbeat from before
 
     def _release(self) -> None:
         for periodic in self._periodic:

@@ -119,7 +119,7 @@ def same_run(s: Situation) -> str:
 
 def slow_enough(s: Situation) -> str:
     fast = s.driven and s.speed > s.limits.v_max
-    return f"speed {s.speed:.1f} m/s is above SWP_V_MAX {s.limits.v_max:g}" if fast else ""
+    return f"speed {s.speed:.2f} m/s is above SWP_V_MAX {s.limits.v_max:g}" if fast else ""
 
 
 def speed_known(s: Situation) -> str:

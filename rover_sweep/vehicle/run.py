@@ -113,6 +113,7 @@ def run(
     what could not be let go as its notes.
     """
     link.record_to(tlog)
+    began = link.line.monotonic(), link.clock.now
     yield from _upload(link, parameters_of(manoeuvre, **settings.extra))
     newer = (RADIO_MISSED,) if link.version >= RADIO_MISSED_SINCE else ()
     present = read_present(link, (*_SELF_DESCRIBING, *newer))
@@ -124,7 +125,7 @@ def run(
     yield RunStarted(name, manoeuvre, tlog)
     drives = settings.throttle_us is not None
     ours = overridden(channels, settings.trigger, drives)
-    lapse = Lapse(link, present, overrides=bool(ours))
+    lapse = Lapse(link, present, began if ours else None)
     limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
     with link.listening(_into(follower, link), follower.text):
         if link.line.monotonic() - asked > _ASKED:  # the user was asked, perhaps for minutes

@@ -28,6 +28,7 @@ from rover_sweep.vehicle.events import (
 )
 from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untried
 from rover_sweep.vehicle.install import install
+from rover_sweep.vehicle.left_armed import disarm_left_armed
 from rover_sweep.vehicle.link import Link
 from rover_sweep.vehicle.log_download import LogEntry, LogSaved, MavlinkLogs
 from rover_sweep.vehicle.manoeuvre import refuse_undersampled
@@ -82,6 +83,7 @@ def _drive(
         session.on(asdict(vehicle))
         if warning := untried(vehicle):
             yield Notice("warning", warning)
+        yield from disarm_left_armed(link, session.content)
         yield from install(link, plan.parameters, plan.applet)
         refuse_impossible(link, session.to_drive, plan.settings)
         yield Connected(url, vehicle)

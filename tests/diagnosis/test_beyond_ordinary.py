@@ -34,6 +34,7 @@ def chosen(*only: str) -> Choice:
     return choose(runs(), MODEL, X, Options(only, (), 1, lambda what, share: None, lambda: False))
 
 
+@pytest.mark.slow
 def test_what_stands_in_for_it_is_withdrawn() -> None:
     found = chosen("roll_steer")
     assert found.beyond is not None and found.beyond.coordinate == "ln_ratio"
@@ -43,6 +44,7 @@ def test_what_stands_in_for_it_is_withdrawn() -> None:
     assert "explains more than roll_steer would" in told.sentence and told.residual_over_noise > 1.0
 
 
+@pytest.mark.slow
 def test_the_candidate_that_has_it_is_named() -> None:
     found = chosen("roll_steer", "front_rear_stiffness")
     assert found.beyond is None and [n.trial.effect for n in found.named] == ["front_rear_stiffness"]

@@ -94,7 +94,8 @@ def test_killed_while_driving_nothing_received_is_lost(
         kept = frames_of(folder / "connect.tlog") + frames_of(folder / "sweep1.tlog")
         print("received", len(received), "bytes in", len(sent), "frames; kept", len(kept))
         assert kept[: len(sent)] == sent[: len(kept)]
-        assert len(sent) - len(kept) <= 10  # one read of the socket is in its hands
+        lost = sum(map(len, sent[len(kept) :]))
+        assert lost <= 16384  # bytes: one read of the socket is in its hands
 
         again = station(proxy.url, folder)
         assert again.wait(60) == 0

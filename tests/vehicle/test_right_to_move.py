@@ -129,7 +129,7 @@ CASES: tuple[tuple[str, Callable[[Run], None], str], ...] = (
     ("no_hole", hole_unnoticed, "s of what the rover sent are missing"),
     ("reported", quiet(1.2, "NAMED_VALUE_FLOAT"), "the applet has not reported its state for"),
     ("same_run", setting(number=9), "the applet is in run 9, which nobody asked for, after run 8"),
-    ("slow_enough", setting(speed=3.1), "speed 3.1 m/s is above SWP_V_MAX 3"),
+    ("slow_enough", setting(speed=3.1), "speed 3.10 m/s is above SWP_V_MAX 3"),
     ("speed_known", quiet(1.2, "LOCAL_POSITION_NED"), "speed is unknown"),
     ("in_time", setting(15.5, state=WAITING, speed=0.2), "15 s of throttle did not bring"),
     ("in_time", setting(37.0), "did not end its state 6 within 36 s"),

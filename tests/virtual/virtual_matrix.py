@@ -127,7 +127,7 @@ def _cases() -> Iterator[Case]:
         for phases, make in table:
             for phase in phases:
                 into = 0.0 if phase == "letting go" else INTO_PHASE
-                yield Case(phase, make(), benign, into, limit=240.0 if phase == "connecting" else 90.0)
+                yield Case(phase, make(), benign, into, limit=900.0 if phase == "connecting" else 90.0)
     for tenths in (32, 34, 36, 38, 42, 44, 45, 46, 48):
         yield Case("sweep", hole(tenths / 10), seconds=1.0)
     for tenths in (404, 405, 406, 407, 408):
