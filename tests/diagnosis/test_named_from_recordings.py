@@ -29,6 +29,7 @@ def test_the_concealed_effect_is_named_and_pays_on_the_fresh_run(name, tmp_path)
         assert finding["look_alikes"] == []
 
 
+@pytest.mark.slow
 def test_a_kinematic_simulation_lacks_tyres_and_roll(tmp_path):
     """ArduPilot's own rover as the simulation, a rover with tyres and springs as the recording."""
     nominal, out = DATA / "ardurover-4.6.3" / "nominal", tmp_path / "out"
