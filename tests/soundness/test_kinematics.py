@@ -13,7 +13,7 @@ from damage import NOMINAL, damaged, rewritten
 import rover_sweep as rs
 from rover_sweep.cli.main import run as program
 from rover_sweep.identify.recording import Note, Recording
-from rover_sweep.identify.soundness.faults import faults_of
+from rover_sweep.identify.soundness.faults import faults_of, with_faults
 from rover_sweep.identify.soundness.kinematics import REVERSED, UNIT
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
@@ -116,3 +116,13 @@ def test_a_reversed_yaw_rate_refuses_a_diagnosis() -> None:
     turned = rs.Runs((scaled(runs[0], "r", -1.0),), runs.vehicle)
     found = rs.diagnose(turned)
     assert found.verdict == "refused" and "r is reversed" in found.sentence
+
+
+def test_a_given_speed_that_disagrees_is_a_warning_and_no_fault(sweep: Recording) -> None:
+    """One number that somebody gave has no unit to mistake; a file held out is still of use."""
+    speed = sweep["speed"]
+    given = damaged(sweep, speed=lambda x: np.full(x.shape, 2.2 * sweep.mean_speed))
+    assert np.ptp(speed.x) > 0
+    assert faults_of(given) == ()
+    (note,) = set(with_faults(given).notes) - set(sweep.notes)
+    assert note.text.startswith("the given speed of ") and "give the speed of this run" in note.text

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+
 from rover_sweep.identify.recording import Note, Recording
 from rover_sweep.identify.soundness.clipping import CLIPPED, clipping
 from rover_sweep.identify.soundness.clock import STRETCHED, stretched_by_angles
@@ -19,6 +21,11 @@ SPARED = {"p": "r,ay", "ay": "r,p"}  # channel that a fit can do without: the op
 
 def faults_of(run: Recording) -> tuple[Note, ...]:
     """What is certainly wrong with a run: the faults among its notes, and those that its channels show."""
+    return tuple(note for note in _found(run) if note.fault)
+
+
+def _found(run: Recording) -> tuple[Note, ...]:
+    """Faults and warnings, each once."""
     read = tuple(note for note in run.notes if note.fault)
     odd_clock = any(note.fault == STRETCHED for note in read)
     told: dict[tuple[str, tuple[str, ...]], Note] = {}
@@ -28,18 +35,24 @@ def faults_of(run: Recording) -> tuple[Note, ...]:
 
 
 def _shown(run: Recording, odd_clock: bool) -> tuple[Note, ...]:
-    """The faults that the channels show; where the clock is wrong, rates cannot be held to angles."""
+    """Faults and warnings that the channels show; with a wrong clock, rates cannot be held to angles."""
     clipped = tuple(clipping(run))
     if odd_clock:
         return clipped
     sound = run.without({c for fault in clipped for c in fault.spoils})
     found = relations(sound)
-    return (*clipped, *(tuple(stretched_by_angles(found)) or kinematics(found)))
+    return (*clipped, *(tuple(stretched_by_angles(found)) or kinematics(found, _given_speed(run))))
+
+
+def _given_speed(run: Recording) -> float | None:
+    """m/s, where the speed is one number and was not recorded."""
+    speed = run["speed"].x if "speed" in run else np.empty(0)
+    return float(speed[0]) if speed.size and not np.ptp(speed) else None
 
 
 def with_faults(run: Recording) -> Recording:
-    """The run with its faults among its notes, each once."""
-    return replace(run, notes=tuple(dict.fromkeys((*run.notes, *faults_of(run)))))
+    """The run with its faults and warnings among its notes, each once."""
+    return replace(run, notes=tuple(dict.fromkeys((*run.notes, *_found(run)))))
 
 
 def spoiling(runs: Sequence[Recording], channels: Sequence[str]) -> tuple[str, ...]:

@@ -43,12 +43,19 @@ class Wrong(NamedTuple):
     close: float = CLOSE
 
 
-def kinematics(found: Relations) -> Iterator[Note]:
-    """A fault for each of r, p, a_y, V that disagrees with the others."""
+def kinematics(found: Relations, given_speed: float | None = None) -> Iterator[Note]:
+    """A fault for each of r, p, a_y, V that disagrees with the others.
+
+    given_speed: m/s where the speed is one number that somebody gave. It has no unit to mistake, so a
+    disagreement is a warning and no fault: Stanford's second P1 file, whose speed is not known.
+    """
     yaw = tuple(_yaw(found))
     turned = any(wrong.channel == "ay" and wrong.factor < 0 and not wrong.others for wrong in yaw)
     for wrong in (*yaw, *_roll(found), *_lean(found, turned)):
-        yield _fault(wrong)
+        if wrong.channel == "speed" and given_speed is not None:
+            yield _given(wrong, given_speed)
+        else:
+            yield _fault(wrong)
 
 
 def _yaw(found: Relations) -> Iterator[Wrong]:
@@ -104,6 +111,14 @@ def _unit(channel: str, factor: float, close: float) -> tuple[str, float] | None
     off = {unit: abs(np.log(abs(factor) / unit[1])) for unit in UNITS[channel]}
     best = min(off, key=lambda unit: off[unit])
     return best if off[best] < np.log(close) else None
+
+
+def _given(wrong: Wrong, speed: float) -> Note:
+    return Note(
+        "warning",
+        f"the given speed of {speed:.4g} m/s does not agree with r and a_y: {wrong.by}, as it is at about "
+        f"{speed / abs(wrong.factor):.2g} m/s; give the speed of this run",
+    )
 
 
 def _fault(wrong: Wrong) -> Note:
