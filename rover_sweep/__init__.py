@@ -9,62 +9,51 @@ From logs to models in Python:
     result.report("report")
 
 `read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `simulate`, `to_control` and `to_scipy` are
-described where they are defined, in `rover_sweep.api`, `rover_sweep.diagnosis_api`, `rover_sweep.simulation`
-and `rover_sweep.conversion`; nothing heavy is imported before one of them is used.
+described where they are defined, in the files of `rover_sweep.api` and in
+`rover_sweep.identification.conversion`; nothing heavy is imported before one of them is used.
 """
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from rover_sweep._version import __version__ as __version__
+
 if TYPE_CHECKING:
-    from rover_sweep.api import Result as Result
-    from rover_sweep.api import Runs as Runs
-    from rover_sweep.api import identify as identify
-    from rover_sweep.api import load_result as load_result
-    from rover_sweep.api import read as read
-    from rover_sweep.conversion import to_control as to_control
-    from rover_sweep.conversion import to_scipy as to_scipy
-    from rover_sweep.diagnosis_api import FullDiagnosis as FullDiagnosis
-    from rover_sweep.diagnosis_api import diagnose as diagnose
-    from rover_sweep.diagnosis_api import load_diagnosis as load_diagnosis
+    from rover_sweep.api.diagnose import FullDiagnosis as FullDiagnosis
+    from rover_sweep.api.diagnose import diagnose as diagnose
+    from rover_sweep.api.diagnose import load_diagnosis as load_diagnosis
+    from rover_sweep.api.identify import Result as Result
+    from rover_sweep.api.identify import identify as identify
+    from rover_sweep.api.identify import load_result as load_result
+    from rover_sweep.api.read import Runs as Runs
+    from rover_sweep.api.read import read as read
+    from rover_sweep.api.simulate import Simulation as Simulation
+    from rover_sweep.api.simulate import simulate as simulate
     from rover_sweep.errors import DataRefused as DataRefused
     from rover_sweep.errors import RoverSweepError as RoverSweepError
     from rover_sweep.errors import UsageError as UsageError
-    from rover_sweep.simulation import Simulation as Simulation
-    from rover_sweep.simulation import simulate as simulate
-
-__version__ = "0.1.0"
+    from rover_sweep.identification.conversion import to_control as to_control
+    from rover_sweep.identification.conversion import to_scipy as to_scipy
 
 _HOMES = {
-    "Result": "api", "Runs": "api", "load_result": "api", "read": "api",
-    "to_control": "conversion", "to_scipy": "conversion",
-    "FullDiagnosis": "diagnosis_api", "diagnose": "diagnosis_api", "load_diagnosis": "diagnosis_api",
-    "DataRefused": "errors", "RoverSweepError": "errors", "UsageError": "errors",
-    "Simulation": "simulation", "simulate": "simulation",
-}  # fmt: skip
-__all__ = ["__version__", "identify", *_HOMES]
+    "api.read": ("Runs", "read"),
+    "api.identify": ("Result", "identify", "load_result"),
+    "api.diagnose": ("FullDiagnosis", "diagnose", "load_diagnosis"),
+    "api.simulate": ("Simulation", "simulate"),
+    "identification.conversion": ("to_control", "to_scipy"),
+    "errors": ("DataRefused", "RoverSweepError", "UsageError"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+__all__ = ["__version__", *_HOME_OF]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
 
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-class _CallablePackage(ModuleType):
-    """`rover_sweep.identify` is the package of the pure core, and called it identifies."""
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        return import_module(f"{__package__}.api").identify(*args, **kwargs)
-
-
-import_module(f"{__name__}.identify")
-sys.modules[f"{__name__}.identify"].__class__ = _CallablePackage

@@ -21,15 +21,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
-from sitl.file_transfer import FileTransfer
-from sitl.ground_link import GroundLink
-from sitl.log_records import LogRecords
-from sitl.log_transfer import LogTransfer
-from sitl.mavlink_server import MavlinkServer, Peer
-from sitl.parameters import PlantParameters, load_variant, variant_names
-from sitl.rover import Rover
-from sitl.vehicle_parameters import Parameter, ParameterStore
-from sitl.wheel_imu import WheelImu
+from sitl.autopilot.log_records import LogRecords
+from sitl.autopilot.rover import Rover
+from sitl.autopilot.vehicle_parameters import Parameter, ParameterStore
+from sitl.ground.file_transfer import FileTransfer
+from sitl.ground.ground_session import GroundLink
+from sitl.ground.log_transfer import LogTransfer
+from sitl.ground.server import MavlinkServer, Peer
+from sitl.plant.variant import PlantParameters, load_variant, variant_names
+from sitl.plant.wheel_imu import WheelImu
 
 APPLET = Path(__file__).parent.parent / "firmware_params" / "rover_sweep.lua"
 PARAMETER_FILE = "parameters.txt"

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from sitl.parameters import PlantParameters, load_variant
-from sitl.plant import Plant
-from sitl.sensors import Sensors
-from sitl.wheel_imu import WheelImu
+from sitl.plant.plant import Plant
+from sitl.plant.sensors import Sensors
+from sitl.plant.variant import PlantParameters, load_variant
+from sitl.plant.wheel_imu import WheelImu
 
 BASE_PORT = 9002
 LOOPBACK = "127.0.0.1"

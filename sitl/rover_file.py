@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sitl.parameters import PlantParameters
+from sitl.plant.variant import PlantParameters
 
 _TEXT = """\
 # The simulated rover "{name}", as if its owner had measured it. SI units.

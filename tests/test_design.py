@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rover_sweep.design import (
+from rover_sweep.data.vehicle_file import load
+from rover_sweep.design.advice import judged
+from rover_sweep.design.demand import (
     DOUBLET_PEAK,
     TRIM_ERROR,
     Design,
@@ -23,10 +25,8 @@ from rover_sweep.design import (
     spectrum_grid,
     wave,
 )
-from rover_sweep.design_notes import judged
 from rover_sweep.errors import UsageError
-from rover_sweep.identify.sweep import Doublet, Sweep
-from rover_sweep.vehicle_file import load
+from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 
 ROVER = load(Path(__file__).parent / "data" / "rover.toml")
 GOOD: dict[str, Any] = {"runs": 3, "loop_rate": 100.0, "gyro_filter": 20.0, "accel_filter": 20.0}

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosing import material
-from rover_sweep.identify.recording import Kind, Recording, Signal
-from rover_sweep.preparation import divided
+from rover_sweep.api.diagnosis_input import material
+from rover_sweep.api.run_roles import divided
+from rover_sweep.data.recording import Kind, Recording, Signal
 
 
 def recording(name: str, kind: Kind) -> Recording:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.documents import read_json, read_toml
+from rover_sweep.data.vehicle_file import parse
 from rover_sweep.errors import UsageError
-from rover_sweep.vehicle_file import parse
-from sitl.parameters import load_variant
+from rover_sweep.files.documents import read_json, read_toml
+from sitl.plant.variant import load_variant
 
 LONG = "9" * 5000
 HOSTILE_TOML = {

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rover_sweep.inertia import (
+from rover_sweep.bench.swing_test import (
     GRAVITY,
     Swings,
     SwingTest,
@@ -20,7 +20,7 @@ from rover_sweep.inertia import (
     remarks,
     rounded,
 )
-from rover_sweep.vehicle_file import Measured
+from rover_sweep.data.vehicle_file import Measured
 
 TEST = SwingTest(
     mass=Measured(2.66, 0.005),

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.data.material_sizes import MATERIAL, tolerances_of
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.vehicle_file import Measured, example, load, parse, set_number
 from rover_sweep.errors import UsageError
-from rover_sweep.material_sizes import MATERIAL, spread_of
-from rover_sweep.vehicle_file import Measured, example, load, parse, set_number
 
 DATA = Path(__file__).parent / "data"
 MINIMAL = "[vehicle]\nmass = 2.66\ncg_to_front_axle = 0.203\ncg_to_rear_axle = 0.188\n"
@@ -59,12 +59,12 @@ def test_free_and_sd_inside_position() -> None:
 def test_material_sizes_of_the_example_are_the_defaults() -> None:
     sizes = parse(example()).material
     assert sizes == pytest.approx({key: rule.default for key, rule in MATERIAL.items()})
-    assert parse(MINIMAL).material == {} and spread_of({}) == Spread()
+    assert parse(MINIMAL).material == {} and tolerances_of({}) == Tolerances()
 
 
 def test_material_sizes_become_the_spread() -> None:
     stated = parse(MINIMAL + "[material]\nservo_lag = 0.012\ncg_position = 0.004\n").material
-    assert spread_of(stated) == replace(Spread(), lag=0.012, cg=0.002)
+    assert tolerances_of(stated) == replace(Tolerances(), lag=0.012, cg=0.002)
 
 
 MISTAKES = {

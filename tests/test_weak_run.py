@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from rover_sweep.identify.quality import assess
-from rover_sweep.identify.sweep import Sweep
 from rover_sweep.logs import read_runs
-from rover_sweep.vehicle.dry_run import DryRun, dry_run
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.quality.coherence import assess
+from rover_sweep.session.dry_run import DryRun, dry_run
 from rover_sweep.vehicle.events import RunFinished
 
 

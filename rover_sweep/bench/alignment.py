@@ -6,8 +6,8 @@ from math import isfinite
 
 import numpy as np
 
+from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.recording import Array
 
 GRID = 0.01  # s
 SPAN = 0.1  # s over which a movement is taken

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_sweep.bench.bench_result import LEVEL, BenchResult
 from rover_sweep.bench.linkage import curve, play
-from rover_sweep.bench.numbers_of import static_numbers
-from rover_sweep.bench.result import LEVEL, BenchResult
+from rover_sweep.bench.static_curve import static_numbers
+from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.recording import Array
 
 LEAST_READINGS = 5
 LEVELS_FOR_CURVE = 3  # of a side, for a band without an answer and a curvature

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.bench.alignment import first_offset
-from rover_sweep.bench.numbers_of import static_numbers
-from rover_sweep.bench.result import LEVEL, BenchResult, Number, interval, rate_limit
+from rover_sweep.bench.bench_result import LEVEL, BenchResult, Number, interval, rate_limit
+from rover_sweep.bench.static_curve import static_numbers
 from rover_sweep.bench.wheel_fit import covariance_of, fitted
 from rover_sweep.bench.wheel_problem import STRIDE, Command, Problem, Wheel, problem_of
 from rover_sweep.errors import DataRefused

@@ -11,18 +11,18 @@ from math import isfinite, isnan
 from pathlib import Path
 from typing import Protocol
 
-from rover_sweep import __version__
-from rover_sweep.bench.folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
-from rover_sweep.bench.override import SteeringOverride
+from rover_sweep._version import __version__
+from rover_sweep.bench.bench_folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
 from rover_sweep.bench.programme import Movement, Target, path
-from rover_sweep.bench.standing import ASTRAY, NotStanding, Standing
+from rover_sweep.bench.standstill import ASTRAY, NotStanding, Standing
 from rover_sweep.bench.steering_output import NAMES, SteeringOutput, names_of, steering_output
+from rover_sweep.bench.steering_override import SteeringOverride
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.parameters import read_present
-from rover_sweep.vehicle.streams import Stream, request_all, stop
+from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.streams import Stream, request_all, stop
+from rover_sweep.vehicle.parameters.read_write import read_present
 
 INTERVAL = 0.05  # s between two positions of a ramp
 RATES = {"SERVO_OUTPUT_RAW": 50.0, "ATTITUDE": 50.0, "RC_CHANNELS": 5.0, "GPS_RAW_INT": 5.0,

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from rover_sweep.bench.bench_folder import DESCRIPTION, TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
+from rover_sweep.bench.bench_result import BenchResult
 from rover_sweep.bench.by_hand import Readings, by_hand
 from rover_sweep.bench.by_wheel import by_wheel
-from rover_sweep.bench.folder import DESCRIPTION, TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
-from rover_sweep.bench.result import BenchResult
 from rover_sweep.bench.wheel_file import arrivals, read_wheel, wheel_of_telemetry
 from rover_sweep.bench.wheel_problem import Command, Wheel
+from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.errors import DataRefused
-from rover_sweep.vehicle_file import Vehicle
 
 
 def evaluate(
@@ -47,8 +47,8 @@ def _in_order(readings: tuple[Reading, ...]) -> Readings:
 
 def _command(folder: BenchFolder, content: dict[str, Any], trim: float) -> tuple[Command, float]:
     """The steering output on the rover's clock, and what that clock is behind ours [s]."""
-    from rover_sweep.logs.tlog import open_tlog
-    from rover_sweep.logs.vehicle_clock import CLOCKS, sessions
+    from rover_sweep.logs.readers.tlog import open_tlog
+    from rover_sweep.logs.readers.vehicle_clock import CLOCKS, sessions
 
     path = folder.path / TELEMETRY
     if not path.is_file():

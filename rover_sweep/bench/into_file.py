@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import hypot
 from pathlib import Path
 
-from rover_sweep.bench.result import BenchResult, Number
-from rover_sweep.inertia import rounded
-from rover_sweep.vehicle_file import Measured, set_numbers
-from rover_sweep.vehicle_rules import KEYS
+from rover_sweep.bench.bench_result import BenchResult, Number
+from rover_sweep.bench.swing_test import rounded
+from rover_sweep.data.vehicle_file import Measured, set_numbers
+from rover_sweep.data.vehicle_rules import KEYS
 
 LEAST_SURE = 0.1  # of rad_per_us, as a standard deviation
 CURVE = ("nonlinearity", "deadband")

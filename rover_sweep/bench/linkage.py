@@ -11,7 +11,7 @@ from math import exp
 import numpy as np
 from numba import njit
 
-from rover_sweep.identify.recording import Array
+from rover_sweep.data.recording import Array
 
 
 def curve(u: Array, e: float, c3: float, w: float) -> Array:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from rover_sweep.bench.wheel_problem import Wheel
+from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.identify.recording import Array
 
 _SECONDS = {"t": 1.0, "time": 1.0, "t_s": 1.0, "time_s": 1.0, "timestamp": 1.0, "seconds": 1.0,
             "time_ms": 1e-3, "timestamp_ms": 1e-3, "time_boot_ms": 1e-3, "time_us": 1e-6, "timeus": 1e-6,
@@ -65,7 +65,7 @@ def wheel_of_telemetry(path: Path, arrival_less_clock: float) -> Wheel:
 
     The yaw of ArduPilot's EKF comes from the gyro before its low-pass; yawspeed comes from behind it.
     """
-    from rover_sweep.logs.tlog import open_tlog
+    from rover_sweep.logs.readers.tlog import open_tlog
 
     frames = open_tlog(path, frozenset({"ATTITUDE"})).messages.get("ATTITUDE")
     if frames is None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.bench.wheel_problem import STRIDE, USUAL, Problem
-from rover_sweep.identify.recording import Array
+from rover_sweep.data.recording import Array
 
 BLOCK = 0.25  # s over which what the model leaves may hang together
 # Play [rad] and slowness [s/rad]. A limit that no step reaches has no slope: begin where it acts.

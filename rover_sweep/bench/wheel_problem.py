@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_sweep.bench.linkage import curve, driven
+from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.recording import Array
 
 JUMP = 25.0  # us between two outputs, from which they are a step
 STRIDE = 0.1  # s over which a rate is summed up

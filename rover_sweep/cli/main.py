@@ -14,43 +14,37 @@ from collections.abc import Sequence
 
 import click
 
-from rover_sweep import __version__
-from rover_sweep.cli.output import tell_error
+from rover_sweep._version import __version__
+from rover_sweep.cli.views.output import tell_error
 from rover_sweep.errors import RoverSweepError
 
 # The matrices here are small: threads of the linear algebra library cost more than they bring.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# name -> ("module:click command", one line of help). The help stands here so that `--help` imports nothing.
-COMMANDS: dict[str, tuple[str, str]] = {
-    "dry-run": ("rover_sweep.cli.dry_run:dry_run", "The whole job on a simulated rover, no hardware needed."),
-    "session": ("rover_sweep.cli.app:session", "The whole afternoon on one screen, by single keys."),
-    "run": ("rover_sweep.cli.run:run", "Drive, record, judge and identify a real rover."),
-    "resume": ("rover_sweep.cli.session_resume:resume", "Drive what a session left to drive."),
-    "status": ("rover_sweep.cli.session_status:status", "What a session holds, and what is to drive."),
-    "firmware": ("rover_sweep.cli.firmware:firmware", "Applet and parameters: write, check, install."),
-    "preflight": ("rover_sweep.cli.preflight:preflight", "What must be right before a run, and put right."),
-    "params": ("rover_sweep.cli.params:params", "A rover's parameters: compare, set, save."),
-    "logs": ("rover_sweep.cli.logs:logs", "The autopilot's own logs: list, fetch."),
-    "design": ("rover_sweep.cli.design:design", "A sweep or doublet on paper, before it is driven."),
-    "identify": (
-        "rover_sweep.cli.identify:identify",
-        "Recorded runs in, identified models and a report out.",
-    ),
-    "diagnose": ("rover_sweep.cli.diagnose:diagnose", "What the model leaves out: where, what, how much."),
-    "plan": ("rover_sweep.cli.plan:plan", "Which runs tell which effects apart, before they are driven."),
-    "coherence": ("rover_sweep.cli.coherence:coherence", "Is this run good enough? The verdict alone."),
-    "replay": ("rover_sweep.cli.replay:replay", "Play a recording: pause, jump, any speed."),
-    "redrive": ("rover_sweep.cli.redrive:redrive", "A log's own steering and speed through a simulation."),
-    "study": ("rover_sweep.cli.study:study", "The paper's comparison, repeated on a virtual rover."),
-    "export": ("rover_sweep.cli.export:export", "A model for MATLAB, python-control, or as JSON."),
-    "gains": ("rover_sweep.cli.gains:gains", "Steering gains for the autopilot, with margins."),
-    "inertia": ("rover_sweep.cli.inertia:inertia", "Moment of inertia from a swing test."),
-    "bench": (
-        "rover_sweep.cli.bench:bench",
-        "The steering on blocks: gain, play, lag into the vehicle file.",
-    ),
-    "vehicle": ("rover_sweep.cli.vehicle:vehicle", "Print an example vehicle file, or check yours."),
+# name -> one line of help, here so that `--help` imports nothing. `dry-run` is `commands.dry_run.dry_run`.
+COMMANDS: dict[str, str] = {
+    "dry-run": "The whole job on a simulated rover, no hardware needed.",
+    "session": "The whole afternoon on one screen, by single keys.",
+    "run": "Drive, record, judge and identify a real rover.",
+    "resume": "Drive what a session left to drive.",
+    "status": "What a session holds, and what is to drive.",
+    "firmware": "Applet and parameters: write, check, install.",
+    "preflight": "What must be right before a run, and put right.",
+    "params": "A rover's parameters: compare, set, save.",
+    "logs": "The autopilot's own logs: list, fetch.",
+    "design": "A sweep or doublet on paper, before it is driven.",
+    "identify": "Recorded runs in, identified models and a report out.",
+    "diagnose": "What the model leaves out: where, what, how much.",
+    "plan": "Which runs tell which effects apart, before they are driven.",
+    "coherence": "Is this run good enough? The verdict alone.",
+    "replay": "Play a recording: pause, jump, any speed.",
+    "redrive": "A log's own steering and speed through a simulation.",
+    "study": "The paper's comparison, repeated on a virtual rover.",
+    "export": "A model for MATLAB, python-control, or as JSON.",
+    "gains": "Steering gains for the autopilot, with margins.",
+    "inertia": "Moment of inertia from a swing test.",
+    "bench": "The steering on blocks: gain, play, lag into the vehicle file.",
+    "vehicle": "Print an example vehicle file, or check yours.",
 }
 
 
@@ -63,8 +57,8 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
-        command = getattr(importlib.import_module(module), attribute)
+        name = cmd_name.replace("-", "_")
+        command = getattr(importlib.import_module(f"rover_sweep.cli.commands.{name}"), name)
         assert isinstance(command, click.Command)
         return command
 
@@ -77,7 +71,7 @@ class LazyGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+            formatter.write_dl(list(COMMANDS.items()))
 
 
 def _no_such_command(name: str) -> str:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rover_sweep.diagnosis.alike import Alike, look_alikes
-from rover_sweep.diagnosis.beyond import nameless_gain
-from rover_sweep.diagnosis.candidates import WHOLE, Model
-from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.diagnosis.fitting import Fitted, fit
-from rover_sweep.diagnosis.ordinary import Beyond, beyond_ordinary, cost_of
-from rover_sweep.diagnosis.rounds import Left, Options, Round, material, round_of
-from rover_sweep.diagnosis.search import Trial, tangent, tried
-from rover_sweep.identify.effects import library
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
+from rover_sweep.diagnosis.search.bounds import Beyond, beyond_ordinary, cost_of
+from rover_sweep.diagnosis.search.candidate_fits import Trial, tangent, tried
+from rover_sweep.diagnosis.search.look_alikes import Alike, look_alikes
+from rover_sweep.diagnosis.search.rounds import Left, Options, Round, material, round_of
+from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model
+from rover_sweep.diagnosis.simulation.experiment import Experiment
+from rover_sweep.diagnosis.unexplained.unexplained import nameless_gain
 
 MOST = 3  # effects at once
 ASTRAY = 0.8  # of what there was, from which no second effect is looked for

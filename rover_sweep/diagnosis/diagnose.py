@@ -9,18 +9,16 @@ from math import exp, log
 
 import numpy as np
 
-from rover_sweep.diagnosis import lumped
-from rover_sweep.diagnosis.alike import Alike
-from rover_sweep.diagnosis.augmented import augmented
-from rover_sweep.diagnosis.beyond import standing_out, unknown
-from rover_sweep.diagnosis.candidates import Model
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.choose import Choice, Named, choose
-from rover_sweep.diagnosis.experiment import Experiment, experiment
-from rover_sweep.diagnosis.floor import WINDOW, quiet_frames
-from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, overlays, refitted_without
-from rover_sweep.diagnosis.intervals import draws, effect_values, nominal_values
-from rover_sweep.diagnosis.ordinary import unknown_beyond
-from rover_sweep.diagnosis.places.locate import mismatches
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
+from rover_sweep.diagnosis.held_out.speed_finding import speed_finding, unknown_loss
+from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
+from rover_sweep.diagnosis.held_out.worth import Fresh, Modelled, held_out, overlays, refitted_without
+from rover_sweep.diagnosis.locate.locate import mismatches
+from rover_sweep.diagnosis.problem.noise_floor import WINDOW, quiet_frames
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -29,18 +27,20 @@ from rover_sweep.diagnosis.result import (
     HeldOut,
     Unseen,
 )
-from rover_sweep.diagnosis.rounds import Options
-from rover_sweep.diagnosis.rung import followed
+from rover_sweep.diagnosis.search.bounds import unknown_beyond
+from rover_sweep.diagnosis.search.look_alikes import Alike
+from rover_sweep.diagnosis.search.parameter_intervals import draws, effect_values, nominal_values
+from rover_sweep.diagnosis.search.rounds import Options
+from rover_sweep.diagnosis.search.simulation_rung import followed
 from rover_sweep.diagnosis.settings import DiagnosisSettings
-from rover_sweep.diagnosis.speed_finding import ID as SPEED
-from rover_sweep.diagnosis.speed_finding import speed_finding, unknown_loss
-from rover_sweep.diagnosis.speed_loss import speed_loss
+from rover_sweep.diagnosis.simulation import lumped_baseline
+from rover_sweep.diagnosis.simulation.augmented import augmented
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment
+from rover_sweep.diagnosis.unexplained.unexplained import standing_out, unknown
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.identify.effects import library
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.grouping import Settings, grouped
-from rover_sweep.identify.recording import Recording
+from rover_sweep.identification.grouping import Settings, grouped
 
 Progress = Callable[[str, float], None]
 STOPPED = "not tried: the diagnosis was stopped before"
@@ -83,7 +83,7 @@ def diagnose(
         stopped,
     )
     speed = sum(run.mean_speed for run in used) / len(used)
-    begin = _start(settings.parameters) | lumped.start(settings.parameters, speed)
+    begin = _start(settings.parameters) | lumped_baseline.start(settings.parameters, speed)
     choice = choose(used, model, begin, options)
     found = _answer(choice, used, fresh, settings)
     told = [f"the simulation follows the {settings.baseline} model"] if simulated else []

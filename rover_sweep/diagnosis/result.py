@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.diagnosis.augmented import AugmentedModel
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
 Array = NDArray[np.float64]
 Verdict = Literal["none", "explained", "partly explained", "unexplained", "refused"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.data.tolerances import Tolerances
 
 Baseline = Literal["roll-yaw", "bicycle", "lumped", "kinematic"]
 BASELINES: tuple[Baseline, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")
@@ -28,7 +28,7 @@ class DiagnosisSettings:
     time_limit: float | None = None
     seed: int = 1
     parameters: Mapping[str, float] = field(default_factory=dict)
-    spread: Spread = Spread()
+    spread: Tolerances = Tolerances()
 
     def candidates(self, known: tuple[str, ...]) -> tuple[str, ...]:
         """Those of the known effects that are asked for, in their order."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rover_sweep.diagnosis.candidates import speeds_of
-from rover_sweep.diagnosis.experiment import Experiment
 from rover_sweep.diagnosis.result import Finding, Unknown, Verdict
+from rover_sweep.diagnosis.simulation.candidates import speeds_of
+from rover_sweep.diagnosis.simulation.experiment import Experiment
 
 SETTLED = 1.5  # variance of a row over that of noise, beyond which not all is explained
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.gains.firmware import Autopilot, Gains
-from rover_sweep.gains.plant import SampledPlant
-from rover_sweep.identify.recording import Array
+from rover_sweep.data.recording import Array
+from rover_sweep.gains.steering_chain import Autopilot, Gains
+from rover_sweep.gains.steering_plant import SampledPlant
 
 
 def low_pass_share(cutoff_hz: float, dt: float) -> float:

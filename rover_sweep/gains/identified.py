@@ -8,17 +8,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from rover_sweep.diagnosis.augmented import AugmentedModel
-from rover_sweep.diagnosis.linear import hidden_filters, left_out, linear
-from rover_sweep.gains import recorded
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.model_results import UNTIED
-from rover_sweep.identify.models.bicycle import bicycle
-from rover_sweep.identify.models.kinematic import kinematic
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.recording import LowPass
-from rover_sweep.identify.structure import ModelStructure
-from rover_sweep.identify.verdicts import CR_LOST, I_LOST
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import LowPass
+from rover_sweep.diagnosis.linear.linear import hidden_filters, left_out, linear
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.gains import recorded_loop
+from rover_sweep.identification.model_results import UNTIED
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models.kinematic import kinematic
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.verdicts import CR_LOST, I_LOST
 
 PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models that hold at other speeds than that of the runs
 NORMAL_90 = 1.645  # standard deviations of a two-sided 90 % interval
@@ -90,13 +90,13 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
     run = document["runs"][0]
     bands = [g["responses"]["r"]["band"] for g in document["groups"] if "r" in g["responses"]]
     usable = [b for b in bands if b]
-    wait = recorded.wait(run)
+    wait = recorded_loop.wait(run)
     return Identified(
         name, model["verdict"]["level"], _sooner(structure, wait), _intervals(parameters, wait), speeds,
         (max(b[0] for b in usable), min(b[1] for b in usable)) if usable else None,
         float(steering["rad_per_us"]["value"]) if steering else None,
-        recorded.cutoff(run), recorded.loop(run), recorded.amplitude(document["runs"]), (),
-        recorded.play(steering),
+        recorded_loop.cutoff(run), recorded_loop.loop(run), recorded_loop.amplitude(document["runs"]), (),
+        recorded_loop.play(steering),
         tuple(model["verdict"]["sentences"]),
     )  # fmt: skip
 

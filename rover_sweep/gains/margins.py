@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.identify.recording import Array
+from rover_sweep.data.recording import Array
 
 Complex = NDArray[np.complex128]
 GAIN_MARGIN_DB, PHASE_MARGIN_DEG = 6.0, 45.0  # what is asked of a proposal

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_sweep.gains.controller import feedback_response, forward_response, target_response
-from rover_sweep.gains.design import Family, designed, feed_forward, integrator_limit, speeds_around
-from rover_sweep.gains.firmware import Autopilot, Gains
 from rover_sweep.gains.identified import Identified
 from rover_sweep.gains.margins import Margins, bandwidth, frequencies, margins
-from rover_sweep.gains.plant import SampledPlant, sampled_plant
+from rover_sweep.gains.steering_chain import Autopilot, Gains
+from rover_sweep.gains.steering_plant import SampledPlant, sampled_plant
 from rover_sweep.gains.step import Step, step_of
 from rover_sweep.gains.support import Support, extrapolated, supported, supported_loop
+from rover_sweep.gains.tuning import Family, designed, feed_forward, integrator_limit, speeds_around
 
 MOST_CORNERS = 6  # parameters whose interval ends are combined: 32 rovers a speed
 

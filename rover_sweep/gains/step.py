@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import Driven, drive
-from rover_sweep.gains.firmware import Autopilot, Gains
-from rover_sweep.gains.plant import SampledPlant
-from rover_sweep.identify.recording import Array
+from rover_sweep.gains.steering_chain import Autopilot, Gains
+from rover_sweep.gains.steering_plant import SampledPlant
 
 SECONDS = 4.0
 BEFORE = 0.2  # s, straight before a step

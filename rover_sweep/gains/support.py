@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from rover_sweep.gains.design import SPEED_RANGE
-from rover_sweep.gains.firmware import Autopilot
 from rover_sweep.gains.identified import Identified
 from rover_sweep.gains.margins import Margins
+from rover_sweep.gains.steering_chain import Autopilot
+from rover_sweep.gains.tuning import SPEED_RANGE
 
 Level = Literal["gains", "feed-forward only", "none"]
 LEAST_CROSSOVER = 0.5  # rad/s: a slower loop takes longer than 2 s to correct anything; a pilot is faster

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from rover_sweep.live.snapshot import Snapshot, Verdict
-from rover_sweep.vehicle.access import Heard
+from rover_sweep.session.session import PlannedRun
 from rover_sweep.vehicle.events import Event
-from rover_sweep.vehicle.preflight import Check
-from rover_sweep.vehicle.run import RunSettings
-from rover_sweep.vehicle.session import PlannedRun
+from rover_sweep.vehicle.link.access import Heard
+from rover_sweep.vehicle.preflight.item import Check
+from rover_sweep.vehicle.run.settings import RunSettings
 
 # ---- what a screen asks -------------------------------------------------------------------------
 

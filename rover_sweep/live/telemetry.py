@@ -11,11 +11,11 @@ import re
 from collections import deque
 from collections.abc import Callable, Mapping
 
-from firmware_params.parameters import AUX_FUNCTION, PREFIX, STATES
-from rover_sweep.identify.sweep import Manoeuvre
-from rover_sweep.live.planned import manoeuvre_of
+from firmware_params.applet_parameters import AUX_FUNCTION, PREFIX, STATES
 from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.vehicle.mavlink import Message, constant, kind
+from rover_sweep.manoeuvre.configured import manoeuvre_of
+from rover_sweep.manoeuvre.sweep import Manoeuvre
+from rover_sweep.vehicle.link.mavlink import Message, constant, kind
 
 STALE = 3.0  # s after which a fast signal that no longer comes is not known any more
 STALE_SLOW = 10.0  # s, for the battery, the satellites and the EKF's state

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.data.recording import ASSUMED, LowPass, Note, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.recording import ASSUMED, LowPass, Note, Signal
-from rover_sweep.printable import printable
+from rover_sweep.files.printable import printable
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.identify.recording import Recording
-from rover_sweep.logs.judge import judged, refuse_unexcited, refuse_useless
+from rover_sweep.logs.judge.judgement import judged, refuse_unexcited, refuse_useless
 from rover_sweep.logs.log import Log
-from rover_sweep.logs.runs import find_runs
-from rover_sweep.logs.screen import screened
+from rover_sweep.logs.readers.implausible import screened
+from rover_sweep.logs.runs.find import find_runs
 
 
 def read_runs(
@@ -26,7 +26,7 @@ def read_runs(
     """All runs in a recording, in SI units and ISO axes, judged.
 
     source: path of a .BIN, .tlog or .csv, or "log.BIN+log.tlog" (both of one drive, put together on
-    the vehicle's clock). column_map: for a .csv, see `rover_sweep.logs.column_map`. filters: {"gyro_hz",
+    the vehicle's clock). column_map: for a .csv, see `readers.column_map`. filters: {"gyro_hz",
     "accel_hz"} [Hz, 0 = off] in place of the recorded INS_GYRO_FILTER and INS_ACCEL_FILTER.
     system: MAVLink id of the vehicle in a .tlog that holds several.
     Raises UsageError for a source that cannot be opened, DataRefused for one that cannot be used.
@@ -73,20 +73,20 @@ def read_logs(
         case ".tlog":
             return _telemetry(path, filters, system)
         case ".csv":
-            from rover_sweep.logs.csv import read_csv
+            from rover_sweep.logs.readers.csv_table import read_csv
 
             return read_csv(path, column_map)
     raise UsageError(f"{path.name}: {path.suffix or 'no extension'} is not read; give a .BIN, .tlog or .csv")
 
 
 def _flash(path: Path, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
-    from rover_sweep.logs.flash_channels import read_dataflash
+    from rover_sweep.logs.readers.dataflash_channels import read_dataflash
 
     return read_dataflash(path, filters)
 
 
 def _telemetry(path: Path, filters: Mapping[str, float] | None, system: int | None) -> tuple[Log, ...]:
-    from rover_sweep.logs.telemetry_channels import read_telemetry
+    from rover_sweep.logs.readers.tlog_channels import read_telemetry
 
     return read_telemetry(path, filters, system)
 
@@ -95,7 +95,7 @@ def _pair(
     first: str, second: str, filters: Mapping[str, float] | None, system: int | None
 ) -> tuple[Log, ...]:
     """Both logs of one drive, named in either order."""
-    from rover_sweep.logs.pair import paired
+    from rover_sweep.logs.readers.pair import paired
 
     by_kind = {path.suffix.lower(): path for path in (_existing(first), _existing(second))}
     if set(by_kind) != {".bin", ".tlog"}:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.sweep import Doublet, Manoeuvre, Sweep
-from rover_sweep.study.drive import Firmware, drive
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import Recording
+from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.study.published import SPEED, SWEEP
-from sitl.parameters import PlantParameters, load_variant
+from rover_sweep.study.virtual_drive import Firmware, drive
+from sitl.plant.variant import PlantParameters, load_variant
 
 SWEEPS = 3
 FAST = 4.0  # m/s

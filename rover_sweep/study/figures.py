@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
-from rover_sweep.identify.identification import ModelResult
-from rover_sweep.report.history_picture import history
-from rover_sweep.report.pictures import Picture
-from rover_sweep.report.response_picture import measured_responses, modelled_responses
-from rover_sweep.report.verification_picture import verification
+from rover_sweep.identification.pipeline import ModelResult
+from rover_sweep.report.identification.pictures import Picture
+from rover_sweep.report.pictures.frequency_response import measured_responses, modelled_responses
+from rover_sweep.report.pictures.history import history
+from rover_sweep.report.pictures.verification import verification
 from rover_sweep.study.conditions import CHECKS
 from rover_sweep.study.published import MODELS
-from rover_sweep.study.study import Practice, Study
+from rover_sweep.study.virtual_study import Practice, Study
 
 VERIFIED = {"asphalt": "figure-7", "grass": "figure-8a", "fast": "figure-8b"}
 

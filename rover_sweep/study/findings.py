@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from rover_sweep.identify.verify import Overlay, Verification
-from rover_sweep.report.wording import SHORT_NAMES, number, unit
+from rover_sweep.identification.verify import Overlay, Verification
+from rover_sweep.report.wording.number_format import SHORT_NAMES, number, unit
 from rover_sweep.study import published
 from rover_sweep.study.published import MODELS
-from rover_sweep.study.study import Practice, Study
+from rover_sweep.study.virtual_study import Practice, Study
 
 Outcome = Literal["came out", "came out in part", "did not come out"]
 TIC_GUIDE = 0.25  # the stricter of Tischler and Remple's 0.25 to 0.35

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from math import pi, sqrt
 
-from rover_sweep.identify.handling import handling
-from rover_sweep.report.wording import SHORT_NAMES, number, symbol
+from rover_sweep.identification.handling import handling
+from rover_sweep.report.wording.number_format import SHORT_NAMES, number, symbol
 from rover_sweep.study import published
 from rover_sweep.study.findings import Finding, judged, ms, percent
-from rover_sweep.study.study import Practice, Study, true_delay
+from rover_sweep.study.virtual_study import Practice, Study, true_delay
 
 PHYSICAL = ("bicycle", "roll-yaw")
 

@@ -18,7 +18,9 @@ from textual.dom import DOMNode
 from textual.theme import Theme
 
 from rover_sweep.live.source import Play, Played, Source
-from rover_sweep.tui.palette import DARK, LIGHT, Palette
+from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
+from rover_sweep.tui.model.setup import Memory, Setup, remember
+from rover_sweep.tui.model.state import AbortAsked, reduce
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.connect import ConnectScreen
 from rover_sweep.tui.screens.edit import EditRow
@@ -30,8 +32,6 @@ from rover_sweep.tui.screens.results import ResultsScreen
 from rover_sweep.tui.screens.run import RunScreen
 from rover_sweep.tui.screens.verdict import VerdictScreen
 from rover_sweep.tui.session_app import SessionApp
-from rover_sweep.tui.setup import Memory, Setup, remember
-from rover_sweep.tui.state import AbortAsked, reduce
 from rover_sweep.vehicle.events import Notice
 
 _SCREENS = (ConnectScreen, PreflightScreen, PlanScreen, RunScreen, VerdictScreen, LogScreen, ResultsScreen)

@@ -19,18 +19,18 @@ from textual.message import Message
 from textual.reactive import reactive
 
 from rover_sweep.live.source import Connect, Drive, Ended, Fix, Preflight, Request, Several, Source
-from rover_sweep.tui import words
-from rover_sweep.tui.analysis import Job
-from rover_sweep.tui.desk import Desk, has_command, recordings
-from rover_sweep.tui.feed import Feed
-from rover_sweep.tui.palette import DARK, LIGHT, Palette
-from rover_sweep.tui.places import Place, places, with_systems
-from rover_sweep.tui.plan_rows import FIRST, SPEED, Row, ground, named
-from rover_sweep.tui.screens.question import Question
-from rover_sweep.tui.setup import Setup, recall, remember, serial_ports, with_url
-from rover_sweep.tui.state import Asked, RunRecord, State, reduce
+from rover_sweep.session.session import PlannedRun
+from rover_sweep.tui.drawn import labels
+from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
+from rover_sweep.tui.drawn.question import Question
+from rover_sweep.tui.jobs.analysis import Job
+from rover_sweep.tui.jobs.desk import Desk, recordings
+from rover_sweep.tui.model.connections import Place, places, with_systems
+from rover_sweep.tui.model.feed import Feed
+from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, ground, named
+from rover_sweep.tui.model.setup import Setup, recall, remember, serial_ports, with_url
+from rover_sweep.tui.model.state import Asked, RunRecord, State, reduce
 from rover_sweep.vehicle.events import RunFinished, RunStarted
-from rover_sweep.vehicle.session import PlannedRun
 
 
 class Arrived(Message):
@@ -153,8 +153,8 @@ class SessionApp(App[None]):
             self._drive(row)
             return
         question = (
-            f"{row.name}: {words.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s, "
-            f"{words.seconds(row.manoeuvre.duration)}{ground(row, self.setup.vehicle)}.\n\n"
+            f"{row.name}: {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s, "
+            f"{labels.seconds(row.manoeuvre.duration)}{ground(row, self.setup.vehicle)}.\n\n"
             f"This program {', '.join(own)}.\n\nIs the ground free, and is everybody clear of it?"
         )
         self.push_screen(Question(question, "start the run"), partial(self._consented, row))
@@ -203,9 +203,9 @@ class SessionApp(App[None]):
             self.redraw()
 
     def can_analyse(self, kind: str) -> bool:
-        """Whether there is something to identify from, and a command that does it."""
+        """Whether there is something to identify from."""
         folder = self.setup.folder
-        ready = folder is not None and self.setup.vehicle_path is not None and has_command(kind)
+        ready = folder is not None and self.setup.vehicle_path is not None
         if kind == "gains":
             return ready and self.desk.report() is not None
         return ready and folder is not None and bool(recordings(self.state, folder))

@@ -1,0 +1,1 @@
+"""The vehicle behind a link: alone knows MAVLink, modes and PWM."""

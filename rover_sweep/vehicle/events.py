@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from rover_sweep.identify.sweep import Manoeuvre
+from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.vehicle.identity import Vehicle
-from rover_sweep.vehicle.streams import Stream, StreamQuality
+from rover_sweep.vehicle.link.streams import Stream, StreamQuality
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class SwitchWanted:
 
 @dataclass(frozen=True)
 class StateChanged:
-    """The applet entered a state (firmware_params.parameters.STATES); t [s] on the vehicle's clock."""
+    """The applet entered a state (firmware_params.applet_parameters.STATES); t [s] on the vehicle's clock."""
 
     t: float
     state: int

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from firmware_params.parameters import PARAMETERS
+from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.errors import LinkError
-from rover_sweep.printable import printable
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.mavlink import Message, constant, vehicle_type_name
-from rover_sweep.vehicle.parameters import ParameterMissing, read, read_present
+from rover_sweep.files.printable import printable
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import Message, constant, vehicle_type_name
+from rover_sweep.vehicle.parameters.read_write import ParameterMissing, read, read_present
 
 OLDEST = (4, 5)  # the applet is written for ArduRover 4.5 and 4.6
 NEWEST = (4, 6)

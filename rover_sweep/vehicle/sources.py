@@ -15,9 +15,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.log_download import LogSource, MavlinkLogs
-from rover_sweep.vehicle.parameters import Written, read_all, write
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.logs.download import LogSource, MavlinkLogs
+from rover_sweep.vehicle.parameters.read_write import Written, read_all, write
 
 Via = Literal["mavlink", "mavsdk"]
 DEFAULT: Via = "mavlink"
@@ -52,7 +52,7 @@ def log_source(link: Link, via: Via = DEFAULT) -> LogSource:
     """UsageError, with mavsdk, where that library does not load; it shows at its first use."""
     if via == "mavlink":
         return MavlinkLogs(link)
-    from rover_sweep.vehicle.mavsdk_logs import MavsdkLogs
+    from rover_sweep.vehicle.logs.by_mavsdk import MavsdkLogs
 
     return MavsdkLogs(link)
 
@@ -61,6 +61,6 @@ def parameter_source(link: Link, via: Via = DEFAULT) -> ParameterSource:
     """As `log_source`."""
     if via == "mavlink":
         return MavlinkParameters(link)
-    from rover_sweep.vehicle.mavsdk_parameters import MavsdkParameters
+    from rover_sweep.vehicle.parameters.by_mavsdk import MavsdkParameters
 
     return MavsdkParameters(link)

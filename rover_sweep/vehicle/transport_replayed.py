@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.conversation import Conversation, Kind
-from rover_sweep.vehicle.mavlink import Codec, kind
-from rover_sweep.vehicle.transport import Transport
+from rover_sweep.vehicle.link.conversation import Conversation, Kind
+from rover_sweep.vehicle.link.mavlink import Codec, kind
+from rover_sweep.vehicle.link.transport import Transport
 
 _SLACK = 0.05  # s: a wait here may end that much before it did then, since the code itself takes no time
 _EARLY = 0.5  # s: ... and a message may be sent that much sooner

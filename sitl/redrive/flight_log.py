@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from math import degrees
 from pathlib import Path
 
-from sitl.effects.stamps import late_records
-from sitl.effects.table import Effects
+from sitl.autopilot.log_records import IMU_TEMPERATURE, heading
+from sitl.autopilot.vehicle_log import VehicleLog
+from sitl.autopilot.vehicle_parameters import ParameterStore
 from sitl.geodesy import ORIGIN
-from sitl.log_records import IMU_TEMPERATURE, heading
-from sitl.sensors import Sensors
-from sitl.vehicle_log import VehicleLog
-from sitl.vehicle_parameters import ParameterStore
+from sitl.plant.effects.stamps import late_records
+from sitl.plant.effects_table import Effects
+from sitl.plant.sensors import Sensors
 
 SWEP = ("Run,St,T,Cmd,Out,VN,VE", "HBfffff", "--sYYnn", "--00000")
 """The applet's message: labels, types, units, multipliers."""

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sitl.parameters import PlantParameters
-from sitl.plant import Plant
+from sitl.plant.plant import Plant
+from sitl.plant.sensors import Sensors
+from sitl.plant.variant import PlantParameters
 from sitl.redrive.course import Array, Course
 from sitl.redrive.flight_log import FlightLog
 from sitl.redrive.speed import SpeedFollower
-from sitl.sensors import Sensors
 
 PHYSICS_S = 0.0025  # longest step of the plant
 LARGEST_ROLL, FASTEST_YAW = 1.5, 30.0  # rad, rad/s: beyond, the wheels are off the ground

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sitl.dataflash import CODES, FMT_TYPE, HEAD
+from sitl.flash_log.dataflash_writer import CODES, FMT_TYPE, HEAD
 
 _TIME = struct.Struct("<Q")
 _FMT = struct.Struct("<BB4s16s64s")

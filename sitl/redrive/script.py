@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sitl.parameters import PlantParameters
-from sitl.plant import GRAVITY
+from sitl.plant.plant import GRAVITY
+from sitl.plant.variant import PlantParameters
 from sitl.redrive.course import AppletState, Array, Course
 
 CELL_S, SPEED_CELL_S = 0.01, 0.05

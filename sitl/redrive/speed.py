@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sitl.parameters import PlantParameters
+from sitl.plant.variant import PlantParameters
 
 FOLLOW_S = 0.1  # time in which a difference is made up for
 INTEGRAL_S = 0.4  # and what resistance leaves of it

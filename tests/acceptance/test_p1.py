@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from rover_sweep.identify.fit import Condition, FitResult, accuracy, costs, evaluated, fit, sampled
-from rover_sweep.identify.recording import Recording, Signal
-from rover_sweep.identify.response import frequency_responses
-from rover_sweep.identify.structure import Matrices, ModelStructure, Parameter
-from rover_sweep.identify.verify import RATE, UNITS, Overlay, Verification, simulate, verify
+from rover_sweep.data.recording import Recording, Signal
+from rover_sweep.identification.fit import Condition, FitResult, accuracy, costs, evaluated, fit, sampled
+from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
+from rover_sweep.identification.verify import RATE, UNITS, Overlay, Verification, simulate, verify
+from rover_sweep.spectra.response import frequency_responses
 
 FOOT, SPEED = 0.3048, 33.0
 WINDOWS = (2.0, 3.5, 5.0, 7.0, 10.0, 15.0)

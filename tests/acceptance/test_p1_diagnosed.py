@@ -16,9 +16,9 @@ import pytest
 from p1_tables import tables
 
 import rover_sweep as rs
-from rover_sweep.diagnosis.experiment import experiment
-from rover_sweep.diagnosis.held_out_cost import costs, frequency_responses_of
-from rover_sweep.diagnosis.problem import centred
+from rover_sweep.diagnosis.held_out.cost import costs, frequency_responses_of
+from rover_sweep.diagnosis.problem.residuals import centred
+from rover_sweep.diagnosis.simulation.experiment import experiment
 
 MAPS = Path(__file__).parents[1] / "data" / "cars"
 FOOT = 0.3048

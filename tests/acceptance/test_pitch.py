@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rover_sweep.identify.fit import Condition, fit, sampled
-from rover_sweep.identify.recording import Recording, Signal
-from rover_sweep.identify.reduction import reduce
-from rover_sweep.identify.response import FrequencyResponse, default_windows, frequency_responses
-from rover_sweep.identify.structure import Matrices, ModelStructure, Parameter
+from rover_sweep.data.recording import Recording, Signal
+from rover_sweep.identification.fit import Condition, fit, sampled
+from rover_sweep.identification.reduction import reduce
+from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
+from rover_sweep.spectra.response import FrequencyResponse, default_windows, frequency_responses
 
 BAND, FREQUENCIES = (1.0, 30.0), 8762
 PRINTED = {"z": 2.890, "zeta": 0.6259, "wn": 6.106}  # rad/s, -, rad/s

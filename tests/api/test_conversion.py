@@ -10,13 +10,13 @@ import pytest
 import scipy.signal
 
 import rover_sweep as rs
-from rover_sweep.conversion import pade_delay
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.models.bicycle import bicycle
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.recording import LowPass
-from rover_sweep.identify.response import FrequencyResponse
-from rover_sweep.identify.structure import ModelStructure
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import LowPass
+from rover_sweep.identification.conversion import pade_delay
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.spectra.response import FrequencyResponse
 
 GEOMETRY = Geometry(mass=2.66, a=0.203, b=0.188, sprung_mass=2.40, h=0.058, roll_inertia=0.0125, imu_x=0.03)
 MODEL = roll_yaw(GEOMETRY).with_values({"C": 32.0, "Izz": 0.071, "k_phi": 10.8, "b_phi": 0.36, "tau": 0.043})

@@ -70,7 +70,7 @@ def test_every_public_name_is_there_and_described() -> None:
 
 
 def test_the_package_of_the_core_is_still_a_package() -> None:
-    import rover_sweep.identify.fit as fit
+    import rover_sweep.identification.fit as fit
 
     assert fit.POINTS == 20
     assert callable(rs.identify)
@@ -165,8 +165,8 @@ def test_saving_and_loading_loses_nothing(result: Any, tmp_path: Path) -> None:
 
 
 def test_a_users_own_structure_is_saved_as_its_text() -> None:
-    from rover_sweep.identify.structure_text import structure_from_text
-    from rover_sweep.saved import dumps, loads
+    from rover_sweep.api.save import dumps, loads
+    from rover_sweep.identification.structure.toml_form import structure_from_text
 
     text = sorted((ROOT / "tests/data/structures").glob("*.toml"))[0].read_text()
     structure = structure_from_text(text)
@@ -191,7 +191,7 @@ def test_another_version_of_the_file_is_told(result: Any, tmp_path: Path) -> Non
 
 def test_a_file_cannot_call_what_it_likes(tmp_path: Path) -> None:
     path = tmp_path / "evil.json"
-    for evil in ("os:system", "rover_sweep.cli.main:main", "rover_sweep.saved:loads"):
+    for evil in ("os:system", "rover_sweep.cli.main:main", "rover_sweep.api.save:loads"):
         for thing in ({"is": evil, "of": {}}, {"is": "function", "of": evil}):
             content = {"format": "rover-sweep result", "format_version": 1, "result": thing, "arrays": {}}
             path.write_text(json.dumps(content))

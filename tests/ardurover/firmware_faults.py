@@ -17,15 +17,16 @@ from pathlib import Path
 from firmware_observer import Observer, Seen
 from firmware_relay import Relay, Sent
 
-from firmware_params.check import shipped
-from firmware_params.parameters import applet_path
+from firmware_params.applet_parameters import applet_path
+from firmware_params.param_files import shipped
 from rover_sweep.errors import RoverSweepError
-from rover_sweep.identify.sweep import Sweep
-from rover_sweep.vehicle.controls import pump
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.session import await_estimator, start_streams
 from rover_sweep.vehicle.events import Event, Notice, RunFinished
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.run import RunSettings, run
-from rover_sweep.vehicle.session import await_estimator, start_streams
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.run.controls import pump
+from rover_sweep.vehicle.run.one_run import run
+from rover_sweep.vehicle.run.settings import RunSettings
 from sitl.launcher import start_ardurover
 from sitl.transmitter import Transmitter
 

@@ -15,12 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from firmware_params.check import read, shipped
-from firmware_params.parameters import applet_path
-from rover_sweep.cli.simulated_rover import firmware_rover_text, rover_text
-from rover_sweep.identify.sweep import Doublet, Sweep
-from rover_sweep.session_folder.content import PlannedRun
-from rover_sweep.vehicle.controls import Trigger
+from firmware_params.applet_parameters import applet_path
+from firmware_params.param_files import read, shipped
+from rover_sweep.cli.driving.rover_numbers import firmware_rover_text, rover_text
+from rover_sweep.manoeuvre.sweep import Doublet, Sweep
+from rover_sweep.session.content import PlannedRun
+from rover_sweep.session.session import Plan, drive
+from rover_sweep.session.simulated_rover import Physics, Simulation, pilot, started
 from rover_sweep.vehicle.events import (
     Connected,
     Event,
@@ -30,10 +31,9 @@ from rover_sweep.vehicle.events import (
     RunStarted,
     SessionFinished,
 )
-from rover_sweep.vehicle.run import RunSettings
-from rover_sweep.vehicle.session import Plan, drive
-from rover_sweep.vehicle.simulated import Physics, Simulation, pilot, started
-from rover_sweep.vehicle.transport_recorded import RecordedLine, conversation_in
+from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
+from rover_sweep.vehicle.run.controls import Trigger
+from rover_sweep.vehicle.run.settings import RunSettings
 
 RUNS = (
     PlannedRun("sweep1", Sweep(amplitude=150, w_min=1, w_max=20, t_rec=20)),

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from firmware_relay import TRIM_US
 
-from rover_sweep.vehicle.mavlink import Codec, Framer, constant, is_autopilot, kind, make, message_id
+from rover_sweep.vehicle.link.mavlink import Codec, Framer, constant, is_autopilot, kind, make, message_id
 
 SYSTEM = 254
 _RATES = {"HEARTBEAT": 5, "SERVO_OUTPUT_RAW": 20, "LOCAL_POSITION_NED": 10}  # Hz

@@ -13,7 +13,7 @@ import threading
 import time
 from typing import Literal, NamedTuple
 
-from rover_sweep.vehicle.mavlink import Codec, Framer, kind
+from rover_sweep.vehicle.link.mavlink import Codec, Framer, kind
 
 Mode = Literal["open", "hole", "stall"]
 TRIM_US, HIGH_US, LEFT_ALONE = 1500, 1800, 0xFFFE

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from rover_sweep.cli import main
-from rover_sweep.vehicle.controls import pump
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.parameter_file import kept_by_itself
-from rover_sweep.vehicle.parameters import write
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.parameters.read_param_file import kept_by_itself
+from rover_sweep.vehicle.parameters.read_write import write
+from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import Running, start_ardurover
 
 pytestmark = pytest.mark.ardurover

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.access import Access
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.parameters import read
-from rover_sweep.vehicle.signing import SigningKey, timestamp
+from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.signing import SigningKey, timestamp
+from rover_sweep.vehicle.parameters.read_write import read
 from sitl.launcher import start_ardurover
 
 pytestmark = pytest.mark.ardurover

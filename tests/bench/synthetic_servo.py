@@ -10,9 +10,9 @@ import numpy as np
 from rover_sweep.bench.by_hand import Readings
 from rover_sweep.bench.programme import Movement, path, ramp, staircase, steps
 from rover_sweep.bench.wheel_problem import Command, Wheel
-from sitl.effects.steering import Linkage
-from sitl.parameters import PlantParameters, load_variant
-from sitl.servo import Servo
+from sitl.plant.effects.steering_effects import Linkage
+from sitl.plant.servo import Servo
+from sitl.plant.variant import PlantParameters, load_variant
 
 VARIANT = """base = "nominal"
 servo_rate_limit = 3.0

@@ -10,18 +10,18 @@ from pathlib import Path
 
 import pytest
 
+from rover_sweep.bench.bench_folder import BenchFolder
 from rover_sweep.bench.drive import Keep, Plan, drive
-from rover_sweep.bench.folder import BenchFolder
 from rover_sweep.bench.programme import Movement, programme
-from rover_sweep.bench.standing import NotStanding
+from rover_sweep.bench.standstill import NotStanding
 from rover_sweep.cli.main import run
+from rover_sweep.data.vehicle_file import load
 from rover_sweep.errors import UsageError
-from rover_sweep.logs.tlog import open_tlog
-from rover_sweep.vehicle.access import Access
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.parameters import write
-from rover_sweep.vehicle_file import load
-from sitl.effects.steering import Linkage
+from rover_sweep.logs.readers.tlog import open_tlog
+from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.parameters.read_write import write
+from sitl.plant.effects.steering_effects import Linkage
 
 OnBlocks = Callable[..., str]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from synthetic_servo import read_by_hand, rover
 
-from rover_sweep.bench.folder import BenchFolder, Reading
+from rover_sweep.bench.bench_folder import BenchFolder, Reading
 from rover_sweep.cli.main import run
 
 OUTPUT = {"servo": 1, "trim": 1500.0}

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from synthetic_servo import read_by_hand, rover
 
+from rover_sweep.bench.bench_result import BenchResult, interval, rate_limit
 from rover_sweep.bench.by_hand import by_hand
 from rover_sweep.bench.into_file import numbers_for_file, write
 from rover_sweep.bench.linkage import curve
-from rover_sweep.bench.result import BenchResult, interval, rate_limit
-from rover_sweep.vehicle_file import load
-from sitl.effects.steering import Linkage
+from rover_sweep.data.vehicle_file import load
+from sitl.plant.effects.steering_effects import Linkage
 
 ROVER = Path(__file__).parents[1] / "data" / "rover.toml"
 LEVELS = (50.0, 100.0, 200.0, 300.0)

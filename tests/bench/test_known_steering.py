@@ -12,25 +12,25 @@ import pytest
 from synthetic_servo import VARIANT
 
 import rover_sweep as rs
+from rover_sweep.api.diagnosis_input import diagnosed, material
+from rover_sweep.api.known_steering import FINE, behind_servo, has_linkage, known, through_linkage
+from rover_sweep.api.plan import planned
 from rover_sweep.cli.main import run
-from rover_sweep.diagnosing import diagnosed, material
-from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.data.material_sizes import tolerances_of
+from rover_sweep.data.recording import Signal
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.vehicle_file import Measured, load
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.plans.sets import Planner
-from rover_sweep.diagnosis.plans.types import PlannedRun
 from rover_sweep.diagnosis.settings import DiagnosisSettings
-from rover_sweep.identify.effects import library
-from rover_sweep.identify.recording import Signal
-from rover_sweep.known_steering import FINE, behind_servo, has_linkage, known, through_linkage
 from rover_sweep.logs.read import read_logs, read_runs
-from rover_sweep.material_sizes import spread_of
-from rover_sweep.planning import planned
-from rover_sweep.redrive.course import course_of
-from rover_sweep.redrive.rover import on_the_clock
-from rover_sweep.report.document import identification_document
-from rover_sweep.vehicle_file import Measured, load
-from sitl.parameters import load_variant
+from rover_sweep.redrive.recorded_course import course_of
+from rover_sweep.redrive.vehicle_variant import on_the_clock
+from rover_sweep.report.identification.identification_json import identification_document
+from sitl.plant.servo import Servo
+from sitl.plant.variant import load_variant
 from sitl.redrive.open_loop import redrive
-from sitl.servo import Servo
 
 ROOT = Path(__file__).parents[2]
 DRIVEN = ROOT / "tests" / "data" / "ardurover-4.6.3" / "nominal"
@@ -48,7 +48,7 @@ def test_a_file_without_bench_values_changes_nothing(monkeypatch: pytest.MonkeyP
     one = rs.read(DRIVEN / "run1.BIN", vehicle=ROVER)[0]
     assert not has_linkage(vehicle)
     assert through_linkage(one, vehicle) is one
-    spread = spread_of(vehicle.material)
+    spread = tolerances_of(vehicle.material)
     assert known(vehicle, spread).spread is spread
     assert not known(vehicle, spread).settled
 
@@ -98,16 +98,16 @@ def test_what_is_known_is_no_candidate_and_what_is_not_stays_one():
     """Settled where what the measurement leaves open is less than what would count as a finding."""
     vehicle = replace(load(ROVER), backlash=Measured(0.01, 0.0002), asymmetry=Measured(0.05, 0.2),
                       servo_rate_limit=Measured(3.0, 0.1), deadband=Measured(0.001))  # fmt: skip
-    found = known(vehicle, Spread())
+    found = known(vehicle, Tolerances())
     assert set(found.settled) == {"steering_backlash", "servo_rate_limit"}
     assert "0.01 ± 0.0002 rad" in found.settled["steering_backlash"]
-    assert found.spread == Spread()
-    slow = known(replace(vehicle, servo_lag=Measured(0.03, 0.001), material={}), Spread())
+    assert found.spread == Tolerances()
+    slow = known(replace(vehicle, servo_lag=Measured(0.03, 0.001), material={}), Tolerances())
     assert "servo_lag" in slow.settled
     assert slow.spread.lag == pytest.approx(1.25 * 0.03 + 0.002)
-    assert slow.spread.together - Spread().together == pytest.approx(slow.spread.lag - Spread().lag)
+    assert slow.spread.together - Tolerances().together == pytest.approx(slow.spread.lag - Tolerances().lag)
     by_hand = replace(vehicle, servo_lag=Measured(0.03, 0.001), material={"servo_lag": 0.06})
-    assert known(by_hand, spread_of(by_hand.material)).spread.lag == 0.06
+    assert known(by_hand, tolerances_of(by_hand.material)).spread.lag == 0.06
 
 
 def test_a_steering_that_was_logged_slowly_is_taken_through_curve_and_play_alone():

@@ -26,15 +26,15 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 
-from firmware_params.check import shipped
+from firmware_params.param_files import shipped
+from rover_sweep.bench.bench_folder import BenchFolder
+from rover_sweep.bench.bench_result import BenchResult
 from rover_sweep.bench.drive import Keep, Plan, Wheel, drive
 from rover_sweep.bench.evaluate import evaluate
-from rover_sweep.bench.folder import BenchFolder
 from rover_sweep.bench.programme import Movement, programme
-from rover_sweep.bench.result import BenchResult
-from rover_sweep.vehicle_file import load
+from rover_sweep.data.vehicle_file import load
 from sitl.launcher import Running, find_ardurover, start_ardurover
-from sitl.parameters import PlantParameters, load_variant
+from sitl.plant.variant import PlantParameters, load_variant
 
 ROVER = Path(__file__).parents[1] / "data" / "rover.toml"
 VARIANT = """base = "nominal"

@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.identify.recording import Array, Recording, Signal
-from rover_sweep.identify.response import FrequencyResponse, composite, frequency_responses
-from rover_sweep.identify.spectra import window_spectra
+from rover_sweep.data.recording import Array, Recording, Signal
+from rover_sweep.spectra.response import FrequencyResponse, composite, frequency_responses
+from rover_sweep.spectra.spectra import window_spectra
 
 BAND = (1.0, 30.0)  # rad/s
 REPEATS = 5

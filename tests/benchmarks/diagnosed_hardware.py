@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 import rover_sweep as rs
-from rover_sweep.identify.table import ShortTable, number
+from rover_sweep.data.result_table import ShortTable, number
 
 TESTS = Path(__file__).parents[1]
 MAPS = TESTS / "data" / "cars"
@@ -92,9 +92,9 @@ def row(name: str, found: rs.FullDiagnosis) -> tuple[str, ...]:
 
 def a_y_of(found: rs.FullDiagnosis, sweep: rs.Runs, fresh: rs.Runs) -> str:
     """What the accelerometer's place is worth in J of a_y, all else kept, and in the fresh file."""
-    from rover_sweep.diagnosis.experiment import experiment
-    from rover_sweep.diagnosis.held_out_cost import costs, frequency_responses_of
-    from rover_sweep.diagnosis.problem import centred
+    from rover_sweep.diagnosis.held_out.cost import costs, frequency_responses_of
+    from rover_sweep.diagnosis.problem.residuals import centred
+    from rover_sweep.diagnosis.simulation.experiment import experiment
 
     assert found.model is not None
     plain = replace(found.model, x={**found.model.x, "imu_x": 0.0, "imu_z": 0.0})

@@ -24,11 +24,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from rover_sweep.errors import LinkError
 from rover_sweep.live.telemetry import Telemetry
-from rover_sweep.tui.state import State, reduce
+from rover_sweep.tui.model.state import State, reduce
 from rover_sweep.vehicle.events import Said
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.mavlink import Codec
-from rover_sweep.vehicle.transport import Transport
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import Codec
+from rover_sweep.vehicle.link.transport import Transport
 
 HOUR = 3600.0
 SHOWN = 0.5  # s between two snapshots

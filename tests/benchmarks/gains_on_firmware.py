@@ -32,11 +32,11 @@ from acro_drive import FULL, Segment, judge, kept, predicted
 from acro_on_firmware import SPEED, drive
 
 import rover_sweep as rs
-from firmware_params.check import read, shipped
-from rover_sweep.gains.firmware import Autopilot, autopilot
+from firmware_params.param_files import read, shipped
 from rover_sweep.gains.identified import from_identification
 from rover_sweep.gains.proposal import Judged, Proposal, propose
-from rover_sweep.report.document import identification_document
+from rover_sweep.gains.steering_chain import Autopilot, autopilot
+from rover_sweep.report.identification.identification_json import identification_document
 from sitl.launcher import find_ardurover
 
 DATA = Path(__file__).parents[1] / "data"

@@ -30,8 +30,8 @@ from counted_proxy import CountedProxy  # noqa: E402
 from terminal import Terminal  # noqa: E402
 from test_live_kill import frames_of, unread  # noqa: E402
 
-from rover_sweep.session_folder.folder import read  # noqa: E402
-from rover_sweep.vehicle.mavlink import Framer  # noqa: E402
+from rover_sweep.session.folder import read  # noqa: E402
+from rover_sweep.vehicle.link.mavlink import Framer  # noqa: E402
 from sitl import launcher  # noqa: E402
 
 ROVER_FILE = ROOT / "tests" / "data" / "rover.toml"

@@ -26,16 +26,16 @@ from scipy.signal import csd, welch
 sys.path.insert(0, str(Path(__file__).parents[1] / "identify"))
 from synthetic import GEOMETRY, TRUE, driven
 
-from rover_sweep.identify.fit import Condition, fit, residuals
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.grouping import Group
-from rover_sweep.identify.models.bicycle import bicycle
-from rover_sweep.identify.models.lumped import lumped
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.quality import responses
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.structure import ModelStructure
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import Recording
+from rover_sweep.identification.fit import Condition, fit, residuals
+from rover_sweep.identification.grouping import Group
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models.lumped import lumped
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.quality.coherence import responses
 
 REPEATS = 5
 WINDOWS = (5.0, 7.5, 11.0, 17.0, 25.0)

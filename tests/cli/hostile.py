@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle import transport
-from rover_sweep.vehicle.mavlink import Codec, Framer, kind
-from rover_sweep.vehicle.transport import Transport
+from rover_sweep.vehicle.link import transport
+from rover_sweep.vehicle.link.mavlink import Codec, Framer, kind
+from rover_sweep.vehicle.link.transport import Transport
 
 TEXT = b"SWP \x1b[2J\x1b]52;c;aGk=\x07\r\x08\n[red]\x7f\x9b31m\xe2\x80\xae"
 NAME = b"A\x1b]0;x\x07\n\x9b"  # of a parameter, in place of OURS

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from rover_sweep.cli.display import display
-from rover_sweep.cli.output import PLAIN_WIDTH, narration, results
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.cli.views.display import display
+from rover_sweep.cli.views.output import PLAIN_WIDTH, narration, results
+from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.vehicle import events as e
 
 TLOG = Path("sweep1.tlog")

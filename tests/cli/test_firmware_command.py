@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from program_calls import Tell
 
-from firmware_params.check import shipped
-from firmware_params.parameters import applet_source
-from rover_sweep.vehicle import applet as applet_module
+from firmware_params.applet_parameters import applet_source
+from firmware_params.param_files import shipped
+from rover_sweep.vehicle.setup import applet_upload as applet_module
 from sitl import launcher
 
 

@@ -12,7 +12,7 @@ from program_calls import DRIVEN, ROVER, Tell
 from rich.console import Console
 from rich.table import Table
 
-from rover_sweep.cli.output import narration, results
+from rover_sweep.cli.views.output import narration, results
 from sitl import launcher
 
 DATA = Path(__file__).parents[1] / "data"

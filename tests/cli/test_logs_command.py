@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from program_calls import Tell
 
-from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.link.link import Link
 from sitl import launcher
 
 

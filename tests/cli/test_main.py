@@ -12,7 +12,7 @@ import pytest
 
 from rover_sweep import __version__, errors
 from rover_sweep.cli import main
-from rover_sweep.vehicle_file import example, load
+from rover_sweep.data.vehicle_file import example, load
 
 ROVER = str(Path(__file__).parents[1] / "data" / "rover.toml")
 SWING = ["inertia", "--mass", "2.66+-0.005", "--length", "1.2+-0.003", "--spacing", "0.3+-0.001",

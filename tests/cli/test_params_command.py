@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from program_calls import Tell
 
-from firmware_params.check import read, shipped
+from firmware_params.param_files import read, shipped
 from sitl import launcher
 
 OWN = "ATC_STR_RAT_FF 0.3\nINS_POS1_X 0.1\nSCHED_LOOP_RATE 50\n"
@@ -146,7 +146,7 @@ def test_mistakes_are_one_sentence(
 
 
 def test_the_shipped_files_are_read_and_what_a_rover_counts_is_left_out(tmp_path: Path) -> None:
-    from rover_sweep.vehicle.parameter_file import wanted_of
+    from rover_sweep.vehicle.parameters.read_param_file import wanted_of
 
     assert wanted_of("raw_imu") == read(shipped("raw_imu"))
     own = tmp_path / "own.param"

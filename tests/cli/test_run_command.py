@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from program_calls import DRIVEN, ROVER, SHORT, Tell
 
-from rover_sweep.cli.display import PlainDisplay, live_line
+from rover_sweep.cli.views.display import PlainDisplay, live_line
 from rover_sweep.vehicle.events import Event, Sample, StateChanged
 from sitl import launcher
 

@@ -9,11 +9,11 @@ import pytest
 from program_calls import Tell
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.cli import access
 from rover_sweep.cli.main import cli
-from rover_sweep.vehicle import transport
-from rover_sweep.vehicle.access import Heard
-from rover_sweep.vehicle.transport import Transport
+from rover_sweep.cli.types import which_vehicle
+from rover_sweep.vehicle.link import transport
+from rover_sweep.vehicle.link.access import Heard
+from rover_sweep.vehicle.link.transport import Transport
 from sitl.launcher import Running
 
 STRANGER = 7
@@ -80,7 +80,7 @@ def test_the_question_takes_only_one_that_is_heard(
 ) -> None:
     answers = iter(["", "9", "one", "7"])
     monkeypatch.setattr("click.termui.visible_prompt_func", lambda words: next(answers))
-    assert access._asked(BOTH) == 7
+    assert which_vehicle._asked(BOTH) == 7
     assert capsys.readouterr().out == ""
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.cli.truth import truth
-from sitl.effects.nominal import resolved
-from sitl.parameters import load_variant
+from rover_sweep.cli.views.truth import truth
+from sitl.plant.effects.replaced_numbers import resolved
+from sitl.plant.variant import load_variant
 
 
 def test_effects_of_a_variant_show_in_the_truth(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ import pytest
 from rich.console import Console
 
 from rover_sweep.bench.programme import steps
-from rover_sweep.bench.terminal import Terminal
-from rover_sweep.cli.display import PlainDisplay
+from rover_sweep.cli.views.bench_prompts import Terminal
+from rover_sweep.cli.views.display import PlainDisplay
 
 pytest.importorskip("termios")
 LONG_ENOUGH = 0.4  # s, in which a stray answer would have been taken

@@ -14,20 +14,20 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_sweep.api import read
-from rover_sweep.diagnosis.candidates import Model, possible
-from rover_sweep.diagnosis.experiment import experiment
-from rover_sweep.diagnosis.fitting import Fitted, fit, sensitivities
-from rover_sweep.diagnosis.material import material_sizes
-from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.problem import Array, Problem
-from rover_sweep.diagnosis.rounds import begun
-from rover_sweep.diagnosis.search import Tangent, tangent
-from rover_sweep.diagnosis.signatures import Signature, columns, signatures
-from rover_sweep.diagnosis.threshold import null
-from rover_sweep.diagnosis.wander import wander
-from rover_sweep.identify.effects import Effect, library
-from rover_sweep.preparation import geometry_of
+from rover_sweep.api.read import read
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.diagnosis.effects import Effect, library
+from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem.residuals import Array, Problem
+from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
+from rover_sweep.diagnosis.problem.speed_drift import wander
+from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
+from rover_sweep.diagnosis.search.material import material_sizes
+from rover_sweep.diagnosis.search.rounds import begun
+from rover_sweep.diagnosis.search.threshold import null
+from rover_sweep.diagnosis.simulation.candidates import Model, possible
+from rover_sweep.diagnosis.simulation.experiment import experiment
 from tests.concealed.effects import table
 
 SETS = 100
@@ -43,7 +43,7 @@ def sizes(folder: Path, seed: int) -> Sizes:
     """{effect: {parameter: physical size}} for the runs 1 to 3 of a set that hides nothing."""
     runs = read(*(folder / f"run{k}.BIN" for k in (1, 2, 3)), vehicle=folder / "rover.toml")
     driven = [experiment(run) for run in runs]
-    model = Model("roll-yaw", geometry_of(runs.vehicle), Spread())
+    model = Model("roll-yaw", geometry_of(runs.vehicle), Tolerances())
     plain, fitted = begun(driven, model, {})
     effects = possible(model, driven)[0]
     little = signatures(plain, fitted, model, effects, tiny=True) + wander(plain, fitted)

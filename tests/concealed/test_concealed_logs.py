@@ -43,7 +43,7 @@ def test_runs_read_like_field_logs(written: tuple[Case, Path, Path]) -> None:
 
 
 def test_a_left_turn_is_a_left_turn_in_every_signal(written: tuple[Case, Path, Path]) -> None:
-    from rover_sweep.identify.recording import steered
+    from rover_sweep.data.recording import steered
     from rover_sweep.logs import read_runs
 
     case, folder, _ = written

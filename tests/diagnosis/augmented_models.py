@@ -6,11 +6,12 @@ from dataclasses import replace
 from math import log
 from pathlib import Path
 
-from rover_sweep.diagnosis.augmented import AugmentedModel
-from rover_sweep.identify.effects import library
-from rover_sweep.identify.recording import LowPass, Recording
-from rover_sweep.preparation import Reading, geometry_of, load
-from rover_sweep.vehicle_file import load as load_vehicle
+from rover_sweep.api.read import Reading, load
+from rover_sweep.data.recording import LowPass, Recording
+from rover_sweep.data.vehicle_file import load as load_vehicle
+from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
 ROVER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "c"
 VEHICLE = load_vehicle(ROVER / "rover.toml")

@@ -8,19 +8,19 @@ from math import log
 
 import numpy as np
 
-from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.experiment import RATE, Experiment
-from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.places.locate import mismatches
-from rover_sweep.diagnosis.problem import Problem, problem
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import Array
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.locate.locate import mismatches
+from rover_sweep.diagnosis.problem.residuals import Problem, problem
 from rover_sweep.diagnosis.result import Mismatch
-from rover_sweep.diagnosis.simulate import Sensors, logged
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.recording import Array
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.manoeuvre.sweep import Sweep
 
 ROVER = Geometry(2.7, 0.20, 0.20, sprung_mass=2.4, h=0.05, roll_inertia=0.012, yaw_inertia=0.08)
-MODEL = Model("roll-yaw", ROVER, Spread())
+MODEL = Model("roll-yaw", ROVER, Tolerances())
 X = {c.name: c.start for c in MODEL.free} | {
     "ln_C": log(35.0), "ln_Izz": log(0.08), "ln_k_phi": log(10.0), "ln_b_phi": log(0.4),
 }  # fmt: skip

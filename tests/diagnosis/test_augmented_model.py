@@ -15,21 +15,21 @@ from augmented_models import SPEED, VEHICLE, linear_only, model, recording
 
 import rover_sweep as rs
 from rover_sweep.cli.main import run
-from rover_sweep.diagnosis.augmented import AugmentedModel
-from rover_sweep.diagnosis.experiment import RATE, experiment
-from rover_sweep.diagnosis.linear import left_out, linear
+from rover_sweep.data.vehicle_geometry import MODEL_NAMES
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.linear.linear import left_out, linear
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.simulate import Sensors, logged
-from rover_sweep.identify.effects import library
-from rover_sweep.identify.verify import simulate as linear_simulation
-from rover_sweep.preparation import MODEL_NAMES
-from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
-from rover_sweep.report.diagnosis_write import write_diagnosis
-from rover_sweep.report.export import at_speed
-from rover_sweep.report.export_augmented import exported_augmented
-from rover_sweep.report.export_text import matlab_text, python_text
-from rover_sweep.report.model_of_diagnosis import augmented_document, augmented_from
-from rover_sweep.report.strict_json import dumps
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.diagnosis.simulation.experiment import RATE, experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.identification.verify import simulate as linear_simulation
+from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+from rover_sweep.report.export.augmented_model_json import augmented_document, augmented_from
+from rover_sweep.report.export.diagnosed import exported_augmented
+from rover_sweep.report.export.exported_model import at_speed
+from rover_sweep.report.export.source_text import matlab_text, python_text
+from rover_sweep.report.wording.strict_json import dumps
 
 DERIVATIVES = {
     "Y_v": -60.0, "Y_p": 0.4, "Y_r": -0.3, "Y_phi": -25.0, "Y_delta": 27.0, "L_v": -230.0, "L_p": -12.0,

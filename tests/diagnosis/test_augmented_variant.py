@@ -16,15 +16,15 @@ import pytest
 from augmented_models import RUN, model, on_smooth_ground, recording
 
 import rover_sweep as rs
-from rover_sweep.diagnosis.augmented import AugmentedModel
-from rover_sweep.identify.effects import library
-from rover_sweep.identify.recording import Recording
+from rover_sweep.data.recording import Recording
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.logs.read import read_logs, read_runs
-from rover_sweep.redrive.course import course_of
-from rover_sweep.redrive.rover import on_the_clock
-from rover_sweep.report.plant_variant import not_in_the_plant, variant_text
-from sitl.effects.nominal import resolved
-from sitl.parameters import load_variant
+from rover_sweep.redrive.recorded_course import course_of
+from rover_sweep.redrive.vehicle_variant import on_the_clock
+from rover_sweep.report.export.plant_variant import not_in_the_plant, variant_text
+from sitl.plant.effects.replaced_numbers import resolved
+from sitl.plant.variant import load_variant
 from sitl.redrive.open_loop import redrive
 
 CHANNELS = ("r", "ay", "p", "vy")
@@ -152,7 +152,7 @@ def test_what_the_plant_cannot_be_is_said_in_the_file() -> None:
 
 def test_tyres_that_bend_in_the_model_do_so_in_the_plant(tmp_path: Path) -> None:
     """Half of the load is the force at which both laws lose as much."""
-    from sitl.tyre import lateral_force
+    from sitl.plant.tyre import lateral_force
 
     whole = model(bend=0.7)
     (tmp_path / "v.toml").write_text(variant_text(whole))

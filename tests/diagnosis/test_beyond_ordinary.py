@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from planted import MODEL, NOISE, X, sweeps
 
-from rover_sweep.diagnosis.beyond import nameless_gain, unknown
 from rover_sweep.diagnosis.choose import Choice, choose
-from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.diagnosis.laws import laws
-from rover_sweep.diagnosis.ordinary import unknown_beyond
-from rover_sweep.diagnosis.rounds import Options
-from rover_sweep.diagnosis.simulate import Sensors, logged
+from rover_sweep.diagnosis.search.bounds import unknown_beyond
+from rover_sweep.diagnosis.search.rounds import Options
+from rover_sweep.diagnosis.simulation.experiment import Experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.unexplained.laws import laws
+from rover_sweep.diagnosis.unexplained.unexplained import nameless_gain, unknown
 
 RATIO = 1.8  # Cf/Cr, where 15 % are ordinary
 

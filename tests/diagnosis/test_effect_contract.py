@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.candidates import WHOLE, Model
-from rover_sweep.diagnosis.experiment import RATE, Experiment
-from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.simulate import Sensors, logged
-from rover_sweep.identify.effects import library
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.manoeuvre.sweep import Sweep
 
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.07, 0.02, 0.03)
-MODEL = Model("roll-yaw", ROVER, Spread())
+MODEL = Model("roll-yaw", ROVER, Tolerances())
 NOMINAL = {c.name: c.start for c in MODEL.free}
 TERMS = [e for e in library().values() if e.id not in WHOLE and e.stage != "speed"]
 

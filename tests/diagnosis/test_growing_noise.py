@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from planted import MODEL, NOISE, X, sweeps
 
-from rover_sweep.diagnosis.beyond import unknown
 from rover_sweep.diagnosis.choose import choose
-from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.diagnosis.rounds import Options
-from rover_sweep.diagnosis.simulate import Sensors, logged
+from rover_sweep.diagnosis.search.rounds import Options
+from rover_sweep.diagnosis.simulation.experiment import Experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.unexplained.unexplained import unknown
 
 TORQUE = 0.02  # N m
 EFFECT = "suspension_friction"

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from planted import MODEL, NOISE, X, sweeps
 
-from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.diagnosis.floor import Floor
-from rover_sweep.diagnosis.held_out import Fresh, Modelled, held_out, refitted_without
-from rover_sweep.diagnosis.held_out_cost import cost
-from rover_sweep.diagnosis.problem import with_floor
-from rover_sweep.diagnosis.simulate import Sensors, logged
-from rover_sweep.identify.fit import ResponseData
+from rover_sweep.diagnosis.held_out.cost import cost
+from rover_sweep.diagnosis.held_out.worth import Fresh, Modelled, held_out, refitted_without
+from rover_sweep.diagnosis.problem.noise_floor import Floor
+from rover_sweep.diagnosis.problem.residuals import with_floor
+from rover_sweep.diagnosis.simulation.experiment import Experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.identification.fit import ResponseData
 
 BOTH = MODEL.with_effect("tyre_relaxation").with_effect("steering_trim")
 TRUE = {**X, "tyre_relaxation.sigma": 0.25, "trim": 0.02}

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from planted import over, told
 
-from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.identify.geometry import GRAVITY
-from rover_sweep.identify.recording import Array
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.data.geometry import GRAVITY
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.simulation.experiment import Experiment
+from rover_sweep.manoeuvre.sweep import Sweep
 
 
 def phase(run: Experiment) -> Array:

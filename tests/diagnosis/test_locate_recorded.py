@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.experiment import experiment
-from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.places.locate import mismatches
+from rover_sweep.api.read import Reading, load
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.vehicle_file import load as vehicle_of
+from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.result import Mismatch
-from rover_sweep.diagnosis.rounds import begun
-from rover_sweep.preparation import Reading, geometry_of, load
-from rover_sweep.vehicle_file import load as vehicle_of
+from rover_sweep.diagnosis.search.rounds import begun
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import experiment
 
 SETS = Path(__file__).parents[1] / "data" / "concealed-ardurover"
 
@@ -21,7 +22,7 @@ def located(name: str) -> dict[tuple[str, str], Mismatch]:
     vehicle = vehicle_of(SETS / name / "rover.toml")
     files = tuple(str(SETS / name / f"run{k}.BIN") for k in (1, 2, 3))
     runs = [experiment(run) for run in load(files, vehicle, Reading(None, {}), [])]
-    model = Model("roll-yaw", geometry_of(vehicle), Spread())
+    model = Model("roll-yaw", geometry_of(vehicle), Tolerances())
     problem, fitted = begun(runs, model, {})
     found = mismatches(problem, problem.measured - problem.model(model.structure, fitted.x))
     return {(m.channel, m.condition): m for m in found}

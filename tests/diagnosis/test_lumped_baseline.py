@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rover_sweep.cli.main import run
-from rover_sweep.diagnosis import lumped
-from rover_sweep.diagnosis.kernel import single_track
-from rover_sweep.diagnosis.simulate import Structure, slots
-from rover_sweep.identify.geometry import Geometry
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.diagnosis.simulation import lumped_baseline
+from rover_sweep.diagnosis.simulation.kernel import single_track
+from rover_sweep.diagnosis.simulation.simulator import Structure, slots
 
 SET = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "d"
 ROVER = Geometry(2.76, 0.196, 0.187, 2.49, 0.058, 0.0146, 0.075)
@@ -41,7 +41,7 @@ def test_the_first_derivatives_move_as_the_model_that_they_are_made_of_at_any_sp
          "ln_b_phi": np.log(0.4 * about * 2 * np.pi * 3.5)}  # fmt: skip
     q = slots(Structure(ROVER, True, roll), x)
     whole = single_track(steer, speed, np.ones(t.size), zero, zero, zero, q, roll, False, 0.005)
-    first = {c.name: c.start for c in lumped.derivatives(ROVER, roll)}
-    found = lumped.motion(steer, speed, zero, first, 0.005)
+    first = {c.name: c.start for c in lumped_baseline.derivatives(ROVER, roll)}
+    found = lumped_baseline.motion(steer, speed, zero, first, 0.005)
     for k, name in enumerate(("v", "r", "phi", "p", "across")):
         assert np.max(np.abs(found[name] - whole[:, k])) <= 0.005 * np.max(np.abs(whole[:, k])) + 1e-12, name

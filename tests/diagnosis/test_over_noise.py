@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.problem import over_noise
+from rover_sweep.diagnosis.problem.residuals import over_noise
 
 
 def test_a_fit_that_moves_nothing_is_at_the_noise() -> None:

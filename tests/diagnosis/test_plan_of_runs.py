@@ -16,21 +16,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.candidates import Model, possible
-from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.plans.detectable import Stacked
 from rover_sweep.diagnosis.plans.evidence import NOISE, evidence
 from rover_sweep.diagnosis.plans.plan import plan
-from rover_sweep.diagnosis.plans.runs import (
+from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
+from rover_sweep.diagnosis.plans.proposals import (
     allowed,
     as_experiment,
     candidates,
     first_set,
     lateral_acceleration,
 )
-from rover_sweep.diagnosis.plans.seen import Stacked
 from rover_sweep.diagnosis.plans.sets import Planner
-from rover_sweep.diagnosis.plans.types import Limits, PlannedRun
-from rover_sweep.identify.geometry import Geometry
+from rover_sweep.diagnosis.simulation.candidates import Model, possible
 
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.069)
 SCALE = 0.00095  # rad/us
@@ -40,8 +40,8 @@ BLOCKS, STEPS = PlannedRun("servo_test", 150.0, 0.0), PlannedRun("doublet", 150.
 PHYSICAL = ("ln_C", "ln_Izz", "ln_k_phi", "ln_b_phi")
 
 
-def planner(spread: Spread | None = None, wanted: Sequence[str] = ()) -> Planner:
-    return Planner(ROVER, SCALE, wanted, spread or Spread(), {}, lambda what, share: None)
+def planner(spread: Tolerances | None = None, wanted: Sequence[str] = ()) -> Planner:
+    return Planner(ROVER, SCALE, wanted, spread or Tolerances(), {}, lambda what, share: None)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def usual() -> Planner:
 
 def yaw_rate_cosines(runs: Sequence[PlannedRun]) -> dict[str, float]:
     """Cosines from r alone, C, Izz, k_phi and b_phi refitted."""
-    model = Model("roll-yaw", ROVER, Spread(lag=0.5, delay=0.5))
+    model = Model("roll-yaw", ROVER, Tolerances(lag=0.5, delay=0.5))
     driven = [as_experiment(run, ROVER, SCALE, ["r"]) for run in runs]
     effects = [e for e in possible(model, driven)[0] if e.stage not in ("grip", "speed")]
     at = {
@@ -84,11 +84,11 @@ def test_look_alikes_are_those_of_the_map() -> None:
 
 def test_few_rows_stand_for_many(usual: Planner) -> None:
     """Inner products of the nominal's sensitivities and a signature, from all rows and from the few."""
-    from rover_sweep.diagnosis.fitting import sensitivities
-    from rover_sweep.diagnosis.floor import Floor
     from rover_sweep.diagnosis.plans.evidence import start
-    from rover_sweep.diagnosis.problem import with_floor
-    from rover_sweep.diagnosis.signatures import signatures
+    from rover_sweep.diagnosis.problem.least_squares import sensitivities
+    from rover_sweep.diagnosis.problem.noise_floor import Floor
+    from rover_sweep.diagnosis.problem.residuals import with_floor
+    from rover_sweep.diagnosis.problem.signatures import signatures
 
     floor = Floor(np.array([0.01, 100.0]), {c: np.full(2, d) for c, d in NOISE.items()})
     problem = with_floor([usual.experiment(STEPS)], floor)
@@ -144,7 +144,7 @@ def test_two_clocks_make_an_offset_a_delay(usual: Planner) -> None:
 
 
 def test_material_sizes_move_what_is_found() -> None:
-    def sizes(spread: Spread) -> dict[str, float]:
+    def sizes(spread: Tolerances) -> dict[str, float]:
         one = planner(spread)
         one.simulate((STEPS,), (0.0, 1.0))
         found = one.seen((STEPS,)).stacked.sizes
@@ -153,7 +153,7 @@ def test_material_sizes_move_what_is_found() -> None:
             for e in ("imu_tilt", "transport_delay", "steering_trim")
         }
 
-    usual, loose = sizes(Spread()), sizes(Spread(bias_ay=0.6, together=0.1, trim=0.03))
+    usual, loose = sizes(Tolerances()), sizes(Tolerances(bias_ay=0.6, together=0.1, trim=0.03))
     assert loose["imu_tilt"] - usual["imu_tilt"] == pytest.approx(0.3 / 9.81, rel=0.1)
     assert loose["transport_delay"] - usual["transport_delay"] == pytest.approx(0.028, abs=1e-6)
     assert loose["steering_trim"] - usual["steering_trim"] == pytest.approx(0.02, rel=0.1)

@@ -8,7 +8,7 @@ import pytest
 from planted import sweeps
 
 from rover_sweep.diagnosis.diagnose import _refuse_without_floor
-from rover_sweep.diagnosis.experiment import RATE
+from rover_sweep.diagnosis.simulation.experiment import RATE
 from rover_sweep.errors import DataRefused
 
 

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.api import read
-from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.experiment import Experiment, experiment
-from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.rounds import begun
-from rover_sweep.diagnosis.speed_loss import SpeedLoss, speed_loss
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.preparation import geometry_of
+from rover_sweep.api.read import read
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.diagnosis.held_out.speed_loss import SpeedLoss, speed_loss
+from rover_sweep.diagnosis.search.rounds import begun
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment
 from tests.concealed.sets import draw_case, write_set
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
@@ -24,7 +24,7 @@ def _runs(folder: Path, vehicle: Path) -> tuple[list[Experiment], Geometry]:
 
 def _judged(folder: Path, vehicle: Path) -> SpeedLoss:
     runs, rover = _runs(folder, vehicle)
-    model = Model("roll-yaw", rover, Spread())
+    model = Model("roll-yaw", rover, Tolerances())
     _, fitted = begun(runs, model, {})
     return speed_loss(runs, model.structure, fitted.x, seed=1)
 

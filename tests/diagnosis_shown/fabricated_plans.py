@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.plans.types import Apart, DetectableSize, Plan, PlannedRun
+from rover_sweep.diagnosis.plans.plan_result import Apart, DetectableSize, Plan, PlannedRun
 from rover_sweep.diagnosis.result import Unseen
 
 PLAN = Plan(

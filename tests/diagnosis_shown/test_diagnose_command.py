@@ -14,9 +14,9 @@ import pytest
 from fabricated_diagnoses import EXPLAINED, NONE, REFUSED
 from fabricated_engine import Engine, Told
 
+from rover_sweep.api.run_roles import same_recording
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.read import read_runs
-from rover_sweep.preparation import same_recording
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"

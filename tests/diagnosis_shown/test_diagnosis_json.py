@@ -9,9 +9,9 @@ import pytest
 from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.report.diagnosis_document import diagnosis_document
-from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
-from rover_sweep.report.strict_json import dumps
+from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
+from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+from rover_sweep.report.wording.strict_json import dumps
 
 NUMBER = (int, float)
 MAYBE = (int, float, type(None))

@@ -13,11 +13,11 @@ import pytest
 from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.report.diagnosis_origin import DiagnosisOrigin
-from rover_sweep.report.diagnosis_page import diagnosis_page
-from rover_sweep.report.diagnosis_pictures import planned
-from rover_sweep.report.diagnosis_write import write_diagnosis
-from rover_sweep.report.overlay_picture import overlays
+from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+from rover_sweep.report.diagnosis.page import diagnosis_page
+from rover_sweep.report.diagnosis.pictures import planned
+from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+from rover_sweep.report.pictures.overlay import overlays
 
 
 def page(found: Diagnosis) -> str:

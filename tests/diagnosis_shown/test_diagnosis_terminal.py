@@ -10,9 +10,9 @@ from fabricated_diagnoses import ALL, EXPLAINED, PARTLY
 from fabricated_plans import PLAN
 from rich.console import Console, RenderableType
 
-from rover_sweep.report.diagnosis_terminal import summary
-from rover_sweep.report.effect_words import sentence
-from rover_sweep.report.plan_table import plan_summary
+from rover_sweep.report.diagnosis.plan_table import plan_summary
+from rover_sweep.report.diagnosis.terminal import summary
+from rover_sweep.report.wording.effect_names import sentence
 
 EXPECTED = """\
 PARTLY EXPLAINED

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fabricated_engine import Engine, Told
 
-from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.data.tolerances import Tolerances
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
@@ -27,9 +27,9 @@ def test_diagnosis_is_made_with_them(engine: Engine, told: Tell, vehicle: Path, 
     runs = (NOMINAL / "run1.BIN", NOMINAL / "run4.BIN")
     code, _, err = told("diagnose", *runs, "--vehicle", vehicle, "--out", tmp_path / "report")
     assert code == 0, err
-    assert engine.given["settings"].spread == Spread(lag=0.015)
+    assert engine.given["settings"].spread == Tolerances(lag=0.015)
 
 
 def test_plan_is_made_with_them(engine: Engine, told: Tell, vehicle: Path) -> None:
     assert told("plan", "--vehicle", vehicle, "--sweep", "150@2.4").code == 0
-    assert engine.given["spread"] == Spread(lag=0.015)
+    assert engine.given["spread"] == Tolerances(lag=0.015)

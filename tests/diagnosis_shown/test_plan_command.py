@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from fabricated_engine import Engine, Told
 
-from rover_sweep.diagnosis.plans.types import PlannedRun
+from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"

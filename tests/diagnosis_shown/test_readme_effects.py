@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from rover_sweep.identify.effects import library
-from rover_sweep.report.effect_words import title
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.report.wording.effect_names import title
 
 README = Path(__file__).parents[2] / "README.md"
 REPORTED = {

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from firmware_params.parameters import applet_source
-from sitl.lua_host import LuaHost, Vector
+from firmware_params.applet_parameters import applet_source
+from sitl.autopilot.lua_host import LuaHost, Vector
 
 LOW, MIDDLE, HIGH = 0, 1, 2
 STEERING_CHANNEL, TRIM = 0, 1500
@@ -31,7 +31,7 @@ LABELS = "Run,St,T,Cmd,Out,VN,VE"
 
 @dataclass
 class Bench:
-    """Implements sitl.lua_host.Autopilot. Time starts at `now` us; gaps between updates are irregular."""
+    """Implements lua_host.Autopilot. Time starts at `now` us; gaps between updates are irregular."""
 
     now: int = 5_000_000
     parameters: dict[str, float] = field(default_factory=lambda: dict(VEHICLE))

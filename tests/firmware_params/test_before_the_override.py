@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 from applet_bench import HIGH, Bench, Drive, moving, mutant, throw_switch
 
-from firmware_params.parameters import applet_source
-from rover_sweep.identify.multisine import Multisine
+from firmware_params.applet_parameters import applet_source
+from rover_sweep.manoeuvre.multisine import Multisine
 
 AT_ONCE = {"type": 1, "straight": 0, "amp": 240, "still": 0}  # the first override is a full step
 BIAS_AT_ONCE = {"type": 3, "straight": 0, "fade": 0, "amp": 100, "bias": 140, "still": 0}

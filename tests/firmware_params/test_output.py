@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from applet_bench import KINDS, Bench, Drive, moving, mutant, throw_switch
 
-from firmware_params.parameters import applet_source
+from firmware_params.applet_parameters import applet_source
 
 FIVEFOLD = ("return state, envelope * offset", "return state, 5.0 * envelope * offset")
 NO_LIMIT = ("math.max(run.low, math.min(run.high, pwm))", "pwm")

@@ -10,8 +10,8 @@ import pytest
 from applet_bench import Bench, Drive
 from lupa.lua53 import LuaRuntime
 
-from firmware_params import check, parameters
-from firmware_params.parameters import PARAMETERS, STATES, applet_path, applet_source, for_manoeuvre
+from firmware_params import applet_parameters, param_files
+from firmware_params.applet_parameters import PARAMETERS, STATES, applet_path, applet_source, for_manoeuvre
 
 
 def test_names_and_defaults_are_those_that_the_applet_adds() -> None:
@@ -32,8 +32,8 @@ def test_ranges_are_those_that_the_applet_refuses_beyond() -> None:
 
 def test_constants_shared_with_the_applet() -> None:
     source = applet_source()
-    assert f"local TABLE_KEY = {parameters.TABLE_KEY} " in source
-    assert f"local AUX_FUNCTION = {parameters.AUX_FUNCTION} " in source
+    assert f"local TABLE_KEY = {applet_parameters.TABLE_KEY} " in source
+    assert f"local AUX_FUNCTION = {applet_parameters.AUX_FUNCTION} " in source
     assert applet_path().name == "rover_sweep.lua" and len(STATES) == 11
 
 
@@ -64,7 +64,7 @@ def test_values_for_a_manoeuvre() -> None:
 
 @pytest.mark.parametrize("name", ["identification", "raw_imu"])
 def test_shipped_files_have_a_reason_on_every_line(name: str) -> None:
-    wanted = check.read(check.shipped(name))
+    wanted = param_files.read(param_files.shipped(name))
     assert wanted and all(len(p.reason) > 10 and len(p.name) <= 16 for p in wanted)
     reboot = {p.name for p in wanted if p.needs_reboot}
     assert reboot == {p.name for p in wanted} & {"SCR_ENABLE", "SCR_HEAP_SIZE", "SCHED_LOOP_RATE"}
@@ -72,17 +72,17 @@ def test_shipped_files_have_a_reason_on_every_line(name: str) -> None:
 
 def test_unknown_file_is_named() -> None:
     with pytest.raises(ValueError, match="'race'; there are identification, raw_imu"):
-        check.shipped("race")
+        param_files.shipped("race")
 
 
 def test_formats_of_parameter_files() -> None:
     text = "# heading\n\nINS_GYRO_FILTER,20\nRC6_OPTION\t300 # switch [reboot]\nLOG_BITMASK = 0xFFFF"
     text += "\nA 1 @READONLY"
-    assert check.parse(text) == (
-        check.WantedParameter("INS_GYRO_FILTER", 20),
-        check.WantedParameter("RC6_OPTION", 300, "switch", True),
-        check.WantedParameter("LOG_BITMASK", 65535),
-        check.WantedParameter("A", 1),
+    assert param_files.parse(text) == (
+        param_files.WantedParameter("INS_GYRO_FILTER", 20),
+        param_files.WantedParameter("RC6_OPTION", 300, "switch", True),
+        param_files.WantedParameter("LOG_BITMASK", 65535),
+        param_files.WantedParameter("A", 1),
     )
 
 
@@ -97,32 +97,32 @@ def test_formats_of_parameter_files() -> None:
 )
 def test_bad_lines_are_named(text: str, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        check.parse(text, "file")
+        param_files.parse(text, "file")
 
 
 def test_differences_are_those_of_float32() -> None:
-    wanted = check.parse(
+    wanted = param_files.parse(
         "FS_TIMEOUT 1.1 # as the firmware\nSCR_ENABLE 1 # Lua [reboot]\nRC6_OPTION 300\nGONE 0"
     )
     vehicle = {"FS_TIMEOUT": float(np.float32(1.1)), "SCR_ENABLE": 0.0, "RC6_OPTION": 300.0}
-    scripting, gone = check.compare(vehicle, wanted)
-    assert scripting == check.Difference(
+    scripting, gone = param_files.compare(vehicle, wanted)
+    assert scripting == param_files.Difference(
         "SCR_ENABLE", 1, 0, "Lua", True, "SCR_ENABLE is 0, wanted 1: Lua (counts after a reboot)"
     )
     assert gone.found is None and gone.sentence == "GONE does not exist on this vehicle, wanted 0"
-    assert check.compare(vehicle | {"FS_TIMEOUT": 1.1000003}, wanted[:1])
+    assert param_files.compare(vehicle | {"FS_TIMEOUT": 1.1000003}, wanted[:1])
 
 
 def test_larger_value_will_do_where_the_line_says_so() -> None:
-    (heap,) = check.parse("SCR_HEAP_SIZE 102400 # room [at least] [reboot]")
-    assert heap == check.WantedParameter("SCR_HEAP_SIZE", 102400, "room", True, True)
-    assert check.compare({"SCR_HEAP_SIZE": 204800}, [heap]) == ()
-    (small,) = check.compare({"SCR_HEAP_SIZE": 43008}, [heap])
+    (heap,) = param_files.parse("SCR_HEAP_SIZE 102400 # room [at least] [reboot]")
+    assert heap == param_files.WantedParameter("SCR_HEAP_SIZE", 102400, "room", True, True)
+    assert param_files.compare({"SCR_HEAP_SIZE": 204800}, [heap]) == ()
+    (small,) = param_files.compare({"SCR_HEAP_SIZE": 43008}, [heap])
     assert small.sentence == "SCR_HEAP_SIZE is 43008, wanted at least 102400: room (counts after a reboot)"
 
 
 def test_imports_nothing_of_the_other_parts() -> None:
-    for module in Path(parameters.__file__).parent.glob("*.py"):
+    for module in Path(applet_parameters.__file__).parent.glob("*.py"):
         assert not re.search(
             r"^\s*(from|import) (rover_sweep|sitl)", module.read_text(encoding="utf-8"), re.M
         )

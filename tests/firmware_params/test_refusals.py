@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from applet_bench import LOW, Bench, Drive, moving, mutant, throw_switch
 
-from firmware_params.parameters import applet_source
+from firmware_params.applet_parameters import applet_source
 
 
 def vehicle(**values: float) -> Callable[[Bench], None]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import pytest
 from applet_bench import HIGH, KINDS, LOW, Bench, Drive, moving, throw_switch
 
-from firmware_params.parameters import applet_source
+from firmware_params.applet_parameters import applet_source
 
 
 @dataclass(frozen=True)

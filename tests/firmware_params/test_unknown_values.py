@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from applet_bench import KINDS, Bench, Drive, moving, mutant, throw_switch
 
-from firmware_params.parameters import applet_source
+from firmware_params.applet_parameters import applet_source
 
 NAN = float("nan")
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from applet_bench import HIGH, TRIM, Bench, Drive, moving, throw_switch
 
-from firmware_params.parameters import applet_source, for_manoeuvre
-from rover_sweep.identify.multisine import LEFT_OUT, Multisine
-from rover_sweep.identify.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from firmware_params.applet_parameters import applet_source, for_manoeuvre
+from rover_sweep.manoeuvre.multisine import LEFT_OUT, Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 
 UINT32 = 2**32
 

@@ -13,19 +13,19 @@ from pathlib import Path
 from random import Random
 
 import rover_sweep as rs
+from rover_sweep.api.read import with_delta
 from rover_sweep.cli.main import run as command
+from rover_sweep.data.recording import Recording
+from rover_sweep.data.vehicle_file import parse
 from rover_sweep.errors import LinkError, RoverSweepError
-from rover_sweep.identify.quality import assess
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.structure_text import StructureError, structure_from_text
+from rover_sweep.identification.structure.toml_form import StructureError, structure_from_text
 from rover_sweep.live.telemetry import Telemetry
 from rover_sweep.logs import read_runs
-from rover_sweep.preparation import with_delta
-from rover_sweep.session_folder.folder import DESCRIPTION, VEHICLE_FILE
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.transport import Transport
-from rover_sweep.vehicle_file import parse
-from sitl.parameters import load_variant
+from rover_sweep.quality.coherence import assess
+from rover_sweep.session.folder import DESCRIPTION, VEHICLE_FILE
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.transport import Transport
+from sitl.plant.variant import load_variant
 from tests.fuzz import seeds
 from tests.fuzz.mutate import FLASH, MAVLINK, TEXT, Mutator, damaged
 

@@ -242,7 +242,7 @@ def odd_sender(data: bytearray, random: Random) -> bytearray:
 
 def chunks(data: bytearray, random: Random) -> bytearray:
     """Status texts in parts that never end, and names that are never the same."""
-    from rover_sweep.vehicle.mavlink import Codec, make
+    from rover_sweep.vehicle.link.mavlink import Codec, make
 
     codec, at = Codec(1, 1), random.choice(_frames(data) or [(0, 0)])[0]
     texts = [

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.sweep import Sweep
-from rover_sweep.session_folder.content import PlannedRun
-from rover_sweep.session_folder.folder import DESCRIPTION, VEHICLE_FILE, Session
-from rover_sweep.vehicle.mavlink import Codec
+from rover_sweep.data.recording import Recording
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.content import PlannedRun
+from rover_sweep.session.folder import DESCRIPTION, VEHICLE_FILE, Session
+from rover_sweep.vehicle.link.mavlink import Codec
 from tests.identify.synthetic import GEOMETRY, TRUE, driven
 from tests.logs.flash_writer import FlashWriter
 
@@ -224,7 +224,7 @@ def models() -> bytes:
 
 @cache
 def _document() -> dict[str, Any]:
-    from rover_sweep.report.document import identification_document
+    from rover_sweep.report.identification.identification_json import identification_document
 
     found = _result()
     return identification_document(found, found.origin)
@@ -233,8 +233,8 @@ def _document() -> dict[str, Any]:
 @cache
 def _result() -> Any:
     import rover_sweep as rs
-    from rover_sweep.preparation import with_delta
-    from rover_sweep.vehicle_file import parse
+    from rover_sweep.api.read import with_delta
+    from rover_sweep.data.vehicle_file import parse
 
     rover = parse(vehicle().decode())
     run = recording()
@@ -243,6 +243,6 @@ def _result() -> Any:
 
 def saved() -> bytes:
     """What `Result.save` writes."""
-    from rover_sweep.saved import dumps
+    from rover_sweep.api.save import dumps
 
     return dumps(_result()).encode()

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_sweep.gains.firmware import Autopilot, Gains
+from rover_sweep.data.recording import Array
 from rover_sweep.gains.proposal import Proposal, family_of
+from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.step import BEFORE, Step, driven_step, measured_step
-from rover_sweep.identify.recording import Array
-from rover_sweep.logs.dataflash import open_dataflash
+from rover_sweep.logs.readers.dataflash import open_dataflash
 
 STEP = math.radians(30)
 STEP_S, PAUSE_S, SINE_HZ = 3.0, 2.0, 0.25

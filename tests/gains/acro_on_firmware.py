@@ -9,12 +9,12 @@ from pathlib import Path
 
 from acro_drive import FULL, Profile, Segment
 
-from firmware_params.check import shipped
-from rover_sweep.gains.firmware import DEFAULTS, Autopilot, Gains, autopilot
-from rover_sweep.vehicle.controls import pump
-from rover_sweep.vehicle.link import Link, Refused
-from rover_sweep.vehicle.mavlink import constant
-from rover_sweep.vehicle.parameters import read_all, write_all
+from firmware_params.param_files import shipped
+from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, Gains, autopilot
+from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.link.mavlink import constant
+from rover_sweep.vehicle.parameters.read_write import read_all, write_all
+from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import start_ardurover
 
 ACRO = 1  # custom_mode of Rover

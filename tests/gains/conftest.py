@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 import rover_sweep as rs
-from rover_sweep.gains.firmware import autopilot
 from rover_sweep.gains.identified import from_identification
 from rover_sweep.gains.proposal import Proposal, propose
-from rover_sweep.report.document import identification_document
+from rover_sweep.gains.steering_chain import autopilot
+from rover_sweep.report.identification.identification_json import identification_document
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"

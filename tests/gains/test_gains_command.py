@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from firmware_params.check import read
+from firmware_params.param_files import read
 from rover_sweep.cli.main import run
 
 DATA = Path(__file__).parents[1] / "data"
@@ -109,9 +109,9 @@ def test_a_diagnosis_carries_gains_too(tmp_path: Path):
     """Its linear part, with the lag of the servo as a lag; what is not linear is said."""
     from augmented_models import model
 
-    from rover_sweep.gains.firmware import autopilot
     from rover_sweep.gains.identified import from_diagnosis
     from rover_sweep.gains.proposal import propose
+    from rover_sweep.gains.steering_chain import autopilot
 
     found = from_diagnosis(model("servo_lag", "steering_backlash"), "explained")
     made = propose(found, autopilot({"INS_GYRO_FILTER": 20.0, "SCHED_LOOP_RATE": 100.0}), 2.5)

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from rover_sweep.data.geometry import Geometry
 from rover_sweep.gains.controller import RatePid, drive, feedback_response, limited_target
-from rover_sweep.gains.firmware import Gains, autopilot
 from rover_sweep.gains.margins import frequencies, margins
-from rover_sweep.gains.plant import SampledPlant, sampled_plant
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.models.bicycle import bicycle
-from rover_sweep.identify.models.kinematic import kinematic
+from rover_sweep.gains.steering_chain import Gains, autopilot
+from rover_sweep.gains.steering_plant import SampledPlant, sampled_plant
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models.kinematic import kinematic
 
 CAR = Geometry(mass=2.66, a=0.203, b=0.188, yaw_inertia=0.07)
 MODEL = bicycle(CAR).with_values({"C": 32.0, "Izz": 0.07, "tau": 0.033})

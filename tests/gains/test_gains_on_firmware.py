@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from acro_drive import EACH, FULL, STEP, Profile, judge, predicted, segments
 
+from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import RatePid
-from rover_sweep.gains.firmware import DEFAULTS, Autopilot, Gains, autopilot
 from rover_sweep.gains.proposal import Proposal
-from rover_sweep.identify.recording import Array
-from rover_sweep.logs.dataflash import DataFlash, open_dataflash
-from rover_sweep.logs.flash_channels import read_dataflash
+from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, Gains, autopilot
+from rover_sweep.logs.readers.dataflash import DataFlash, open_dataflash
+from rover_sweep.logs.readers.dataflash_channels import read_dataflash
 
 RECORDED = Path(__file__).parents[1] / "data" / "gains" / "ardurover-4.6.3"
 LOG = RECORDED / "acro.BIN"

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import RatePid, limited_target
-from rover_sweep.gains.firmware import Autopilot, Gains
 from rover_sweep.gains.proposal import Proposal
+from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.step import BEFORE, Step, driven_step, measured_step, stepped
-from rover_sweep.identify.recording import Array
-from sitl.parameters import load_variant
-from sitl.plant import Plant
-from sitl.sensors import LowPassFilter2p
+from sitl.plant.plant import Plant
+from sitl.plant.sensors import LowPassFilter2p
+from sitl.plant.variant import load_variant
 
 RATE = 1200.0
 THROTTLE = 1710.0

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from firmware_params.check import parse
+from firmware_params.param_files import parse
 from rover_sweep.gains.controller import feedback_response
-from rover_sweep.gains.document import gains_document
-from rover_sweep.gains.firmware import autopilot
+from rover_sweep.gains.gains_json import gains_document
 from rover_sweep.gains.identified import from_identification
 from rover_sweep.gains.margins import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, frequencies, margins
-from rover_sweep.gains.param_file import param_text
-from rover_sweep.gains.plant import sampled_plant
 from rover_sweep.gains.proposal import Proposal, propose
+from rover_sweep.gains.steering_chain import autopilot
+from rover_sweep.gains.steering_plant import sampled_plant
+from rover_sweep.gains.write_param_file import param_text
 
 AS_RECORDED = {"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 20.0}
 LOOP = autopilot(AS_RECORDED)

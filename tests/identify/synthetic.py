@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.recording import LowPass, Recording, Signal
-from rover_sweep.identify.structure import ModelStructure
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import LowPass, Recording, Signal
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.manoeuvre.sweep import Sweep
 
 GEOMETRY = Geometry(
     mass=2.66, a=0.203, b=0.188, sprung_mass=2.40, h=0.058, roll_inertia=0.0125, imu_x=0.03, imu_z=0.02

@@ -7,16 +7,16 @@ import pytest
 from coverage_draws import FILTERS, FITTED, TRUTH, clean_runs, disturbed, drawn
 from synthetic import GEOMETRY, TRUE
 
-from rover_sweep.identify.bootstrap import Bootstrap
-from rover_sweep.identify.fit import fit, sampled
-from rover_sweep.identify.forced_response import forced_response
-from rover_sweep.identify.grouping import Settings, grouped
-from rover_sweep.identify.identification import identify
-from rover_sweep.identify.models.bicycle import bicycle
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.noise import ResidualSpectra, fresh_noise
-from rover_sweep.identify.recording import Signal
-from rover_sweep.identify.refit import refitted
+from rover_sweep.data.recording import Signal
+from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
+from rover_sweep.identification.bootstrap.forced_response import forced_response
+from rover_sweep.identification.bootstrap.refit import refitted
+from rover_sweep.identification.fit import fit, sampled
+from rover_sweep.identification.grouping import Settings, grouped
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.pipeline import identify
+from rover_sweep.spectra.noise import ResidualSpectra, fresh_noise
 
 NAMES = list(TRUE)
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rover_sweep.identify.conditioned import conditioned_responses, entanglement, input_spectra, moving
-from rover_sweep.identify.recording import Recording, Signal
-from rover_sweep.identify.response import frequency_responses
-from rover_sweep.identify.spectra import effective_averages
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.data.recording import Recording, Signal
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.spectra.conditioned import conditioned_responses, entanglement, input_spectra, moving
+from rover_sweep.spectra.response import frequency_responses
+from rover_sweep.spectra.spectra import effective_averages
 
 STEP = 0.005
 W = np.geomspace(0.7, 20, 60)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
-from rover_sweep.identify.doubts import doubts
-from rover_sweep.identify.grouping import Settings
-from rover_sweep.identify.identification import identify
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.recording import ASSUMED, LowPass, Note, Recording
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.data.recording import ASSUMED, LowPass, Note, Recording
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.pipeline import identify
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.quality.doubts import doubts
 
 SETTINGS = Settings(models=("bicycle",), bootstrap=0)
 CUT = Note("warning", "The recording ends before the run did: it stops at 28 s.")

@@ -7,13 +7,13 @@ import pytest
 from synthetic import GEOMETRY, TRUE, driven
 from test_published_model import PAPER, PUBLISHED, TABLE_2, TABLE_3, at_coherence_one
 
-from rover_sweep.identify.fit import accuracy, evaluated
-from rover_sweep.identify.geometry import GRAVITY
-from rover_sweep.identify.handling import handling, peak_lateral_acceleration, warnings
-from rover_sweep.identify.models.bicycle import bicycle
-from rover_sweep.identify.models.kinematic import kinematic
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.data.geometry import GRAVITY
+from rover_sweep.identification.fit import accuracy, evaluated
+from rover_sweep.identification.handling import handling, peak_lateral_acceleration, warnings
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models.kinematic import kinematic
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.manoeuvre.sweep import Sweep
 
 BICYCLE = bicycle(PAPER).with_values(TABLE_2)
 ROLL_YAW = roll_yaw(PAPER).with_values(TABLE_3)

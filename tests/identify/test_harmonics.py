@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.harmonics import Harmonics, harmonics, law_start
-from rover_sweep.identify.multisine import Multisine
-from rover_sweep.identify.recording import Array, Recording, Signal
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.spectra.harmonics import Harmonics, harmonics, law_start
 
 M = Multisine(amplitude=200, t_rec=40, periods=4, w_min=0.5, w_max=16)
 BEGIN = 12.34  # s at which the override begins

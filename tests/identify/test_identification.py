@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE, driven, mirrored
 
-from rover_sweep.identify.grouping import Settings
-from rover_sweep.identify.identification import identify
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.quality import assess, excited_range
-from rover_sweep.identify.recording import LowPass
-from rover_sweep.identify.sweep import Sweep
-from rover_sweep.identify.verify import verify
+from rover_sweep.data.recording import LowPass
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.pipeline import identify
+from rover_sweep.identification.verify import verify
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.quality.coherence import assess, excited_range
 
 SWEEP = Sweep(amplitude=120)
 TRUTH = roll_yaw(GEOMETRY).with_values(TRUE)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rover_sweep.identify.averages import hann_correlation, independent_averages
-from rover_sweep.identify.band_limited import between, even_grid
-from rover_sweep.identify.exponentials import EvenExponentials, Exponentials
-from rover_sweep.identify.recording import Signal
-from rover_sweep.identify.spectra import MANY, Transformer, hann, window_spectra, window_starts
+from rover_sweep.data.recording import Signal
+from rover_sweep.spectra.averages import hann_correlation, independent_averages
+from rover_sweep.spectra.band_limited import between, even_grid
+from rover_sweep.spectra.exponentials import EvenExponentials, Exponentials
+from rover_sweep.spectra.spectra import MANY, Transformer, hann, window_spectra, window_starts
 
 
 def uneven(seed: int = 0, n: int = 2500) -> dict[str, Signal]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_sweep.identify.multisine import LEFT_OUT, Multisine
-from rover_sweep.identify.sweep import BiasSweep, Sweep
+from rover_sweep.manoeuvre.multisine import LEFT_OUT, Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep, Sweep
 
 CASES = [
     Multisine(),

@@ -8,12 +8,12 @@ import pytest
 from scipy.signal import lfilter
 from synthetic import GEOMETRY, TRUE, driven
 
-from rover_sweep.identify.grouping import Settings
-from rover_sweep.identify.identification import identify
-from rover_sweep.identify.models.bicycle import bicycle
-from rover_sweep.identify.recording import Recording, Signal
-from rover_sweep.identify.structure_text import structure_from_text
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.data.recording import Recording, Signal
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.pipeline import identify
+from rover_sweep.identification.structure.toml_form import structure_from_text
+from rover_sweep.manoeuvre.sweep import Sweep
 
 FILES = Path(__file__).parents[1] / "data" / "structures"
 SWEEP = Sweep(amplitude=120)

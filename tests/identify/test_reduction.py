@@ -7,12 +7,12 @@ import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
 import rover_sweep as rs
-from rover_sweep.identify.fit import Condition, ResponseData, fit
-from rover_sweep.identify.grouping import Settings
-from rover_sweep.identify.identification import identify
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.reduction import reduce
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.identification.fit import Condition, ResponseData, fit
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.pipeline import identify
+from rover_sweep.identification.reduction import reduce
+from rover_sweep.manoeuvre.sweep import Sweep
 
 FREED = ("Ixx", "Ixz", "h")
 FREE_GEOMETRY = replace(GEOMETRY, free=FREED)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE
 
-from rover_sweep.identify.expressions import parsed
-from rover_sweep.identify.fit import Condition, ResponseData, fit
-from rover_sweep.identify.models.bicycle import bicycle
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.structure import ModelStructure
-from rover_sweep.identify.structure_text import StructureError, structure_from_text
+from rover_sweep.identification.fit import Condition, ResponseData, fit
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.structure.expressions import parsed
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.structure.toml_form import StructureError, structure_from_text
 
 FILES = Path(__file__).parents[1] / "data" / "structures"
 W = np.geomspace(0.3, 25, 20)

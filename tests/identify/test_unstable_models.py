@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
-from rover_sweep.identify.fit import Condition, FitResult, evaluated, sampled
-from rover_sweep.identify.models.lumped import lumped
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.quality import responses
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.reduction import reduce
-from rover_sweep.identify.structure import ModelStructure
-from rover_sweep.identify.sweep import Sweep
-from rover_sweep.identify.verify import verify
+from rover_sweep.data.recording import Recording
+from rover_sweep.identification.fit import Condition, FitResult, evaluated, sampled
+from rover_sweep.identification.models.lumped import lumped
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.reduction import reduce
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.verify import verify
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.quality.coherence import responses
 
 SHORT = Sweep(t_rec=25.0, w_min=0.6, w_max=25.0)
 
@@ -55,7 +55,7 @@ def test_reduction_keeps_what_a_stable_model_needs_to_stay_stable(
         moved = evaluated(structure.with_values({"L_p": 50.0}), [condition])
         return replace(moved, costs=full.costs)
 
-    monkeypatch.setattr("rover_sweep.identify.reduction.fit", unstable_and_cheap)
+    monkeypatch.setattr("rover_sweep.identification.reduction.fit", unstable_and_cheap)
     best, steps = reduce(full, [condition])
     assert best is full
     assert steps and all(s.unstable and not s.dropped for s in steps)

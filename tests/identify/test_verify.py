@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
-from rover_sweep.identify.models.roll_yaw import roll_yaw
-from rover_sweep.identify.sweep import Doublet, Sweep
-from rover_sweep.identify.verify import Overlay, theil, verify
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.verify import Overlay, theil, verify
+from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 
 TRUTH = roll_yaw(GEOMETRY).with_values(TRUE)
 

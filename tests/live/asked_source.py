@@ -8,12 +8,12 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
-from firmware_params.check import read, shipped
-from rover_sweep.identify.sweep import Doublet, Sweep
+from firmware_params.param_files import read, shipped
 from rover_sweep.live.source import Connect, Ended, Request, Told
-from rover_sweep.live.vehicle import VehicleSource
-from rover_sweep.vehicle.run import RunSettings
-from rover_sweep.vehicle.session import PlannedRun
+from rover_sweep.live.vehicle.vehicle_source import VehicleSource
+from rover_sweep.manoeuvre.sweep import Doublet, Sweep
+from rover_sweep.session.session import PlannedRun
+from rover_sweep.vehicle.run.settings import RunSettings
 
 Kind = TypeVar("Kind")
 

@@ -11,15 +11,15 @@ import pytest
 from asked_source import PLAN, READY, SETTINGS, Asked
 from counted_proxy import CountedProxy
 
-from rover_sweep.identify.sweep import Sweep
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.live.source import Drive, Ended, FetchLogs, Judged, Lost, Play
-from rover_sweep.logs.tlog import open_tlog
-from rover_sweep.session_folder.folder import read
+from rover_sweep.logs.readers.tlog import open_tlog
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.folder import read
+from rover_sweep.session.session import PlannedRun
 from rover_sweep.vehicle.events import Connected, Interrupted, Notice, RunFinished, StateChanged
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.run import RunSettings
-from rover_sweep.vehicle.session import PlannedRun
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.run.settings import RunSettings
 from sitl import launcher
 
 FAST = PlannedRun("sweep1", Sweep(amplitude=200, w_min=5, w_max=20, t_rec=30, straight=1))

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.live import vehicle
 from rover_sweep.live.source import Ended, FetchLogs, Told
-from rover_sweep.live.vehicle import VehicleSource
+from rover_sweep.live.vehicle import vehicle_source
+from rover_sweep.live.vehicle.vehicle_source import VehicleSource
 from rover_sweep.vehicle.events import Notice
 
 
@@ -28,7 +28,7 @@ def test_the_search_goes_on_after_an_abort(tmp_path: Path, monkeypatch: pytest.M
         again.set()
         raise LinkError("nobody answers")
 
-    monkeypatch.setattr(vehicle.Link, "open", opened)
+    monkeypatch.setattr(vehicle_source.Link, "open", opened)
     source._url, source._lost = "tcp:127.0.0.1:1", True
     source.start(lambda told: None)
     try:
@@ -78,9 +78,9 @@ def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(
         done.append(("stopped", link))
         yield from ()
 
-    monkeypatch.setattr(vehicle.Link, "open", opened)
-    monkeypatch.setattr(vehicle.Work, "greet", greet)
-    monkeypatch.setattr(vehicle, "let_go_late", let_go_late)
+    monkeypatch.setattr(vehicle_source.Link, "open", opened)
+    monkeypatch.setattr(vehicle_source.Work, "greet", greet)
+    monkeypatch.setattr(vehicle_source, "let_go_late", let_go_late)
     source._url, source._lost = "tcp:127.0.0.1:1", True
     source.start(lambda told: refused.append(told.failure) if isinstance(told, Ended) else None)
     try:
@@ -100,7 +100,7 @@ def test_a_full_disk_ends_the_search_and_is_told_once(
     def opened(*rest: object) -> None:
         raise UsageError("the disk is full")
 
-    monkeypatch.setattr(vehicle.Link, "open", opened)
+    monkeypatch.setattr(vehicle_source.Link, "open", opened)
     source._url, source._lost = "tcp:127.0.0.1:1", True
     source.start(lambda told: warned.append(told.text) if isinstance(told, Notice) else None)
     try:

@@ -18,11 +18,11 @@ from asked_source import PLAN, READY
 from counted_proxy import CountedProxy
 
 from rover_sweep.cli.main import run as rover_sweep
-from rover_sweep.session_folder.folder import read
-from rover_sweep.session_folder.recordings import session_runs
-from rover_sweep.vehicle.mavlink import Framer
+from rover_sweep.session.folder import read
+from rover_sweep.session.recordings import session_runs
+from rover_sweep.vehicle.link.mavlink import Framer
 from sitl import launcher
-from sitl.unread import PeerQueue
+from sitl.ground.unread import PeerQueue
 
 _STATION = """
 import sys, pathlib
@@ -102,7 +102,7 @@ def test_killed_while_driving_nothing_received_is_lost(
         assert [run.name for run in read(folder).to_drive] == ["doublet"]
 
         # The rest without any screen; identifying from it is tested elsewhere.
-        monkeypatch.setattr("rover_sweep.cli.session.identified_session", lambda *_: None)
+        monkeypatch.setattr("rover_sweep.cli.driving.shared.identified_session", lambda *_: None)
         asked_for = ["--arm", "--throttle", "1710", "--throw-switch"]
         assert rover_sweep(["resume", str(folder), "--connect", rover.connection, *asked_for]) == 0
         assert rover_sweep(["resume", str(folder), "--connect", rover.connection, *asked_for]) == 2

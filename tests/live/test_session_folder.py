@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from rover_sweep.cli.main import run
-from rover_sweep.cli.options import vehicle_path
+from rover_sweep.cli.types.options import vehicle_path
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.identify.multisine import Multisine
-from rover_sweep.identify.sweep import BiasSweep, Doublet, Sweep
 from rover_sweep.live.snapshot import Verdict
-from rover_sweep.session_folder.content import FetchedLog, PlannedRun
-from rover_sweep.session_folder.folder import Session, is_session, read
-from rover_sweep.session_folder.recordings import session_runs
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
+from rover_sweep.session.content import FetchedLog, PlannedRun
+from rover_sweep.session.folder import Session, is_session, read
+from rover_sweep.session.recordings import session_runs
 
 MISSING = object()
 PLAN = (

@@ -7,7 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_sweep.identify.amplitude import (
+from rover_sweep.data.recording import Recording
+from rover_sweep.live.verdict.run_verdict import proposed
+from rover_sweep.logs import read_logs, read_runs
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.quality.coherence import answering, responses
+from rover_sweep.session.dry_run import DryRun, dry_run
+from rover_sweep.spectra.amplitude import (
     WANTED_COHERENCE,
     AmplitudeProposal,
     Limit,
@@ -16,14 +22,8 @@ from rover_sweep.identify.amplitude import (
     propose,
     signal_to_noise,
 )
-from rover_sweep.identify.quality import answering, responses
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.response import FrequencyResponse
-from rover_sweep.identify.spectra import OVERLAP_CONSTANT
-from rover_sweep.identify.sweep import Sweep
-from rover_sweep.live.verdict import proposed
-from rover_sweep.logs import read_logs, read_runs
-from rover_sweep.vehicle.dry_run import DryRun, dry_run
+from rover_sweep.spectra.response import FrequencyResponse
+from rover_sweep.spectra.spectra import OVERLAP_CONSTANT
 
 W = np.geomspace(0.4, 25.6, 121)
 MANY = 40.0  # averages

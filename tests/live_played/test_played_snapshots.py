@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_sweep.live.played_track import Track, open_track
+from rover_sweep.live.played.track import Track, open_track
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.logs import read_logs
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rover_sweep.identify.recording import Array, Signal
-from rover_sweep.identify.sweep import Manoeuvre
+from rover_sweep.data.recording import Array, Signal
 from rover_sweep.logs.log import AppletRows, Log
+from rover_sweep.manoeuvre.sweep import Manoeuvre
 
 
 def signal(t: Array, x: Array, unit: str = "", hold: bool = False) -> Signal:

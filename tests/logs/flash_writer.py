@@ -1,4 +1,4 @@
-"""Writes small DataFlash logs: the opposite of rover_sweep.logs.dataflash, for tests only."""
+"""Writes small DataFlash logs: the opposite of rover_sweep.logs.readers.dataflash, for tests only."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import random
 import struct
 from collections.abc import Iterable
 
-from rover_sweep.logs.tlog import STAMP, walk
+from rover_sweep.logs.readers.tlog import STAMP, walk
 
 
 def records(data: bytes) -> list[bytes]:

@@ -9,10 +9,10 @@ import pytest
 from recordings import APPLET, DATA
 
 import rover_sweep as rs
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.sweep import Doublet, Manoeuvre, Sweep
+from rover_sweep.data.recording import Recording
 from rover_sweep.logs import read_logs, read_runs
-from rover_sweep.logs.dataflash import open_dataflash
+from rover_sweep.logs.readers.dataflash import open_dataflash
+from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 
 SWEEP, DOUBLET = Sweep(amplitude=150, t_rec=55), Doublet(amplitude=150)
 TRUE_C, TRUE_IZZ = (31.0 + 33.5) / 2, 0.071

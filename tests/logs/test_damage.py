@@ -12,14 +12,14 @@ from drives import drive, signal
 from recordings import NOMINAL
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.sweep import Manoeuvre, Sweep
 from rover_sweep.logs import read_logs, read_runs
-from rover_sweep.logs.applet import applet_runs
-from rover_sweep.logs.dataflash import open_parts
-from rover_sweep.logs.judge import refuse_useless
+from rover_sweep.logs.judge.judgement import refuse_useless
 from rover_sweep.logs.log import AppletRows, Log, increasing, refuse_disorder
-from rover_sweep.logs.runs import find_runs
-from rover_sweep.logs.screen import screened
+from rover_sweep.logs.readers.dataflash import open_parts
+from rover_sweep.logs.readers.implausible import screened
+from rover_sweep.logs.runs.applet import applet_runs
+from rover_sweep.logs.runs.find import find_runs
+from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
 
 SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)
 ONE, TWO = NOMINAL / "run1.BIN", NOMINAL / "run2.BIN"

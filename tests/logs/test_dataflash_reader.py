@@ -13,7 +13,7 @@ from flash_writer import FlashWriter
 from recordings import NOMINAL, REPOSITORY, foreign
 
 from rover_sweep.logs import read_runs
-from rover_sweep.logs.dataflash import DataFlash, index, open_dataflash
+from rover_sweep.logs.readers.dataflash import DataFlash, index, open_dataflash
 
 RUN = NOMINAL / "run4.BIN"
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from flash_writer import FlashWriter
 
-from rover_sweep.logs.flash_channels import read_dataflash
 from rover_sweep.logs.log import Log, increasing, sensor_filters
+from rover_sweep.logs.readers.dataflash_channels import read_dataflash
 
 RAW = 0.2  # rad/s in the made GYR, 0.1 in IMU
 

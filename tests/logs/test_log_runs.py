@@ -9,13 +9,13 @@ import pytest
 from drives import applet_rows, drive, log_of, signal
 from recordings import DEFAULTS, NOMINAL
 
-from rover_sweep.identify.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.logs import read_logs
-from rover_sweep.logs.judge import judged
+from rover_sweep.logs.judge.judgement import judged
 from rover_sweep.logs.log import AppletRows
-from rover_sweep.logs.pair import paired
-from rover_sweep.logs.runs import find_runs
-from rover_sweep.logs.wave import kind_of
+from rover_sweep.logs.readers.pair import paired
+from rover_sweep.logs.runs.find import find_runs
+from rover_sweep.logs.runs.wave import kind_of
+from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 
 SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)
 DOUBLET: Manoeuvre = Doublet(amplitude=120)

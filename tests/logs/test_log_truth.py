@@ -10,7 +10,7 @@ import pytest
 from recordings import DEFAULTS, NOMINAL, OLDER, STOCK
 from scipy import signal
 
-from rover_sweep.identify.recording import Array, Recording, Signal
+from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.logs import read_logs, read_runs
 
 

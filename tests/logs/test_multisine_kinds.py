@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from drives import drive, signal
 
-from rover_sweep.identify.multisine import Multisine
-from rover_sweep.identify.quality import excited_range
-from rover_sweep.identify.recording import steered
-from rover_sweep.identify.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
-from rover_sweep.logs.runs import find_runs
-from rover_sweep.logs.wave import kind_of
+from rover_sweep.data.recording import steered
+from rover_sweep.logs.runs.find import find_runs
+from rover_sweep.logs.runs.wave import kind_of
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from rover_sweep.quality.coherence import excited_range
 
 MULTISINE = Multisine(t_rec=40)
 

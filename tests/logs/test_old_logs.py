@@ -10,7 +10,7 @@ from flash_writer import FlashWriter
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs import read_logs, read_runs
-from rover_sweep.logs.dataflash import DataFlash, index
+from rover_sweep.logs.readers.dataflash import DataFlash, index
 from tests.fuzz.seeds import drive, flash
 
 BANNER = "ArduRover V2.46"

@@ -11,13 +11,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recordings import DEFAULTS
 from test_tlog_reader import Telemetry, saved
 
+from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.quality import assess
-from rover_sweep.identify.recording import Recording
 from rover_sweep.logs import read_runs
-from rover_sweep.logs.telemetry_channels import read_telemetry
-from rover_sweep.logs.tlog import parse, walk
-from rover_sweep.logs.vehicle_clock import sessions
+from rover_sweep.logs.readers.tlog import parse, walk
+from rover_sweep.logs.readers.tlog_channels import read_telemetry
+from rover_sweep.logs.readers.vehicle_clock import sessions
+from rover_sweep.quality.coherence import assess
 
 SHARE = 0.05
 

@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recordings import DEFAULTS, foreign
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs.telemetry_channels import read_telemetry
-from rover_sweep.logs.tlog import open_tlog, parse
+from rover_sweep.logs.readers.tlog import open_tlog, parse
+from rover_sweep.logs.readers.tlog_channels import read_telemetry
 
 RUN = DEFAULTS / "run2.tlog"
 

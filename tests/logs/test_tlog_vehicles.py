@@ -10,8 +10,8 @@ from link_faults import records
 from pymavlink.dialects.v20 import ardupilotmega as m
 from recordings import APPLET, DEFAULTS
 
+from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
-from rover_sweep.identify.recording import Recording
 from rover_sweep.logs import read_runs
 
 OTHER = 7

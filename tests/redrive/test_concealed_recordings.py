@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.logs.dataflash import open_parts
+from rover_sweep.data.vehicle_file import load
 from rover_sweep.logs.read import read_runs
-from rover_sweep.vehicle_file import load
-from sitl.effects.table import PARAMETERS
+from rover_sweep.logs.readers.dataflash import open_parts
+from sitl.plant.effects_table import PARAMETERS
 
 LETTERS = "abcdef"
 

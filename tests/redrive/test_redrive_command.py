@@ -11,9 +11,9 @@ import pytest
 
 from rover_sweep.cli.main import run
 from rover_sweep.logs.read import read_runs
-from rover_sweep.redrive.rover import on_the_clock, simulated_rover
-from sitl.parameters import load_variant
-from sitl.variant_text import variant_text
+from rover_sweep.redrive.vehicle_variant import on_the_clock, simulated_rover
+from sitl.plant.variant import load_variant
+from sitl.plant.variant_text import variant_text
 
 RUN = "ardurover-4.6.3/applet/run2.BIN"
 
@@ -97,7 +97,7 @@ def test_the_target_is_written_whole_or_not_at_all(
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("rover_sweep.report.files.os.replace", full)
+    monkeypatch.setattr("rover_sweep.files.replaced.os.replace", full)
     assert run(["redrive", str(data / RUN), "--out", str(tmp_path / "again.BIN")]) == 2
     assert "again.BIN cannot be written: No space left on device" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

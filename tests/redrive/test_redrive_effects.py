@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rover_sweep.logs.read import read_logs, read_runs
-from rover_sweep.redrive.course import course_of
-from sitl.parameters import load_variant
+from rover_sweep.redrive.recorded_course import course_of
+from sitl.plant.variant import load_variant
 from sitl.redrive.open_loop import redrive
 
 QUIET = """base = "nominal"

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_sweep.api.read import Reading, load
 from rover_sweep.cli.main import run
-from rover_sweep.identify.grouping import Settings
-from rover_sweep.identify.identification import Identification, identify
-from rover_sweep.identify.recording import Recording
+from rover_sweep.data.recording import Recording
+from rover_sweep.data.vehicle_file import load as load_vehicle
+from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.pipeline import Identification, identify
 from rover_sweep.logs.read import read_runs
-from rover_sweep.preparation import Reading, geometry_of, load
-from rover_sweep.vehicle_file import load as load_vehicle
 
 
 @pytest.fixture(scope="module")

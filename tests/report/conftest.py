@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import pytest
 
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.grouping import Settings
-from rover_sweep.identify.identification import Identification, identify
-from rover_sweep.identify.recording import Recording, steered
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import Recording, steered
+from rover_sweep.data.vehicle_file import load
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.pipeline import Identification, identify
 from rover_sweep.logs import read_runs
-from rover_sweep.report.provenance import Provenance, provenance
-from rover_sweep.report.write import write_report
-from rover_sweep.vehicle_file import load
+from rover_sweep.report.identification.report_folder import write_report
+from rover_sweep.report.wording.provenance import Provenance, provenance
 
 DATA = Path(__file__).parents[1] / "data"
 RECORDINGS = DATA / "ardurover-4.6.3"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from rover_sweep.report.comparison import (
+from rover_sweep.report.identification.comparison import (
     Table,
     coherence_table,
     cost_table,
@@ -21,10 +21,16 @@ from rover_sweep.report.comparison import (
     variants_table,
     verification_tables,
 )
-from rover_sweep.report.page import page
-from rover_sweep.report.remarks import diagnosis_remark, filters_known, filters_remark, finding, to_do
-from rover_sweep.report.tables import comparison, conclusion
-from rover_sweep.report.wording import band, change, number, percent, symbol
+from rover_sweep.report.identification.page import page
+from rover_sweep.report.identification.remarks import (
+    diagnosis_remark,
+    filters_known,
+    filters_remark,
+    finding,
+    to_do,
+)
+from rover_sweep.report.identification.terminal import comparison, conclusion
+from rover_sweep.report.wording.number_format import band, change, number, percent, symbol
 
 
 def rows(table: Table | None) -> dict[str, list[str]]:

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from rover_sweep.report.document import identification_document
-from rover_sweep.report.handling_table import handling_notes, handling_table
-from rover_sweep.report.remarks import to_do
-from rover_sweep.report.strict_json import dumps
+from rover_sweep.report.identification.handling_table import handling_notes, handling_table
+from rover_sweep.report.identification.identification_json import identification_document
+from rover_sweep.report.identification.remarks import to_do
+from rover_sweep.report.wording.strict_json import dumps
 
 
 def test_document_and_table_hold_the_quantities(nominal: Any, reports: Any) -> None:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rover_sweep.report.document import identification_document
-from rover_sweep.report.strict_json import dumps, plain
+from rover_sweep.report.identification.identification_json import identification_document
+from rover_sweep.report.wording.strict_json import dumps, plain
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from rover_sweep.report.page import page
-from rover_sweep.report.wording import number
+from rover_sweep.report.identification.page import page
+from rover_sweep.report.wording.number_format import number
 
 
 class Elements(HTMLParser):

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from rover_sweep.report.history_picture import history
-from rover_sweep.report.picture_style import MODEL_LINES
-from rover_sweep.report.pictures import Picture, planned
+from rover_sweep.report.identification.pictures import Picture, planned
+from rover_sweep.report.pictures.history import history
+from rover_sweep.report.pictures.style import MODEL_LINES
 
 
 @pytest.fixture(scope="module")

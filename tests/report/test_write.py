@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from rover_sweep.errors import UsageError
-from rover_sweep.report.document import identification_document
-from rover_sweep.report.files import write_file
-from rover_sweep.report.write import write_report
+from rover_sweep.files.replaced import write_file
+from rover_sweep.report.identification.identification_json import identification_document
+from rover_sweep.report.identification.report_folder import write_report
 
 
 def names(folder: Path) -> set[str]:
@@ -94,7 +94,7 @@ def test_a_failure_leaves_the_old_report_whole_or_no_identification_json(
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     with monkeypatch.context() as broken:
-        broken.setattr("rover_sweep.report.page.page", lambda *_: 1 / 0)
+        broken.setattr("rover_sweep.report.identification.page.page", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             write_report(stock.result, tmp_path, stock.provenance)
     assert {name: (tmp_path / name).read_text() for name in names(tmp_path)} == old
@@ -104,7 +104,7 @@ def test_a_failure_leaves_the_old_report_whole_or_no_identification_json(
             raise UsageError("No space left on device")
         return write_file(path, content)
 
-    monkeypatch.setattr("rover_sweep.report.write.write_file", full)
+    monkeypatch.setattr("rover_sweep.report.identification.report_folder.write_file", full)
     with pytest.raises(UsageError):
         write_report(stock.result, tmp_path, stock.provenance)
     assert not (tmp_path / "identification.json").exists()

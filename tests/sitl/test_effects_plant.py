@@ -9,9 +9,9 @@ from math import cos, pi, sin, tanh
 import numpy as np
 import pytest
 
-from sitl.parameters import PlantParameters, load_variant
-from sitl.plant import GRAVITY, Plant
-from sitl.sensors import Sensors
+from sitl.plant.plant import GRAVITY, Plant
+from sitl.plant.sensors import Sensors
+from sitl.plant.variant import PlantParameters, load_variant
 
 NOMINAL = load_variant("nominal")
 SMOOTH = replace(

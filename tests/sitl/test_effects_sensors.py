@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sitl.parameters import PlantParameters, load_variant
-from sitl.plant import GRAVITY, Plant
-from sitl.rover import Rover
-from sitl.sensors import Sensors
-from sitl.vehicle_parameters import ParameterStore
+from sitl.autopilot.rover import Rover
+from sitl.autopilot.vehicle_parameters import ParameterStore
+from sitl.plant.plant import GRAVITY, Plant
+from sitl.plant.sensors import Sensors
+from sitl.plant.variant import PlantParameters, load_variant
 
 ZERO = (0.0, 0.0, 0.0)
 CLEAN = replace(

@@ -9,8 +9,8 @@ from math import exp, pi, sin
 import numpy as np
 import pytest
 
-from sitl.parameters import load_variant
-from sitl.servo import Servo
+from sitl.plant.servo import Servo
+from sitl.plant.variant import load_variant
 
 NOMINAL = load_variant("nominal")
 QUICK = replace(NOMINAL, servo_lag=0.0, servo_delay=0.0, servo_rate_limit=1e6)

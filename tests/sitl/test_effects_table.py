@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.identify.effects import library
-from sitl.effects.nominal import resolved
-from sitl.effects.table import PARAMETERS
-from sitl.parameters import PlantParameters, load_variant, variant_names
+from rover_sweep.diagnosis.effects import library
+from sitl.plant.effects.replaced_numbers import resolved
+from sitl.plant.effects_table import PARAMETERS
+from sitl.plant.variant import PlantParameters, load_variant, variant_names
 from sitl.rover_file import rover_file
 
 

@@ -15,7 +15,7 @@ from embedded_client import Client, embedded
 from pymavlink import DFReader
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from rover_sweep.identify.sweep import Sweep
+from rover_sweep.manoeuvre.sweep import Sweep
 from sitl.embedded import APPLET
 
 SWEEP = Sweep(amplitude=120, w_min=1.0, w_max=12.0, t_rec=12.0, fade=1.0, dwell=1.0, straight=2.0)

@@ -13,9 +13,9 @@ import pytest
 from embedded_client import ROOT
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.vehicle_parameters import ParameterStore
 from sitl.embedded import listening_address, main, parser, prepare
-from sitl.mavlink_server import UdpPeer
-from sitl.vehicle_parameters import ParameterStore
+from sitl.ground.server import UdpPeer
 
 
 def test_udp_sends_first_and_hears_the_answer(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import pytest
 
-from sitl.lua_host import Autopilot, LuaHost
+from sitl.autopilot.lua_host import Autopilot, LuaHost
 
 
 @dataclass

@@ -8,7 +8,7 @@ from math import cos, radians, sin
 import numpy as np
 import pytest
 
-from sitl.plant import GRAVITY, Plant, PlantParameters, load_variant
+from sitl.plant.plant import GRAVITY, Plant, PlantParameters, load_variant
 
 NOMINAL = load_variant("nominal")
 SMOOTH = {"road_force": 0.0, "road_yaw_moment": 0.0, "road_roll_moment": 0.0}

@@ -8,9 +8,9 @@ from math import cos, sin, sqrt
 import numpy as np
 import pytest
 
-from sitl.parameters import PlantParameters, load_variant
-from sitl.plant import GRAVITY, Plant
-from sitl.sensors import GpsFix, LowPassFilter2p, Sensors
+from sitl.plant.plant import GRAVITY, Plant
+from sitl.plant.sensors import GpsFix, LowPassFilter2p, Sensors
+from sitl.plant.variant import PlantParameters, load_variant
 
 NOMINAL = load_variant("nominal")
 RATE = 400.0

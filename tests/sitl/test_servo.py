@@ -7,8 +7,8 @@ from math import exp
 
 import pytest
 
-from sitl.parameters import load_variant
-from sitl.servo import Servo
+from sitl.plant.servo import Servo
+from sitl.plant.variant import load_variant
 
 NOMINAL = load_variant("nominal")
 

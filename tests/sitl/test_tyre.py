@@ -6,7 +6,7 @@ from math import atan, radians
 
 import pytest
 
-from sitl.tyre import LOW_SPEED, lateral_force, slip_angle
+from sitl.plant.tyre import LOW_SPEED, lateral_force, slip_angle
 
 
 def test_slope_at_zero_slip_is_the_cornering_stiffness() -> None:

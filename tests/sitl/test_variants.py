@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sitl.plant import load_variant, variant_names
+from sitl.plant.plant import load_variant, variant_names
 
 
 def test_names_that_come_with_the_project() -> None:

@@ -11,17 +11,17 @@ from typing import Any
 import pytest
 from pymavlink import DFReader
 
-from sitl.dataflash import DataFlashWriter, LogFormat
-from sitl.log_formats import FORMATS
-from sitl.log_records import LogRecords
-from sitl.log_transfer import LogTransfer
-from sitl.parameters import load_variant
-from sitl.radio import TRANSMITTER, Radio
-from sitl.rover import HOLD, MANUAL, Rover
-from sitl.servo_outputs import ServoOutputs
-from sitl.streams import ACCEPTED, DENIED, StreamSchedule
-from sitl.telemetry import quaternion, raw_imu, servo_output_raw
-from sitl.vehicle_parameters import ParameterStore
+from sitl.autopilot.log_records import LogRecords
+from sitl.autopilot.radio import TRANSMITTER, Radio
+from sitl.autopilot.rover import HOLD, MANUAL, Rover
+from sitl.autopilot.servo_outputs import ServoOutputs
+from sitl.autopilot.vehicle_parameters import ParameterStore
+from sitl.flash_log.dataflash_writer import DataFlashWriter, LogFormat
+from sitl.flash_log.formats import FORMATS
+from sitl.ground.log_transfer import LogTransfer
+from sitl.ground.message_intervals import ACCEPTED, DENIED, StreamSchedule
+from sitl.ground.messages import quaternion, raw_imu, servo_output_raw
+from sitl.plant.variant import load_variant
 
 
 @pytest.fixture

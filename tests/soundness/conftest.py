@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from damage import NOMINAL
 
-from rover_sweep.identify.recording import Recording
+from rover_sweep.data.recording import Recording
 from rover_sweep.logs import read_runs
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_sweep.identify.recording import Array, Recording
+from rover_sweep.data.recording import Array, Recording
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 FORMATS = {"a": "64s", "b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "f": "f", "d": "d",

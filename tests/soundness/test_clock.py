@@ -12,13 +12,13 @@ from damage import NOMINAL, rewritten
 
 import rover_sweep as rs
 from rover_sweep.cli.main import run as program
-from rover_sweep.identify.recording import Note, Recording
-from rover_sweep.identify.soundness.clock import STRETCHED, stretched_by_arrival
-from rover_sweep.identify.soundness.faults import faults_of
-from rover_sweep.identify.soundness.relations import Relation
+from rover_sweep.data.recording import Note, Recording
 from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import runs_of
+from rover_sweep.quality.clock_rate import STRETCHED, stretched_by_arrival
+from rover_sweep.quality.faults import faults_of
+from rover_sweep.quality.relations import Relation
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 APPLET, TLOG = NOMINAL.parent / "applet" / "run1.BIN", NOMINAL.parent / "applet" / "run1.tlog"

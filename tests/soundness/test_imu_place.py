@@ -9,16 +9,16 @@ import pytest
 from damage import NOMINAL
 
 import rover_sweep as rs
-from rover_sweep.diagnosing import Material, diagnosed
+from rover_sweep.api.diagnosis_input import Material, diagnosed
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import Recording
+from rover_sweep.data.vehicle_file import Vehicle
+from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import DiagnosisSettings
-from rover_sweep.identify.geometry import Geometry
-from rover_sweep.identify.grouping import Settings
-from rover_sweep.identify.identification import Identification, identify
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.soundness.imu_place import wrong_place_in
-from rover_sweep.preparation import geometry_of
-from rover_sweep.vehicle_file import Vehicle
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.imu_place import wrong_place_in
+from rover_sweep.identification.pipeline import Identification, identify
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 NAMED = "the IMU's place has the wrong sign"

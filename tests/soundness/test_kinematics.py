@@ -12,9 +12,9 @@ from damage import NOMINAL, damaged, rewritten
 
 import rover_sweep as rs
 from rover_sweep.cli.main import run as program
-from rover_sweep.identify.recording import Note, Recording
-from rover_sweep.identify.soundness.faults import faults_of, with_faults
-from rover_sweep.identify.soundness.kinematics import REVERSED, UNIT
+from rover_sweep.data.recording import Note, Recording
+from rover_sweep.quality.faults import faults_of, with_faults
+from rover_sweep.quality.kinematics import REVERSED, UNIT
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 DEGREES, G = 180 / np.pi, 9.80665

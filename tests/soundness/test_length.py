@@ -8,14 +8,14 @@ import pytest
 from damage import NOMINAL
 
 import rover_sweep as rs
-from rover_sweep.diagnosing import Material, diagnosed
+from rover_sweep.api.diagnosis_input import Material, diagnosed
+from rover_sweep.data.recording import Recording
+from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.diagnosis.settings import DiagnosisSettings
-from rover_sweep.identify.grouping import Settings
-from rover_sweep.identify.identification import identify
-from rover_sweep.identify.quality import assess
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.soundness.length import TOO_SHORT, each_with_length, needed, too_short, with_length
-from rover_sweep.preparation import geometry_of
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.pipeline import identify
+from rover_sweep.quality.coherence import assess
+from rover_sweep.quality.length import TOO_SHORT, each_with_length, needed, too_short, with_length
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 SAID = "of driving, and 16 s are needed (5 periods of 2 rad/s) for a random error of 10 %; drive one whole"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rover_sweep.study.study import Study, study
+from rover_sweep.study.virtual_study import Study, study
 
 
 @pytest.fixture(scope="session")

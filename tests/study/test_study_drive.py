@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.sweep import Doublet
-from rover_sweep.study.drive import Firmware, drive
-from sitl.parameters import load_variant
+from rover_sweep.data.recording import Recording
+from rover_sweep.manoeuvre.sweep import Doublet
+from rover_sweep.study.virtual_drive import Firmware, drive
+from sitl.plant.variant import load_variant
 
 SHORT = Doublet(amplitude=100.0, pulse=1.0, pause=1.0, count=1, straight=1.0)
 ROVER = load_variant("paper_asphalt")

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from rover_sweep.study import findings, parameter_findings
-from rover_sweep.study.study import Study
-from rover_sweep.study.words import all_findings, summary
+from rover_sweep.study.conclusions import all_findings, summary
+from rover_sweep.study.virtual_study import Study
 
 
 def swapped(done: Study, first: str, second: str) -> Study:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from rover_sweep.cli.main import run as command
-from rover_sweep.report.strict_json import dumps
+from rover_sweep.report.wording.strict_json import dumps
 from rover_sweep.study import published
+from rover_sweep.study.conclusions import all_findings
 from rover_sweep.study.conditions import driven
-from rover_sweep.study.document import study_document
-from rover_sweep.study.study import Study
-from rover_sweep.study.tables import tables
-from rover_sweep.study.words import all_findings
+from rover_sweep.study.published_tables import tables
+from rover_sweep.study.study_json import study_document
+from rover_sweep.study.virtual_study import Study
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def written(done: Study, tmp_path_factory: pytest.TempPathFactory) -> SimpleName
     """The command on a study that is already there: its folder and exit code."""
     folder = tmp_path_factory.mktemp("study")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rover_sweep.study.study.study", lambda seed, progress: done)
+        patch.setattr("rover_sweep.study.virtual_study.study", lambda seed, progress: done)
         code = command(["study", "--out", str(folder)])
     return SimpleNamespace(folder=folder, code=code)
 

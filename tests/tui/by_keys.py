@@ -16,7 +16,7 @@ from textual.events import Key
 from rover_sweep.cli.main import run as rover_sweep
 from rover_sweep.live.source import Source, Told
 from rover_sweep.tui.app import SweepApp
-from rover_sweep.tui.setup import Setup
+from rover_sweep.tui.model.setup import Setup
 
 BETWEEN = 0.05  # s between two keys
 _NAMES = {".": "full_stop", ",": "comma", "-": "minus", "+": "plus"}
@@ -32,7 +32,7 @@ def application(arguments: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> Sw
 
     monkeypatch.setattr("rover_sweep.tui.app.show", shown)
     monkeypatch.setattr("rich.console.Console.is_terminal", True)
-    monkeypatch.setattr("rover_sweep.tui.setup.memory_file", lambda: None)
+    monkeypatch.setattr("rover_sweep.tui.model.setup.memory_file", lambda: None)
     assert rover_sweep(arguments) == 0
     return made[0]
 

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rover_sweep.identify.sweep import Doublet, Sweep
 from rover_sweep.live.snapshot import Band, Snapshot, Verdict
 from rover_sweep.live.source import Checked, Connect, Drive, Ended, Judged, Request, Told
+from rover_sweep.manoeuvre.sweep import Doublet, Sweep
+from rover_sweep.session.session import PlannedRun
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.identity import Vehicle
-from rover_sweep.vehicle.preflight import Check, Remedy
-from rover_sweep.vehicle.run import RunSettings
-from rover_sweep.vehicle.session import PlannedRun
+from rover_sweep.vehicle.preflight.item import Check, Remedy
+from rover_sweep.vehicle.run.settings import RunSettings
 
 URL = "tcp:127.0.0.1:5760"
 ROVER = Vehicle("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 1, 1)

@@ -37,11 +37,11 @@ from rover_sweep.live.source import (
     Several,
 )
 from rover_sweep.tui.app import SweepApp
-from rover_sweep.tui.plan_rows import Row
+from rover_sweep.tui.model.plan_rows import Row
+from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.screens.frame import VIEWS
-from rover_sweep.tui.setup import Setup
 from rover_sweep.vehicle import events as e
-from rover_sweep.vehicle.access import Heard, SeveralVehicles
+from rover_sweep.vehicle.link.access import Heard, SeveralVehicles
 
 READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
 DRIVEN: tuple[Step, ...] = (*READY, "3", "g", under_way())

@@ -11,8 +11,8 @@ import pytest
 from terminal import Terminal
 from test_tui_on_rover import LIMITS, OWN, PARAMETERS, ROVER_FILE
 
-from rover_sweep.session_folder.folder import read as read_session
-from rover_sweep.vehicle.link import Link
+from rover_sweep.session.folder import read as read_session
+from rover_sweep.vehicle.link.link import Link
 from sitl import launcher
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from by_keys import Person, application, using
 
-from firmware_params.check import read, shipped
-from rover_sweep.session_folder.folder import read as read_session
+from firmware_params.param_files import read, shipped
+from rover_sweep.session.folder import read as read_session
 from rover_sweep.vehicle.events import RunFinished
 from sitl import launcher
 

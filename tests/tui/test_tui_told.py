@@ -10,18 +10,18 @@ from scripted_source import ROVER, SWEEP, TLOG, snapshot
 
 from rover_sweep.live.snapshot import Band, Verdict
 from rover_sweep.live.source import Drive, Lost, Preflight
-from rover_sweep.session_folder.content import Content, DrivenRun, FetchedLog, PlannedRun
-from rover_sweep.tui.analysis import Job
-from rover_sweep.tui.desk import Desk
-from rover_sweep.tui.earlier import logs, records
-from rover_sweep.tui.palette import LIGHT
-from rover_sweep.tui.plan_rows import Row
+from rover_sweep.session.content import Content, DrivenRun, FetchedLog, PlannedRun
+from rover_sweep.tui.drawn.palette import LIGHT
+from rover_sweep.tui.jobs.analysis import Job
+from rover_sweep.tui.jobs.desk import Desk
+from rover_sweep.tui.jobs.summary import summary_of
+from rover_sweep.tui.model.earlier import logs, records
+from rover_sweep.tui.model.plan_rows import Row
+from rover_sweep.tui.model.state import AbortAsked, Asked, RunRecord, State, reduced
 from rover_sweep.tui.screens.frame import message, status
 from rover_sweep.tui.screens.plan import driven
-from rover_sweep.tui.state import AbortAsked, Asked, RunRecord, State, reduced
-from rover_sweep.tui.summary import summary_of
 from rover_sweep.vehicle.events import Connected, Rebooting
-from rover_sweep.vehicle.run import RunSettings
+from rover_sweep.vehicle.run.settings import RunSettings
 
 DRIVE = Drive(PlannedRun("sweep1", SWEEP, 2.0), RunSettings())
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle.transport import Transport
+from rover_sweep.vehicle.link.transport import Transport
 
 EVER = float("inf")
 _STEP = 0.02  # s

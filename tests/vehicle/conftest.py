@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from fake_vehicle import FakeVehicle
 
-from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.link.link import Link
 
 
 @pytest.fixture

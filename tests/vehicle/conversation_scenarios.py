@@ -10,17 +10,17 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
-from firmware_params.check import read
-from rover_sweep.identify.sweep import Sweep
-from rover_sweep.session_folder.content import PlannedRun
+from firmware_params.param_files import read
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.content import PlannedRun
+from rover_sweep.session.session import Plan, drive
 from rover_sweep.vehicle.events import Event, LogProgress
-from rover_sweep.vehicle.install import install
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.log_download import MavlinkLogs
-from rover_sweep.vehicle.run import RunSettings
-from rover_sweep.vehicle.session import Plan, drive
-from rover_sweep.vehicle.survey import survey
-from rover_sweep.vehicle.transport import Line
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.transport import Line
+from rover_sweep.vehicle.logs.download import MavlinkLogs
+from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.vehicle.setup.install import install
+from rover_sweep.vehicle.setup.survey import survey
 
 CONVERSATIONS = Path(__file__).parents[1] / "data" / "conversations"
 PARAMETERS = CONVERSATIONS / "identification.param"  # as they were, whatever becomes of the shipped ones

@@ -14,7 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from firmware_params.parameters import PARAMETERS
+from firmware_params.applet_parameters import PARAMETERS
 
 SWITCH, THROTTLE, STEERING = 6, 3, 1
 _HURRIED = 5  # times longer holds an override on a clock that runs ahead of the one who sends it

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle.mavlink import Codec, Framer
-from rover_sweep.vehicle.signing import timestamp
-from rover_sweep.vehicle.transport import Line, LiveLine, Transport
+from rover_sweep.vehicle.link.mavlink import Codec, Framer
+from rover_sweep.vehicle.link.signing import timestamp
+from rover_sweep.vehicle.link.transport import Line, LiveLine, Transport
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
 

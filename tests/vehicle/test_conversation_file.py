@@ -9,12 +9,12 @@ import pytest
 from fake_vehicle import FakeVehicle
 
 from rover_sweep.errors import DataRefused, LinkError
-from rover_sweep.vehicle.conversation import Conversation, ConversationWriter, Entry, Kind
-from rover_sweep.vehicle.conversation import read_conversation as read
-from rover_sweep.vehicle.conversation import write_conversation as write
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.parameters import read_present, write_all
-from rover_sweep.vehicle.transport_recorded import RecordedLine, conversation_in
+from rover_sweep.vehicle.link.conversation import Conversation, ConversationWriter, Entry, Kind
+from rover_sweep.vehicle.link.conversation import read_conversation as read
+from rover_sweep.vehicle.link.conversation import write_conversation as write
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
+from rover_sweep.vehicle.parameters.read_write import read_present, write_all
 from rover_sweep.vehicle.transport_replayed import ConversationDiffers, ReplayedLine
 
 ENTRIES = tuple(Entry(kind, 0.25 * kind, bytes(range(40 * kind))) for kind in Kind)

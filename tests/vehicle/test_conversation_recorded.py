@@ -14,7 +14,7 @@ import pytest
 from conversation_scenarios import CONVERSATIONS, SCENARIOS, VERSIONS, carried_out
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.conversation import Conversation, Entry, Kind, read_conversation
+from rover_sweep.vehicle.link.conversation import Conversation, Entry, Kind, read_conversation
 from rover_sweep.vehicle.transport_replayed import ConversationDiffers, ReplayedLine
 
 RECORDED = [(firmware, name) for firmware in VERSIONS for name in SCENARIOS]

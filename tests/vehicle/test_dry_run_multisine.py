@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_sweep.identify.harmonics import Harmonics, harmonics
-from rover_sweep.identify.multisine import Multisine
-from rover_sweep.identify.recording import Recording
-from rover_sweep.identify.sweep import BiasSweep, Doublet
+from rover_sweep.data.recording import Recording
 from rover_sweep.logs.read import read_runs
-from rover_sweep.vehicle.dry_run import DryRun, dry_run
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet
+from rover_sweep.session.dry_run import DryRun, dry_run
+from rover_sweep.spectra.harmonics import Harmonics, harmonics
 from rover_sweep.vehicle.events import LogSaved, RunFinished
 
 MULTISINE = Multisine(amplitude=250, w_min=0.6, w_max=16, t_rec=24, periods=3)

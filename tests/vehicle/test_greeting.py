@@ -8,7 +8,7 @@ import pytest
 from greeted import heartbeat
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle.greeting import SILENT, Greeting
+from rover_sweep.vehicle.link.greeting import SILENT, Greeting
 
 ROVER, BRIDGE, STRANGER = ("10.0.0.2", 14550), ("10.0.0.2", 14999), ("10.0.0.9", 5555)
 
@@ -102,7 +102,7 @@ def test_where_this_program_spoke_first_only_that_address_is_heard() -> None:
 
 
 def test_the_greeting_opens_no_socket() -> None:
-    import rover_sweep.vehicle.greeting as module
+    import rover_sweep.vehicle.link.greeting as module
 
     text = Path(module.__file__).read_text()
     assert "import socket" not in text and "import time" not in text

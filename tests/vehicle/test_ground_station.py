@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rover_sweep.vehicle.ground_station import unheard
+from rover_sweep.vehicle.link.ground_station import unheard
 
 
 @pytest.mark.parametrize(

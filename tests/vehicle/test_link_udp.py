@@ -10,8 +10,8 @@ from pathlib import Path
 
 from greeted import heartbeat
 
-from rover_sweep.vehicle.access import Access
-from rover_sweep.vehicle.link import Link
+from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.link import Link
 
 
 @contextmanager

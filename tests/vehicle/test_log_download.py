@@ -10,17 +10,17 @@ import pytest
 from fake_vehicle import FakeVehicle
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle import log_download
 from rover_sweep.vehicle.events import LogProgress, LogSaved
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.log_download import LogEntry, MavlinkLogs
-from rover_sweep.vehicle.log_fetch import choose, settled
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.logs import download
+from rover_sweep.vehicle.logs.download import LogEntry, MavlinkLogs
+from rover_sweep.vehicle.logs.fetch import choose, settled
 
 
 def test_byte_identical_although_blocks_are_lost(
     link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(log_download, "_QUIET", 0.2)
+    monkeypatch.setattr(download, "_QUIET", 0.2)
     chance = random.Random(3)
     vehicle.log = bytes(chance.randrange(256) for _ in range(100_003))
     vehicle.drop = lambda message: message.get_type() == "LOG_DATA" and chance.random() < 0.05
@@ -39,9 +39,9 @@ def test_a_large_log_is_asked_for_at_once(
     link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lost: float
 ) -> None:
     """And called off where something is lost, asked for, and gone on with."""
-    monkeypatch.setattr(log_download, "_QUIET", 0.2)
-    monkeypatch.setattr(log_download, "_WINDOW", 200 * 90)
-    monkeypatch.setattr(log_download, "_LARGE", 400 * 90)
+    monkeypatch.setattr(download, "_QUIET", 0.2)
+    monkeypatch.setattr(download, "_WINDOW", 200 * 90)
+    monkeypatch.setattr(download, "_LARGE", 400 * 90)
     chance = random.Random(4)
     vehicle.log = chance.randbytes(100_003)
     vehicle.drop = lambda message: message.get_type() == "LOG_DATA" and chance.random() < lost
@@ -77,7 +77,7 @@ def test_a_log_that_still_grows_is_waited_for(link: Link) -> None:
 def test_a_log_that_stops_coming_is_told(
     link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(log_download, "_QUIET", 0.02)
+    monkeypatch.setattr(download, "_QUIET", 0.02)
     vehicle.log = b"x" * 1000
     vehicle.drop = lambda message: message.get_type() == "LOG_DATA" and message.ofs >= 450
     with pytest.raises(LinkError, match="log 1 stopped coming at 450 of 1000 bytes"):

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 from fake_vehicle import FakeVehicle
 
-from firmware_params.check import Difference, compare, parse
+from firmware_params.param_files import Difference, compare, parse
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle import parameters
-from rover_sweep.vehicle.checks.remedies import carry_out
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
-from rover_sweep.vehicle.install import install
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.parameter_push import needs_reboot, push, waiting
-from rover_sweep.vehicle.pending import NOTE
-from rover_sweep.vehicle.preflight import Check, Remedy
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.parameters import read_write
+from rover_sweep.vehicle.preflight.item import Check, Remedy
+from rover_sweep.vehicle.preflight.remedies import carry_out
+from rover_sweep.vehicle.setup.install import install
+from rover_sweep.vehicle.setup.pending_reboot import NOTE
+from rover_sweep.vehicle.setup.push import needs_reboot, push, waiting
 from rover_sweep.vehicle.sources import parameter_source
 
 WANTED = parse("INS_GYRO_FILTER 20\nSCHED_LOOP_RATE 400 # [reboot]\nSWP_WMIN 0.1\nSCR_ENABLE 0\nNOT_THERE 1")
@@ -26,7 +26,7 @@ WANTED = parse("INS_GYRO_FILTER 20\nSCHED_LOOP_RATE 400 # [reboot]\nSWP_WMIN 0.1
 
 @pytest.fixture(autouse=True)
 def booted(vehicle: FakeVehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parameters, "_TIMEOUT", 0.15)
+    monkeypatch.setattr(read_write, "_TIMEOUT", 0.15)
     vehicle.parameters["STAT_BOOTCNT"] = 7.0
 
 

@@ -8,17 +8,17 @@ from typing import Any
 
 import pytest
 
-from firmware_params.check import read, shipped
-from firmware_params.parameters import PARAMETERS
-from rover_sweep.vehicle.applet import AppletFile
-from rover_sweep.vehicle.checks.clock import estimate
-from rover_sweep.vehicle.checks.seen import Battery, Clock, Estimator, Gps, Seen
+from firmware_params.applet_parameters import PARAMETERS
+from firmware_params.param_files import read, shipped
 from rover_sweep.vehicle.identity import Vehicle
-from rover_sweep.vehicle.link_quality import LinkQuality
-from rover_sweep.vehicle.preflight import Check
-from rover_sweep.vehicle.preflight_run import NAMES, judged
-from rover_sweep.vehicle.streams import IDENTIFICATION_RATES, Stream, StreamQuality
-from rover_sweep.vehicle.survey import AppletState, Checked, Survey
+from rover_sweep.vehicle.link.link_quality import LinkQuality
+from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, Stream, StreamQuality
+from rover_sweep.vehicle.preflight.all_checks import NAMES, judged
+from rover_sweep.vehicle.preflight.clock_comparison import estimate
+from rover_sweep.vehicle.preflight.item import Check
+from rover_sweep.vehicle.preflight.observed import Battery, Clock, Estimator, Gps, Seen
+from rover_sweep.vehicle.setup.applet_upload import AppletFile
+from rover_sweep.vehicle.setup.survey import AppletState, Checked, Survey
 
 WANTED = read(shipped("identification"))
 HAS = (

@@ -16,10 +16,10 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import UsageError
-from rover_sweep.session_folder.folder import Session
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.mavlink import Codec, Framer, make
-from rover_sweep.vehicle.recorder import TlogWriter
+from rover_sweep.session.folder import Session
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import Codec, Framer, make
+from rover_sweep.vehicle.link.recorder import TlogWriter
 
 
 def _heartbeat(codec: Codec) -> bytes:
@@ -107,7 +107,7 @@ def test_noise_goes_beside_the_tlog(tmp_path: Path) -> None:
 def test_kill_9_leaves_a_readable_tlog(vehicle: FakeVehicle, tmp_path: Path) -> None:
     path = tmp_path / "a.tlog"
     program = (
-        "import sys, pathlib; from rover_sweep.vehicle.link import Link\n"
+        "import sys, pathlib; from rover_sweep.vehicle.link.link import Link\n"
         "link = Link.open(sys.argv[1], pathlib.Path(sys.argv[2]))\n"
         "while True: link.receive(1.0)"
     )
@@ -183,7 +183,7 @@ def test_a_link_goes_on_without_a_recording(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with Link.open(vehicle.url, tmp_path / "a.tlog") as link:
-        monkeypatch.setattr("rover_sweep.vehicle.recorder._write_all", full)
+        monkeypatch.setattr("rover_sweep.vehicle.link.recorder._write_all", full)
         with pytest.raises(UsageError, match="No space left"):
             for _ in range(200):
                 link.receive(1.0)

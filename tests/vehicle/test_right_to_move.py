@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle import right_to_move
-from rover_sweep.vehicle.clock import VehicleClock
-from rover_sweep.vehicle.right_to_move import Limits, RightToMove
+from rover_sweep.vehicle.link.clock import VehicleClock
+from rover_sweep.vehicle.run import right_to_move
+from rover_sweep.vehicle.run.right_to_move import Limits, RightToMove
 
 LIMITS = Limits(drives=True, ours=frozenset({1, 3, 6}), manoeuvre=30.0, still=1.0, v_max=3.0)
 WAITING, SWEEP = 2, 6

@@ -10,9 +10,10 @@ import pytest
 from fake_vehicle import SWITCH, FakeVehicle, wait_until
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.identify.sweep import Doublet
-from rover_sweep.session_folder.folder import Session
-from rover_sweep.vehicle import session
+from rover_sweep.manoeuvre.sweep import Doublet
+from rover_sweep.session import session
+from rover_sweep.session.folder import Session
+from rover_sweep.session.session import Plan, PlannedRun, drive
 from rover_sweep.vehicle.events import (
     Interrupted,
     Notice,
@@ -21,9 +22,8 @@ from rover_sweep.vehicle.events import (
     StateChanged,
     SwitchWanted,
 )
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.run import RunSettings
-from rover_sweep.vehicle.session import Plan, PlannedRun, drive
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.run.settings import RunSettings
 
 DRIVE = RunSettings(arm=True, throttle_us=1710, trigger="override", patience=20)
 TWO = (PlannedRun("one", Doublet()), PlannedRun("two", Doublet()))
@@ -31,7 +31,7 @@ TWO = (PlannedRun("one", Doublet()), PlannedRun("two", Doublet()))
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.2)
+    monkeypatch.setattr("rover_sweep.vehicle.parameters.read_write._TIMEOUT", 0.2)
     monkeypatch.setattr(session, "await_estimator", lambda _: iter(()))
 
 

@@ -13,14 +13,14 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 from signing_vehicle import KEY, OTHER, SigningLine
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.access import Access
-from rover_sweep.vehicle.greeting import Greeting
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.mavlink import Codec, make
-from rover_sweep.vehicle.parameters import read, write
-from rover_sweep.vehicle.refusals import Refusals
-from rover_sweep.vehicle.signing import SigningKey, read_key, signs, timestamp
+from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.greeting import Greeting
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import Codec, make
+from rover_sweep.vehicle.link.refusals import Refusals
+from rover_sweep.vehicle.link.signing import SigningKey, read_key, signs, timestamp
+from rover_sweep.vehicle.parameters.read_write import read, write
 
 RIGHT, WRONG = Access(key=SigningKey(KEY)), Access(key=SigningKey(OTHER))
 NOW = 1.7e9  # s of UTC

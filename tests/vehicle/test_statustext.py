@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle.mavlink import Codec, Message, make
-from rover_sweep.vehicle.statustext import TextAssembler
+from rover_sweep.vehicle.link.mavlink import Codec, Message, make
+from rover_sweep.vehicle.link.statustext import TextAssembler
 
 CODEC = Codec(1, 1)
 

@@ -12,7 +12,7 @@ from greeted import heartbeat
 
 import rover_sweep.vehicle
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.transport import open_transport, parse_url
+from rover_sweep.vehicle.link.transport import open_transport, parse_url
 
 
 def test_a_serial_line_carries_every_byte_unchanged() -> None:

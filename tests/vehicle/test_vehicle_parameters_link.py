@@ -9,17 +9,24 @@ from fake_vehicle import FakeVehicle
 from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.identify.sweep import Doublet, Sweep
-from rover_sweep.vehicle import parameters
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.manoeuvre import parameters_of
-from rover_sweep.vehicle.parameters import await_booted, float32, read, read_all, read_present, write
+from rover_sweep.manoeuvre.applet_values import parameters_of
+from rover_sweep.manoeuvre.sweep import Doublet, Sweep
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.parameters import read_write
+from rover_sweep.vehicle.parameters.read_write import (
+    await_booted,
+    float32,
+    read,
+    read_all,
+    read_present,
+    write,
+)
 
 
 @pytest.fixture(autouse=True)
 def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parameters, "_TIMEOUT", 0.15)
-    monkeypatch.setattr(parameters, "LONGEST", 1.0)
+    monkeypatch.setattr(read_write, "_TIMEOUT", 0.15)
+    monkeypatch.setattr(read_write, "LONGEST", 1.0)
 
 
 def _lose(count: int) -> object:
@@ -123,7 +130,7 @@ class FrankVehicle(FakeVehicle):
 def test_a_vehicle_that_says_what_it_lacks_is_believed_at_once(tmp_path: Path) -> None:
     with FrankVehicle() as vehicle, Link.open(vehicle.url, tmp_path / "a.tlog") as link:
         with pytest.raises(
-            parameters.ParameterMissing, match="the vehicle says that it has no parameter NOT_THERE"
+            read_write.ParameterMissing, match="the vehicle says that it has no parameter NOT_THERE"
         ):
             read(link, "NOT_THERE")
         assert read_present(link, ["SWP_AMP", "NOT_THERE", "NOR_THIS"]) == {"SWP_AMP": 150}
@@ -139,7 +146,7 @@ def test_why_a_parameter_stays_is_told(tmp_path: Path, refusal: int, why: str) -
     ):
         vehicle.refusal = refusal
         with pytest.raises(
-            parameters.ParameterKept, match=f"SWP_AMP was set to 99 but the vehicle has 150; {why}$"
+            read_write.ParameterKept, match=f"SWP_AMP was set to 99 but the vehicle has 150; {why}$"
         ):
             write(link, "SWP_AMP", 99)
         assert len(vehicle.of_kind("PARAM_SET")) == 1

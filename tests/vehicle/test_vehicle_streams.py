@@ -7,9 +7,9 @@ import random
 import pytest
 from fake_vehicle import FakeVehicle
 
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.mavlink import make
-from rover_sweep.vehicle.streams import StreamMonitor, fastest_interval_ms, judge, poor_words, request
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import make
+from rover_sweep.vehicle.link.streams import StreamMonitor, fastest_interval_ms, judge, poor_words, request
 
 
 @pytest.mark.parametrize(("loop", "interval"), [(50, 25), (100, 12), (200, 6), (400, 3)])

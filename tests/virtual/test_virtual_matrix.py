@@ -8,7 +8,7 @@ import pytest
 from virtual_matrix import CASES
 from virtual_mutants import noticed, problems, without
 
-RULES = "rover_sweep.vehicle.right_to_move.RULES"
+RULES = "rover_sweep.vehicle.run.right_to_move.RULES"
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -32,8 +32,8 @@ def test_what_is_promised_breaks_without_the_rule(rules: tuple[str, ...], case: 
 @pytest.mark.parametrize(
     ("place", "instead", "case"),
     [
-        ("rover_sweep.vehicle.controls.MAY_BE_ARMED", "", "hole both inf s @ sweep + 0.3 s"),
-        ("rover_sweep.vehicle.controls.HIGH", 1100, "hole both 0.6 s @ waiting + 0.3 s"),
+        ("rover_sweep.vehicle.run.controls.MAY_BE_ARMED", "", "hole both inf s @ sweep + 0.3 s"),
+        ("rover_sweep.vehicle.run.controls.HIGH", 1100, "hole both 0.6 s @ waiting + 0.3 s"),
     ],
 )
 def test_it_breaks_without_the_mechanism(place: str, instead: object, case: str, tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from virtual_run import Outcome, played
 from virtual_world import At, Phase
 
 from rover_sweep.errors import UsageError
-from rover_sweep.logs.tlog import open_tlog
-from rover_sweep.vehicle.access import Access
+from rover_sweep.logs.readers.tlog import open_tlog
+from rover_sweep.vehicle.link.access import Access
 
 
 def whole(outcome: Outcome) -> None:

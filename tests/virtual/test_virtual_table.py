@@ -85,7 +85,7 @@ def test_without_a_transmitter_nothing_is_driven(tmp_path: Path) -> None:
 def test_a_transmitter_is_missed_only_in_the_gaps_between_our_overrides(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rover_sweep.vehicle.controls._GAP", 0.2)
+    monkeypatch.setattr("rover_sweep.vehicle.run.controls._GAP", 0.2)
     outcome = played(tmp_path, [(At("sweep", 1.0), rc_lost(1))], after=5.0)
     assert outcome.finished is not None and outcome.finished.completed
 

@@ -12,7 +12,7 @@ from virtual_run import SWEEP, played
 from virtual_world import At
 
 from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.verdict import judge
+from rover_sweep.live.verdict.run_verdict import judge
 
 LONG = replace(SWEEP, t_rec=20.0)
 

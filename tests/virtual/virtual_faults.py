@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from virtual_pipe import FAIR, Pipe, Weather
 from virtual_world import Change, Fault, Killed, World
 
-from sitl.rover import HOLD, RC_COMMAND, Rover
+from sitl.autopilot.rover import HOLD, RC_COMMAND, Rover
 
 Direction = Literal["both", "down", "up"]
 STRANGER = 7  # system id of the second rover

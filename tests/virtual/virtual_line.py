@@ -1,4 +1,4 @@
-"""The laptop's door to the virtual world: a `rover_sweep.vehicle.transport.Line` without sockets or sleep.
+"""The laptop's door to the virtual world: a `transport.Line` without sockets or sleep.
 
     link = Link.open("virtual:", tlog, line=VirtualLine(world))
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 from virtual_world import MONOTONIC_0, SINCE_BOOT_0, WALL_0, World
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.transport import Transport
+from rover_sweep.vehicle.link.transport import Transport
 
 _IMPATIENT = 2000  # receives in a row that wait for nothing and get nothing
 

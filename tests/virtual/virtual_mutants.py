@@ -1,6 +1,6 @@
 """The drive code with a rule taken out: a scenario that depends on the rule must notice.
 
-assert noticed("rover_sweep.vehicle.right_to_move.RULES", without("reported"), CASES[name], tmp_path)
+assert noticed("rover_sweep.vehicle.run.right_to_move.RULES", without("reported"), CASES[name], tmp_path)
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from unittest import mock
 from virtual_matrix import Case
 from virtual_promises import broken
 
-from rover_sweep.vehicle import right_to_move
-from rover_sweep.vehicle.right_to_move import Rule
+from rover_sweep.vehicle.run import right_to_move
+from rover_sweep.vehicle.run.right_to_move import Rule
 
 
 def without(*names: str) -> tuple[Rule, ...]:

@@ -1,6 +1,6 @@
 """The embedded rover in this process, one main loop a call, with an in-memory connection; it may reboot.
 
-What `sitl.embedded` does around `sitl.rover.Rover`, without sockets and without real time.
+What `sitl.embedded` does around `sitl.autopilot.rover.Rover`, without sockets and without real time.
 """
 
 from __future__ import annotations
@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from sitl.autopilot.log_records import LogRecords
+from sitl.autopilot.rover import Rover
+from sitl.autopilot.vehicle_parameters import Parameter, ParameterStore
 from sitl.embedded import PARAMETER_FILE, REBOOT_AFTER_US, prepare
-from sitl.file_transfer import FileTransfer
-from sitl.ground_link import GroundLink
-from sitl.log_records import LogRecords
-from sitl.log_transfer import LogTransfer
-from sitl.parameters import load_variant
-from sitl.rover import Rover
-from sitl.vehicle_parameters import Parameter, ParameterStore
+from sitl.ground.file_transfer import FileTransfer
+from sitl.ground.ground_session import GroundLink
+from sitl.ground.log_transfer import LogTransfer
+from sitl.plant.variant import load_variant
 
 # A loop of 50 Hz as ArduPilot's default; radio rates; nothing logged but what the applet writes.
 PARAMETERS = {"SCR_ENABLE": 1.0, "SCHED_LOOP_RATE": 50.0, "RC6_OPTION": 300.0, "LOG_BITMASK": 0.0}
@@ -27,7 +27,7 @@ Told = Callable[[bytes], None]
 
 
 class MemoryPeer:
-    """A `sitl.mavlink_server.Peer` without a socket: `told` gets each frame."""
+    """A `sitl.ground.server.Peer` without a socket: `told` gets each frame."""
 
     def __init__(self, told: Told) -> None:
         self.told = told

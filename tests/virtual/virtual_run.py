@@ -22,19 +22,20 @@ from virtual_record import Record
 from virtual_world import At, Fault, Killed, Overran, World
 
 from rover_sweep.errors import RoverSweepError
-from rover_sweep.identify.sweep import Manoeuvre, Sweep
-from rover_sweep.session_folder.content import PlannedRun
-from rover_sweep.vehicle import recorder
-from rover_sweep.vehicle.access import Access
+from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
+from rover_sweep.session.content import PlannedRun
+from rover_sweep.session.session import Plan, drive, start_streams
 from rover_sweep.vehicle.events import Event, Interrupted, Notice, RunFinished, RunStarted
-from rover_sweep.vehicle.link import Link
-from rover_sweep.vehicle.run import RunSettings, run
-from rover_sweep.vehicle.session import Plan, drive, start_streams
+from rover_sweep.vehicle.link import recorder
+from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.run.one_run import run
+from rover_sweep.vehicle.run.settings import RunSettings
 
 SWEEP = Sweep(amplitude=100, w_min=3, w_max=20, t_rec=8, fade=0.5, dwell=0.5, straight=1)
 LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0, "still": 1.0}
 SETTINGS = RunSettings(arm=True, throttle_us=1710, trigger="override", extra=LIMITS)
-BOOT = 11.0  # s until the embedded rover has a velocity (sitl.rover.ORIGIN_MS)
+BOOT = 11.0  # s until the embedded rover has a velocity (sitl.autopilot.rover.ORIGIN_MS)
 AFTER, BACK = 30.0, 10.0  # s
 
 Happening = tuple[At, Fault]

@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import rfft
 
-from rover_sweep.diagnosis.candidates import Model
-from rover_sweep.diagnosis.experiment import RATE, Experiment
-from rover_sweep.diagnosis.fitting import Fitted, sensitivities
-from rover_sweep.diagnosis.floor import Floor
-from rover_sweep.diagnosis.problem import Problem, Rows, whitened, with_floor
-from rover_sweep.diagnosis.signatures import Signature, signatures
-from rover_sweep.diagnosis.simulate import Structure, wheel_angle
-from rover_sweep.identify.effects import Effect
-from rover_sweep.identify.recording import Array
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
+from rover_sweep.diagnosis.problem.noise_floor import Floor
+from rover_sweep.diagnosis.problem.residuals import Problem, Rows, whitened, with_floor
+from rover_sweep.diagnosis.problem.signatures import Signature, signatures
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.simulator import Structure, wheel_angle
 
 NOISE = {"r": 3e-5, "ay": 1.8e-3, "p": 6e-5, "vy": 1e-5}
 """One-sided densities, unit^2/Hz: those of the official firmware's recordings of a 2.7 kg rover."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.diagnosis.nominal import Spread
-from rover_sweep.diagnosis.plans.runs import allowed, candidates, first_set
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.plans.plan_result import Limits, Plan, PlannedRun
+from rover_sweep.diagnosis.plans.plan_sentences import answer, notes, settles
+from rover_sweep.diagnosis.plans.proposals import allowed, candidates, first_set
 from rover_sweep.diagnosis.plans.sets import Planner, Progress, Seen
-from rover_sweep.diagnosis.plans.types import Limits, Plan, PlannedRun
-from rover_sweep.diagnosis.plans.words import answer, notes, settles
-from rover_sweep.identify.geometry import Geometry
+from rover_sweep.diagnosis.simulation.experiment import Experiment
 
 MOST_RUNS = 4  # to be proposed beside what is there
 STEP = 0.1  # of one open point, by which a run that settles none must bring them nearer, for others to settle
@@ -27,7 +27,7 @@ def plan(
     rad_per_us: float,
     limits: Limits,
     wanted: Sequence[str] = (),
-    spread: Spread | None = None,
+    spread: Tolerances | None = None,
     driven: Mapping[str, Experiment] | None = None,
     progress: Progress | None = None,
     settled: Mapping[str, str] | None = None,
@@ -39,7 +39,7 @@ def plan(
     with what is being done and the share done, 0..1. settled: {effect: why it is no longer looked for}.
     """
     planner = Planner(
-        rover, rad_per_us, wanted, spread or Spread(), driven or {},
+        rover, rad_per_us, wanted, spread or Tolerances(), driven or {},
         progress or (lambda what, share: None), settled or {},
     )  # fmt: skip
     now = tuple(runs)

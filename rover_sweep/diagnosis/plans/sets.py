@@ -7,17 +7,17 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 
-from rover_sweep.diagnosis.candidates import Model, possible
-from rover_sweep.diagnosis.experiment import Experiment
-from rover_sweep.diagnosis.nominal import Spread
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.plans.detectable import LATE, Stacked
 from rover_sweep.diagnosis.plans.evidence import NOISE, Evidence, evidence
-from rover_sweep.diagnosis.plans.runs import as_experiment, words
-from rover_sweep.diagnosis.plans.seen import LATE, Stacked
+from rover_sweep.diagnosis.plans.plan_result import Apart, DetectableSize, PlannedRun
+from rover_sweep.diagnosis.plans.proposals import as_experiment, words
 from rover_sweep.diagnosis.plans.sizes import detectable
-from rover_sweep.diagnosis.plans.types import Apart, DetectableSize, PlannedRun
 from rover_sweep.diagnosis.result import Unseen
-from rover_sweep.identify.effects import Effect
-from rover_sweep.identify.geometry import Geometry
+from rover_sweep.diagnosis.simulation.candidates import Model, possible
+from rover_sweep.diagnosis.simulation.experiment import Experiment
 
 Progress = Callable[[str, float], None]
 
@@ -62,7 +62,7 @@ class Planner:
     rover: Geometry
     rad_per_us: float
     wanted: Sequence[str]
-    spread: Spread
+    spread: Tolerances
     driven: Mapping[str, Experiment]
     progress: Progress
     settled: Mapping[str, str] = field(default_factory=dict)

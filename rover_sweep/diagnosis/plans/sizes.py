@@ -7,10 +7,10 @@ from math import log
 
 import numpy as np
 
-from rover_sweep.diagnosis.material import EARLIER, material_sizes
-from rover_sweep.diagnosis.plans.seen import Size, Stacked
-from rover_sweep.diagnosis.plans.types import DetectableSize
-from rover_sweep.identify.effects import Effect, EffectParameter, library
+from rover_sweep.diagnosis.effects import Effect, EffectParameter, library
+from rover_sweep.diagnosis.plans.detectable import Size, Stacked
+from rover_sweep.diagnosis.plans.plan_result import DetectableSize
+from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
 
 STEEPNESS = (0.5, 4.0)  # exponents that a signature's length may have in its size
 

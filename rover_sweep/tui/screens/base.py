@@ -12,14 +12,14 @@ from textual.binding import Binding
 from textual.screen import Screen
 from textual.widgets import Static
 
-from rover_sweep.tui.drawing import Rows, harmless
-from rover_sweep.tui.pilot import task
+from rover_sweep.tui.drawn.drawing import Rows, harmless
+from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.screens import frame
 
 if TYPE_CHECKING:
-    from rover_sweep.tui.palette import Palette
+    from rover_sweep.tui.drawn.palette import Palette
+    from rover_sweep.tui.model.state import State
     from rover_sweep.tui.session_app import SessionApp
-    from rover_sweep.tui.state import State
 
 _AROUND = 5  # rows: views, status, message, keys
 _NAMES = {

@@ -5,10 +5,10 @@ from __future__ import annotations
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.tui.drawing import Rows, window
+from rover_sweep.tui.drawn.drawing import Rows, window
+from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.typing import Typing
-from rover_sweep.tui.setup import Setup
 
 
 class ConnectScreen(SessionScreen):

@@ -14,12 +14,12 @@ from textual.screen import ModalScreen
 from textual.widgets import Static
 
 from rover_sweep.errors import UsageError
-from rover_sweep.tui.drawing import Rows
-from rover_sweep.tui.plan_rows import Field, Row, changed, fields, value
+from rover_sweep.tui.drawn.drawing import Rows
+from rover_sweep.tui.model.plan_rows import Field, Row, changed, fields, value
 from rover_sweep.tui.screens.frame import ABORT_WORDS
 
 if TYPE_CHECKING:
-    from rover_sweep.tui.palette import Palette
+    from rover_sweep.tui.drawn.palette import Palette
 
 _WIDTH = 62
 

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from rover_sweep.live.source import Connect, Drive, FetchLogs, Fix, Play, Preflight, Request
-from rover_sweep.tui import words
-from rover_sweep.tui.drawing import Rows, joined
-from rover_sweep.tui.palette import Palette
-from rover_sweep.tui.pilot import Task
-from rover_sweep.tui.state import State
+from rover_sweep.tui.drawn import labels
+from rover_sweep.tui.drawn.drawing import Rows, joined
+from rover_sweep.tui.drawn.palette import Palette
+from rover_sweep.tui.model.pilot import Task
+from rover_sweep.tui.model.state import State
 
 VIEWS = ("connect", "preflight", "plan", "run", "verdict", "log", "results")
 LEAST = (72, 20)  # columns, rows
@@ -44,16 +44,16 @@ def status(state: State, palette: Palette, width: int) -> Text:
         text.append("  last heard:", palette.ink)
     armed = ("  ARMED ", palette.alarming) if now.armed else ("  disarmed ", palette.ink)
     text.append(*armed)
-    text.append(f" {words.mode(now.mode)}  switch {words.switch(now.switch)}", palette.ink)
+    text.append(f" {labels.mode(now.mode)}  switch {labels.switch(now.switch)}", palette.ink)
     battery = joined((
         f"{now.volts:.1f} V" if math.isfinite(now.volts) else "",
         f"{100 * now.remaining:.0f} %" if math.isfinite(now.remaining) else "",
     ))  # fmt: skip
-    gps = f"{words.FIXES.get(now.fix, 'GPS ?')} {now.satellites}"
+    gps = f"{labels.FIXES.get(now.fix, 'GPS ?')} {now.satellites}"
     ekf = "EKF ok" if now.ekf else "EKF not ready"
     parts = [battery.replace("   ", " "), gps, ekf]
     parts += [f"{now.received:.0f} messages/s" if math.isfinite(now.received) else ""]
-    parts += [f"recorded {words.size(now.recorded)}"]
+    parts += [f"recorded {labels.size(now.recorded)}"]
     for part in parts if width >= 110 else parts[:3]:
         if part and text.cell_len + len(part) + 2 <= width:
             text.append(f"  {part}", palette.ink)

@@ -6,13 +6,13 @@ from rich.text import Text
 from textual.binding import Binding
 
 from rover_sweep.live.source import FetchLogs
-from rover_sweep.tui import words
-from rover_sweep.tui.drawing import Rows, cells, wrapped
-from rover_sweep.tui.gauges import bar
+from rover_sweep.tui.drawn import labels
+from rover_sweep.tui.drawn.drawing import Rows, cells, wrapped
+from rover_sweep.tui.drawn.gauges import bar
+from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.frame import LEVELS
 from rover_sweep.tui.screens.verdict import said
-from rover_sweep.tui.state import RunRecord
 
 
 class LogScreen(SessionScreen):
@@ -39,7 +39,7 @@ class LogScreen(SessionScreen):
         if state.fetching is not None:
             f = state.fetching
             share = f.done / f.total if f.total else 0.0
-            rows.add(f" log {f.number}: {bar(share, 30)} {words.size(f.done)} of {words.size(f.total)}",
+            rows.add(f" log {f.number}: {bar(share, 30)} {labels.size(f.done)} of {labels.size(f.total)}",
                      style=palette.ink)  # fmt: skip
         if state.armed and not state.under_way and state.played is None:
             rows.sentence("The rover gives its logs once it is disarmed.", f"bold {palette.accent}")
@@ -73,9 +73,9 @@ class LogScreen(SessionScreen):
 
 def run_line(run: RunRecord, width: int) -> str:
     """A run with its outcome and verdict."""
-    sign, outcome = words.OUTCOMES[run.outcome]
+    sign, outcome = labels.OUTCOMES[run.outcome]
     verdict = run.reason
     if run.verdict is not None:
-        verdict = f"{words.ADVICE[run.verdict.advice][0]} {said(run.verdict)}"
+        verdict = f"{labels.ADVICE[run.verdict.advice][0]} {said(run.verdict)}"
     return cells((run.name, f"{sign} {outcome}", f"±{run.manoeuvre.amplitude:g} us", verdict),
                  (13, 11, 8, width - 36))  # fmt: skip

@@ -8,12 +8,12 @@ from dataclasses import replace
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.tui import words
-from rover_sweep.tui.drawing import Rows, cells, window
-from rover_sweep.tui.plan_rows import SPEED, Row, largest, needs, new
+from rover_sweep.tui.drawn import labels
+from rover_sweep.tui.drawn.drawing import Rows, cells, window
+from rover_sweep.tui.model.plan_rows import SPEED, Row, largest, needs, new
+from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.edit import EditRow
-from rover_sweep.tui.state import RunRecord
 
 
 class PlanScreen(SessionScreen):
@@ -85,7 +85,7 @@ class PlanScreen(SessionScreen):
         battery = f"; battery {100 * now.remaining:.0f} %" if now and math.isfinite(now.remaining) else ""
         if now and not battery and math.isfinite(now.volts):
             battery = f"; battery {now.volts:.1f} V"
-        rows.sentence(f"{len(session.plan)} runs, {words.seconds(asked.seconds)} of steering; "
+        rows.sentence(f"{len(session.plan)} runs, {labels.seconds(asked.seconds)} of steering; "
                       f"{ground}{battery}", f"bold {palette.ink}", most=2)  # fmt: skip
 
     def _proposal(self, rows: Rows) -> None:
@@ -157,7 +157,7 @@ def driven(row: Row, runs: tuple[RunRecord, ...]) -> str:
     """What came of it, the latest try first."""
     mine = [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
     told = [
-        " ".join(words.ADVICE[run.verdict.advice] if run.verdict else words.OUTCOMES[run.outcome])
+        " ".join(labels.ADVICE[run.verdict.advice] if run.verdict else labels.OUTCOMES[run.outcome])
         for run in reversed(mine)
     ]
     before = f" ({len(told) - 1} before)" if len(told) > 1 else ""

@@ -6,12 +6,12 @@ from rich.text import Text
 from textual.binding import Binding
 
 from rover_sweep.live.source import Fix, Preflight
-from rover_sweep.tui import words
-from rover_sweep.tui.drawing import Rows, cells, window
-from rover_sweep.tui.palette import Palette
+from rover_sweep.tui.drawn import labels
+from rover_sweep.tui.drawn.drawing import Rows, cells, window
+from rover_sweep.tui.drawn.palette import Palette
+from rover_sweep.tui.drawn.question import Question
 from rover_sweep.tui.screens.base import SessionScreen
-from rover_sweep.tui.screens.question import Question
-from rover_sweep.vehicle.preflight import Check
+from rover_sweep.vehicle.preflight.item import Check
 
 _BELOW = 6  # rows for what is said about the chosen one
 
@@ -51,7 +51,7 @@ class PreflightScreen(SessionScreen):
         name = 12 if width < 110 else 20
         for n in shown:
             check = checks[n]
-            sign, word = words.CHECKS[check.state]
+            sign, word = labels.CHECKS[check.state]
             line = cells(
                 (f"{sign} {word}", check.name.replace("_", " "), check.seen), (11, name, width - name - 18)
             )

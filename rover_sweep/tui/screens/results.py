@@ -5,10 +5,10 @@ from __future__ import annotations
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.tui import words
-from rover_sweep.tui.analysis import Job
-from rover_sweep.tui.drawing import Rows, window, wrapped
-from rover_sweep.tui.palette import Palette
+from rover_sweep.tui.drawn import labels
+from rover_sweep.tui.drawn.drawing import Rows, window, wrapped
+from rover_sweep.tui.drawn.palette import Palette
+from rover_sweep.tui.jobs.analysis import Job
 from rover_sweep.tui.screens.base import SessionScreen
 
 _SIGNS = {"running": "▶ working", "done": "✓ done", "failed": "✗ failed"}
@@ -53,7 +53,7 @@ class ResultsScreen(SessionScreen):
         for n in window(len(self.jobs), self.index, 4):
             job = self.jobs[n]
             mark = "▶" if job is self.job and len(self.jobs) > 1 else " "
-            took = words.seconds(job.seconds) if job.seconds else "earlier"
+            took = labels.seconds(job.seconds) if job.seconds else "earlier"
             said = job.summary[0] if job.summary else job.last
             line = f" {mark} {_SIGNS[job.outcome]:<10} {job.kind:<10} {took:>10}  {said}"
             if n == self.index:

@@ -7,16 +7,16 @@ import math
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.identify.sweep import Doublet
-from rover_sweep.tui import words
-from rover_sweep.tui.big import big, huge
-from rover_sweep.tui.drawing import Rows
-from rover_sweep.tui.gauges import bar, number
-from rover_sweep.tui.pilot import task
+from rover_sweep.manoeuvre.sweep import Doublet
+from rover_sweep.tui.drawn import labels
+from rover_sweep.tui.drawn.drawing import Rows
+from rover_sweep.tui.drawn.gauges import bar, number
+from rover_sweep.tui.drawn.large_text import big, huge
+from rover_sweep.tui.model.pilot import task
+from rover_sweep.tui.model.state import RunRecord, State
 from rover_sweep.tui.screens import signals
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.frame import ABORT_WORDS
-from rover_sweep.tui.state import RunRecord, State
 
 
 class RunScreen(SessionScreen):
@@ -51,12 +51,12 @@ class RunScreen(SessionScreen):
         if state.played is None and (state.driving is None or run is None):
             row = self.session.next_row
             following = (
-                f"next: {words.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s"
+                f"next: {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s"
                 if row
                 else "the plan is driven"
             )
             waits = ", its verdict is being worked out" if run and _waits(run) else ""
-            last = f"{run.name} {words.OUTCOMES[run.outcome][1]}{waits}; " if run else ""
+            last = f"{run.name} {labels.OUTCOMES[run.outcome][1]}{waits}; " if run else ""
             rows.add(f" {last}{following}", style=f"bold {palette.ink}")
             return
         if run is None:
@@ -64,8 +64,8 @@ class RunScreen(SessionScreen):
             return
         speed = self.session.driving_speed
         at = f" at {speed:g} m/s" if math.isfinite(speed) else ""
-        lasts = words.seconds(run.manoeuvre.duration)
-        rows.add(f" {run.name}: {words.manoeuvre(run.manoeuvre)}{at}, {lasts}",
+        lasts = labels.seconds(run.manoeuvre.duration)
+        rows.add(f" {run.name}: {labels.manoeuvre(run.manoeuvre)}{at}, {lasts}",
                  style=f"bold {palette.ink}")  # fmt: skip
 
     def _to_do(self, rows: Rows) -> None:
@@ -85,8 +85,8 @@ class RunScreen(SessionScreen):
         run = state.run
         left = ""
         if run is not None and math.isfinite(progress) and state.driving is not None:
-            left = f"{words.seconds((1 - progress) * run.manoeuvre.duration)} left"
-        what = words.APPLET.get(state.applet, f"state {state.applet}")
+            left = f"{labels.seconds((1 - progress) * run.manoeuvre.duration)} left"
+        what = labels.APPLET.get(state.applet, f"state {state.applet}")
         width = max(10, rows.width - 64)
         frequency = number(now.frequency if now else math.nan, "5.1f")
         tone = "" if run is not None and isinstance(run.manoeuvre, Doublet) else f"{frequency} rad/s"
@@ -102,8 +102,8 @@ class RunScreen(SessionScreen):
         heard = f"{now.received:.0f} messages/s, " if math.isfinite(now.received) else ""
         before = "last heard: " if self.state.lost else ""
         rows.add(
-            f" {before}{armed}, {words.mode(now.mode)}, switch {words.switch(now.switch)}, "
-            f"{heard}recorded {words.size(now.recorded)}",
+            f" {before}{armed}, {labels.mode(now.mode)}, switch {labels.switch(now.switch)}, "
+            f"{heard}recorded {labels.size(now.recorded)}",
             style=self.palette.ink,
         )
         if now.link and not self.state.lost:

@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from firmware_params.parameters import PARAMETERS
-from rover_sweep.tui.drawing import Rows
-from rover_sweep.tui.gauges import history, number, pointer
-from rover_sweep.tui.setup import Setup
-from rover_sweep.tui.state import State
+from firmware_params.applet_parameters import PARAMETERS
+from rover_sweep.tui.drawn.drawing import Rows
+from rover_sweep.tui.drawn.gauges import history, number, pointer
+from rover_sweep.tui.model.setup import Setup
+from rover_sweep.tui.model.state import State
 
 _DEFAULTS = {p.name: p.default for p in PARAMETERS}
 _STEERED = range(3, 9)  # states of the applet, in which it keeps the limits

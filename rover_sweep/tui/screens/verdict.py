@@ -6,13 +6,13 @@ from rich.text import Text
 from textual.binding import Binding
 
 from rover_sweep.live.snapshot import Band, Verdict
-from rover_sweep.tui import words
-from rover_sweep.tui.big import big, huge
-from rover_sweep.tui.drawing import Rows, cells
-from rover_sweep.tui.gauges import bar, number
-from rover_sweep.tui.pilot import task
+from rover_sweep.tui.drawn import labels
+from rover_sweep.tui.drawn.drawing import Rows, cells
+from rover_sweep.tui.drawn.gauges import bar, number
+from rover_sweep.tui.drawn.large_text import big, huge
+from rover_sweep.tui.model.pilot import task
+from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.base import SessionScreen
-from rover_sweep.tui.state import RunRecord
 
 _NONE = "There is no verdict on it."
 _WAITING = {
@@ -52,9 +52,9 @@ class VerdictScreen(SessionScreen):
         run = self.run_shown
         if run is None:
             return rows.blank().sentence("No run was driven yet.", palette.ink).text()
-        sign, outcome = words.OUTCOMES[run.outcome]
+        sign, outcome = labels.OUTCOMES[run.outcome]
         rows.add(
-            f" {run.name}: {words.manoeuvre(run.manoeuvre)}: {sign} {outcome}", style=f"bold {palette.ink}"
+            f" {run.name}: {labels.manoeuvre(run.manoeuvre)}: {sign} {outcome}", style=f"bold {palette.ink}"
         )
         now = task(self.state)
         if now.urgent and self.state.played is None:  # the verdict comes while the switch is still high
@@ -80,14 +80,14 @@ class VerdictScreen(SessionScreen):
             first = "disarm, then " if self.state.armed else ""
             return f"{again}The plan is driven: {first}6 fetches the logs, 7 identifies, 3 plans more."
         return (
-            f"{again}Next: {row.name}, {words.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
+            f"{again}Next: {row.name}, {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
         )
 
     def _advice(self, rows: Rows, run: RunRecord) -> None:
         verdict, palette = run.verdict, self.palette
         assert verdict is not None
         style = {"keep": palette.good, "repeat": palette.doubtful}.get(verdict.advice, palette.bad)
-        sign, word = words.ADVICE[verdict.advice]
+        sign, word = labels.ADVICE[verdict.advice]
         for line in huge(word) if rows.height > 40 else big(word):
             rows.filled(f"  {line}", f"bold {palette.ground} on {style}")
         rows.sentence(f"{sign} {said(verdict)}", f"bold {palette.ink}", most=3)
@@ -123,7 +123,7 @@ class VerdictScreen(SessionScreen):
 
 def said(verdict: Verdict) -> str:
     """The sentence, begun with the advice in capitals."""
-    word, sentence = words.ADVICE[verdict.advice][1], verdict.sentence
+    word, sentence = labels.ADVICE[verdict.advice][1], verdict.sentence
     if sentence.lower().startswith(word.lower()):
         return word + sentence[len(word) :]
     return f"{word}: {sentence}"
@@ -139,7 +139,7 @@ def _matrix(rows: Rows, verdict: Verdict) -> None:
     wanted = {(low, high): us for low, high, us in verdict.per_band}
     wide = rows.width >= 110
     widths = (13, *((24 if wide else 13) for _ in responses), 9)
-    names = (words.RESPONSES.get(response, response) for response in responses)
+    names = (labels.RESPONSES.get(response, response) for response in responses)
     rows.add(" " + cells(("rad/s", *names, "us enough"), widths), style=rows.palette.quiet)
     for low, high in spans[: rows.left - (len(spans) > rows.left)]:
         told = (_told(there.get((response, low, high)), wide) for response in responses)

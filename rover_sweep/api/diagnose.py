@@ -1,0 +1,165 @@
+"""What the model leaves out, in Python: `diagnose` runs, look at the answer, report, save, load.
+
+import rover_sweep as rs
+runs = rs.read("run1.BIN", "run2.BIN", "run3.BIN", vehicle="rover.toml")
+found = rs.diagnose(runs, held_out=rs.read("run4.BIN", vehicle="rover.toml"))
+found.findings[0].effect
+found.report("report")
+rs.simulate(found, runs[0])  # by the model with what was found
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rover_sweep.api.diagnosis_input import candidates_left, diagnosed, material, nominal_of, time_limit_of
+from rover_sweep.api.read import Location, Runs
+from rover_sweep.data.recording import Recording
+from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.diagnosis.settings import BASELINES, DiagnosisSettings
+from rover_sweep.errors import UsageError
+from rover_sweep.files.documents import read_json
+from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+from rover_sweep.report.wording.provenance import provenance
+
+if TYPE_CHECKING:
+    from rover_sweep.report.diagnosis.report_folder import DiagnosisFiles
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FullDiagnosis(Shown, Diagnosis):
+    """What `diagnose` found: a `Diagnosis` that knows where it comes from and shows itself as a table."""
+
+    origin: DiagnosisOrigin = field(default_factory=DiagnosisOrigin)
+
+    def table(self) -> ShortTable:
+        """Each finding with its parameters, intervals, look-alikes and what it removes; then the rest."""
+        rows = []
+        for f in self.findings:
+            removed = next((h.share_removed for h in f.held_out), None)
+            share = "-" if removed is None else f"{100 * removed:.0f} %"
+            for k, v in enumerate(f.parameters):
+                names = (f.effect, ", ".join(f.look_alikes) or "-", share) if k == 0 else ("", "", "")
+                interval = f"{number(v.low, 3)} .. {number(v.high, 3)}"
+                rows.append((names[0], v.name, number(v.value, 3), interval, v.unit, *names[1:]))
+        headings = ("left out", "", "value", "90 %", "unit", "or else", "removed")
+        notes = [f"unknown in {self.unknown.channel}: {self.unknown.sentence}"] if self.unknown else []
+        unseen = ", ".join(u.effect for u in self.cannot_see)
+        notes += [f"these runs cannot show: {unseen}"] if unseen else []
+        return ShortTable(f"{self.verdict}: {self.sentence}", headings, tuple(rows), tuple(notes))
+
+    def report(self, directory: Location) -> DiagnosisFiles:
+        """Writes diagnosis.html and diagnosis.json into a folder."""
+        from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+
+        return write_diagnosis(self, Path(directory), self.origin)
+
+    def save(self, path: Location) -> Path:
+        """Writes everything, recordings as well, into a .json that `load_diagnosis` reads without loss."""
+        from rover_sweep.api.save import dumps
+        from rover_sweep.files.replaced import write_file
+
+        return write_file(Path(path), dumps(self))
+
+
+def diagnose(
+    runs: Runs,
+    held_out: Sequence[Recording] = (),
+    *,
+    baseline: str | None = None,
+    model: Location | None = None,
+    simulated: Sequence[Recording] = (),
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
+    time_limit: float | None = None,
+    seed: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> FullDiagnosis:
+    """Says what a model leaves out of the runs: where, what, how much, and on what evidence.
+
+    held_out: runs that neither the fit nor the choice may see; without any, the doublets among `runs`.
+    baseline: "roll-yaw" (default), "bicycle", "lumped" or "kinematic"; model: an identification.json whose
+    model is the baseline instead; simulated: recordings of a simulation driven as `runs` were. only,
+    without: ids of effects to try, or not to. time_limit [s] and stop (True ends it) end with what was
+    found until then. progress is called with what is being done and the share done, 0..1. seed: of the
+    bootstrap. Raises UsageError for what cannot be asked; refused data are an answer with that verdict.
+    """
+    if not isinstance(runs, Runs):
+        kind = type(runs).__name__
+        raise UsageError(f'the first argument ({kind}) is no runs: rs.read(..., vehicle="rover.toml")')
+    if runs.vehicle is None:
+        raise UsageError('the vehicle is not known: rs.read(..., vehicle="rover.toml")')
+    if not len(runs):
+        raise UsageError("there is no run to diagnose")
+    if baseline is not None and baseline not in BASELINES:
+        raise UsageError(f"there is no baseline {baseline!r}; choose from {', '.join(BASELINES)}")
+    if model is not None and simulated:
+        raise UsageError("model and simulated are two simulations; give one of them")
+    limit = time_limit_of(time_limit)
+    _refuse_no_runs("held_out", held_out)
+    _refuse_no_runs("simulated", simulated)
+    name, values = nominal_of(Path(model), baseline) if model is not None else (baseline or "roll-yaw", {})
+    chosen, left_out = candidates_left(_listed(only), _listed(without), None if simulated else name)
+    settings = DiagnosisSettings(name, chosen, left_out, limit, seed, values)
+    given = material(runs, held_out, simulated)
+    found = diagnosed(given, runs.vehicle, settings, progress, stop)
+    made = provenance(runs.vehicle, runs.vehicle_file, given.held_out, "", datetime.now().astimezone())
+    return _full(found, given.origin(made, settings))
+
+
+def _refuse_no_runs(name: str, given: object) -> None:
+    if not isinstance(given, Sequence) or not all(isinstance(run, Recording) for run in given):
+        raise UsageError(f"{name} ({type(given).__name__}) is no sequence of runs; give rs.read(...)")
+
+
+def _full(found: Diagnosis, origin: DiagnosisOrigin) -> FullDiagnosis:
+    own = {f.name: getattr(found, f.name) for f in fields(found)}
+    return FullDiagnosis(**own, origin=origin)
+
+
+def load_diagnosis(path: Location) -> FullDiagnosis:
+    """The diagnosis that `FullDiagnosis.save` wrote, or the diagnosis.json of a report (or its folder).
+
+    The latter has neither recordings nor the curves of the pictures. UsageError for a file that is none.
+    """
+    from rover_sweep.api.save import loads
+    from rover_sweep.report.export.augmented_model_json import refuse_insane
+
+    path = Path(path) / "diagnosis.json" if Path(path).is_dir() else Path(path)
+
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} cannot be read: {error}") from None
+    if _is_report(text):
+        from rover_sweep.report.diagnosis.read_json import read_diagnosis
+
+        return _full(read_diagnosis(path), DiagnosisOrigin())
+    found = loads(text, str(path))
+    if not isinstance(found, FullDiagnosis):
+        raise UsageError(f"{path} holds a {type(found).__name__} and no diagnosis")
+    if found.model is not None:
+        try:
+            refuse_insane(found.model)
+        except (ValueError, TypeError, AttributeError) as error:
+            raise UsageError(f"{path} is damaged ({error}); diagnose again") from error
+    return found
+
+
+def _is_report(text: str) -> bool:
+    try:
+        document = read_json(text)
+    except ValueError:
+        return False
+    return isinstance(document, dict) and document.get("format") == "rover-sweep diagnosis"
+
+
+def _listed(names: Sequence[str]) -> tuple[str, ...]:
+    """A single id counts as a list of one."""
+    return (names,) if isinstance(names, str) else tuple(names)

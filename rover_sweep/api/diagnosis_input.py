@@ -1,0 +1,216 @@
+"""From what a user names to what the diagnosis takes, and back with where it came from."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.api.known_steering import has_linkage, known
+from rover_sweep.api.run_roles import doublets_apart, refuse_overlap
+from rover_sweep.data.material_sizes import tolerances_of
+from rover_sweep.data.recording import Recording
+from rover_sweep.data.vehicle_file import Vehicle
+from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSettings
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.files.documents import read_json
+from rover_sweep.identification.imu_place import wrong_place_in
+from rover_sweep.quality.faults import SPARED, faulty_channels
+from rover_sweep.quality.length import with_length
+from rover_sweep.quality.rovers import with_rovers
+from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+from rover_sweep.report.wording.provenance import Provenance
+
+NOTHING_HELD_OUT = (
+    "no run was held out, so nothing shows what the finding is worth on data that it was not made from: "
+    "drive a doublet or one more sweep, and name it with --hold-out"
+)
+Progress = Callable[[str, float], None]
+Stop = Callable[[], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """What a diagnosis is made from: runs to fit and choose on, runs held out, runs of a simulation."""
+
+    runs: tuple[Recording, ...]
+    held_out: tuple[Recording, ...] = ()
+    simulated: tuple[Recording, ...] = ()
+
+    def origin(self, provenance: Provenance, settings: DiagnosisSettings) -> DiagnosisOrigin:
+        """Its recordings by their roles, with the settings, for the report."""
+        parts = (
+            *(("fit", run) for run in self.runs),
+            *(("held out", run) for run in self.held_out),
+            *(("simulation", run) for run in self.simulated),
+        )
+        return DiagnosisOrigin(provenance, parts, asdict(settings))  # type: ignore[arg-type]
+
+
+def material(
+    runs: Sequence[Recording], held_out: Sequence[Recording], simulated: Sequence[Recording] = ()
+) -> Material:
+    """The runs by their roles; without held-out ones the doublets are held out, where other runs are left.
+
+    UsageError where a run would be its own judge.
+    """
+    if held_out:
+        fitted, kept = tuple(runs), tuple(held_out)
+    else:
+        fitted, kept = doublets_apart(runs)
+    refuse_overlap(fitted, kept)
+    for run in simulated:
+        if any(_of_one_file(run, other) for other in (*fitted, *kept)):
+            raise UsageError(f"{run.name} is both the recording and the simulation; simulate it first")
+    return Material(fitted, kept, tuple(simulated))
+
+
+def _of_one_file(one: Recording, two: Recording) -> bool:
+    """Do they share a file, whatever its name."""
+    return bool({digest for _, digest in one.sources} & {digest for _, digest in two.sources})
+
+
+def diagnosed(
+    given: Material,
+    vehicle: Vehicle,
+    settings: DiagnosisSettings,
+    progress: Progress | None = None,
+    stop: Stop | None = None,
+) -> Diagnosis:
+    """The diagnosis, with a remark where it was stopped or nothing was held out.
+
+    Data that the diagnosis refuses are an answer, the verdict "refused" with the reason.
+    """
+    from rover_sweep.diagnosis.diagnose import diagnose
+
+    begun = time.monotonic()
+    bench = known(vehicle, tolerances_of(vehicle.material))
+    settled = {effect: why for effect, why in bench.settled.items() if effect not in settings.with_effects}
+    settings = replace(settings, spread=bench.spread, without_effects=(*settings.without_effects, *settled))
+    left_out: tuple[str, ...] = ()
+    misplaced = ""
+    try:
+        given, left_out = _sound(given)
+        misplaced = wrong_place_in(given.runs, geometry_of(vehicle), settings.baseline)
+        found = diagnose(
+            given.runs, geometry_of(vehicle), settings, given.held_out, given.simulated, progress, stop
+        )
+    except DataRefused as error:
+        found = _refused(str(error), given, settings, time.monotonic() - begun)
+    if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
+        found = replace(found, model=replace(found.model, steering=vehicle.steering()))
+    remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
+    remarks += [*([misplaced] if misplaced else []), *left_out]
+    remarks += [f"{effect} was not looked for: {why}" for effect, why in settled.items()]
+    if has_linkage(vehicle):
+        remarks.append(
+            "the steering was taken through what the bench measured ([steering] of the vehicle file); a "
+            "rover simulated from this report lacks that"
+        )
+    if stop is not None and stop():
+        seconds = time.monotonic() - begun
+        remarks.append(f"stopped by hand after {seconds:.0f} s: this is what was found until then, no more")
+    return replace(found, remarks=(*found.remarks, *remarks))
+
+
+def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
+    """The material without lateral channels that are faulty, and why; DataRefused where more is faulty."""
+    runs = with_rovers((*with_length(given.runs), *given.held_out))
+    without, why = faulty_channels(runs)
+    if not without:
+        return given, ()
+    left = {c for run in runs for c in run.channels} - without
+    if without - set(SPARED) or not left & set(SPARED):
+        raise DataRefused("; ".join(why))
+    fitted, kept = (tuple(r.without(without) for r in some) for some in (given.runs, given.held_out))
+    return replace(given, runs=fitted, held_out=kept), tuple(f"left out: {words}" for words in why)
+
+
+def _refused(why: str, given: Material, settings: DiagnosisSettings, seconds: float) -> Diagnosis:
+    return Diagnosis(
+        "refused", why, settings.baseline, seconds=seconds,
+        runs=tuple(run.name for run in given.runs), held_out_runs=tuple(run.name for run in given.held_out),
+    )  # fmt: skip
+
+
+def effects_named(names: Sequence[str]) -> tuple[str, ...]:
+    """The ids, each once; UsageError for what is no effect of the library."""
+    from difflib import get_close_matches
+
+    for name in names:
+        if name not in library():
+            near = get_close_matches(name, library(), 1)
+            hint = f"did you mean {near[0]}? There are" if near else "there are"
+            raise UsageError(f"there is no effect {name!r}; {hint} {', '.join(library())}")
+    return tuple(dict.fromkeys(names))
+
+
+def candidates_left(
+    only: Sequence[str], without: Sequence[str], baseline: Baseline | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(with_effects, without_effects) of the settings; UsageError where no candidate would be left.
+
+    baseline: None where a simulation has yet to show it.
+    """
+    chosen, left_out = effects_named(only), effects_named(without)
+    left = set(chosen or library()) - set(left_out)
+    if not left:
+        raise UsageError("no candidate is left to try; name fewer effects in --without")
+    if baseline and not any(baseline in library()[effect].baselines for effect in left):
+        kept = ", ".join(e for e in library() if e in left)
+        raise UsageError(
+            f"no candidate is left to try: nothing of {kept} can be missing from the {baseline} baseline; "
+            "name other effects in --only, or take another --baseline"
+        )
+    return chosen, left_out
+
+
+def time_limit_of(seconds: float | None) -> float | None:
+    """The limit [s], None for none; UsageError for what is no time."""
+    if seconds is None:
+        return None
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float):
+        raise UsageError(f"the time limit is {seconds!r}; give seconds, or leave it out for none")
+    if not (isfinite(seconds) and seconds > 0):
+        raise UsageError(f"the time limit is {seconds:g} s; give a time above 0, or leave it out for none")
+    return float(seconds)
+
+
+def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str, float]]:
+    """(baseline, {parameter: value}) of an identification.json, or of one of its models/*.json.
+
+    baseline: which of its models, None for the recommended one. UsageError for another file, or a model
+    that is not there or whose numbers were rejected.
+    """
+    document = _document(path)
+    if document.get("format") == "rover-sweep model":
+        name, values = document.get("model"), document.get("parameters", {})
+    else:
+        name = baseline or document.get("recommended")
+        models = document.get("models", {})
+        if name not in models:
+            raise UsageError(f"{path} has no model {name!r}; it has {', '.join(models) or 'none'}")
+        values = {p: v["value"] for p, v in models[name]["parameters"].items()}
+    known: dict[str, Baseline] = {b: b for b in BASELINES}
+    if name not in known or baseline not in (None, name):
+        raise UsageError(f"{path} holds the model {name!r}; give one of {', '.join(BASELINES)}")
+    if lacking := [p for p, v in values.items() if v is None]:
+        raise UsageError(f"{path}: {lacking[0]} of its {name} model could not be identified; take another")
+    return known[name], {p: float(v) for p, v in values.items()}
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        document = read_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} cannot be read as a model: {error}") from None
+    formats = ("rover-sweep identification", "rover-sweep model")
+    if not isinstance(document, dict) or document.get("format") not in formats:
+        raise UsageError(f"{path} is no identification.json; give the one that `identify` wrote")
+    return document

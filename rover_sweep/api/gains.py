@@ -1,0 +1,140 @@
+"""Steering gains out of a file of results: what was identified, what the vehicle has now, the proposal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.data.vehicle_file import load as load_vehicle
+from rover_sweep.errors import UsageError
+from rover_sweep.files.documents import read_json
+from rover_sweep.gains.identified import (
+    PHYSICAL,
+    Identified,
+    from_diagnosis,
+    from_identification,
+    with_steering,
+)
+from rover_sweep.gains.proposal import Proposal, propose
+from rover_sweep.gains.steering_chain import autopilot
+
+LOGS = (".bin", ".log", ".tlog")
+
+
+def steering_gains(
+    place: Path,
+    name: str | None,
+    vehicle_file: str | None,
+    flown: Mapping[str, float],
+    flown_from: str,
+    speed: float | None,
+) -> Proposal:
+    """Gains now and proposed.
+
+    place: file or folder of an identification or diagnosis. name: of its models, None for the recommended
+    one. vehicle_file: with rad_per_us, where the results have none. flown: {parameter: value} of the
+    vehicle, empty for the firmware's defaults; flown_from: their origin, for errors. speed: m/s that the
+    gains are for, None for that of the runs. UsageError for what carries no gains.
+    """
+    if name is not None and name not in PHYSICAL:
+        raise UsageError(
+            f"--model {name}: gains need a model that holds at other speeds: {', '.join(PHYSICAL)}"
+        )
+    found = identified(place, name)
+    if vehicle_file:
+        found = with_steering(found, load_vehicle(vehicle_file).steering()[1])
+    known = (("INS_GYRO_FILTER", found.gyro_hz), ("SCHED_LOOP_RATE", found.loop_hz))
+    try:
+        loop = autopilot(flown, {name: value for name, value in known if value is not None})
+    except ValueError as error:
+        raise UsageError(f"{flown_from}: {error}") from None
+    try:
+        return propose(found, loop, speed)
+    except ValueError as error:
+        raise UsageError(f"no loop can be computed: {error}") from None
+
+
+def identified(place: Path, name: str | None) -> Identified:
+    """Of an identification.json, a saved result, a diagnosis, or a folder that holds one of them."""
+    path = _file(place)
+    document = _json(path)
+    try:
+        if document.get("format") == "rover-sweep identification":
+            return from_identification(document, name)
+        if document.get("format") == "rover-sweep diagnosis" or _saved(document, ":FullDiagnosis"):
+            return _diagnosed(path, name)
+        if _saved(document, ":Result"):
+            return from_identification(_result_document(path), name)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise UsageError(
+            f"{path} carries no gains ({type(error).__name__}: {error}); identify again"
+        ) from error
+    raise UsageError(f"{path} is neither an identification nor a diagnosis of rover-sweep")
+
+
+def parameters_of(path: Path) -> dict[str, float]:
+    """Those of a .param file or of a log."""
+    if path.suffix.lower() in LOGS:
+        return _logged(path)
+    from firmware_params.param_files import read
+
+    try:
+        return {wanted.name: wanted.value for wanted in read(path)}
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} cannot be read as parameters: {error}") from None
+
+
+def _file(place: Path) -> Path:
+    if place.is_file():
+        return place
+    for folder in (place, place / "report"):
+        for name in ("identification.json", "diagnosis.json"):
+            if (folder / name).is_file():
+                return folder / name
+    raise UsageError(f"{place} holds no identification; give the --out folder of identify, run or diagnose")
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        document = read_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} cannot be read as an identification: {error}") from None
+    if not isinstance(document, dict):
+        raise UsageError(f"{path} is neither an identification nor a diagnosis of rover-sweep")
+    return document
+
+
+def _saved(document: dict[str, Any], kind: str) -> bool:
+    saved = document.get("result")
+    return isinstance(saved, dict) and str(saved.get("is", "")).endswith(kind)
+
+
+def _result_document(path: Path) -> dict[str, Any]:
+    from rover_sweep.api.identify import load_result
+    from rover_sweep.report.identification.identification_json import identification_document
+
+    result = load_result(path)
+    return identification_document(result, result.origin)
+
+
+def _diagnosed(path: Path, name: str | None) -> Identified:
+    from rover_sweep.api.export import model_of
+
+    model, verdict = model_of(path)
+    if name not in (None, model.baseline):
+        raise UsageError(f"{path} holds the {model.baseline} model; leave --model {name} out")
+    return from_diagnosis(model, verdict)
+
+
+def _logged(path: Path) -> dict[str, float]:
+    from rover_sweep.logs.readers.dataflash_channels import read_dataflash
+
+    if path.suffix.lower() == ".tlog":
+        raise UsageError(f"{path}: a telemetry log need not hold all parameters; give the .BIN, or --connect")
+    found = dict(read_dataflash(path)[-1].parameters)
+    if "ATC_STR_RAT_FF" not in found:
+        raise UsageError(
+            f"{path} holds no ATC_STR_RAT_FF: give a log of a rover that began with its parameters"
+        )
+    return found

@@ -1,0 +1,163 @@
+"""From files to runs: `rs.read`, and the same for the command line with several groups of files.
+
+A source is a .BIN, .tlog or .csv, a pair "log.BIN+log.tlog", or the folder of a session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.api.known_steering import through_linkage
+from rover_sweep.data.recording import Recording, steered
+from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.data.run_names import named, source_names
+from rover_sweep.data.vehicle_file import Vehicle
+from rover_sweep.data.vehicle_file import load as load_vehicle
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.logs.read import read_runs
+from rover_sweep.quality.coherence import CoherenceVerdict, assess
+from rover_sweep.quality.length import each_with_length
+from rover_sweep.quality.rovers import with_rovers
+from rover_sweep.session.folder import is_session, kept_vehicle_file
+from rover_sweep.session.recordings import session_runs
+
+Location = str | PathLike[str]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How to read the recordings. columns: the map of a .csv (dict or path of a TOML file).
+
+    filters: {"gyro_hz", "accel_hz"} [Hz] in place of the recorded sensor low-passes.
+    system: MAVLink id of the vehicle in a .tlog that holds several.
+    """
+
+    columns: Mapping[str, Any] | str | None = None
+    filters: Mapping[str, float] | None = None
+    system: int | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Runs(Shown, Sequence[Recording]):
+    """Runs of one vehicle: a sequence of `Recording` that can be sliced and added.
+
+    vehicle: what its file says, None without one (then coherence can be judged, and nothing fitted).
+    """
+
+    recordings: tuple[Recording, ...]
+    vehicle: Vehicle | None = None
+    vehicle_file: Path | None = None
+
+    def __len__(self) -> int:
+        return len(self.recordings)
+
+    def __getitem__(self, key: Any) -> Any:
+        found = self.recordings[key]
+        return replace(self, recordings=found) if isinstance(key, slice) else found
+
+    def __iter__(self) -> Iterator[Recording]:
+        return iter(self.recordings)
+
+    def __add__(self, other: Sequence[Recording]) -> Runs:
+        return replace(self, recordings=(*self.recordings, *other))
+
+    def coherence(self) -> tuple[CoherenceVerdict, ...]:
+        """The quick verdict on each run: keep it, or repeat it with what."""
+        return tuple(assess(run) for run in each_with_length(self.recordings))
+
+    def table(self) -> ShortTable:
+        """Name, kind, length, speed and channels of each run, and the warnings."""
+        rows = tuple(
+            (r.name, r.kind, f"{r.span[1] - r.span[0]:.1f}", number(r.mean_speed, 3), " ".join(r.channels))
+            for r in self.recordings
+        )
+        told: dict[str, list[str]] = {}
+        for r in self.recordings:
+            for note in (n for n in r.notes if n.level == "warning"):
+                told.setdefault(note.text, []).append(r.name)
+        warnings = (
+            f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {text}"
+            for text, names in told.items()
+        )
+        of = f" of {self.vehicle.name}" if self.vehicle and self.vehicle.name else ""
+        headings = ("run", "kind", "s", "m/s", "channels")
+        return ShortTable(f"{len(self)} run(s){of}", headings, rows, tuple(warnings))
+
+
+def read(
+    *sources: Location,
+    vehicle: Location | Vehicle | None = None,
+    columns: Mapping[str, Any] | Location | None = None,
+    gyro_hz: float | None = None,
+    accel_hz: float | None = None,
+    system: int | None = None,
+) -> Runs:
+    """All runs of .BIN, .tlog or .csv files, of pairs "log.BIN+log.tlog", or of the folder of a session.
+
+    vehicle: a vehicle file (rover.toml) or a `Vehicle`, which makes the PWM a road-wheel angle; of a
+    session its own, if not given.
+    columns: the column map of a .csv. gyro_hz, accel_hz: sensor low-passes [Hz, 0 = off] in place of
+    the recorded ones. system: MAVLink id of the vehicle in a .tlog that holds several. Raises UsageError for
+    what cannot be opened, DataRefused for what cannot be used.
+    """
+    if not sources:
+        raise UsageError("nothing to read: give the path of a .BIN, .tlog or .csv")
+    vehicle = kept_vehicle_file([str(source) for source in sources]) if vehicle is None else vehicle
+    rover = load_vehicle(vehicle) if isinstance(vehicle, str | PathLike) else vehicle
+    filters = {k: v for k, v in (("gyro_hz", gyro_hz), ("accel_hz", accel_hz)) if v is not None}
+    column_map = columns if columns is None or isinstance(columns, Mapping) else str(columns)
+    runs = load_runs([str(source) for source in sources], column_map, filters or None, system=system)
+    if rover is not None:
+        runs = tuple(with_delta(run, rover) for run in runs)
+    return Runs(runs, rover, Path(vehicle) if isinstance(vehicle, str | PathLike) else None)
+
+
+def load(
+    sources: Sequence[str], vehicle: Vehicle, reading: Reading, beside: Sequence[str] = ()
+) -> tuple[Recording, ...]:
+    """All runs of the sources with the steering angle in radians; beside: as in `load_runs`."""
+    runs = load_runs(sources, reading.columns, reading.filters, beside, reading.system)
+    return tuple(with_delta(run, vehicle) for run in runs)
+
+
+def load_runs(
+    sources: Sequence[str],
+    columns: Mapping[str, Any] | str | None,
+    filters: Mapping[str, float] | None,
+    beside: Sequence[str] = (),
+    system: int | None = None,
+) -> tuple[Recording, ...]:
+    """All runs of the sources as recorded, named apart from each other and from those of `beside`.
+
+    A source is what `read_runs` reads, or the folder of a session.
+    """
+    names = source_names((*sources, *beside))
+    found: list[Recording] = []
+    for source in sources:
+        if is_session(Path(source)):
+            found += _of_session(source, filters, names)
+        else:
+            runs = read_runs(source, column_map=columns, filters=filters, system=system)
+            found += [named(run, source, names[source]) for run in runs]
+    return with_rovers(found)
+
+
+def _of_session(
+    source: str, filters: Mapping[str, float] | None, names: Mapping[str, str]
+) -> tuple[Recording, ...]:
+    """Under the names of its plan, with the folder's where there are other sources."""
+    runs = session_runs(Path(source), filters)
+    return runs if len(names) == 1 else tuple(replace(r, name=f"{names[source]}/{r.name}") for r in runs)
+
+
+def with_delta(run: Recording, vehicle: Vehicle) -> Recording:
+    """The run with its steering angle; DataRefused where no steering was recorded."""
+    if "delta" in run:
+        return run
+    if "pwm" not in run:
+        raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
+    return through_linkage(steered(run, *vehicle.steering()), vehicle)

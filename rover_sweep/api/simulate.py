@@ -1,0 +1,119 @@
+"""A model driven by a recorded run's own steering and speed: `rs.simulate`.
+
+found = rs.diagnose(runs)
+again = rs.simulate(found, rs.read("run4.BIN", vehicle="rover.toml")[0])
+again.signals["r"], again.measured["r"], again.error("r")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rover_sweep.data.recording import Array, Recording, steered
+from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.identification.model_results import ModelResult
+
+if TYPE_CHECKING:
+    from rover_sweep.diagnosis.simulation.experiment import Experiment
+
+UNITS = {"r": "rad/s", "ay": "m/s^2", "p": "rad/s", "vy": "m/s", "vydot": "m/s^2"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Shown):
+    """What a model says a run's log would hold.
+
+    run: its name; model: the model's. t (n,) s on the recording's clock. signals, measured: {channel: (n,)}
+    of r, p [rad/s], ay [m/s^2], vy [m/s], vydot [m/s^2], SI units, ISO axes; measured: those recorded, less
+    the gyros' biases at standstill.
+    """
+
+    run: str
+    model: str
+    t: Array
+    signals: Mapping[str, Array]
+    measured: Mapping[str, Array]
+
+    def error(self, channel: str) -> float:
+        """RMS of measured less simulated, SI units."""
+        return float(np.sqrt(np.mean((self.measured[channel] - self.signals[channel]) ** 2)))
+
+    def table(self) -> ShortTable:
+        """RMS of each recorded channel and of the model's error in it."""
+        rows = [
+            (c, UNITS[c], number(float(np.sqrt(np.mean(self.measured[c] ** 2))), 3), number(self.error(c), 3))
+            for c in self.signals
+            if c in self.measured
+        ]
+        title = f"{self.run} by the {self.model} model, {self.t[-1] - self.t[0]:.1f} s"
+        return ShortTable(title, ("channel", "unit", "rms", "rms of the error"), tuple(rows))
+
+
+def simulate(model: AugmentedModel | Diagnosis | ModelResult, run: Recording) -> Simulation:
+    """The model driven by the run's steering and measured speed, sensors and their low-passes included.
+
+    model: a diagnosis, its `.model`, or a model of an identification (linear, at the run's mean speed and
+    from rest, so without r and a_y of a trim). run: a recording with steering in rad, as `read` with a
+    vehicle gives it; where it has PWM alone, the diagnosis' own steering numbers are taken. UsageError for
+    a diagnosis without a model, DataRefused for a run without steering or speed.
+    """
+    found = model_of(model) if isinstance(model, Diagnosis) else model
+    if not isinstance(found, AugmentedModel | ModelResult):
+        kind = type(model).__name__
+        raise UsageError(f"the first argument ({kind}) is no model; give a diagnosis or its model")
+    if not isinstance(run, Recording):
+        kind = type(run).__name__
+        raise UsageError(f"the second argument ({kind}) is no recorded run; give one of rs.read(...)")
+    experiment = _experiment(run, found)
+    from rover_sweep.diagnosis.problem.residuals import centred
+
+    if isinstance(found, AugmentedModel):
+        signals = _augmented(found, experiment)
+        name = found.name
+    else:
+        signals, name = _linear(found, experiment, run), found.fit.structure.name
+    return Simulation(run.name, name, experiment.begin + experiment.t, signals, centred(experiment))
+
+
+def model_of(found: Diagnosis) -> AugmentedModel:
+    """The augmented model of a diagnosis; UsageError where it has none."""
+    if found.model is None:
+        why = found.sentence if found.verdict == "refused" else "it was made before diagnoses kept one"
+        raise UsageError(f"this diagnosis holds no model: {why}; diagnose again")
+    return found.model
+
+
+def _experiment(run: Recording, model: Any) -> Experiment:
+    from rover_sweep.diagnosis.simulation.experiment import experiment
+
+    steering = getattr(model, "steering", None)
+    if "delta" not in run and "pwm" in run and steering:
+        run = steered(run, *steering)
+    for channel, what in (("delta", "steering angle"), ("speed", "speed")):
+        if channel not in run:
+            raise DataRefused(
+                f"{run.name} has no {what} to drive a model with; read it with its vehicle file"
+            )
+    return experiment(run)
+
+
+def _augmented(model: AugmentedModel, run: Experiment) -> dict[str, Array]:
+    from rover_sweep.diagnosis.simulation.simulator import Sensors, motion, sensed
+
+    structure = model.structure
+    shown = sensed(run, structure, model.x, motion(run, structure, model.x))
+    return Sensors.of(run).through(shown, structure, model.x)
+
+
+def _linear(model: ModelResult, run: Experiment, recording: Recording) -> dict[str, Array]:
+    from rover_sweep.diagnosis.simulation.experiment import RATE
+    from rover_sweep.identification.verify import simulate as linear
+
+    return linear(model.fit.structure, run.mean_speed, run.steer, RATE, recording.filters)

@@ -1,0 +1,68 @@
+"""Whether the rover stands, disarmed, in MANUAL, the throttle at rest: looked at in every message."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, isnan, nan
+
+from rover_sweep.bench.steering_output import SteeringOutput
+from rover_sweep.errors import LinkError
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import Message, kind
+
+MOVING = 0.5  # m/s; a GPS that stands shows up to some 0.2
+FIX_3D = 3  # GPS_FIX_TYPE
+MANUAL = 0  # custom_mode of Rover
+ASTRAY = 12.0  # us that the output may differ from what was asked for
+
+
+class NotStanding(LinkError):
+    """The steering is let go: what was the case, in words."""
+
+
+@dataclass
+class Standing:
+    """A listener of the link. pwm: steering output [us]; speed [m/s], throttle stick [us]; NaN: not told."""
+
+    link: Link
+    output: SteeringOutput
+    pwm: float = nan
+    speed: float = nan
+    throttle: float = nan
+
+    def __call__(self, message: Message) -> None:
+        name = kind(message)
+        if name == "SERVO_OUTPUT_RAW":
+            self.pwm = float(getattr(message, f"servo{self.output.servo}_raw"))
+        elif name == "RC_CHANNELS":
+            self.throttle = float(getattr(message, f"chan{self.output.throttle_channel}_raw"))
+        elif name == "GPS_RAW_INT":
+            fixed = message.fix_type >= FIX_3D and message.vel != 65535
+            self.speed = 0.01 * message.vel if fixed else nan
+        elif name == "LOCAL_POSITION_NED":
+            self.speed = hypot(message.vx, message.vy)
+
+    @property
+    def why_not(self) -> str:
+        """What forbids to move the steering, '' if nothing."""
+        if self.link.armed:
+            return "the rover is armed; the steering is benched on a disarmed rover, whose motor cannot turn"
+        if self.link.mode != MANUAL:
+            return f"the rover is not in MANUAL (mode {self.link.mode})"
+        if self.speed > MOVING:
+            return f"the rover moves ({self.speed:.1f} m/s); it must stand, its front wheels off the ground"
+        if isnan(self.pwm) or isnan(self.throttle):
+            return "the rover does not send SERVO_OUTPUT_RAW and RC_CHANNELS; is the link too slow?"
+        if self.throttle == 0:
+            return "the rover has no radio; its pilot's mode switch must be able to stop this"
+        if abs(self.throttle - self.output.throttle_trim) > self.output.throttle_zone:
+            return (
+                f"the throttle stick is not at rest ({self.throttle:.0f} us, rest "
+                f"{self.output.throttle_trim:.0f}); this program leaves it to the radio"
+            )
+        return ""
+
+    def require(self) -> None:
+        """NotStanding where the steering must not move (on)."""
+        if why := self.why_not:
+            raise NotStanding(why)

@@ -1,0 +1,182 @@
+"""`rover-sweep bench`: the steering on blocks, moved standing still, measured, into the vehicle file."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rover_sweep.cli.types.options import NumbersType, vehicle_path
+from rover_sweep.cli.types.vehicle_link import URL_HELP
+from rover_sweep.cli.types.which_vehicle import access_options
+from rover_sweep.cli.views.output import echo, echo_json
+from rover_sweep.errors import RoverSweepError, UsageError
+
+if TYPE_CHECKING:
+    from rover_sweep.bench.bench_folder import BenchFolder
+    from rover_sweep.bench.bench_result import BenchResult
+    from rover_sweep.bench.drive import Plan, Wheel
+    from rover_sweep.data.vehicle_file import Measured
+    from rover_sweep.vehicle.link.access import Access
+
+STEPS = (50.0, 100.0, 150.0)
+
+
+@click.command()
+@click.option("--connect", metavar="URL", help=URL_HELP)
+@access_options
+@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Vehicle file, read and written (default: rover.toml here).")  # fmt: skip
+@click.option("--hand", is_flag=True, help="Angles of the wheel are read by hand and typed.")
+@click.option("--wheel-imu", metavar="FILE|URL",
+              help="An IMU on the wheel: CSV of its logger, or URL of a vehicle on it.")  # fmt: skip
+@click.option("--wheel-clock", type=click.Choice(["own", "vehicle"]), default=None,
+              help="Whose clock the CSV is on; a delay needs the vehicle's. [default: own]")  # fmt: skip
+@click.option("--steps", type=NumbersType(), default=",".join(f"{s:g}" for s in STEPS), show_default=True,
+              help="Sizes in us from the servo's trim, each to both sides.")  # fmt: skip
+@click.option("--ramp", is_flag=True, help="With --hand: a slow ramp as well, to look at the wheels.")
+@click.option("--from", "from_folder", type=click.Path(file_okay=False), metavar="DIR",
+              help="Evaluate a bench that was recorded; nothing is connected.")  # fmt: skip
+@click.option("--out", type=click.Path(file_okay=False), metavar="DIR",
+              help="Folder for the recording. [default: bench, else bench-2, ...]")  # fmt: skip
+@click.option("--no-write", is_flag=True, help="Leave the vehicle file as it is.")
+@click.option("--yes", "unasked", is_flag=True, help="Do not ask; only a simulated rover allows it.")
+@click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
+def bench(
+    connect: str | None, access: Access, vehicle_file: str | None, hand: bool, wheel_imu: str | None,
+    wheel_clock: str | None, steps: tuple[float, ...], ramp: bool, from_folder: str | None,
+    out: str | None, no_write: bool, unasked: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Measure the steering on blocks: gain, both sides, curve, play, band, lag, rate limit.
+
+    The rover stands with its front wheels off the ground, DISARMED, in MANUAL, radio on and throttle stick at
+    rest: its motor cannot turn then. This program moves the steering channel alone, by RC override, after a
+    yes before each movement. What stops it without the laptop: the mode switch (HOLD) and the rover's power,
+    at once; arming, the throttle stick, a rover that moves, an output that does not follow make the program
+    let go; where it or its link dies the wheels are the radio's again after RC_OVERRIDE_TIME (3 s at the
+    most, else refused). Ctrl-C stops it too. The numbers go into the vehicle file.
+
+    The CSV has a header with a time (t, time_ms, time_us) and the wheel's angle (angle, angle_deg, yaw) or
+    rate (rate, rate_deg_s, gyro_z), left positive or not, 50 Hz or more; it is read when the movements end,
+    or later with --from.
+
+    \b
+    rover-sweep bench --connect /dev/ttyUSB0,57600 --vehicle rover.toml --hand --steps 100,200,300
+    rover-sweep bench --from bench --vehicle rover.toml --wheel-imu wheel.csv
+    """
+    from rover_sweep.bench.bench_folder import BenchFolder
+    from rover_sweep.cli.types.folders import session_folder
+    from rover_sweep.data.vehicle_file import load
+
+    path = Path(vehicle_path(vehicle_file))
+    load(path)
+    if (connect is None) == (from_folder is None):
+        raise click.UsageError(
+            "give either --connect URL to bench a rover, or --from DIR to evaluate a bench"
+        )
+    if from_folder is not None:
+        folder, whole = BenchFolder(Path(from_folder)), True
+    else:
+        assert connect is not None
+        if hand == (wheel_imu is not None):
+            raise click.UsageError("say how the wheel's angle is taken: --hand or --wheel-imu FILE or URL")
+        plan = _plan(steps, hand, ramp, _wheel(wheel_imu, wheel_clock), unasked)
+        folder = BenchFolder(session_folder(out, "bench", ("bench.json", "readings.csv")))
+        whole = _driven(connect, access, folder, plan)
+    given = Path(wheel_imu) if from_folder is not None and wheel_imu else None
+    result = _evaluated(folder, path, given, wheel_clock, whole)
+    written = {} if no_write else _write(path, result)
+    (_print_json if as_json else _print)(result, written, folder, path)
+
+
+def _wheel(text: str | None, clock: str | None) -> Wheel | None:
+    from rover_sweep.bench.drive import Wheel
+    from rover_sweep.vehicle.link.transport import parse_url
+
+    if text is None:
+        return None
+    if text.startswith(("tcp:", "udp", "/dev/")):
+        parse_url(text)
+        return Wheel(url=text)
+    return Wheel(file=Path(text), same_clock=clock == "vehicle")
+
+
+def _plan(steps: tuple[float, ...], hand: bool, ramp: bool, wheel: Wheel | None, unasked: bool) -> Plan:
+    from rover_sweep.bench.drive import Plan
+    from rover_sweep.bench.programme import programme
+
+    if not unasked and not sys.stdin.isatty():
+        raise UsageError("bench asks before each movement, and nobody can answer: stdin is no terminal")
+    return Plan(programme(steps, hand, ramp), wheel, unasked)
+
+
+def _driven(url: str, access: Access, folder: BenchFolder, plan: Plan) -> bool:
+    """Whether all movements were carried out; what is raised says where the recording lies."""
+    from rover_sweep.bench.drive import drive
+    from rover_sweep.cli.views.bench_prompts import Terminal
+    from rover_sweep.cli.views.interruption import let_go_on_signals
+    from rover_sweep.vehicle.link.transport import parse_url
+
+    parse_url(url)
+    echo(f"recording into {folder.path}", err=True)
+    try:
+        with let_go_on_signals():
+            return drive(url, folder, plan, Terminal(lambda text: echo(text, err=True), plan.unasked), access)
+    except (RoverSweepError, KeyboardInterrupt):
+        echo(
+            f"the steering is let go; what was recorded is evaluated by: "
+            f"rover-sweep bench --from {folder.path}",
+            err=True,
+        )
+        raise
+
+
+def _evaluated(
+    folder: BenchFolder, vehicle: Path, wheel: Path | None, clock: str | None, whole: bool
+) -> BenchResult:
+    from rover_sweep.bench.evaluate import evaluate
+    from rover_sweep.data.vehicle_file import load
+
+    if not whole:
+        echo("not all movements were carried out; what there is, is evaluated", err=True)
+    return evaluate(folder, load(vehicle), wheel, None if clock is None else clock == "vehicle")
+
+
+def _write(path: Path, result: BenchResult) -> dict[str, Measured]:
+    from rover_sweep.bench.into_file import write
+
+    return write(path, result)
+
+
+def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:
+    from rover_sweep.cli.views.paragraphs import bullet
+
+    echo(f"Steering on blocks, {result.source}, {result.samples} samples, {folder.path}\n")
+    for number in result.numbers:
+        if number.told:
+            span = f"{number.low:.4g} to {number.high:.4g}"
+            echo(f"  {number.name:17} {number.value:>10.4g} {number.unit:8} {span:26} {number.meaning}")
+    echo("  (intervals hold 90 %)\n")
+    for text in result.untold:
+        echo(bullet("-", f"not told: {text}"))
+    for text in result.remarks:
+        echo(bullet("!", text))
+    if written:
+        echo(f"\nwritten into {path}: {', '.join(key.partition('.')[2] for key in written)}")
+
+
+def _print_json(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:
+    def plain(value: Any) -> Any:
+        return None if isinstance(value, float) and not isfinite(value) else value
+
+    numbers = [{key: plain(value) for key, value in asdict(number).items()} for number in result.numbers]
+    content = {
+        **asdict(result), "numbers": numbers, "folder": str(folder.path), "vehicle_file": str(path),
+        "written": {key: asdict(number) for key, number in written.items()},
+    }  # fmt: skip
+    echo_json(json.dumps(content, indent=2))

@@ -1,0 +1,156 @@
+"""`rover-sweep coherence`: the quick verdict on runs, before the rover leaves the car park."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rover_sweep.cli.types.options import NumberRange, filter_overrides, reading_options
+from rover_sweep.cli.views.output import echo_json
+
+if TYPE_CHECKING:
+    from rover_sweep.data.recording import Recording
+    from rover_sweep.data.vehicle_file import Vehicle
+    from rover_sweep.quality.coherence import CoherenceVerdict
+    from rover_sweep.spectra.amplitude import AmplitudeProposal
+
+
+@click.command()
+@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
+@reading_options
+@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Vehicle file, for the friction and the sign of the steering.")  # fmt: skip
+@click.option("--servo", type=NumberRange(0, min_open=True), metavar="S",
+              help="Your servo's time for 60 deg by its data sheet [s].")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="The verdicts as JSON on stdout.")
+def coherence(
+    runs: tuple[str, ...],
+    columns: str | None,
+    gyro_filter: float | None,
+    accel_filter: float | None,
+    system: int | None,
+    vehicle_file: str | None,
+    servo: float | None,
+    as_json: bool,
+) -> None:
+    """Say of each run whether its coherence is good enough, and what to change if it is not.
+
+    RUN is a .BIN, a .tlog, a .csv, log.BIN+log.tlog, or the folder of a session. No vehicle
+    file is needed. Below stands the amplitude that the next run needs in each octave for a coherence of
+    0.8 and a random error of 10 %, as far as servo, tyres and applet allow. A poor run is an answer, not
+    an error: the exit code is 0.
+    """
+    from rover_sweep.api.read import load_runs
+    from rover_sweep.data.vehicle_file import load
+    from rover_sweep.quality.length import each_with_length
+
+    vehicle = load(vehicle_file) if vehicle_file else None
+    filters = filter_overrides(gyro_filter, accel_filter)
+    found = each_with_length(load_runs(runs, columns, filters, system=system))
+    parameters = _parameters(runs, columns, found)
+    judged = [_judged(run, parameters[run.name], vehicle, servo) for run in found]
+    if as_json:
+        echo_json(json.dumps([_as_json(*one, run) for one, run in zip(judged, found, strict=True)], indent=2))
+        return
+    for (verdict, proposal), run in zip(judged, found, strict=True):
+        show(verdict, proposal, [note.text for note in run.notes if note.level == "warning"])
+
+
+def _parameters(
+    sources: Sequence[str], columns: str | None, found: Sequence[Recording]
+) -> dict[str, dict[str, float]]:
+    """The vehicle's parameters by the run that they were recorded with."""
+    from rover_sweep.logs import read_logs
+
+    wanted = {file for run in found for file, _ in run.sources}
+    recorded: dict[tuple[str, str], Mapping[str, float]] = {}
+    for source in sources:
+        files = [str(f) for f in Path(source).glob("*") if f.name in wanted] or [source]
+        for log in (log for file in files for log in read_logs(file, column_map=columns)):
+            recorded |= dict.fromkeys(log.sources, log.parameters)
+    return {run.name: {k: x for f in run.sources for k, x in recorded.get(f, {}).items()} for run in found}
+
+
+def _judged(
+    run: Recording, parameters: Mapping[str, float], vehicle: Vehicle | None, servo: float | None
+) -> tuple[CoherenceVerdict, AmplitudeProposal]:
+    """What the coherence says, with the advice that a session gives right after the run."""
+    from rover_sweep.live.verdict.keep_or_repeat import advice
+    from rover_sweep.live.verdict.run_verdict import proposed
+    from rover_sweep.quality.coherence import assess, responses
+
+    responding = responses([run], input="delta" if "delta" in run else "pwm")
+    verdict = assess(run, responding)
+    proposal = proposed(run, responding, parameters, vehicle, servo)
+    if run.kind == "doublet":
+        return verdict, replace(proposal, bands=(), amplitude=None, sentence="")
+    word, sentence = advice(run, responding, verdict, proposal, vehicle)
+    return replace(verdict, keep=word == "keep", sentence=sentence), proposal
+
+
+def _as_json(verdict: CoherenceVerdict, proposal: AmplitudeProposal, run: Recording) -> dict[str, Any]:
+    return asdict(verdict) | {
+        "notes": [asdict(note) for note in run.notes],
+        "next": {
+            "amplitude": proposal.amplitude,
+            "w_max": proposal.w_max,
+            "sentence": proposal.sentence,
+            "bands": [
+                {k: x for k, x in asdict(band).items() if x != float("inf")} for band in proposal.bands
+            ],
+        },
+    }
+
+
+def show(verdict: CoherenceVerdict, proposal: AmplitudeProposal, warnings: Sequence[str] = ()) -> None:
+    """One run's verdict: the sentence first, then what spoils the recording, then a line per response."""
+    from rich.text import Text
+
+    from rover_sweep.cli.views.output import results
+
+    console = results()
+    sentence = (verdict.sentence, "green" if verdict.keep else "yellow")
+    console.print(Text.assemble((verdict.run, "bold"), ": ", sentence), soft_wrap=True)
+    for warning in warnings:
+        console.print(f"warning: {warning}", style="yellow", highlight=False, soft_wrap=True, markup=False)
+    headings = ("response", "usable band, rad/s", "range at >= 0.6", "lowest coherence")
+    rows = []
+    for o in verdict.outputs:
+        band = f"{o.band[0]:.2g} - {o.band[1]:.3g}" if o.band else "none"
+        rows.append((o.output, band, f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}"))
+    console.print(_table(headings, rows))
+    if proposal.bands:
+        _show_amplitudes(verdict.amplitude_unit, proposal)
+
+
+def _show_amplitudes(unit: str, proposal: AmplitudeProposal) -> None:
+    from rover_sweep.cli.views.output import results
+
+    console, form = results(), ".0f" if unit == "us" else ".2g"
+    console.print(f"next amplitude: {proposal.sentence}", highlight=False, soft_wrap=True, markup=False)
+    headings = ("rad/s", "needed by", "coherence", f"amplitude, {unit}", "then", "limit")
+    rows = [
+        (
+            f"{b.low:.2g} - {b.high:.3g}", b.response, f"{b.coherence:.2f}",
+            f"{'>= ' if b.drowned else ''}{b.amplitude:{form}}", f"{b.reached:.2f}", b.cap,
+        )
+        for b in proposal.bands
+    ]  # fmt: skip
+    console.print(_table(headings, rows))
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2))
+    for heading in headings:
+        left = heading in ("response", "rad/s", "limit")
+        table.add_column(heading, justify="left" if left else "right")
+    for row in rows:
+        table.add_row(*row)
+    return table

@@ -1,0 +1,161 @@
+"""`rover-sweep design`: a sweep, doublet or multisine on paper, before it is driven."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from rover_sweep.cli.types.options import NumberRange
+from rover_sweep.cli.views.output import echo
+
+if TYPE_CHECKING:
+    from rover_sweep.manoeuvre.sweep import Manoeuvre
+
+_SWEPT = ("wmin", "wmax", "trec", "fade", "dwell", "runs")
+ONLY_FOR = {
+    "sweep": _SWEPT,
+    "doublet": ("pulse", "pause", "count"),
+    "multisine": (*_SWEPT, "periods"),
+    "bias-sweep": (*_SWEPT, "bias"),
+}
+POSITIVE = NumberRange(0, min_open=True)
+
+
+@click.command()
+@click.option("--type", "kind", type=click.Choice(list(ONLY_FOR)), default="sweep", show_default=True)
+@click.option("--amplitude", type=POSITIVE, default=150.0, show_default=True, help="Steering offset, us.")
+@click.option("--wmin", type=POSITIVE, default=0.3, show_default=True, help="Sweep: lowest frequency, rad/s.")
+@click.option(
+    "--wmax", type=POSITIVE, default=25.0, show_default=True, help="Sweep: highest frequency, rad/s."
+)
+@click.option("--trec", type=POSITIVE, default=55.0, show_default=True, help="Sweep: length of the law, s.")
+@click.option(
+    "--fade", type=NumberRange(0), default=2.0, show_default=True, help="Sweep: fade in and out, s."
+)
+@click.option("--dwell", type=NumberRange(0), default=2.0, show_default=True, help="Sweep: hold at wmin, s.")
+@click.option(
+    "--runs",
+    type=click.IntRange(1, 20),
+    default=2,
+    show_default=True,
+    help="Sweep: runs identified together.",
+)
+@click.option("--periods", type=click.IntRange(2, 20), default=3, show_default=True,
+              help="Multisine: periods in T_rec.")  # fmt: skip
+@click.option("--bias", type=float, default=100.0, show_default=True,
+              help="Bias sweep: steering offset about which it steers, us.")  # fmt: skip
+@click.option("--pulse", type=POSITIVE, default=1.0, show_default=True, help="Doublet: length of a step, s.")
+@click.option(
+    "--pause", type=NumberRange(0), default=2.0, show_default=True, help="Doublet: pause after each, s."
+)
+@click.option("--count", type=click.IntRange(1, 50), default=2, show_default=True, help="Doublet: how many.")
+@click.option(
+    "--straight",
+    type=NumberRange(0),
+    default=3.0,
+    show_default=True,
+    help="Straight before and after, s.",
+)
+@click.option(
+    "--vehicle",
+    "vehicle_path",
+    type=click.Path(dir_okay=False),
+    help="Vehicle file, for wheel angles and space.",
+)
+@click.option("--speed", type=POSITIVE, help="Speed, m/s, for the space and the lateral acceleration.")
+@click.option(
+    "--servo", type=NumberRange(0.01, 2), help="Your servo's time for 60 deg, s, from its data sheet."
+)
+@click.option(
+    "--loop-rate",
+    type=NumberRange(10, 2000),
+    default=50.0,
+    show_default=True,
+    help="SCHED_LOOP_RATE, Hz.",
+)
+@click.option("--gyro-filter", type=POSITIVE, default=4.0, show_default=True, help="INS_GYRO_FILTER, Hz.")
+@click.option("--accel-filter", type=POSITIVE, default=10.0, show_default=True, help="INS_ACCEL_FILTER, Hz.")
+@click.option("--plot", type=click.Path(dir_okay=False), help="Write a picture (.png, .svg, .pdf).")
+@click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
+@click.pass_context
+def design(
+    ctx: click.Context,
+    vehicle_path: str | None,
+    speed: float | None,
+    servo: float | None,
+    plot: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """A manoeuvre on paper, before it is driven.
+
+    Says what it asks of servo, ground, tyres, loop rate, telemetry and filters, and what to change. The
+    defaults are the sweep of the paper and the settings of a factory-fresh ArduRover.
+
+    \b
+    rover-sweep design --wmin .3 --wmax 25 --trec 55 --amplitude 150 --speed 2.5 --vehicle rover.toml
+    """
+    from rover_sweep.cli.views.design_summary import show, show_json
+    from rover_sweep.data.vehicle_file import load
+    from rover_sweep.design.advice import judged, refuse_nonsense
+    from rover_sweep.design.demand import plan
+    from rover_sweep.manoeuvre.applet_values import parameters_of
+
+    vehicle = load(vehicle_path) if vehicle_path else None
+    if speed and vehicle:
+        vehicle.steering()  # refuses in words before anything is computed
+    manoeuvre = _manoeuvre(ctx, options)
+    parameters_of(manoeuvre)  # refuses what the applet would refuse
+    planned = plan(
+        manoeuvre,
+        vehicle,
+        speed,
+        options["runs"],
+        options["loop_rate"],
+        options["gyro_filter"],
+        options["accel_filter"],
+    )
+    refuse_nonsense(planned)
+    planned = judged(planned, servo)
+    if plot:
+        from rover_sweep.cli.views.design_picture import draw
+
+        draw(planned, vehicle, Path(plot))
+        echo(f"picture written to {plot}", err=True)
+    if as_json:
+        show_json(planned)
+    else:
+        show(planned, vehicle)
+
+
+def _manoeuvre(ctx: click.Context, options: dict[str, Any]) -> Manoeuvre:
+    from rover_sweep.manoeuvre.multisine import Multisine
+    from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
+
+    kind = options["kind"]
+    for other, names in ONLY_FOR.items():
+        for name in set(names) - set(ONLY_FOR[kind]):
+            if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+                raise click.UsageError(f"--{name} belongs to --type {other}, not to a {kind}", ctx)
+    amplitude, straight = options["amplitude"], options["straight"]
+    if kind == "doublet":
+        return Doublet(amplitude, options["pulse"], options["pause"], options["count"], straight)
+    if options["wmin"] >= options["wmax"]:
+        raise click.UsageError(
+            f"--wmin {options['wmin']:g} must lie below --wmax {options['wmax']:g} rad/s; a sweep needs "
+            f"a span",
+            ctx,
+        )
+    band = amplitude, options["wmin"], options["wmax"], options["trec"]
+    ends = {name: options[name] for name in ("fade", "dwell", "straight")}
+    try:
+        if kind == "multisine":
+            return Multisine(*band, options["periods"], **ends)
+    except ValueError as error:
+        raise click.UsageError(str(error), ctx) from error
+    if kind == "bias-sweep":
+        return BiasSweep(*band, **ends, bias=options["bias"])
+    return Sweep(*band, **ends)

@@ -1,0 +1,99 @@
+"""`rover-sweep dry-run`: the whole job on a simulated rover, from switch 6 to three models and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rover_sweep.cli.driving.rover_numbers import SIMULATORS, own_numbers, rover_text, variants, vehicle_in
+from rover_sweep.cli.types.manoeuvres import ManoeuvreType
+from rover_sweep.cli.types.options import NumberRange, output_options
+from rover_sweep.cli.types.which_vehicle import access_options
+from rover_sweep.errors import UsageError
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep
+
+if TYPE_CHECKING:
+    from rover_sweep.vehicle.link.access import Access
+
+
+@click.command(name="dry-run")
+@click.option("--out", type=click.Path(file_okay=False), metavar="DIR",
+              help="Folder for all that comes of it. [default: dry-run, else dry-run-2, ...]")  # fmt: skip
+@click.option("--vehicle", "simulator", default="embedded", show_default=True,
+              type=click.Choice(SIMULATORS),
+              help="The embedded rover, or the real firmware in SITL before the same physics.")  # fmt: skip
+@click.option("--ardurover", type=click.Path(dir_okay=False), metavar="FILE",
+              help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).")  # fmt: skip
+@click.option("--connect", metavar="URL",
+              help="A vehicle that runs already: tcp:HOST:PORT, udp:HOST:PORT or a serial port.")  # fmt: skip
+@access_options
+@click.option("--arm-and-drive", is_flag=True,
+              help="With --connect: let this program arm and drive that vehicle.")  # fmt: skip
+@click.option("--rover-file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="rover.toml of the vehicle behind --connect.")  # fmt: skip
+@click.option("--variant", default="nominal", show_default=True, metavar="NAME|FILE",
+              help=f"Physics of the simulated rover: {', '.join(variants())}, or a TOML file.")  # fmt: skip
+@click.option("--amplitude", type=NumberRange(0, min_open=True), default=120.0, show_default=True,
+              metavar="US",
+              help="Amplitude of the first sweep, up to 200 us; the second has twice that.")  # fmt: skip
+@click.option("--wmin", type=NumberRange(0, min_open=True), default=0.3, show_default=True, metavar="RAD/S")
+@click.option("--wmax", type=NumberRange(0, min_open=True), default=25.0, show_default=True, metavar="RAD/S")
+@click.option("--trec", type=NumberRange(0, min_open=True), default=55.0, show_default=True,
+              metavar="S", help="Length of the law between the two.")  # fmt: skip
+@click.option("--multisine", "multisines", type=ManoeuvreType(Multisine), multiple=True,
+              help="A further run: peak in us, rad/s, s; shows 2nd and 3rd harmonics at once.")  # fmt: skip
+@click.option("--bias-sweep", "bias_sweeps", type=ManoeuvreType(BiasSweep), multiple=True,
+              help="A further run: a sweep about a steering offset in us, e.g. 80,100.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True,
+              help="Of noise and road; the timing of messages still varies from run to run.")  # fmt: skip
+@output_options
+def dry_run(
+    out: str | None, simulator: str, ardurover: str | None, connect: str | None, access: Access,
+    arm_and_drive: bool, rover_file: str | None, variant: str, amplitude: float, wmin: float, wmax: float,
+    trec: float,
+    multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...], seed: int,
+    as_json: bool, verbose: bool,
+) -> None:  # fmt: skip
+    """Do the whole job on a simulated rover: no hardware, about half a minute.
+
+    Starts the embedded rover, talks MAVLink to it over a loopback socket, uploads the sweep, arms,
+    throws switch 6, records, judges the coherence after each run, drives a sweep at two amplitudes and
+    a doublet, identifies the bicycle, roll-yaw and lumped models, verifies them on the doublet and
+    writes a report.
+    """
+    from rover_sweep.cli.driving.shared import driven, identified_session
+    from rover_sweep.cli.types.folders import session_folder
+    from rover_sweep.session.dry_run import DryRun
+    from rover_sweep.session.dry_run import dry_run as drive
+
+    if connect and not rover_file:
+        raise UsageError("--connect needs --rover-file: the masses and lengths of that vehicle")
+    settings = DryRun(
+        sweeps=tuple(_sweep(factor * amplitude, wmin, wmax, trec) for factor in (1, 2)),
+        multisines=multisines,
+        bias_sweeps=bias_sweeps,
+        simulator="ardurover" if simulator == "ardurover" else "embedded",
+        ardurover=Path(ardurover) if ardurover else None,
+        variant=variant,
+        seed=seed,
+        url=connect,
+        consent=arm_and_drive,
+    )
+    _ = settings.plan  # refuses in words before anything is written
+    text = None if rover_file else rover_text(variant)
+    folder = session_folder(out, "dry-run", also=() if rover_file else ("rover.toml",))
+    rover = vehicle_in(folder, rover_file, text)
+    session = driven(drive(settings, folder, access), folder)
+    identified_session(session, rover, as_json, verbose, None if settings.url else own_numbers(variant))
+
+
+def _sweep(amplitude: float, wmin: float, wmax: float, trec: float) -> Any:
+    from rover_sweep.manoeuvre.sweep import Sweep
+
+    try:
+        return Sweep(amplitude=amplitude, w_min=wmin, w_max=wmax, t_rec=trec)
+    except ValueError as error:
+        raise UsageError(str(error)) from error

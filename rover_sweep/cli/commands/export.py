@@ -1,0 +1,175 @@
+"""`rover-sweep export`: a model for python-control, MATLAB, anything that reads JSON, or the simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rover_sweep.cli.types.options import NumberRange
+from rover_sweep.cli.views.output import echo
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.files.documents import read_json
+from rover_sweep.files.printable import printable_lines
+
+FORMATS = {".json": "json", ".m": "matlab", ".py": "python", ".mat": "mat"}
+JUDGED_GOOD = ("good", "acceptable", "none", "explained")
+
+
+@click.command(short_help="A model for MATLAB, python-control, the simulated rover, or as JSON.")
+@click.argument("place", metavar="DIR|FILE", type=click.Path())
+@click.option("--model", "name", metavar="NAME",
+              help="bicycle, roll-yaw, lumped or kinematic; the recommended one if not said.")  # fmt: skip
+@click.option("--format", "form", type=click.Choice(["json", "matlab", "python", "mat"]),
+              help="By the suffix of FILE if not said; json without a FILE.")  # fmt: skip
+@click.option("--speed", type=NumberRange(0.1, 50), metavar="M/S",
+              help="Another speed than that of the runs (not for the lumped model).")  # fmt: skip
+@click.option("--plant", is_flag=True,
+              help="A diagnosis' model as a simulated rover: the file that --variant takes.")  # fmt: skip
+@click.option("-o", "--output", metavar="FILE", default="-", help="Where to write; stdout if not said.")
+def export(
+    place: str, name: str | None, form: str | None, speed: float | None, plant: bool, output: str
+) -> None:
+    """Export a model out of DIR, the report folder of `identify` or `diagnose`, or out of a diagnosis.json.
+
+    Of a diagnosis' model goes out what is linear, and words on what is not; --plant takes all of it.
+
+    Continuous-time A, B, C, D (and M, F, G, H0, H1), names and units of states, input and outputs, the
+    input's delay tau, and the sensors' low-passes apart: they belong to the instruments, not to the rover.
+    The python form computes responses with numpy alone; its system() needs `pip install control`.
+    """
+    if plant:
+        _plant(Path(place), (name, form, speed), output)
+        return
+    model = _model(Path(place), name, speed)
+    content = _content(model, form or _by_suffix(output))
+    if isinstance(content, bytes) and output == "-":
+        raise UsageError("a .mat file does not go to the terminal; give a file with -o FILE.mat")
+    _write(output, content, f"{model['model']} model at {model['speed_m_s']:.3g} m/s")
+    if output != "-" and model["verdict"] not in JUDGED_GOOD:
+        judged = "diagnosis" if model.get("augmented") else "fit"
+        echo(f"warning: the verdict of this {judged} is: {model['verdict']}", err=True)
+
+
+def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
+    """The variant of the simulated rover that a diagnosis' model is."""
+    from rover_sweep.api.export import diagnosis_file, model_of
+    from rover_sweep.report.export.plant_variant import variant_text
+
+    if any(option is not None for option in other):
+        raise UsageError(
+            "--plant is a form of its own, at any speed: leave --model, --format and --speed out"
+        )
+    if output != "-" and Path(output).suffix.lower() != ".toml":
+        raise UsageError(f"{output}: a simulated rover is a TOML file; give a name that ends in .toml")
+    found = diagnosis_file(place)
+    if found is None:
+        raise UsageError(
+            f"{place} holds no diagnosis; give the --out folder of diagnose or its diagnosis.json"
+        )
+    model, _ = model_of(found)
+    _write(output, variant_text(model), f"{model.name} model as a simulated rover")
+
+
+def _model(place: Path, name: str | None, speed: float | None) -> dict[str, Any]:
+    """An identified model where there is one, else a diagnosis'."""
+    from rover_sweep.api.export import diagnosis_file, exported
+
+    folder = _report(place)
+    found = diagnosis_file(place)
+    if found is not None and not (folder / "identification.json").is_file():
+        return exported(found, name, speed)
+    if place.is_file():
+        raise UsageError(f"{place} is no diagnosis.json; of `identify` give the folder of its report")
+    model = _load(folder, name)
+    return model if speed is None else _moved(model, speed)
+
+
+def _write(output: str, content: str | bytes, what: str) -> None:
+    """To stdout, which takes text alone, or into a file, with a word on it."""
+    from rover_sweep.files.replaced import write_file
+
+    if output == "-":
+        click.echo(printable_lines(content) if isinstance(content, str) else content, nl=False)
+        return
+    path = Path(output)
+    if not path.parent.is_dir():
+        raise UsageError(f"there is no folder {path.parent} to write {path.name} into; make it")
+    write_file(path, content)
+    echo(f"{what} written to {output}", err=True)
+
+
+def _by_suffix(output: str) -> str:
+    suffix = Path(output).suffix.lower()
+    if output != "-" and suffix not in FORMATS:
+        said = suffix or "no suffix"
+        raise UsageError(
+            f"{output}: no format goes with {said}; say --format, or end it in .json, .m, .mat, .py"
+        )
+    return FORMATS.get(suffix, "json")
+
+
+def _content(model: dict[str, Any], form: str) -> str | bytes:
+    from rover_sweep.report.export import source_text
+
+    match form:
+        case "matlab":
+            return source_text.matlab_text(model)
+        case "python":
+            return source_text.python_text(model)
+        case "mat":
+            return source_text.mat_file(model)
+    return source_text.json_text(model)
+
+
+def _report(directory: Path) -> Path:
+    """The folder itself, or its report/ where that is what holds the identification."""
+    inside = directory / "report"
+    here = (directory / "identification.json").is_file()
+    return inside if not here and (inside / "identification.json").is_file() else directory
+
+
+def _load(directory: Path, name: str | None) -> dict[str, Any]:
+    missing = f"{directory} holds no report; give the --out folder of identify, run or dry-run"
+    document = _read(directory / "identification.json", missing)
+    wanted = name or document.get("recommended")
+    there = sorted(p.stem for p in (directory / "models").glob("*.json"))
+    if wanted is None:
+        raise DataRefused(f"{directory}: no model was recommended; say which with --model {'|'.join(there)}")
+    if wanted not in there:
+        raise _absent(directory, wanted, there, document)
+    return _read(directory / "models" / f"{wanted}.json", f"{wanted}.json cannot be read; run identify again")
+
+
+def _absent(directory: Path, wanted: str, there: list[str], document: dict[str, Any]) -> Exception:
+    """Why a model is not there: refused, rejected, or never asked for."""
+    reasons = dict(document.get("refused", {}))
+    for model, entry in document.get("models", {}).items():
+        reasons.setdefault(model, "; ".join(entry.get("verdict", {}).get("sentences", [])[:1]))
+    if reasons.get(wanted):
+        return DataRefused(f"there is no {wanted} model to export: {reasons[wanted]}")
+    return UsageError(f"{directory} holds no model {wanted!r}; there are {', '.join(there) or 'none'}")
+
+
+def _read(path: Path, missing: str) -> dict[str, Any]:
+    try:
+        content = read_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(missing) from error
+    except ValueError as error:
+        raise DataRefused(f"{path} is damaged ({error}); run identify again") from error
+    if not isinstance(content, dict):
+        raise DataRefused(f"{path} is not a file of rover-sweep; run identify again")
+    return content
+
+
+def _moved(model: dict[str, Any], speed: float) -> dict[str, Any]:
+    from rover_sweep.report.export.exported_model import at_speed
+
+    if model["model"] == "lumped":
+        there = f"{model['speed_m_s']:.3g} m/s"
+        raise UsageError(
+            f"the lumped model holds at {there} alone; take the roll-yaw or bicycle model for --speed"
+        )
+    return at_speed(model, speed)

@@ -1,0 +1,109 @@
+"""`rover-sweep gains`: the steering controller's gains out of an identified model."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rover_sweep.cli.types.options import NumberRange
+from rover_sweep.cli.types.which_vehicle import access_options
+from rover_sweep.errors import LinkError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rover_sweep.gains.proposal import Proposal
+    from rover_sweep.vehicle.link.access import Access
+
+
+@click.command(short_help="Steering gains for the autopilot out of an identified model.")
+@click.argument("place", metavar="IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path())
+@click.option("--speed", type=NumberRange(0.1, 50), metavar="M/S",
+              help="Speed they are for; that of the runs if not said.")  # fmt: skip
+@click.option(
+    "--model", "name", metavar="NAME", help="roll-yaw, bicycle or kinematic; the recommended one if not said."
+)
+@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Vehicle file with rad_per_us, where the identification has none.")  # fmt: skip
+@click.option("--now", type=click.Path(dir_okay=False), metavar="FILE.param|LOG.BIN",
+              help="What the vehicle flies now.")  # fmt: skip
+@click.option(
+    "--connect", "url", metavar="URL", help="The same, read from the vehicle; nothing is changed on it."
+)
+@access_options
+@click.option(
+    "--out", type=click.Path(dir_okay=False), metavar="FILE.param", help="Write the proposal as parameters."
+)
+@click.option("--json", "as_json", is_flag=True, help="Everything as JSON on stdout.")
+def gains(
+    place: str, speed: float | None, name: str | None, vehicle_file: str | None, now: str | None,
+    url: str | None, access: Access, out: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Compute ATC_STR_RAT_FF, P, I, D and IMAX from the report of `identify`, `run` or `diagnose`.
+
+    With gain and phase margins, the step they will show, the speeds at which they hold, and the same for what
+    the vehicle flies now. P and I keep 6 dB and 45 deg for every rover within the parameters' intervals, from
+    the speed over 1.5 to 1.5 times it; the firmware's scaling with speed (MOT_SPD_SCA_BASE) is part of the
+    loop. What the identification does not carry is said, and then no file is written.
+
+    \b
+    rover-sweep gains report --now log.BIN --speed 2.5 --out gains.param
+
+    Nothing is changed on a vehicle: load the file with a ground station, and try it with the wheels off the
+    ground first.
+    """
+    from rover_sweep.api.gains import steering_gains
+    from rover_sweep.cli.views.output import echo_json, narration, results
+    from rover_sweep.gains.gains_json import gains_document
+
+    flown = _flown(now, url, access)
+    proposal = steering_gains(Path(place), name, vehicle_file, flown, now or url or "the defaults", speed)
+    if as_json:
+        echo_json(json.dumps(gains_document(proposal), indent=2))
+    else:
+        from rover_sweep.cli.views.gains_table import show
+
+        show(results(), proposal)
+    if out is not None:
+        narration().print(_write(proposal, Path(out)), markup=False, soft_wrap=True)
+
+
+def _flown(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
+    """The vehicle's parameters out of a file or over a link; none where neither is given."""
+    from rover_sweep.api.gains import parameters_of
+
+    if now and url:
+        raise UsageError("--now and --connect both say what the vehicle flies; give one of them")
+    return parameters_of(Path(now)) if now else _parameters_over(url, access) if url else {}
+
+
+def _parameters_over(url: str, access: Access) -> dict[str, float]:
+    """Those of a vehicle; only reads."""
+    from rover_sweep.cli.types.vehicle_link import unkept_link
+    from rover_sweep.gains.steering_chain import DEFAULTS, SERVO_DEFAULTS, SERVO_OUTPUTS
+    from rover_sweep.vehicle.parameters.read_write import read_present
+
+    names = set(DEFAULTS) | {
+        f"SERVO{n}_{key}" for n in range(1, SERVO_OUTPUTS + 1) for key in ("FUNCTION", *SERVO_DEFAULTS)
+    }
+    with unkept_link(url, access) as link:
+        found = read_present(link, names)
+    if "ATC_STR_RAT_FF" not in found:
+        raise LinkError(f"{url} has no ATC_STR_RAT_FF: is it a rover?")
+    return found
+
+
+def _write(proposal: Proposal, path: Path) -> str:
+    """Writes the file, or says why not."""
+    from rover_sweep.files.replaced import write_file
+    from rover_sweep.gains.write_param_file import param_text
+
+    if proposal.proposed is None:
+        return f"{path} was not written: there is nothing to propose"
+    if not path.parent.is_dir():
+        raise UsageError(f"there is no folder {path.parent} to write {path.name} into; make it")
+    write_file(path, param_text(proposal))
+    return f"parameters written to {path}"

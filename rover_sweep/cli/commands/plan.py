@@ -1,0 +1,146 @@
+"""`rover-sweep plan`: which effects a set of runs can tell apart, before or after it is driven."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rover_sweep.cli.types.options import (
+    EFFECTS,
+    NumberRange,
+    filter_overrides,
+    reading_options,
+    vehicle_path,
+)
+from rover_sweep.cli.views.output import echo_json
+
+if TYPE_CHECKING:
+    from rover_sweep.diagnosis.plans.plan_result import PlannedRun
+
+_NUMBER = r"[0-9]+\.?[0-9]*"
+MOST_US, MOST_SPEED = 500, 30  # what a servo output and an applet take
+_RUN = re.compile(rf"({_NUMBER})(?:([+-]{_NUMBER}))?@({_NUMBER})(?:@(-?{_NUMBER}))?")
+
+
+class PlannedRunType(click.ParamType):
+    """A run as AMPLITUDE@SPEED, us and m/s; with a heading 150@2.4@90; about a bias 100+150@2.4."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self.name = f"AMPLITUDE{'+BIAS' if self.biased else ''}@SPEED"
+
+    @property
+    def biased(self) -> bool:
+        """Does the run need a bias."""
+        return self.kind == "bias_sweep"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> PlannedRun:
+        """The run; a usage error that says how it is written."""
+        from rover_sweep.diagnosis.plans.plan_result import PlannedRun
+
+        if isinstance(value, PlannedRun):
+            return value
+        found = _RUN.fullmatch(str(value).strip())
+        if not found or (found[2] is not None) != self.biased:
+            self.fail(self._slip(str(value).strip()), param, ctx)
+        amplitude, bias, speed = float(found[1]), float(found[2] or 0.0), float(found[3])
+        if not (amplitude >= 1 and amplitude + abs(bias) <= MOST_US and 0 < speed <= MOST_SPEED):
+            peak = ", bias included" if self.biased else ""
+            self.fail(
+                f"{value!r}: an amplitude is 1..{MOST_US} us{peak} and a speed up to {MOST_SPEED} m/s",
+                param,
+                ctx,
+            )
+        heading = float(found[4]) % 360.0 if found[4] else None
+        return PlannedRun(self.kind, amplitude, speed, heading, bias)  # type: ignore[arg-type]
+
+    def _slip(self, value: str) -> str:
+        """What is wrong with a run, and how it is written."""
+        example = "100+150@2.4" if self.biased else "150@2.4"
+        written = f"write it as {example}, us and m/s (@90 for a heading)"
+        if re.fullmatch(rf"{_NUMBER}([+-]{_NUMBER})?", value):
+            return f"{value!r} has no speed; {written}"
+        if value.startswith("-"):
+            return f"{value!r} has a negative amplitude, which is a peak; {written}"
+        if "," in value:
+            return f"{value!r} has a decimal comma; {written}"
+        if self.biased and "@" in value and not re.search(r"[0-9][+-][0-9]", value):
+            return f"{value!r} has no bias; {written}"
+        if not self.biased and re.match(rf"{_NUMBER}[+-]", value):
+            return f"{value!r} has a bias, which is for --bias-sweep; {written}"
+        return f"{value!r} is no run; {written}"
+
+
+def _run_option(name: str, kind: str, words: str) -> Any:
+    return click.option(name, multiple=True, type=PlannedRunType(kind), help=f"{words}; may be repeated.")
+
+
+@click.command()
+@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Vehicle file (default: rover.toml here).")  # fmt: skip
+@click.option("--have", multiple=True, metavar="RUN", help="A run that was driven; may be repeated.")
+@_run_option("--sweep", "sweep", "A sweep of this peak and speed, us and m/s")
+@_run_option("--doublet", "doublet", "A doublet")
+@_run_option("--bias-sweep", "bias_sweep", "A sweep about a steering bias, as 100+150@2.4")
+@_run_option("--multisine", "multisine", "An odd/even multisine, which shows harmonics")
+@click.option("--servo-test", "servo_test", multiple=True, type=NumberRange(1, MOST_US), metavar="US",
+              help="The wheel's angle measured on blocks while a sweep of this peak runs.")  # fmt: skip
+@click.option(
+    "--want", type=EFFECTS, default=(), help="Only these effects must be found and told from all others."
+)
+@reading_options
+@click.option("--json", "as_json", is_flag=True, help="The plan as JSON on stdout.")
+def plan(
+    vehicle_file: str | None, have: tuple[str, ...], sweep: tuple[PlannedRun, ...],
+    doublet: tuple[PlannedRun, ...], bias_sweep: tuple[PlannedRun, ...], multisine: tuple[PlannedRun, ...],
+    servo_test: tuple[float, ...], want: tuple[str, ...], columns: str | None,
+    gyro_filter: float | None, accel_filter: float | None, system: int | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Say which effects a set of runs tells apart, and propose the fewest runs that do.
+
+    \b
+    rover-sweep plan --vehicle rover.toml --sweep 120@2.4 --sweep 240@2.4 --doublet 150@2.4
+    rover-sweep plan --vehicle rover.toml --have run1.BIN --have run2.BIN --want tyre_saturation,load_transfer
+
+    Equal runs are repeats, which tell noise from distortion. Without any run it proposes a first set. Two
+    effects are told apart at twice the size at which either is found.
+    """
+    from rover_sweep.api.diagnosis_input import effects_named
+    from rover_sweep.api.plan import as_planned, merged, planned
+    from rover_sweep.api.read import Reading, load
+    from rover_sweep.api.run_roles import refuse_overlap
+    from rover_sweep.cli.views.output import narration
+    from rover_sweep.data.vehicle_file import load as load_vehicle
+    from rover_sweep.diagnosis.plans.plan_result import PlannedRun
+
+    wanted = effects_named(want)
+    vehicle = load_vehicle(Path(vehicle_path(vehicle_file, have)))
+    vehicle.steering()  # refuses in words before anything is read
+    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
+    driven = load(have, vehicle, reading) if have else ()
+    refuse_overlap(driven, ())
+    blocks = [PlannedRun("servo_test", amplitude, 0.0) for amplitude in servo_test]
+    runs = merged(
+        [*(as_planned(run, vehicle) for run in driven), *sweep, *doublet, *bias_sweep, *multisine, *blocks]
+    )
+    with narration().status("looking at what these runs can tell apart") as status:
+        found = planned(
+            runs, vehicle, wanted, driven, lambda what, share: status.update(f"{100 * share:3.0f} %  {what}")
+        )
+    _show(found, as_json)
+
+
+def _show(found: Any, as_json: bool) -> None:
+    from rover_sweep.cli.views.output import results
+    from rover_sweep.report.diagnosis.plan_table import plan_document, plan_summary
+    from rover_sweep.report.diagnosis.terminal import WIDTH
+    from rover_sweep.report.wording.strict_json import dumps
+
+    if as_json:
+        echo_json(dumps(plan_document(found)))
+        return
+    console = results()
+    console.print(plan_summary(found), width=min(console.width, WIDTH))

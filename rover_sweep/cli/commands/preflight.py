@@ -1,0 +1,107 @@
+"""`rover-sweep preflight`: what must be right before a run, and one thing of it put right."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rover_sweep.cli.types.options import NumberRange
+from rover_sweep.cli.types.vehicle_link import connect_option, json_option, unkept_link
+from rover_sweep.cli.views.asking import confirmed
+from rover_sweep.cli.views.output import echo_json
+from rover_sweep.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rover_sweep.vehicle.link.access import Access
+    from rover_sweep.vehicle.link.link import Link
+    from rover_sweep.vehicle.preflight.item import Check
+
+_STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yellow"}
+
+
+@click.command()
+@connect_option
+@click.option("--fix", "names", multiple=True, metavar="NAME",
+              help="Put this check right, e.g. --fix parameters. May be repeated.")  # fmt: skip
+@click.option("--w-max", type=NumberRange(0, min_open=True), metavar="RAD/S",
+              help="Top of the sweep to come. [default: the applet's]")  # fmt: skip
+@click.option("--out", type=click.Path(file_okay=False), default=".", metavar="DIR",
+              help="Folder of the recordings to come; here if not said.")  # fmt: skip
+@click.option("--yes", is_flag=True, help="Do not ask before something is changed or the rover rebooted.")
+@json_option
+def preflight(
+    connect: str, access: Access, names: tuple[str, ...], w_max: float | None, out: str, yes: bool,
+    as_json: bool,
+) -> int:  # fmt: skip
+    """Look at everything that must be right before a run: firmware, applet, parameters, rates, filters,
+    streams, clock, log, disk, battery, GPS, EKF, radio, switch, mode.
+
+    Changes nothing; --fix does, after asking, and looks again afterwards. Nothing moves or arms. Exit code
+    0 if nothing is bad, 1 if something is.
+    """
+    from rover_sweep.vehicle.preflight.all_checks import NAMES
+    from rover_sweep.vehicle.preflight.all_checks import preflight as look
+
+    for name in names:
+        if name not in NAMES:
+            raise UsageError(f"there is no check {name!r}; there are {', '.join(NAMES)}")
+    if names and not yes and not sys.stdin.isatty():
+        raise UsageError("there is no terminal to ask at: give --yes to put it right without questions")
+    folder = Path(out)
+    with unkept_link(connect, access) as link:
+        checks = look(link, folder, w_max)
+        for name in names:
+            _fix(link, checks, name, folder, yes)
+            checks = look(link, folder, w_max)
+    if as_json:
+        echo_json(json.dumps({"checks": [asdict(check) for check in checks]}, indent=2))
+    else:
+        _show(checks)
+    return 1 if any(check.state == "bad" for check in checks) else 0
+
+
+def _fix(link: Link, checks: Sequence[Check], name: str, folder: Path, yes: bool) -> None:
+    from rover_sweep.cli.views.display import PlainDisplay
+    from rover_sweep.cli.views.output import narration
+    from rover_sweep.vehicle.preflight.all_checks import remedy
+
+    console = narration()
+    check = next((c for c in checks if c.name == name), None)
+    if check is None or check.remedy is None:
+        console.print(f"{name}: nothing to put right", markup=False)
+        return
+    if not check.remedy.by_hand and not yes and not confirmed(f"{name}: {check.remedy.words}?"):
+        return
+    display = PlainDisplay(console, talk=True)
+    for event in remedy(link, check, reboot=check.remedy.reboot, folder=folder):
+        display.show(event)
+
+
+def _show(checks: Sequence[Check]) -> None:
+    """One line a check; what is not good has its sentence and its remedy below."""
+    from rich.text import Text
+
+    from rover_sweep.cli.views.output import results
+
+    console = results()
+    for check in checks:
+        line = Text(f"{check.name:11}")
+        line.append(f"{check.state:9}", _STYLES[check.state]).append(check.seen)
+        if check.state == "good" and check.sentence:
+            line.append(f" ({check.sentence})", "dim")
+        console.print(line, soft_wrap=True)
+        if check.state != "good":
+            console.print(Text(f"  {check.sentence}"), soft_wrap=True)
+            if check.remedy is not None:
+                key = "by hand" if check.remedy.by_hand else f"--fix {check.name}"
+                console.print(Text(f"  {key}: {check.remedy.words}", "cyan"), soft_wrap=True)
+    bad = sum(check.state == "bad" for check in checks)
+    words = f"{bad} of {len(checks)} must be put right" if bad else "nothing stands in the way of a run"
+    console.print(words, style="red" if bad else "green")

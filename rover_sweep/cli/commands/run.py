@@ -1,0 +1,166 @@
+"""`rover-sweep run`: the sweeps on a real rover, watched, recorded, judged and identified."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rover_sweep.cli.driving.job import TRIGGERS, Job, announce, diagnosed_session, folder_for
+from rover_sweep.cli.driving.rover_numbers import SIMULATORS
+from rover_sweep.cli.driving.simulated import (
+    on_simulated,
+    refuse_on_simulated,
+    refuse_without_simulation,
+    simulation_options,
+)
+from rover_sweep.cli.types.manoeuvres import LimitType, ManoeuvreType
+from rover_sweep.cli.types.options import output_options, vehicle_path
+from rover_sweep.cli.types.vehicle_link import URL_HELP
+from rover_sweep.cli.types.which_vehicle import access_options
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rover_sweep.cli.views.display import PlainDisplay
+    from rover_sweep.data.vehicle_file import Vehicle
+    from rover_sweep.session.session import PlannedRun
+    from rover_sweep.vehicle.events import Event, SessionFinished
+    from rover_sweep.vehicle.link.access import Access
+    from rover_sweep.vehicle.run.controls import Trigger
+    from rover_sweep.vehicle.run.settings import RunSettings
+
+_PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disarm at the end
+
+
+@click.command()
+@click.option("--connect", metavar="URL", help=URL_HELP)
+@access_options
+@click.option("--vehicle", metavar="FILE|embedded|ardurover",
+              help="Vehicle file (default: rover.toml here); or a simulated rover to start.")  # fmt: skip
+@click.option("--sweep", "sweeps", type=ManoeuvreType(Sweep), multiple=True,
+              help="In us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.")  # fmt: skip
+@click.option("--doublet", "doublets", type=ManoeuvreType(Doublet), multiple=True,
+              help="In us and s; the models are verified on it. May be repeated.")  # fmt: skip
+@click.option("--multisine", "multisines", type=ManoeuvreType(Multisine), multiple=True,
+              help="Peak in us, rad/s, s; shows 2nd and 3rd harmonics at once. May be repeated.")  # fmt: skip
+@click.option("--bias-sweep", "bias_sweeps", type=ManoeuvreType(BiasSweep), multiple=True,
+              help="A sweep about a steering offset in us, e.g. 80,100. May be repeated.")  # fmt: skip
+@click.option("--limit", "limits", type=LimitType(), multiple=True,
+              help="A limit of the applet, e.g. v_max=3; the rover's own if not said.")  # fmt: skip
+@click.option("--arm", is_flag=True, help="Let this program arm and disarm the rover.")
+@click.option("--throttle", type=click.IntRange(1000, 2000), metavar="US",
+              help="With --arm: let this program drive, with this throttle PWM.")  # fmt: skip
+@click.option("--throw-switch", is_flag=False, flag_value="override", type=click.Choice(TRIGGERS),
+              help="Let this program throw the applet's switch, by RC override if nothing is said, or by "
+                   "MAV_CMD_DO_AUX_FUNCTION; pilot: it does not.")  # fmt: skip
+@click.option("--no-log", is_flag=True,
+              help="Leave the rover's log on its card; identify from telemetry.")  # fmt: skip
+@click.option("--diagnose", is_flag=True, help="Say at the end what the model leaves out of the runs.")
+@simulation_options
+@click.option("--out", type=click.Path(file_okay=False), metavar="DIR",
+              help="Folder for recordings and report. [default: run, else run-2, ...]")  # fmt: skip
+@output_options
+def run(
+    connect: str | None, access: Access, vehicle: str | None, sweeps: tuple[Sweep, ...],
+    doublets: tuple[Doublet, ...], multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...],
+    limits: tuple[tuple[str, float], ...], arm: bool, throttle: int | None, throw_switch: Trigger | None,
+    no_log: bool, diagnose: bool, out: str | None, as_json: bool, verbose: bool, **simulated: Any,
+) -> None:  # fmt: skip
+    """Drive sweeps and doublets on a rover, record them, say whether they are good, and identify from them.
+
+    The pilot arms, drives and throws the switch (RC6_OPTION 300); this program sets the applet's
+    parameters, records, and moves nothing unless --arm, --throttle or --throw-switch say so. Switch low
+    ends a run at once, without the laptop; Ctrl-C does too, and goes on to log and report with the runs
+    that are whole. Without any manoeuvre: two sweeps and a doublet of 150 us.
+
+    \b
+    rover-sweep run --connect /dev/ttyUSB0,57600 --vehicle rover.toml \\
+      --sweep 120 --sweep 200,wmax=20 --doublet 150 --out today
+
+    With --vehicle ardurover the whole job is done on the official firmware in simulation: the applet is
+    brought onto it by MAVLink FTP, parameters are set, it is rebooted, armed and driven.
+    """
+    from rover_sweep.cli.driving.shared import identified_session
+
+    runs = _planned(sweeps, multisines, bias_sweeps, doublets)
+    job = Job(runs, dict(limits), throw_switch, not no_log)
+    if vehicle in SIMULATORS:
+        refuse_on_simulated(connect, arm, throttle)
+        rover, session, more = on_simulated(job, vehicle, out, **simulated)
+    else:
+        refuse_without_simulation(connect, simulated)
+        rover, session, more = *_on_rover(job, connect or "", access, vehicle, out, arm, throttle), None
+    identified_session(session, rover, as_json, verbose, more)
+    if diagnose:
+        diagnosed_session(session, rover)
+
+
+def _on_rover(
+    job: Job,
+    connect: str,
+    access: Access,
+    vehicle_file: str | None,
+    out: str | None,
+    arm: bool,
+    throttle: int | None,
+) -> tuple[tuple[Vehicle, Path], SessionFinished]:
+    """The session on a rover behind `connect`; what could only fail after the drive is refused before."""
+    from firmware_params.param_files import read, shipped
+    from rover_sweep.cli.driving.shared import driven
+    from rover_sweep.data.vehicle_file import load
+    from rover_sweep.manoeuvre.applet_values import parameters_of
+    from rover_sweep.session.session import Plan, drive
+    from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
+    from rover_sweep.vehicle.link.transport import parse_url
+    from rover_sweep.vehicle.run.settings import RunSettings
+
+    path = Path(vehicle_path(vehicle_file))
+    vehicle = load(path)
+    vehicle.steering()
+    parse_url(connect)
+    extra = ({"gcs": 1.0} if throttle is not None else {}) | job.limits
+    settings = RunSettings(arm, throttle, job.trigger or "pilot", extra, patience=_PILOT_PATIENCE)
+    plan = Plan(job.runs, settings, checked=read(shipped("identification")), logs=job.logs)
+    for planned in plan.runs:
+        parameters_of(planned.manoeuvre, **extra)
+    folder = folder_for(out)
+    announce(plan, folder)
+    with RecordedLine(conversation_in(folder)) as line:
+        events = drive(connect, folder, plan, line, path, access)
+        session = driven(events, folder, talk=True, go_on=True, answer=_asking(settings), logs=job.logs)
+    return (vehicle, path), session
+
+
+def _planned(
+    sweeps: tuple[Sweep, ...],
+    multisines: tuple[Multisine, ...],
+    bias_sweeps: tuple[BiasSweep, ...],
+    doublets: tuple[Doublet, ...],
+) -> tuple[PlannedRun, ...]:
+    """Named runs in the order in which they are driven; two sweeps and a doublet if there are none."""
+    from rover_sweep.session.session import PlannedRun
+
+    if not (sweeps or multisines or bias_sweeps or doublets):
+        sweeps, doublets = (Sweep(), Sweep()), (Doublet(),)
+    return (
+        *(PlannedRun(f"sweep{n}", sweep) for n, sweep in enumerate(sweeps, 1)),
+        *(PlannedRun(f"multisine{n}", multisine) for n, multisine in enumerate(multisines, 1)),
+        *(PlannedRun(f"bias-sweep{n}", sweep) for n, sweep in enumerate(bias_sweeps, 1)),
+        *(PlannedRun(f"doublet{n}" if n > 1 else "doublet", d) for n, d in enumerate(doublets, 1)),
+    )
+
+
+def _asking(settings: RunSettings) -> Callable[[PlainDisplay, Event], None]:
+    """Where this program arms and somebody sits at the terminal: a question before each run."""
+    from rover_sweep.vehicle.events import RunStarted
+
+    def answer(display: PlainDisplay, event: Event) -> None:
+        if isinstance(event, RunStarted) and settings.arm and sys.stdin.isatty():
+            display.ask(f"{event.name} arms the rover: is the ground free? y starts it, Ctrl-C ends")
+
+    return answer

@@ -1,0 +1,76 @@
+"""`rover-sweep session`: the whole afternoon on one screen, keys alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rover_sweep.cli.types.manoeuvres import LimitType
+from rover_sweep.cli.types.which_vehicle import access_options
+
+if TYPE_CHECKING:
+    from rover_sweep.vehicle.link.access import Access
+
+_PILOT_PATIENCE = 900.0  # s for the pilot to arm and to throw the switch, as `rover-sweep run` waits
+
+
+@click.command()
+@click.option("--connect", "url", default="", metavar="URL",
+              help="Put first in the list; as for `run`.")  # fmt: skip
+@access_options
+@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Vehicle file (default: the session's own, else rover.toml here).")  # fmt: skip
+@click.option("--out", type=click.Path(file_okay=False), default="session", show_default=True,
+              metavar="FOLDER",
+              help="Folder of the session; one that is there is taken up again.")  # fmt: skip
+@click.option("--limit", "limits", type=LimitType(), multiple=True,
+              help="A limit of the applet, e.g. v_max=3; the rover's own if not said.")  # fmt: skip
+@click.option(
+    "--arm", is_flag=True, help="Let this program arm and disarm the rover; it asks before each run."
+)
+@click.option("--throttle", type=click.IntRange(1000, 2000), metavar="US",
+              help="With --arm: let this program drive, with this throttle PWM.")  # fmt: skip
+@click.option("--throw-switch", is_flag=True, help="Let this program throw the applet's switch; it asks.")
+def session(
+    url: str, access: Access, vehicle_file: str | None, out: str, limits: tuple[tuple[str, float], ...],
+    arm: bool, throttle: int | None, throw_switch: bool,
+) -> None:  # fmt: skip
+    """Connect, check, plan, drive, judge, identify and diagnose on one screen, by single keys.
+
+    The pilot arms, drives and throws the switch, unless --arm, --throttle or --throw-switch say that this
+    program may; it then asks before each run. SPACE or ESC end a run at once; without the laptop the switch
+    low, disarming or another mode does.
+    """
+    from rover_sweep.data.vehicle_file import load
+    from rover_sweep.live.vehicle.vehicle_source import VehicleSource
+    from rover_sweep.tui.app import show
+    from rover_sweep.tui.model.earlier import logs, planned, records, rows
+    from rover_sweep.tui.model.setup import Setup, memory_file
+    from rover_sweep.vehicle.link.transport import parse_url
+    from rover_sweep.vehicle.run.settings import RunSettings
+
+    if url:
+        parse_url(url)
+    folder = Path(out)
+    path = _vehicle_path(vehicle_file, folder)
+    vehicle = load(path) if path else None
+    extra = ({"gcs": 1.0} if throttle is not None else {}) | dict(limits)
+    settings = RunSettings(
+        arm, throttle, "override" if throw_switch else "pilot", extra, patience=_PILOT_PATIENCE
+    )
+    source = VehicleSource(folder, path, access=access)
+    kept = source.session
+    setup = Setup(
+        settings, url, folder, path, vehicle, memory_file(), rows(kept.content),
+        records(kept.content, folder), logs(kept.content, folder), lambda plan: kept.plan(planned(plan)),
+    )  # fmt: skip
+    show(source, setup)
+
+
+def _vehicle_path(given: str | None, folder: Path) -> Path | None:
+    """The vehicle file: as given, else that of the session, else rover.toml here, else none."""
+    if given:
+        return Path(given)
+    return next((p for p in (folder / "rover.toml", Path("rover.toml")) if p.is_file()), None)

@@ -1,0 +1,57 @@
+"""`rover-sweep study`: the paper's comparison of three model structures, repeated on a virtual rover."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+STYLES = {"came out": "green", "came out in part": "cyan", "did not come out": "yellow"}
+
+
+@click.command()
+@click.option("--out", required=True, type=click.Path(file_okay=False), metavar="DIR",
+              help="Folder for tables, figures and page; made if it is not there.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of noise and road.")
+@click.option("--json", "as_json", is_flag=True, help="study.json on stdout; the tables then go to stderr.")
+def study(out: str, seed: int, as_json: bool) -> None:
+    """Repeat the comparison of Ivler, Gowans and Marfise (2022) on a virtual rover with their numbers.
+
+    Drives the sweeps of Table 1 and doublets on asphalt, on artificial grass and at 4 m/s, identifies the
+    bicycle, roll-yaw and lumped models, and sets Tables 2 to 7 and Figures 2, 3, 6, 7 and 8 beside the
+    published ones, with a word on each finding. No hardware; about half a minute.
+    """
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.text import Text
+
+    from rover_sweep.cli.types.folders import check_writable
+    from rover_sweep.cli.views.output import echo_json, narration, results
+    from rover_sweep.report.identification.terminal import rich_table
+    from rover_sweep.study.conclusions import all_findings, summary
+    from rover_sweep.study.published_tables import tables
+    from rover_sweep.study.study_folder import write_study
+    from rover_sweep.study.virtual_study import study as run
+
+    check_writable(Path(out))
+    console = results(as_json)
+    columns = (TextColumn("{task.description:<44}", markup=False), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=narration(), transient=True) as progress:
+        bar = progress.add_task("", total=1.0)
+
+        def told(share: float, what: str) -> None:
+            progress.update(bar, completed=share, description=what)
+
+        result = run(seed, lambda share, what: told(0.75 * share, what))
+        found = all_findings(result)
+        files = write_study(result, found, Path(out), lambda share, what: told(0.75 + 0.25 * share, what))
+    for table in tables(result):
+        console.print(rich_table(table))
+        console.print()
+    for finding in found:
+        console.print(Text(finding.claim, "bold"))
+        console.print(Text.assemble((f"{finding.outcome}. ", STYLES[finding.outcome]), finding.text))
+        console.print()
+    console.print(Text(summary(found), "bold"))
+    console.print(f"study: {files.page}", highlight=False, soft_wrap=True, markup=False)
+    if as_json:
+        echo_json(files.document.read_text(encoding="utf-8"))

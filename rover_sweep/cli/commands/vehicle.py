@@ -1,0 +1,87 @@
+"""`rover-sweep vehicle`: an example vehicle file, and the check of one."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import get_args
+
+import click
+
+from rover_sweep.cli.views.output import echo, echo_json, results
+from rover_sweep.data.material_sizes import MATERIAL
+from rover_sweep.data.vehicle_file import Model, Vehicle, example, load
+from rover_sweep.data.vehicle_rules import KEYS
+
+
+@click.group(invoke_without_command=True)
+@click.option("--example", "show_example", is_flag=True, help="Print a commented example file and stop.")
+@click.pass_context
+def vehicle(ctx: click.Context, show_example: bool) -> None:
+    """The vehicle file rover.toml: what rover-sweep must know of the rover.
+
+    Begin one with: rover-sweep vehicle --example > rover.toml
+    """
+    if show_example:
+        echo(example(), nl=False)
+        ctx.exit()
+    if ctx.invoked_subcommand is None:
+        echo(ctx.get_help())
+
+
+@vehicle.command(short_help="Check FILE and say which models it is enough for.")
+@click.argument("file", type=click.Path(dir_okay=False))
+@click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
+def check(file: str, as_json: bool) -> None:
+    """Read FILE, show what was understood and which models it is enough for.
+
+    Every problem is told at once; exit code 2 if there is any.
+    """
+    found = load(file)
+    if as_json:
+        models = {model: not found.missing_for(model) for model in get_args(Model)}
+        echo_json(json.dumps(asdict(found) | {"wheelbase": found.wheelbase, "models": models}, indent=2))
+        return
+    _show(found, file)
+
+
+def _show(found: Vehicle, file: str) -> None:
+    from rich.table import Table
+
+    console = results()
+    table = Table(
+        title=f"{file}: {found.name or 'no name'}", title_justify="left", box=None, padding=(0, 2, 0, 0)
+    )
+    for heading, justify in (("key", "left"), ("value", "right"), ("unit", "left"), ("what", "left")):
+        table.add_column(heading, justify=justify, no_wrap=heading != "what")  # type: ignore[arg-type]
+    for key, rule in KEYS.items():
+        name = key.partition(".")[2]
+        number = getattr(found, name)
+        free = " [free]" if name in found.free else ""
+        table.add_row(name, "-" if number is None else str(number), rule.unit, rule.meaning + free)
+    table.add_row("wheelbase", f"{found.wheelbase:g}", "m", "a + b")
+    place = "-" if found.imu_position is None else ", ".join(str(m) for m in found.imu_position)
+    table.add_row("imu position", place, "m", "forward, right, down")
+    console.print(table)
+    console.print()
+    for model in get_args(Model):
+        missing = found.missing_for(model)
+        console.print(f"{model}: " + (f"needs {', '.join(missing)} too" if missing else "enough"))
+    for text in _remarks(found):
+        console.print(text)
+
+
+def _remarks(found: Vehicle) -> list[str]:
+    remarks = []
+    if found.material:
+        sizes = (f"{k} {size:g} {MATERIAL[k].unit}".rstrip(" -") for k, size in found.material.items())
+        remarks.append(f"below these sizes nothing is a finding: {', '.join(sizes)}")
+    if found.rad_per_us is None:
+        remarks.append(
+            "no [steering]: a PWM cannot be turned into a road-wheel angle (a measured angle can be used)"
+        )
+    if found.imu_position is None:
+        remarks.append(
+            "no [imu] position: the IMU is taken to sit at the CG, and a_y suffers where it does not"
+        )
+    return remarks

@@ -1,0 +1,77 @@
+"""A diagnosis made and shown: what `diagnose` prints, and `run` at its end."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rover_sweep.errors import DataRefused
+
+if TYPE_CHECKING:
+    from rover_sweep.api.diagnosis_input import Material
+    from rover_sweep.data.vehicle_file import Vehicle
+    from rover_sweep.diagnosis.result import Diagnosis
+    from rover_sweep.diagnosis.settings import DiagnosisSettings
+    from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+    from rover_sweep.report.diagnosis.report_folder import DiagnosisFiles
+
+
+def show_diagnosed(
+    given: Material, rover: tuple[Vehicle, Path], settings: DiagnosisSettings, out: Path, as_json: bool
+) -> None:
+    """Diagnoses, writes the report into `out` and prints summary and path; DataRefused for that verdict."""
+    from datetime import datetime
+
+    from rover_sweep.cli.views.output import echo_json, narration, results, tell_warnings
+    from rover_sweep.report.diagnosis.terminal import WIDTH, summary
+    from rover_sweep.report.wording.provenance import provenance
+
+    console, shown = narration(), results(as_json)
+    tell_warnings(console, (*given.runs, *given.held_out))
+    command = " ".join(["rover-sweep", *sys.argv[1:]])
+    origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
+    found, files, interrupted = _computed(given, rover[0], settings, origin, out)
+    shown.print(summary(found), width=min(shown.width, WIDTH))
+    shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
+    if files.variant:
+        shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True, markup=False)
+    if as_json:
+        echo_json(files.document.read_text(encoding="utf-8"))
+    if found.verdict == "refused":
+        raise DataRefused("the data were refused, see above; the report says why as well")
+    if interrupted:
+        raise click.Abort  # the exit code tells a script that the search was cut short
+
+
+def _computed(
+    given: Material, vehicle: Vehicle, settings: DiagnosisSettings, origin: DiagnosisOrigin, out: Path
+) -> tuple[Diagnosis, DiagnosisFiles, bool]:
+    """(diagnosis, its files, was it cut short), behind a progress bar.
+
+    Ctrl-C once ends the search, twice the program.
+    """
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from rover_sweep.api.diagnosis_input import diagnosed
+    from rover_sweep.cli.views.interruption import Interruption
+    from rover_sweep.cli.views.output import narration
+    from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+
+    console = narration()
+    columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(), TimeElapsedColumn())
+    words = "stopping with what was found until now; Ctrl-C again gives up"
+    with Progress(*columns, console=console, transient=True) as progress:
+        bar = progress.add_task("", total=1.0)
+
+        def told(what: str, share: float) -> None:
+            progress.update(bar, completed=0.9 * share, description=what)
+
+        with Interruption(lambda: console.print(words, style="yellow")) as asked:
+            found = diagnosed(given, vehicle, settings, told, asked.to_stop)
+        files = write_diagnosis(
+            found, out, origin, lambda share, what: progress.update(bar, completed=0.9 + 0.1 * share)
+        )
+    return found, files, asked.to_stop()

@@ -1,0 +1,53 @@
+"""Models out of runs, shown: what `identify` prints, and `run` and `dry-run` at their end."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from rover_sweep.data.recording import Recording
+    from rover_sweep.data.vehicle_file import Vehicle
+    from rover_sweep.identification.grouping import Settings
+    from rover_sweep.identification.pipeline import Identification
+    from rover_sweep.identification.structure.state_space import ModelStructure
+
+
+def show_identified(
+    sweeps: tuple[Recording, ...],
+    checks: tuple[Recording, ...],
+    rover: tuple[Vehicle, Path],
+    settings: Settings,
+    out: Path,
+    as_json: bool,
+    verbose: bool = False,
+    more: Callable[[Identification], RenderableType] | None = None,
+    structures: Sequence[ModelStructure] = (),
+) -> None:
+    """Identifies, writes the report into `out`, and prints comparison, `more`, conclusion and its path.
+
+    structures: of the user's own. as_json: identification.json on stdout, all else on stderr.
+    """
+    from rover_sweep.api.identify import identified as identified_models
+    from rover_sweep.cli.views.output import echo_json, narration, results, tell_warnings
+    from rover_sweep.report.identification.terminal import comparison, conclusion
+
+    console, shown = narration(), results(as_json)
+    tell_warnings(console, (*sweeps, *checks))
+    command = " ".join(["rover-sweep", *sys.argv[1:]])
+    with console.status("identifying"):
+        result = identified_models(sweeps, checks, rover, settings, structures, command=command)
+    with console.status("writing the report") as status:
+        files = result.report(out, lambda share, what: status.update(f"writing {what}"))
+    shown.print(comparison(result, result.origin, verbose))
+    if more is not None:
+        shown.print(more(result))
+        shown.print()
+    shown.print(conclusion(result, result.origin))
+    shown.print(f"report: {files.page}", soft_wrap=True, markup=False)
+    if as_json:
+        echo_json(files.document.read_text(encoding="utf-8"))

@@ -1,0 +1,91 @@
+"""The person beside the rover, at a terminal: asked before each movement and for angles; the link goes on."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import sys
+from collections.abc import Callable
+from math import nan, radians
+
+from rover_sweep.bench.drive import Keep
+from rover_sweep.bench.programme import Movement
+from rover_sweep.cli.views.typed_ahead import forget_typed
+from rover_sweep.errors import UsageError
+
+LARGEST = 60.0  # deg
+_YES = ("y", "yes")
+_NUMBER = re.compile(r"\s*([+-]?\d+(?:[.,]\d*)?|[+-]?[.,]\d+)\s*(?:deg|°)?\s*([lr]?)\s*", re.IGNORECASE)
+
+
+def parse_angle(text: str) -> float | None:
+    """rad, left positive, of `12.5`, `-3`, `4,2 l` or `4.2r`; None where it is no such angle."""
+    match = _NUMBER.fullmatch(text)
+    if not match:
+        return None
+    degrees, side = float(match[1].replace(",", ".")), match[2].lower()
+    if abs(degrees) > LARGEST or (side and match[1].strip()[0] in "+-"):
+        return None
+    return radians(-degrees if side == "r" else degrees)
+
+
+class Terminal:
+    """An `Operator`. unasked: movements are allowed without a question (a simulated rover)."""
+
+    def __init__(self, say: Callable[[str], None], unasked: bool = False) -> None:
+        self._say, self._unasked = say, unasked
+        self._pending = b""
+
+    def tell(self, text: str) -> None:
+        self._say(text)
+
+    def allow(self, movement: Movement, stops: str, keep: Keep) -> bool:
+        """A typed yes moves; anything else leaves this movement out."""
+        self._say(f"\n{movement.name}: {movement.words}\n{stops}")
+        if self._unasked:
+            return True
+        self._forget()
+        self._say("wheels off the ground, hands and cables clear? yes moves, anything else leaves it out:")
+        return self._line(keep).strip().lower() in _YES
+
+    def angle(self, number: int, of: int, offset: float, keep: Keep) -> tuple[float, str]:
+        """Asked until an angle is typed; an empty line leaves it out."""
+        self._forget()
+        self._say(f"{number}/{of}, {offset:+.0f} us: angle of the wheel [deg], l or r (empty: none)")
+        while True:
+            typed = self._line(keep).strip()
+            if not typed:
+                return nan, ""
+            angle = parse_angle(typed)
+            if angle is not None:
+                return angle, typed
+            self._say(
+                f"{typed!r} is no angle of up to {LARGEST:g} deg such as 12.5l, 3 r or -4 (left positive)"
+            )
+
+    def _forget(self) -> None:
+        """What was typed before a question, at a terminal."""
+        if sys.stdin.isatty():
+            self._pending = b""
+            forget_typed()
+
+    def _line(self, keep: Keep) -> str:
+        """A line of stdin; meanwhile the link is kept going. UsageError where nobody can answer any more."""
+        try:
+            source = sys.stdin.fileno()
+        except (OSError, ValueError, AttributeError):  # not a file, as in a program that calls this one
+            text = sys.stdin.readline()
+            if text:
+                return text
+            raise UsageError("nobody answers (end of input); the steering was let go") from None
+        while b"\n" not in self._pending:
+            keep()
+            if not select.select([source], [], [], 0.0)[0]:
+                continue
+            data = os.read(source, 4096)
+            if not data:
+                raise UsageError("nobody answers (end of input); the steering was let go")
+            self._pending += data
+        line, _, self._pending = self._pending.partition(b"\n")
+        return line.decode(errors="replace")

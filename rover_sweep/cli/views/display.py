@@ -1,0 +1,207 @@
+"""A session's events on the screen: bars and a live line on a terminal, plain lines in order elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rover_sweep.cli.views.typed_ahead import forget_typed
+from rover_sweep.files.printable import printable_lines
+from rover_sweep.vehicle import events as e
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.live import Live
+    from rich.progress import Progress, TaskID
+
+_STEERED_FROM = 3  # state in which the clock of the manoeuvre starts
+_WARNING = 4  # MAV_SEVERITY_WARNING
+
+
+class PlainDisplay:
+    """One line for each thing that matters. talk: also what applet and vehicle say, for a pilot."""
+
+    def __init__(self, console: Console, talk: bool = False) -> None:
+        self.console, self.talk = console, talk
+
+    def show(self, event: e.Event) -> None:
+        """One event."""
+        match event:
+            case e.Connected():
+                self.say(f"connected to {event.vehicle.words} on {event.url}")
+            case e.Notice():
+                self.say(event.text, "yellow" if event.level == "warning" else "")
+            case e.ParameterSet() if self.talk and not event.name.startswith("SWP_"):
+                self.say(f"{event.name} {event.old:g} -> {event.value:g}")
+            case e.Rebooting():
+                self.say(f"rebooting the rover, for {', '.join(event.because)}")
+            case e.Said() if self.talk and (event.text.startswith("SWP") or event.severity <= _WARNING):
+                self.say(f"  {event.text}")
+            case e.SwitchWanted():
+                self._switch_wanted(event)
+            case e.RunStarted():
+                self.run_started(event)
+            case e.StateChanged() | e.Sample():
+                self.moved(event)
+            case e.RunFinished():
+                self.run_finished(event)
+            case e.Interrupted():
+                self.interrupted(event)
+            case e.LogProgress():
+                self.fetching(event)
+            case e.LogSaved():
+                self.say(f"log fetched: {event.path}, {event.size / 1e6:.1f} MB")
+
+    def say(self, text: str, style: str = "") -> None:
+        """A line, wrapped on a terminal alone."""
+        from rich.text import Text
+
+        self.console.print(Text(text, style), soft_wrap=not self.console.is_terminal)
+
+    def ask(self, question: str) -> None:
+        """Wait for a typed y. KeyboardInterrupt where the answer is Ctrl-C, or no terminal is left."""
+        forget_typed()
+        words = printable_lines(question)
+        try:
+            while self.console.input(f"{words} ", markup=False).strip().lower() not in ("y", "yes"):
+                self.say("type y and Enter to start it, or Ctrl-C to end")
+        except EOFError:
+            raise KeyboardInterrupt from None
+
+    def run_started(self, event: e.RunStarted) -> None:
+        self.say(_title(event))
+
+    def moved(self, event: e.StateChanged | e.Sample) -> None:
+        """Nothing: a file needs no live line."""
+
+    def run_finished(self, event: e.RunFinished) -> None:
+        if event.completed:
+            self.say(f"  {event.name}: {_verdict(event)}")
+        else:
+            self.say(f"  {event.name} did not run to its end: {event.reason}", "bold red")
+
+    def interrupted(self, event: e.Interrupted) -> None:
+        self.say(interrupted_words(event), "bold yellow")
+
+    def fetching(self, event: e.LogProgress) -> None:
+        """Nothing: the log that was saved is told."""
+
+    def _switch_wanted(self, event: e.SwitchWanted) -> None:
+        what = "when ready, throw" if event.position == "high" else "throw"
+        self.say(f"{what} switch {event.channel} {event.position}", "bold cyan")
+
+
+class TerminalDisplay(PlainDisplay):
+    """With a bar for each run and a live line of what the rover does."""
+
+    def __init__(self, live: Live, progress: Progress, talk: bool = False) -> None:
+        super().__init__(live.console, talk)
+        self._live, self._progress = live, progress
+        self._bar: TaskID | None = None
+        self._fetching: TaskID | None = None
+        self._length, self._start, self._state = 0.0, math.nan, ""
+
+    def ask(self, question: str) -> None:
+        self._live.stop()
+        try:
+            super().ask(question)
+        finally:
+            self._live.start()
+
+    def run_started(self, event: e.RunStarted) -> None:
+        self._live.start()
+        self._length, self._start = event.manoeuvre.duration, math.nan
+        self._bar = self._progress.add_task(_title(event), total=self._length)
+
+    def moved(self, event: e.StateChanged | e.Sample) -> None:
+        if isinstance(event, e.StateChanged):
+            self._state = event.name
+            self._start = event.t if event.state == _STEERED_FROM else self._start
+            return
+        if self._bar is not None and not math.isnan(self._start):
+            self._progress.update(self._bar, completed=min(event.t - self._start, self._length))
+        self._line(live_line(event, self._state))
+
+    def run_finished(self, event: e.RunFinished) -> None:
+        if event.completed and self._bar is not None:
+            self._progress.update(self._bar, completed=self._length)
+        self._line("")
+        super().run_finished(event)
+
+    def interrupted(self, event: e.Interrupted) -> None:
+        self._line("")
+        super().interrupted(event)
+
+    def fetching(self, event: e.LogProgress) -> None:
+        if self._fetching is None:
+            self._live.start()
+            self._fetching = self._progress.add_task("", total=event.total)
+        self._progress.update(self._fetching, completed=event.done, total=event.total,
+                              description=f"fetching log {event.number}")  # fmt: skip
+
+    def _line(self, text: str) -> None:
+        from rich.console import Group
+        from rich.text import Text
+
+        line = Text(text, no_wrap=True, overflow="crop")
+        self._live.update(Group(self._progress, line) if text else self._progress)
+
+
+@contextmanager
+def display(console: Console, talk: bool = False) -> Iterator[PlainDisplay]:
+    """The display that fits the console."""
+    if not console.is_terminal:
+        yield PlainDisplay(console, talk)
+        return
+    from rich.live import Live
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    title = TextColumn("{task.description:<34}", markup=False)
+    columns = (title, BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    progress = Progress(*columns, console=console)
+    live = Live(progress, console=console, refresh_per_second=10)  # started by the first bar, so that what
+    try:  # is asked before a run, such as which rover is meant, is not drawn over
+        yield TerminalDisplay(live, progress, talk)
+    finally:
+        live.stop()
+
+
+def live_line(sample: e.Sample, state: str) -> str:
+    """State, steering, yaw rate, lateral acceleration, speed and frequency, at most 80 columns."""
+    return (
+        f"{state:<17} {_number(sample.pwm, '4.0f')} us  r {_number(math.degrees(sample.r), '+5.0f')} deg/s  "
+        f"a_y {_number(sample.ay, '+5.1f')} m/s²  {_number(sample.speed, '4.1f')} m/s  "
+        f"{_number(sample.frequency, '4.1f')} rad/s"
+    )
+
+
+def _number(value: float, form: str) -> str:
+    """A number, or a dash of the same width while it is not known."""
+    text = format(value if math.isfinite(value) else 0.0, form)
+    return text if math.isfinite(value) else "-".rjust(len(text))
+
+
+def interrupted_words(event: e.Interrupted) -> str:
+    """What became of the rover after Ctrl-C."""
+    if event.failures:
+        return f"{event.name} interrupted, but not all was let go: {'; '.join(event.failures)}"
+    now = "it is still armed" if event.armed else "it is disarmed"
+    return f"{event.name} interrupted: the rover was let go, steering and throttle are its pilot's; {now}"
+
+
+def _title(event: e.RunStarted) -> str:
+    from rover_sweep.manoeuvre.sweep import Sweep
+
+    m = event.manoeuvre
+    about = f" about {m.middle:+g} us" if isinstance(m, Sweep) and m.middle else ""
+    return f"{event.name}: {m.kind.replace('_', ' ')}, +-{m.amplitude:g} us{about}"
+
+
+def _verdict(event: e.RunFinished) -> str:
+    """The verdict on a run from its telemetry; "done" for a doublet, which is kept whatever its coherence."""
+    from rover_sweep.live.verdict.run_verdict import judge
+
+    verdict = judge(event.tlog, event.span, event.name)
+    return verdict.sentence if verdict.bands or verdict.advice != "keep" else "done"

@@ -1,0 +1,48 @@
+"""A simulated rover's own numbers beside the identified ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rover_sweep.identification.pipeline import Identification
+    from rover_sweep.report.identification.comparison import Table
+    from sitl.plant.variant import PlantParameters
+
+_PHYSICAL = ("roll-yaw", "bicycle")  # models whose parameters the simulation has too
+
+
+def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
+    """True and found values of the recommended physical model, else the richest; None without one."""
+    from rover_sweep.report.identification.comparison import Cell, Table
+    from rover_sweep.report.wording.acceptance import TITLES, usable
+    from rover_sweep.report.wording.number_format import change, number, symbol, unit
+
+    models = usable(result)
+    name = next((n for n in (result.recommended, *_PHYSICAL) if n in models and n in _PHYSICAL), None)
+    if name is None:
+        return None
+    true = truth(rover)
+    rows = tuple(
+        (
+            Cell(symbol(e.name)), Cell(unit(e.unit)), Cell(number(true[e.name])), Cell(number(e.value)),
+            Cell(change(100 * (e.value / true[e.name] - 1)), "strong"),
+        )
+        for e in models[name].fit.estimates
+        if e.free and true.get(e.name)
+    )  # fmt: skip
+    note = "Cf = Cr: mean of both axles, at zero slip. τ: lag and delay of the servo."
+    if rover.effects:
+        note += f" Beyond what the models have: {', '.join(rover.effects)}."
+    headings = ("", "", "true", f"{TITLES[name]} model", "difference %")
+    return Table("Simulated rover's own numbers", headings, rows, note, 2)
+
+
+def truth(rover: PlantParameters) -> dict[str, float]:
+    """The plant's numbers by the models' names, SI units."""
+    front, rear = rover.front_cornering_stiffness, rover.rear_cornering_stiffness
+    return {
+        "C": (front + rear) / 2, "Cf": front, "Cr": rear, "Izz": rover.yaw_inertia,
+        "Ixx": rover.roll_inertia, "h": rover.cg_height_above_roll_centre, "k_phi": rover.roll_stiffness,
+        "b_phi": rover.roll_damping, "tau": rover.servo_lag + rover.servo_delay,
+    }  # fmt: skip

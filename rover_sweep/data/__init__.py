@@ -1,0 +1,1 @@
+"""What flows between the rooms: recordings, geometry, the vehicle file, intervals, result tables."""

@@ -1,0 +1,33 @@
+"""Normal tolerances of a rover about its vehicle file: smaller deviations are never a finding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How far an ordinary rover lies from its vehicle file: material sizes as standard deviations or bounds.
+
+    lag, delay [s], ratio (ln Cf/Cr), bias_ay [m/s^2], trim [rad], steering scale, speed scale (relative),
+    cg, imu [m], h, roll_inertia (relative), sensor_lag [s], velocity_gain (relative), velocity_lag [s].
+    together [s]: lag and delay, from which they are a finding. bend: of a tyre near its limit, about
+    friction^-4, F = C alpha (1 - bend (C alpha/Fz)^4/4). [material] of the vehicle file moves them.
+    """
+
+    lag: float = 0.040
+    delay: float = 0.040
+    ratio: float = 0.15
+    bias_ay: float = 0.3
+    trim: float = 0.010
+    scale: float = 0.015
+    speed: float = 0.010
+    cg: float = 0.005
+    h: float = 0.05
+    roll_inertia: float = 0.075
+    imu: float = 0.005
+    sensor_lag: float = 0.003
+    velocity_gain: float = 0.10
+    velocity_lag: float = 0.010
+    together: float = 0.072
+    bend: float = 0.7

@@ -1,0 +1,281 @@
+"""The vehicle file `rover.toml`: read, judged all at once, written without losing its comments.
+
+Sections: [vehicle], [steering], [imu], [fit] and [material]; see `example`. Any number but those of
+[material] may be `{ value = .., sd = .. }`. What a fit may change is one list, `[fit] free =
+["roll_inertia"]`, so that a reader finds all of it in one place.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+from rover_sweep.data.material_sizes import read_material
+from rover_sweep.data.vehicle_rules import FREE_KEYS, KEYS, inconsistencies, read_number, unknown_keys
+from rover_sweep.errors import UsageError
+from rover_sweep.files.documents import read_toml
+
+Model = Literal["bicycle", "roll-yaw", "lumped"]
+
+# mass, a and b are needed in every file, so only what a model needs beyond them stands here.
+NEEDED: dict[Model, tuple[str, ...]] = {
+    "bicycle": (),
+    "roll-yaw": ("sprung_mass", "cg_height_above_roll_centre", "roll_inertia"),
+    "lumped": (),
+}
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A number of the vehicle file; `sd` is its standard deviation in the same unit, None if not stated."""
+
+    value: float
+    sd: float | None = None
+
+    def __str__(self) -> str:
+        return f"{self.value:g}" if self.sd is None else f"{self.value:g} ± {self.sd:g}"
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """A rover as its file describes it, SI units.
+
+    mass, sprung_mass [kg]; cg_to_front_axle (a), cg_to_rear_axle (b) [m];
+    cg_height_above_roll_centre (h) [m]: CG of the sprung mass above the roll axis;
+    roll_inertia [kg m^2] of the sprung mass about its own CG; yaw_inertia [kg m^2] of the whole vehicle
+    about its CG; roll_yaw_inertia [kg m^2], Ixz in the sign of equation (18), 0 if not stated; friction:
+    peak side force of the tyres over their load;
+    trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right; what `bench` measures of the
+    steering: asymmetry e [-], nonlinearity c3 [1/rad^2], deadband, backlash (halves) [rad], servo_lag,
+    servo_delay [s], servo_rate_limit [rad/s], all at the road wheel;
+    imu_position [m] (forward, right, down) from the CG of the sprung mass;
+    free: the [vehicle] numbers that a fit may change; material: sizes that the file states in place of the
+    usual ones, by the keys of `material_sizes.MATERIAL`. None: not in the file.
+    """
+
+    mass: Measured
+    cg_to_front_axle: Measured
+    cg_to_rear_axle: Measured
+    name: str = ""
+    sprung_mass: Measured | None = None
+    cg_height_above_roll_centre: Measured | None = None
+    roll_inertia: Measured | None = None
+    yaw_inertia: Measured | None = None
+    roll_yaw_inertia: Measured | None = None
+    friction: Measured | None = None
+    trim_us: Measured | None = None
+    rad_per_us: Measured | None = None
+    asymmetry: Measured | None = None
+    nonlinearity: Measured | None = None
+    deadband: Measured | None = None
+    backlash: Measured | None = None
+    servo_lag: Measured | None = None
+    servo_delay: Measured | None = None
+    servo_rate_limit: Measured | None = None
+    imu_position: tuple[Measured, Measured, Measured] | None = None
+    free: tuple[str, ...] = ()
+    material: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def wheelbase(self) -> float:
+        """a + b, m."""
+        return self.cg_to_front_axle.value + self.cg_to_rear_axle.value
+
+    @property
+    def imu_iso(self) -> tuple[float, float, float]:
+        """IMU from the CG of the sprung mass in ISO axes (forward, left, up), m; at the CG if not stated."""
+        if self.imu_position is None:
+            return 0.0, 0.0, 0.0
+        forward, right, down = (m.value for m in self.imu_position)
+        return forward, 0.0 - right, 0.0 - down  # 0 - x, so that an IMU at the CG is not at -0.0
+
+    def missing_for(self, model: Model) -> tuple[str, ...]:
+        """The keys of [vehicle] that `model` needs and the file does not have."""
+        return tuple(key for key in NEEDED[model] if getattr(self, key) is None)
+
+    def require(self, model: Model) -> None:
+        """UsageError with example lines if the file lacks something that `model` needs."""
+        if missing := self.missing_for(model):
+            lines = "".join(f"\n  {KEYS[f'vehicle.{key}'].example}" for key in missing)
+            raise UsageError(
+                f"the {model} model needs {', '.join(missing)} in the vehicle file; "
+                f"add to [vehicle], as in:{lines}"
+            )
+
+    def steering(self) -> tuple[float, float]:
+        """(trim_us, rad_per_us); UsageError if the file has none."""
+        if self.trim_us is None or self.rad_per_us is None:
+            raise UsageError(
+                "the vehicle file says nothing on steering, so a PWM cannot be turned into a road-wheel "
+                f"angle; add:\n  [steering]\n  {KEYS['steering.trim_us'].example}"
+                f"\n  {KEYS['steering.rad_per_us'].example}"
+            )
+        return self.trim_us.value, self.rad_per_us.value
+
+
+def example() -> str:
+    """A commented rover.toml."""
+    return resources.files("rover_sweep.data").joinpath("rover_example.toml").read_text(encoding="utf-8")
+
+
+def load(path: str | os.PathLike[str]) -> Vehicle:
+    """Read a vehicle file; UsageError naming every problem of the file at once."""
+    return parse(_read(Path(path)), str(path))
+
+
+def parse(text: str, name: str = "rover.toml") -> Vehicle:
+    """A Vehicle from TOML text; `name` is what errors call the file. Raises UsageError as `load` does."""
+    try:
+        data = read_toml(text)
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"{name} is not valid TOML: {error}{_hint(text, str(error))}") from None
+    problems = unknown_keys(data)
+    numbers = {key: _number(data, key, problems) for key in KEYS}
+    title = _section(data, "vehicle").get("name", "")
+    if not isinstance(title, str):
+        problems.append(f'[vehicle] name is {title!r}; it must be text in quotes, as in: name = "my rover"')
+    imu = _position(data, problems)
+    free = _free(data, problems)
+    material, complaints = read_material(_section(data, "material"))
+    problems += complaints
+    values = {key: number.value for key, number in numbers.items() if number is not None}
+    problems += inconsistencies(values, tuple(m.value for m in imu) if imu else None)
+    if problems:
+        raise UsageError(_listed(name, problems))
+    fields: dict[str, Any] = {key.partition(".")[2]: number for key, number in numbers.items()}
+    return Vehicle(name=title, imu_position=imu, free=free, material=material, **fields)
+
+
+def set_number(path: str | os.PathLike[str], key: str, number: Measured) -> Vehicle:
+    """`set_numbers` of one."""
+    return set_numbers(path, {key: number})
+
+
+def set_numbers(path: str | os.PathLike[str], numbers: Mapping[str, Measured]) -> Vehicle:
+    """Write numbers by their keys ("vehicle.yaw_inertia") into the file, comments and order kept.
+
+    The new text is judged as a whole before the file is touched; returns the vehicle as it now reads.
+    """
+    import tomlkit
+
+    path = Path(path)
+    old = _read(path)
+    parse(old, str(path))
+    document: Any = tomlkit.parse(old)
+    for key, number in numbers.items():
+        _put(document, key, number)
+    text = tomlkit.dumps(document)
+    vehicle = parse(text, str(path))
+    _replace(path, text)
+    return vehicle
+
+
+def _put(document: Any, key: str, number: Measured) -> None:
+    """A number into the parsed file."""
+    import tomlkit
+
+    if key not in KEYS:
+        raise ValueError(f"{key} is not a number of the vehicle file")
+    section, _, name = key.partition(".")
+    table = document[section] if section in document else document.setdefault(section, tomlkit.table())
+    fields = {"value": number.value} | ({} if number.sd is None else {"sd": number.sd})
+    if isinstance(table.get(name), tomlkit.items.Table):  # written as [vehicle.mass]: change it in place
+        table[name].update(fields)
+    else:
+        inside = ", ".join(f"{field} = {x!r}" for field, x in fields.items())
+        table[name] = tomlkit.value(f"{{ {inside} }}")
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise UsageError(
+            f"there is no vehicle file {path}; begin one with: rover-sweep vehicle --example > {path}"
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"the vehicle file {path} cannot be read: {error}") from None
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write beside it and rename, so that a full disk does not cost the old file."""
+    beside = path.with_name(path.name + ".new")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise UsageError(f"the vehicle file {path} cannot be written: {error}") from None
+
+
+def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
+    section = data.get(name, {})
+    return section if isinstance(section, dict) else {}
+
+
+def _number(data: dict[str, Any], key: str, problems: list[str]) -> Measured | None:
+    """The number at `key`, None if absent; what is wrong with it goes to `problems`."""
+    section, _, name = key.partition(".")
+    table, rule = _section(data, section), KEYS[key]
+    if name not in table:
+        if rule.required and (section == "vehicle" or section in data):
+            problems.append(f"[{section}] {name} is missing; add a line such as: {rule.example}")
+        return None
+    pair, complaints = read_number(table[name], f"[{section}] {name}", rule)
+    problems += complaints
+    return Measured(*pair) if pair else None
+
+
+def _position(data: dict[str, Any], problems: list[str]) -> tuple[Measured, Measured, Measured] | None:
+    if "position" not in _section(data, "imu"):
+        return None
+    entry = data["imu"]["position"]
+    if not isinstance(entry, list) or len(entry) != 3:
+        problems.append(
+            f"[imu] position is {entry!r}; it must be three numbers [forward, right, down] in m, "
+            "as in: position = [0.02, 0.0, 0.05]"
+        )
+        return None
+    read = [read_number(part, f"[imu] position[{i}]", None) for i, part in enumerate(entry)]
+    problems += [complaint for _, complaints in read for complaint in complaints]
+    found = [Measured(*pair) for pair, _ in read if pair]
+    return (found[0], found[1], found[2]) if len(found) == 3 else None
+
+
+def _free(data: dict[str, Any], problems: list[str]) -> tuple[str, ...]:
+    names = _section(data, "fit").get("free", [])
+    if not isinstance(names, list):
+        problems.append(f'[fit] free is {names!r}; it must be a list, as in: free = ["roll_inertia"]')
+        return ()
+    for name in names:
+        if name not in FREE_KEYS:
+            problems.append(f"[fit] free names {name!r}, which is none of: {', '.join(FREE_KEYS)}")
+        elif name not in _section(data, "vehicle"):
+            problems.append(f"[fit] free names {name}, but [vehicle] gives no {name} to start from")
+    return tuple(dict.fromkeys(name for name in names if name in FREE_KEYS))
+
+
+def _listed(name: str, problems: list[str]) -> str:
+    if len(problems) == 1:
+        return f"{name}: {problems[0]}"
+    return f"{name} has {len(problems)} problems:" + "".join(f"\n  - {problem}" for problem in problems)
+
+
+def _hint(text: str, message: str) -> str:
+    """A word more where the commonest slip, a decimal comma or a unit after the number, is on the line."""
+    line = re.search(r"line (\d+)", message)
+    lines = text.splitlines()
+    if not line or not 0 < int(line[1]) <= len(lines):
+        return ""
+    content = lines[int(line[1]) - 1].strip()
+    if re.search(r"=\s*-?\d+,\d", content):
+        return f"; write decimals with a point: {content}"
+    if re.search(r"=\s*-?[\d.]+\s*[A-Za-z°]", content):
+        return f"; write the number alone, units are fixed: {content}"
+    return f": {content}"

@@ -1,0 +1,267 @@
+"""What may stand in a vehicle file: keys, units, examples, and what cannot be true.
+
+Every rule answers with a sentence, so that all problems of a file can be told at once.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rover_sweep.data.material_sizes import MATERIAL
+
+
+@dataclass(frozen=True)
+class Key:
+    """A number of the file. sign: +1 must be above 0, 0 may be anything."""
+
+    unit: str
+    meaning: str
+    example: str
+    sign: int = 1
+    required: bool = False
+
+
+KEYS: dict[str, Key] = {
+    "vehicle.mass": Key("kg", "mass, ready to drive", "mass = 2.66  # kg", required=True),
+    "vehicle.cg_to_front_axle": Key(
+        "m", "CG to front axle, a", "cg_to_front_axle = 0.203  # m", required=True
+    ),
+    "vehicle.cg_to_rear_axle": Key("m", "CG to rear axle, b", "cg_to_rear_axle = 0.188  # m", required=True),
+    "vehicle.sprung_mass": Key("kg", "what the springs carry", "sprung_mass = 2.40  # kg"),
+    "vehicle.cg_height_above_roll_centre": Key(
+        "m", "sprung CG over roll axis", "cg_height_above_roll_centre = 0.058  # m", sign=0
+    ),
+    "vehicle.roll_inertia": Key("kg m^2", "sprung mass about own CG", "roll_inertia = 0.0125  # kg m^2"),
+    "vehicle.yaw_inertia": Key("kg m^2", "whole vehicle about CG", "yaw_inertia = 0.069  # kg m^2"),
+    "vehicle.roll_yaw_inertia": Key(
+        "kg m^2", "product of inertia Ixz", "roll_yaw_inertia = 0.0  # kg m^2", sign=0
+    ),
+    "vehicle.friction": Key("-", "peak side force over load", "friction = 0.8"),
+    "steering.trim_us": Key("us", "PWM that drives straight", "trim_us = 1500  # us", required=True),
+    "steering.rad_per_us": Key(
+        "rad/us", "road-wheel angle per us", "rad_per_us = 0.00095  # rad/us", sign=0, required=True
+    ),
+    "steering.asymmetry": Key("-", "gain 1+e left, 1-e right", "asymmetry = 0.02", sign=0),
+    "steering.nonlinearity": Key("1/rad^2", "gain 1 + c3 u^2", "nonlinearity = 0.5  # 1/rad^2", sign=0),
+    "steering.deadband": Key("rad", "half band without an answer", "deadband = 0.002  # rad", sign=0),
+    "steering.backlash": Key("rad", "half gap at the road wheel", "backlash = 0.004  # rad", sign=0),
+    "steering.servo_lag": Key("s", "first-order lag of the servo", "servo_lag = 0.025  # s", sign=0),
+    "steering.servo_delay": Key("s", "output to first movement", "servo_delay = 0.015  # s", sign=0),
+    "steering.servo_rate_limit": Key(
+        "rad/s", "fastest rate of the road wheel", "servo_rate_limit = 6.0  # rad/s"
+    ),
+}
+SECTIONS: dict[str, tuple[str, ...]] = {
+    "vehicle": ("name", *(key.partition(".")[2] for key in KEYS if key.startswith("vehicle."))),
+    "steering": tuple(key.partition(".")[2] for key in KEYS if key.startswith("steering.")),
+    "imu": ("position",),
+    "fit": ("free",),
+    "material": tuple(MATERIAL),
+}
+FREE_KEYS = tuple(key for key in SECTIONS["vehicle"] if key not in ("name", "friction"))
+SYMBOLS = {
+    "a": "cg_to_front_axle", "b": "cg_to_rear_axle", "h": "cg_height_above_roll_centre", "m": "mass",
+    "ms": "sprung_mass", "ixx": "roll_inertia", "ixz": "roll_yaw_inertia", "izz": "yaw_inertia",
+    "mu": "friction", "trim": "trim_us",
+}  # fmt: skip
+
+WHEELBASE = (0.05, 5.0)  # m
+TRIM = (800.0, 2200.0)  # us, what a servo output can be
+LARGEST_LOCK = 60.0  # deg of road-wheel angle at 500 us
+SMALLEST_LOCK = 1.0
+# Largest size of what `bench` measures, beyond which it is a slip of units, and the unit that it was then in.
+LARGEST_OF_STEERING = {
+    "asymmetry": (0.6, "percent? give a ratio"),
+    "nonlinearity": (30.0, "per degree squared? give 1/rad^2"),
+    "deadband": (0.2, "degrees? give radians"),
+    "backlash": (0.2, "degrees? give radians"),
+    "servo_lag": (0.5, "milliseconds? give seconds"),
+    "servo_delay": (0.5, "milliseconds? give seconds"),
+    "servo_rate_limit": (100.0, "degrees per second? give rad/s"),
+}
+EITHER_SIGN = ("asymmetry", "nonlinearity")
+LARGEST_FRICTION = 2.0
+DENSEST = 5000.0  # kg per wheelbase cubed; rovers and cars have 20..200
+
+
+def unknown_keys(data: Mapping[str, Any]) -> list[str]:
+    """A sentence for each section or key that is not known, with the nearest known one."""
+    problems = []
+    for section, content in data.items():
+        if section not in SECTIONS:
+            problems.append(_unknown_section(section, content))
+        elif not isinstance(content, dict):
+            problems.append(f"{section} must be a section, written as a line [{section}]")
+        else:
+            problems += [_unknown_key(section, key) for key in content if key not in SECTIONS[section]]
+    return problems
+
+
+def _unknown_section(section: str, content: Any) -> str:
+    if not isinstance(content, dict):
+        owner = _owner(section)
+        return f"{section} stands outside a section" + (f"; it belongs under [{owner}]" if owner else "")
+    near = difflib.get_close_matches(section.lower(), SECTIONS, 1, 0.5)
+    return f"there is no section [{section}]" + (
+        f"; did you mean [{near[0]}]?" if near else f"; known are {', '.join(f'[{s}]' for s in SECTIONS)}"
+    )
+
+
+def _unknown_key(section: str, key: str) -> str:
+    owner = _owner(key)
+    if owner:
+        return f"[{section}] {key} belongs under [{owner}]"
+    everywhere = {name: s for s, names in SECTIONS.items() for name in names}
+    near = SYMBOLS.get(key.lower()) or next(
+        iter(difflib.get_close_matches(key.lower(), SECTIONS[section], 1, 0.55)),
+        next(iter(difflib.get_close_matches(key.lower(), everywhere, 1, 0.55)), None),
+    )
+    if near is None:
+        return f"[{section}] {key} is not known; [{section}] may have {', '.join(SECTIONS[section])}"
+    where = "" if near in SECTIONS[section] else f" under [{everywhere[near]}]"
+    return f"[{section}] {key} is not known; did you mean {near}{where}?"
+
+
+def _owner(key: str) -> str | None:
+    return next((section for section, names in SECTIONS.items() if key in names), None)
+
+
+def read_number(
+    entry: Any, where: str, rule: Key | None
+) -> tuple[tuple[float, float | None] | None, list[str]]:
+    """((value, sd), complaints) of a TOML entry; the pair is None where it cannot be read as a number."""
+    value, sd = entry, None
+    if isinstance(entry, dict):
+        extra = [key for key in entry if key not in ("value", "sd")]
+        if extra or "value" not in entry:
+            wrong = f"has {', '.join(extra)}" if extra else "has no value"
+            return None, [f"{where} {wrong}; write {{ value = .., sd = .. }}"]
+        value, sd = entry["value"], entry.get("sd")
+    example = f", as in: {rule.example}" if rule else " of metres"
+    if not _is_number(value):
+        quotes = " in quotes" if isinstance(value, str) else ""
+        return None, [f"{where} is {value!r}{quotes}; it must be a plain number{example}"]
+    complaints = []
+    if rule and rule.sign > 0 and value <= 0:
+        complaints.append(f"{where} is {value:g} {rule.unit}; it must be above 0")
+    if sd is not None and (not _is_number(sd) or sd < 0):
+        complaints.append(f"{where}: sd is {sd!r}; it must be a number, 0 or above")
+    elif sd is not None and rule and rule.sign > 0 and 0 < value < sd:
+        complaints.append(
+            f"{where}: sd {sd:g} is above the value {value:g}; sd is in {rule.unit}, not percent"
+        )
+    return (None, complaints) if complaints else ((float(value), None if sd is None else float(sd)), [])
+
+
+def _is_number(entry: Any) -> bool:
+    return isinstance(entry, int | float) and not isinstance(entry, bool) and math.isfinite(entry)
+
+
+def inconsistencies(values: Mapping[str, float], imu: tuple[float, ...] | None) -> list[str]:
+    """What the numbers that could be read say against one another; `values` by dotted key, `imu` in m."""
+    v = {key.partition(".")[2]: value for key, value in values.items()}
+    return [*_masses(v), *_lengths(v, imu), *_inertias(v), *_friction(v), *_steering(v)]
+
+
+def _wheelbase(v: Mapping[str, float]) -> float | None:
+    """a + b if both are there and believable, so that one slip is told once."""
+    if "cg_to_front_axle" not in v or "cg_to_rear_axle" not in v:
+        return None
+    wheelbase = v["cg_to_front_axle"] + v["cg_to_rear_axle"]
+    return wheelbase if WHEELBASE[0] <= wheelbase <= WHEELBASE[1] else None
+
+
+def _masses(v: Mapping[str, float]) -> list[str]:
+    mass, sprung, wheelbase = v.get("mass"), v.get("sprung_mass"), _wheelbase(v)
+    if mass and wheelbase and mass / wheelbase**3 > DENSEST:
+        return [
+            f"[vehicle] mass {mass:g} kg is too much for a wheelbase of {wheelbase:.3g} m; grams? give kg"
+        ]
+    if mass and sprung and sprung > mass:
+        return [
+            f"[vehicle] sprung_mass {sprung:g} kg is above mass {mass:g} kg; "
+            "it is the part of it that the springs carry"
+        ]
+    return []
+
+
+def _lengths(v: Mapping[str, float], imu: tuple[float, ...] | None) -> list[str]:
+    problems = []
+    if "cg_to_front_axle" in v and "cg_to_rear_axle" in v and _wheelbase(v) is None:
+        a, b = v["cg_to_front_axle"], v["cg_to_rear_axle"]
+        unit = "centimetres or millimetres? give metres" if a + b > 1 else "lengths are in metres"
+        problems.append(
+            f"[vehicle] cg_to_front_axle {a:g} and cg_to_rear_axle {b:g} make a wheelbase of {a + b:g} m, "
+            f"outside {WHEELBASE[0]:g}..{WHEELBASE[1]:g} m; {unit}"
+        )
+    reach = _wheelbase(v) or WHEELBASE[1]
+    h = v.get("cg_height_above_roll_centre")
+    if h is not None and abs(h) > reach:
+        problems.append(
+            f"[vehicle] cg_height_above_roll_centre {h:g} m is more than the vehicle is long; "
+            "centimetres? give metres"
+        )
+    if imu and max(abs(x) for x in imu) > 2 * reach:
+        problems.append(
+            f"[imu] position {list(imu)} m lies outside the vehicle; centimetres? give metres from the CG"
+        )
+    return problems
+
+
+def _inertias(v: Mapping[str, float]) -> list[str]:
+    """A body is not wider than its vehicle: the radius of gyration sqrt(I/m) stays below the wheelbase."""
+    problems = []
+    for key, mass_key in (("roll_inertia", "sprung_mass"), ("yaw_inertia", "mass")):
+        inertia, mass, wheelbase = v.get(key), v.get(mass_key) or v.get("mass"), _wheelbase(v)
+        if inertia and mass and wheelbase and (radius := math.sqrt(inertia / mass)) > wheelbase:
+            problems.append(
+                f"[vehicle] {key} {inertia:g} kg m^2 puts the mass {radius:.2g} m from the axis, beyond the "
+                f"wheelbase of {wheelbase:.3g} m; kg cm^2 or g m^2? give kg m^2"
+            )
+    return problems
+
+
+def _friction(v: Mapping[str, float]) -> list[str]:
+    friction = v.get("friction")
+    if friction is None or friction <= LARGEST_FRICTION:
+        return []
+    return [f"[vehicle] friction {friction:g} is beyond any tyre; percent? it is a ratio of forces, 0.3..1.2"]
+
+
+def _steering(v: Mapping[str, float]) -> list[str]:
+    problems = []
+    trim, scale = v.get("trim_us"), v.get("rad_per_us")
+    if trim is not None and not TRIM[0] <= trim <= TRIM[1]:
+        problems.append(
+            f"[steering] trim_us is {trim:g} us, outside {TRIM[0]:g}..{TRIM[1]:g} us; "
+            "it is the PWM at which the rover drives straight"
+        )
+    lock = None if scale is None else math.degrees(abs(scale) * 500)
+    if lock is not None and lock > LARGEST_LOCK:
+        problems.append(
+            f"[steering] rad_per_us {scale:g} turns the wheels by {lock:.0f} deg at 500 us; "
+            "degrees per us? give radians per us"
+        )
+    elif lock is not None and lock < SMALLEST_LOCK:
+        problems.append(
+            f"[steering] rad_per_us {scale:g} turns the wheels by only {lock:.2g} deg at 500 us; "
+            "rovers have 15..45 deg, which is 0.0005..0.0016 rad/us"
+        )
+    return problems + _bench(v)
+
+
+def _bench(v: Mapping[str, float]) -> list[str]:
+    problems = []
+    for key, (largest, slip) in LARGEST_OF_STEERING.items():
+        if key not in v:
+            continue
+        unit = KEYS[f"steering.{key}"].unit
+        if abs(v[key]) > largest:
+            problems.append(f"[steering] {key} is {v[key]:g}, beyond {largest:g} {unit}; {slip}")
+        elif v[key] < 0 and key not in EITHER_SIGN:
+            problems.append(f"[steering] {key} is {v[key]:g} {unit}; it cannot be below 0")
+    return problems

@@ -1,0 +1,259 @@
+"""What an experienced test driver would say of a design, in plain words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from firmware_params.applet_parameters import PARAMETERS
+from rover_sweep.data.recording import Note
+from rover_sweep.design.demand import (
+    APPLET_RATE,
+    FRICTION,
+    GRAVITY,
+    HORN_DEG_PER_US,
+    LEAST_SAMPLES,
+    SERVO_60_DEG,
+    SERVO_FRAMES,
+    TRIM_ERROR,
+    Design,
+    FilterEffect,
+)
+from rover_sweep.errors import UsageError
+from rover_sweep.manoeuvre.sweep import BiasSweep, Sweep
+
+LEAST_PERIODS = 4.0  # long periods in T_rec, Tischler & Remple 2012
+WEAK_AMPLITUDE, LARGE_AMPLITUDE = 50.0, 350.0  # us
+PWM_MAX = next(p.default for p in PARAMETERS if p.name == "SWP_PWM_MAX")
+NONSENSE_G, NONSENSE_WHEEL = 3.0, 45.0  # g that no tyre holds, deg that no steering turns
+WEAK_YAW_RATE, GOOD_YAW_RATE = 10.0, 40.0  # deg/s; the paper's rover reached 40..45
+
+
+def judged(design: Design, servo_60_deg: float | None = None) -> Design:
+    """The design with its notes; servo_60_deg: this rover's own servo, s for 60 deg."""
+    notes = [*_sweep(design), *_amplitude(design), *_servo(design, servo_60_deg), *_space(design)]
+    notes += [*_rates(design), *_filters(design)]
+    return replace(design, notes=tuple(notes))
+
+
+def refuse_nonsense(design: Design) -> None:
+    """UsageError for a design that no rover can drive: a mistake in the units, most likely."""
+    space, wheel = design.space, design.servo.wheel_deg
+    if wheel is not None and wheel > NONSENSE_WHEEL:
+        raise UsageError(
+            f"{design.manoeuvre.peak:g} us would turn the road wheels by {wheel:.0f} deg, which no "
+            "steering does; check rad_per_us in the vehicle file, or take less"
+        )
+    if space is not None and space.ay > NONSENSE_G * GRAVITY:
+        raise UsageError(
+            f"{space.ay / GRAVITY:.0f} g of lateral acceleration at {space.speed:g} m/s, where tyres hold "
+            f"{FRICTION[0]:g}..{FRICTION[1]:g} g; check the speed (m/s), the wheelbase and rad_per_us, or "
+            "take less"
+        )
+
+
+def _warning(text: str) -> Note:
+    return Note("warning", text)
+
+
+def _sweep(design: Design) -> list[Note]:
+    sweep, windows = design.manoeuvre, design.windows
+    if not isinstance(sweep, Sweep) or windows is None:
+        return []
+    notes = []
+    periods, longest = design.long_periods or 0.0, 2 * math.pi / sweep.w_min
+    if periods < LEAST_PERIODS:
+        notes.append(
+            _warning(
+                f"T_rec {sweep.t_rec:g} s holds {periods:.1f} periods of {sweep.w_min:g} rad/s, 4..5 "
+                f"are advised: the lowest "
+                f"frequencies will be uncertain. Take T_rec {4 * longest:.0f} s or w_min "
+                f"{4 * 2 * math.pi / sweep.t_rec:.2g} rad/s, "
+                "or drive more runs."
+            )
+        )
+    if windows.t_max < longest and sweep.t_rec / 2 >= longest:
+        needed = math.ceil(5 * longest / (sweep.duration - 2 * sweep.straight))
+        notes.append(
+            _warning(
+                f"with {_runs(design.runs)} of this sweep the longest window is {windows.t_max:.0f} s by the "
+                f"rule, too short for {sweep.w_min:g} rad/s ({longest:.0f} s): drive {needed} runs."
+            )
+        )
+    if sweep.fade == 0:
+        notes.append(
+            _warning("without a fade the wave ends in a step, which the servo cannot follow: take 1..2 s.")
+        )
+    if sweep.straight < 2:
+        notes.append(
+            _warning(
+                "less than 2 s straight before and after leaves nothing to take biases and the noise "
+                "floor from."
+            )
+        )
+    return notes
+
+
+def _runs(runs: int) -> str:
+    return "one run" if runs == 1 else f"{runs} runs"
+
+
+def _amplitude(design: Design) -> list[Note]:
+    if design.manoeuvre.amplitude < WEAK_AMPLITUDE:
+        amplitude = design.manoeuvre.amplitude
+        return [
+            _warning(
+                f"{amplitude:g} us is little: play in the steering and the servo's dead band (2..8 us) "
+                f"become part of "
+                f"what is measured; try {WEAK_AMPLITUDE:g} us or more."
+            )
+        ]
+    amplitude = design.manoeuvre.peak
+    if amplitude > LARGE_AMPLITUDE:
+        return [
+            _warning(
+                f"{amplitude:g} us comes near the end stops of most steerings (500 us and less): check "
+                f"that the linkage moves freely that far, and set SWP_PWM_MAX to {amplitude:g}."
+            )
+        ]
+    if amplitude > PWM_MAX:
+        return [
+            _warning(
+                f"{amplitude:g} us is past SWP_PWM_MAX, {PWM_MAX:g} us as it comes: the applet refuses it "
+                "until that is raised."
+            )
+        ]
+    return []
+
+
+def _servo(design: Design, own: float | None) -> list[Note]:
+    horn = design.servo.horn_deg_s
+    if horn is None:
+        return []
+    limit = 60 / (own or SERVO_60_DEG[1])
+    if horn <= limit:
+        return []
+    servo = f"your servo ({own:g} s/60 deg)" if own else f"a slow servo ({SERVO_60_DEG[1]:g} s/60 deg)"
+    fits = limit / HORN_DEG_PER_US / design.w_top
+    too_quick = ""
+    if not own and horn > 60 / SERVO_60_DEG[0]:
+        servo, fits = (
+            f"even a quick servo ({SERVO_60_DEG[0]:g} s/60 deg)",
+            60 / SERVO_60_DEG[0] / HORN_DEG_PER_US / design.w_top,
+        )
+        limit = 60 / SERVO_60_DEG[0]
+    elif not own:
+        too_quick = " Give --servo with the data sheet's figure to be sure."
+    return [
+        _warning(
+            f"at {HORN_DEG_PER_US:g} deg/us the horn must turn at {horn:.0f} deg/s at the end of the "
+            f"sweep; {servo} does {limit:.0f} "
+            f"deg/s and would "
+            f"flatten the wave. {fits:.0f} us would fit.{too_quick}"
+        )
+    ]
+
+
+def _space(design: Design) -> list[Note]:
+    space = design.space
+    if space is None:
+        return []
+    notes = []
+    share = space.ay / GRAVITY
+    if share > FRICTION[1]:
+        notes.append(
+            _warning(
+                f"{share:.2f} g of lateral acceleration: the tyres will slide on any ground. Drive "
+                f"slower or take less."
+            )
+        )
+    elif share > FRICTION[0]:
+        notes.append(
+            _warning(
+                f"{share:.2f} g of lateral acceleration slides on loose or wet ground and is far from "
+                f"linear on asphalt."
+            )
+        )
+    elif share > FRICTION[0] / 2:
+        notes.append(
+            Note(
+                "info",
+                f"{share:.2f} g of lateral acceleration: fine on dry asphalt, on loose ground the tyres "
+                f"leave their linear range.",
+            )
+        )
+    if space.yaw_rate_deg_s < WEAK_YAW_RATE:
+        more = design.manoeuvre.amplitude * GOOD_YAW_RATE / space.yaw_rate_deg_s
+        notes.append(
+            _warning(
+                f"only {space.yaw_rate_deg_s:.1f} deg/s of yaw rate, near the noise of a small IMU: "
+                f"about {more:.0f} us would give {GOOD_YAW_RATE:g}."
+            )
+        )
+    if isinstance(design.manoeuvre, BiasSweep):
+        circle = f"the bias takes the rover round in circles, {space.length:.0f} x {space.width:.0f} m."
+        notes.append(Note("info", circle))
+    elif space.heading_deg > 180:
+        text = (
+            f"the slow part turns the rover through {space.heading_deg:.0f} deg and the rest goes off at "
+            f"{abs(space.heading_end_deg):.0f} deg to the "
+            f"{'left' if space.heading_end_deg > 0 else 'right'} of where "
+            "it pointed. A higher w_min, a lower speed or less amplitude keeps it on a lane."
+        )
+        notes.append(Note("info", text))
+    notes.append(
+        Note(
+            "info",
+            f"nobody steers during the run: with the trim {TRIM_ERROR:g} us off the rover gets up to "
+            f"{space.farthest:.0f} m from "
+            "where it began. Keep that circle free, and a hand on the switch.",
+        )
+    )
+    return notes
+
+
+def _rates(design: Design) -> list[Note]:
+    rates, hertz, notes = design.rates, design.w_top / (2 * math.pi), []
+    remedy = (
+        f"set SCHED_LOOP_RATE {rates.loop_needed} and reboot"
+        if rates.loop_needed
+        else "no loop rate gives that"
+    )
+    if rates.stream < rates.good:
+        text = (
+            f"at SCHED_LOOP_RATE {rates.loop:g} telemetry comes at {rates.stream:.0f} Hz at most, "
+            f"{rates.stream / hertz:.0f} "
+            f"samples in a period of {hertz:.1f} Hz; {rates.good:.0f} Hz are good: {remedy}. A faster "
+            f"request is DENIED."
+        )
+        notes.append(Note("warning" if rates.stream < rates.least else "info", text))
+    if hertz * LEAST_SAMPLES > SERVO_FRAMES:
+        notes.append(
+            _warning(
+                f"{hertz:.1f} Hz is too fast for the chain that makes the wave: servo frames at "
+                f"{SERVO_FRAMES:g} Hz, the applet at "
+                f"about {APPLET_RATE:g} Hz. Stay below {2 * math.pi * SERVO_FRAMES / LEAST_SAMPLES:.0f} "
+                f"rad/s."
+            )
+        )
+    return notes
+
+
+def _filters(design: Design) -> list[Note]:
+    strong = [effect for effect in design.filters if effect.lag_deg > 30 or effect.gain < 0.9]
+    notes = [_warning(_filter_text(effect, design.w_top)) for effect in strong]
+    if strong:
+        text = (
+            "identify accounts for a filter that it finds in the log, but what is left of an error in "
+            "it looks "
+            "like delay, tyre stiffness and inertia: the smaller the correction, the safer."
+        )
+        notes.append(Note("info", text))
+    return notes
+
+
+def _filter_text(effect: FilterEffect, w_top: float) -> str:
+    return (
+        f"{effect.parameter} {effect.cutoff_hz:g} Hz lags {effect.lag_deg:.0f} deg ({effect.lag_ms:.0f} ms) "
+        f"at {w_top:.0f} rad/s and passes {100 * effect.gain:.0f} %: raise it to {effect.advised_hz:g} Hz."
+    )

@@ -1,0 +1,1 @@
+"""What a model is worth on runs that neither its fit nor its choice used."""

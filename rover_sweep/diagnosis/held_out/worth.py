@@ -1,0 +1,138 @@
+"""What a model is worth on runs that neither its fit nor its choice used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.held_out.cost import SWEPT, costs, frequency_responses_of
+from rover_sweep.diagnosis.problem.least_squares import fit
+from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
+from rover_sweep.diagnosis.problem.residuals import Problem, centred, with_floor
+from rover_sweep.diagnosis.result import Fit, HeldOut, Overlay
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.spectra.response import FrequencyResponse
+
+UNITS = {"r": 180 / np.pi, "ay": 1 / 0.3048, "p": 180 / np.pi}  # deg/s, ft/s^2, deg/s: those of J_rms
+SHOWN = 4  # of the simulation's samples that one of an overlay stands for
+EXPLAINABLE = 1.05  # rows' mean square before, above which there is something to remove
+
+
+@dataclass(frozen=True, eq=False)
+class Modelled:
+    """A model with its fitted coordinates."""
+
+    model: Model
+    x: Mapping[str, float]
+
+    def log(self, run: Experiment) -> dict[str, Array]:
+        """What the run's log would hold, {channel: (n,)}."""
+        return logged(run, self.model.structure, self.x, Sensors.of(run))
+
+
+@dataclass(frozen=True, eq=False)
+class Fresh:
+    """A run that neither the fit nor the choice used, with all that does not depend on the model.
+
+    responses: measured frequency responses {output: response} of a sweep, empty for other manoeuvres.
+    """
+
+    run: Experiment
+    problem: Problem
+    responses: Mapping[str, FrequencyResponse]
+
+    @staticmethod
+    def of(run: Experiment, floor: Floor, whole: Modelled) -> Fresh:
+        """The run in the noise floor of the runs that were used, at its own level."""
+        swept = run.kind in SWEPT
+        found = frequency_responses_of(run, centred(run)) if swept else {}
+        return Fresh(run, with_floor([run], _at_its_level(run, floor, whole)), found)
+
+    def squares(self, m: Modelled) -> float:
+        """Sum of squares of the whitened rows that a model leaves."""
+        rows = self.problem.measured - self.problem.model(m.model.structure, m.x)
+        return float(rows @ rows)
+
+
+def _at_its_level(run: Experiment, floor: Floor, whole: Modelled) -> Floor:
+    """The floor moved, channel by channel, to the noise that the run has where it is not excited.
+
+    A slower run shakes less. One run shows too little of a floor over frequency, so that its shape stays.
+    """
+    log = whole.log(run)
+    level = level_of(run, {c: y - log[c] for c, y in centred(run).items()}, floor)
+    return Floor(floor.f, {c: d * level.get(c, 1.0) for c, d in floor.density.items()})
+
+
+def held_out(fresh: Fresh, before: Modelled, after: Modelled) -> HeldOut:
+    """Both models on one fresh run; the mean square of a row is 1 where a model is right."""
+    left = [fresh.squares(m) for m in (before, after)]
+    noise = fresh.problem.size
+    explainable = left[0] - noise
+    share = (left[0] - left[1]) / explainable if left[0] > EXPLAINABLE * noise else None
+    return HeldOut(fresh.run.name, fit_of(fresh, before), fit_of(fresh, after), share)
+
+
+def refitted_without(effect: str, used: Problem, whole: Modelled) -> Modelled:
+    """The whole model without one of its effects, what remains fitted again to the runs that were used."""
+    rest = whole.model.without(effect)
+    found = fit(used, rest.structure, rest.free, whole.x)
+    return Modelled(rest, found.x)
+
+
+def fit_of(fresh: Fresh, m: Modelled) -> Fit:
+    """J_rms and TIC, equations (15) and (16) of the paper, biases of the outputs taken out; J of a sweep."""
+    log, data = m.log(fresh.run), centred(fresh.run)
+    errors, measured, model = [], [], []
+    for c, factor in UNITS.items():
+        if c in data:
+            y, s = factor * data[c], factor * log[c]
+            bias = np.mean(y - s)
+            errors.append(np.mean((y - s - bias) ** 2))
+            measured.append(np.mean(y**2))
+            model.append(np.mean((s + bias) ** 2))
+    rms = float(np.sqrt(np.mean(errors)))
+    tic = float(rms / (np.sqrt(np.mean(measured)) + np.sqrt(np.mean(model))))
+    return Fit(rms, tic, costs(fresh.run, fresh.responses, log) if fresh.responses else {})
+
+
+def overlays(
+    runs: Sequence[Experiment], fresh: bool, before: Modelled, after: Modelled, floor: Floor
+) -> tuple[Overlay, ...]:
+    """Measured against both models for pictures; fresh runs in the noise of their own level."""
+    out = []
+    used = floor
+    for run in runs:
+        floor = _at_its_level(run, used, after) if fresh else used
+        one, two, data = before.log(run), after.log(run), centred(run)
+        for c, y in data.items():
+            w, left_before = _spectrum(y - one[c], run, floor, c)
+            _, left_after = _spectrum(y - two[c], run, floor, c)
+            k = slice(None, None, SHOWN)
+            noise = floor.rms(c, 0.1, min(12.0, 0.4 * run.rates[c]))
+            mean1, mean2 = np.mean(y - one[c]), np.mean(y - two[c])
+            out.append(
+                Overlay(run.name, c, fresh, run.begin + run.t[k], y[k], one[c][k] + mean1, two[c][k] + mean2,
+                        noise, w, left_before, left_after)
+            )  # fmt: skip
+    return tuple(out)
+
+
+def _spectrum(error: Array, run: Experiment, floor: Floor, channel: str) -> tuple[Array, Array]:
+    """Power of a residual over that of the noise in 24 bands, with their frequencies [rad/s]."""
+    f = np.fft.rfftfreq(error.size, 1 / RATE)
+    power = np.abs(np.fft.rfft((error - error.mean()) * run.taper)) ** 2
+    power *= 2 / (RATE * np.sum(run.taper**2))
+    edges = np.geomspace(0.08, min(12.0, 0.4 * run.rates[channel]), 25)
+    w, ratio = [], []
+    for low, high in zip(edges, edges[1:], strict=False):
+        inside = (f >= low) & (f < high)
+        if inside.sum() >= 2:
+            w.append(2 * np.pi * float(np.sqrt(low * high)))
+            ratio.append(float(np.mean(power[inside] / floor.at(channel, f[inside]))))
+    return np.array(w), np.array(ratio)

@@ -1,0 +1,1 @@
+"""The linear part of an augmented model."""

@@ -1,0 +1,176 @@
+"""The rows of a linear rover's equations, by the names of its states: M x' = F x + G u, y = H0 x + H1 x'.
+
+A rover with tyres as in equation (18) of the paper as corrected, one whose yaw rate follows the steering at
+once, or the derivatives of equation (19); with it the servo, roll, relaxing tyres and the IMU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import cos, sin
+from typing import Any, Literal
+
+import numpy as np
+
+from rover_sweep.data.recording import Array
+from rover_sweep.identification.structure.state_space import Matrices
+
+FAST = 1e4  # rad/s, of a yaw rate that follows the steering at once
+Kind = Literal["tyres", "kinematic", "lumped"]
+AXES = {"v": "V_y", "p": "p", "r": "r", "phi": "phi"}
+
+
+class Equations:
+    """Rows of M, F, G filled in by the names of the states; a term is {state: factor}.
+
+    p: parameters as `linear` names them, and "V" [m/s].
+    """
+
+    def __init__(self, p: Mapping[str, Any], states: tuple[str, ...], kind: Kind) -> None:
+        self.p, self.states, self.kind = p, states, kind
+        self.slip, self.roll = "V_y" in states, "phi" in states
+        dtype = np.result_type(*(np.asarray(v).dtype for v in p.values()), float)
+        self.m, self.f = (np.zeros((len(states), len(states)), dtype) for _ in range(2))
+        self.g = np.zeros(len(states), dtype)
+
+    def matrices(self, outputs: tuple[str, ...]) -> Matrices:
+        """All of it."""
+        self._servo()
+        if self.kind == "lumped":
+            self._derivatives()
+        else:
+            self._tyres() if self.slip else self._follows()
+            if self.roll:
+                self._rolls()
+        self._velocity()
+        h0, h1 = self._outputs(outputs)
+        return Matrices(self.m, self.f, self.g, h0, h1)
+
+    def _at(self, state: str) -> int:
+        return self.states.index(state)
+
+    def _put(self, matrix: Array, row: str, terms: Mapping[str, Any]) -> None:
+        for state, factor in terms.items():
+            matrix[self._at(row), self._at(state)] += factor
+
+    def _steer(self, row: str, factor: Any) -> None:
+        """A term of a row in the true wheel angle."""
+        if "wheel" in self.states:
+            self._put(self.f, row, {"wheel": factor})
+        else:
+            self.g[self._at(row)] += factor * self.p["gain"]
+        if "e_roll" in self.p:
+            self._put(self.f, row, {"phi": factor * self.p["e_roll"]})
+
+    def _servo(self) -> None:
+        """lag d' + shape lag^2 d'' + d = gain u."""
+        if "wheel" not in self.states:
+            return
+        p = self.p
+        if "wheel_rate" in self.states:
+            self._put(self.m, "wheel", {"wheel": 1.0})
+            self._put(self.f, "wheel", {"wheel_rate": 1.0})
+            self._put(self.m, "wheel_rate", {"wheel_rate": p["lag_shape"] * p["lag"] ** 2})
+            self._put(self.f, "wheel_rate", {"wheel": -1.0, "wheel_rate": -p["lag"]})
+            self.g[self._at("wheel_rate")] = p["gain"]
+        else:
+            self._put(self.m, "wheel", {"wheel": p["lag"]})
+            self._put(self.f, "wheel", {"wheel": -1.0})
+            self.g[self._at("wheel")] = p["gain"]
+
+    def _tyres(self) -> None:
+        """Side force and yaw moment of both axles, at once or over the relaxation length."""
+        p, v = self.p, self.p["V"]
+        self._put(self.m, "V_y", {"V_y": p["m"]})
+        self._put(self.f, "V_y", {"r": -p["m"] * v})
+        self._put(self.m, "r", {"r": p["Izz"]})
+        axles = (("F_f", p["Cf"], p["a"], True), ("F_r", p["Cr"], -p["b"], False))
+        for force, c, arm, steered in axles:
+            slip = {"V_y": -c / v, "r": -c * arm / v}
+            if force in self.states:
+                self._put(self.m, force, {force: p["sigma"] / v})
+                self._put(self.f, force, {force: -1.0, **slip})
+                if steered:
+                    self._steer(force, c)
+                self._put(self.f, "V_y", {force: 1.0})
+                self._put(self.f, "r", {force: arm})
+                continue
+            for row, lever in (("V_y", 1.0), ("r", arm)):
+                self._put(self.f, row, {state: lever * factor for state, factor in slip.items()})
+                if steered:
+                    self._steer(row, lever * c)
+
+    def _follows(self) -> None:
+        """r = V d/L at once."""
+        self._put(self.m, "r", {"r": 1.0 / FAST})
+        self._put(self.f, "r", {"r": -1.0})
+        self._steer("r", self.p["V"] / self.p["L_eff"])
+
+    def _derivatives(self) -> None:
+        """V_y' + V r, p', r' of the derivatives, those by v and r over the speed."""
+        v = self.p["V"]
+        rows = {"Y": "V_y", "L": "p", "N": "r"} if self.roll else {"Y": "V_y", "N": "r"}
+        for row, state in rows.items():
+            self._put(self.m, state, {state: 1.0})
+            for column, by in AXES.items():
+                if by in self.states:
+                    per = 1.0 / v if column in "vr" else 1.0
+                    self._put(self.f, state, {by: per * self.p.get(f"{row}_{column}", 0.0)})
+            self._steer(state, self.p[f"{row}_delta"])
+        self._put(self.f, "V_y", {"r": -v})
+        if self.roll:
+            self._put(self.m, "phi", {"phi": 1.0})
+            self._put(self.f, "phi", {"p": 1.0})
+
+    def _rolls(self) -> None:
+        """(Ixx + ms h^2) p' + Ixz r' - h ms (V_y' + V r) = (ms g h - k) phi - b p, and what acts back."""
+        p, v = self.p, self.p["V"]
+        hm = p["h"] * p["ms"]
+        self._put(self.m, "p", {"p": p["Ixx"] + hm * p["h"], "r": p["Ixz"]})
+        self._put(self.f, "p", {"r": hm * v, "p": -p["b_phi"], "phi": hm * p["g"] - p["k_phi"]})
+        self._put(self.m, "phi", {"phi": 1.0})
+        self._put(self.f, "phi", {"p": 1.0})
+        if self.slip:
+            self._put(self.m, "p", {"V_y": -hm})
+            self._put(self.m, "V_y", {"p": -hm})
+            self._put(self.m, "r", {"p": p["Ixz"]})
+
+    def _velocity(self) -> None:
+        """T V_m' = V_y at the IMU - V_m - T V r: the heading runs away from a velocity that lags."""
+        if "V_m" not in self.states:
+            return
+        p = self.p
+        self._put(self.m, "V_m", {"V_m": p["vy_lag"]})
+        self._put(self.f, "V_m", {**self._at_imu(measured=True), "V_m": -1.0})
+        self._put(self.f, "V_m", {"r": -p["vy_lag"] * p["V"]})
+
+    def _at_imu(self, measured: bool) -> dict[str, Any]:
+        """Lateral velocity at the IMU by the states; V_y of derivatives is the measured one itself."""
+        away = 0.0 if measured and self.kind == "lumped" else 1.0
+        found = {"r": away * self.p["imu_x"]} | ({"V_y": 1.0} if self.slip else {})
+        return found | ({"p": -away * self.p["imu_z"]} if self.roll else {})
+
+    def _outputs(self, outputs: tuple[str, ...]) -> tuple[Array, Array]:
+        """H0, H1 of r, ay, vydot and p as the IMU shows them."""
+        p = self.p
+        rate, speed = self._at_imu(measured=False), self._at_imu(measured=True)
+        turned, tilt = p.get("yaw", 0.0), p.get("pitch", 0.0)
+        level = cos(turned)
+        ay = {"r": level * p["V"]} | ({"phi": level * p["g"]} if self.roll else {})
+        mix = (cos(tilt), sin(tilt)) if self.roll else (1.0, 0.0)
+        gain = 1.0 + p.get("vy_gain", 0.0)
+        shown: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+            "r": ({"r": mix[0]} | ({"p": mix[1]} if self.roll else {}), {}),
+            "ay": (ay, {state: level * factor for state, factor in rate.items()}),
+            "vydot": (
+                {},
+                {s: gain * k for s, k in ({"V_m": 1.0} if "V_m" in self.states else speed).items()},
+            ),
+            "p": ({"p": mix[0], "r": -mix[1]} if self.roll else {}, {}),
+        }
+        h = np.zeros((2, len(outputs), len(self.states)), self.m.dtype)
+        for row, output in enumerate(outputs):
+            for k, terms in enumerate(shown[output]):
+                for state, factor in terms.items():
+                    h[k, row, self._at(state)] += factor
+        return h[0], h[1]

@@ -1,0 +1,145 @@
+"""What is linear of an augmented model, as M x' = F x + G u(t - tau), y = H0 x + H1 x'.
+
+The rover as in equation (18) of the paper as corrected, and with it the servo's lag, the tyres' relaxation
+length, roll steer, mounting angles of the IMU and the lag of the velocity. What is not linear stands in
+`left_out`, in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rover_sweep.data.recording import LowPass
+from rover_sweep.diagnosis.linear.equations import Equations, Kind
+from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
+from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
+
+SHORTEST = 1e-5  # s, below which a lag is none
+CONSTANT = {"cross_slope", "surface_change", "clock_offset", "speed_variation"}
+NONLINEAR = {
+    "servo_rate_limit", "steering_deadband", "steering_backlash", "steering_nonlinearity",
+    "steering_asymmetry", "tyre_saturation", "load_transfer", "suspension_friction",
+}  # fmt: skip
+UNITS = {
+    "m": "kg", "ms": "kg", "h": "m", "Ixx": "kg m^2", "Izz": "kg m^2", "Ixz": "kg m^2", "a": "m", "b": "m",
+    "Cf": "N/rad", "Cr": "N/rad", "k_phi": "N m/rad", "b_phi": "N m s/rad", "g": "m/s^2", "sigma": "m",
+    "e_roll": "rad/rad", "imu_x": "m", "imu_z": "m", "L_eff": "m", "gain": "-", "lag": "s", "lag_shape": "-",
+    "vy_lag": "s", "vy_gain": "-", "pitch": "rad", "yaw": "rad", "tau": "s",
+    "late_r": "s", "late_ay": "s", "late_vydot": "s", "late_p": "s",
+}  # fmt: skip
+ROVER = ("m", "Izz", "Ixz", "a", "b", "Cf", "Cr", "g", "imu_x")
+ROLLING = ("ms", "h", "Ixx", "k_phi", "b_phi", "imu_z")
+LATE = ("late_r", "late_ay", "late_vydot", "late_p")
+OPTIONAL = ("sigma", "e_roll", "lag", "lag_shape", "vy_lag", "vy_gain", "pitch", "yaw", *LATE)
+
+
+def linear(model: AugmentedModel) -> ModelStructure:
+    """The linear part about straight driving; its parameters are the physical numbers, all fixed.
+
+    Outputs r, ay, vydot and, with roll, p, at the IMU; delays of the steering and of the channels beside.
+    """
+    values = _values(model)
+    slip, roll = model.structure.slip, model.structure.roll
+    kind: Kind = "lumped" if model.lumped else "tyres" if slip else "kinematic"
+    states = _states(values, slip, roll)
+    outputs = ("r", "ay", "vydot", "p") if roll else ("r", "ay", "vydot")
+    late = {o: f"late_{o}" for o in outputs if f"late_{o}" in values}
+
+    def build(p: Mapping[str, Any]) -> Matrices:
+        return Equations(p, states, kind).matrices(outputs)
+
+    return ModelStructure(
+        name=model.name,
+        states=states,
+        outputs=outputs,
+        parameters=tuple(Parameter(name, _unit(name), value) for name, value in values.items()),
+        build=build,
+        reference="equation (18) as corrected, with what was found to be missing",
+        input_delays={"delta": "tau"},
+        output_delays=late,
+        units={"wheel": "rad", "wheel_rate": "rad/s", "F_f": "N", "F_r": "N", "V_m": "m/s"},
+    )
+
+
+def hidden_filters(model: AugmentedModel) -> dict[str, LowPass]:
+    """{channel: low-pass} that nobody knew of, behind which the known ones are."""
+    if "sensor_filter" not in model.effects:
+        return {}
+    gyro, accel = (model.value(f"sensor_filter.{name}") for name in ("gyro_hz", "accel_hz"))
+    source = "found by the diagnosis"
+    found = {c: LowPass(1.0 / gyro, source) for c in ("r", "p") if gyro > 0}
+    return found | ({"ay": LowPass(1.0 / accel, source)} if accel > 0 else {})
+
+
+def left_out(model: AugmentedModel) -> list[str]:
+    """What the linear model lacks and why, one sentence each."""
+    out = []
+    for effect in model.added:
+        if effect.id in NONLINEAR | CONSTANT:
+            numbers = ", ".join(f"{p} = {v:.4g} {unit}" for p, (v, unit, _) in model.reported(effect).items())
+            why = "is not linear" if effect.id in NONLINEAR else "is no part of a linear model of the rover"
+            out.append(f"{effect.id} ({effect.equation}; {numbers}) {why}")
+    constants = {"trim": ("trim of the steering", "rad"), "bias_ay": ("constant of a_y", "m/s^2")}
+    for name, (what, unit) in constants.items():
+        if abs(model.value(name)) > 1e-6:
+            out.append(f"the {what}, {model.value(name):.3g} {unit}, is a constant")
+    if model.value("bend") > 0.0:
+        out.append(f"the bend of the tyres near their limit, {model.value('bend'):.2g}, is not linear")
+    if (scale := model.value("vscale")) != 0.0:
+        out.append(f"the log's speed, which is to be multiplied by {1 + scale:.4f}; here the true one counts")
+    return out
+
+
+def _values(model: AugmentedModel) -> dict[str, float]:
+    """The parameters that this model has."""
+    n, x = model.numbers, model.value
+    delay, late = _delays(model)
+    roll = model.structure.roll
+    own: tuple[str, ...] = ("Izz", "Ixz", "g", "imu_x", "L_eff") if "L_eff" in n else ROVER
+    rolling: tuple[str, ...] = ROLLING
+    if model.lumped:
+        own, rolling = (*(name for name in DERIVATIVES if name in n), "g", "imu_x"), ("imu_z",)
+    every = n | {
+        "gain": 1.0 + x("scale"), "lag": x("lag"), "lag_shape": x("lag_shape"),
+        "vy_lag": x("vy_lag"), "vy_gain": x("vy_gain"),
+        "pitch": x("imu_tilt.pitch"), "yaw": x("imu_tilt.yaw"),
+        "tau": delay, **late,
+    }  # fmt: skip
+    names = [*own, *(rolling if roll else ()), "gain", "tau"]
+    names += [
+        o for o in OPTIONAL if abs(every.get(o, 0.0)) > SHORTEST and (roll or o not in ("e_roll", "late_p"))
+    ]
+    return {name: every[name] for name in names}
+
+
+def _unit(name: str) -> str:
+    """Of a parameter; a derivative's is its row's per its column's, those by v and r times the speed."""
+    row, _, column = name.partition("_")
+    if name not in DERIVATIVES:
+        return UNITS[name]
+    per = {"v": " ", "r": " m/rad ", "p": " s/rad ", "phi": "/rad ", "delta": "/rad "}[column].rstrip()
+    return f"{'m/s^2' if row == 'Y' else 'rad/s^2'}{per}"
+
+
+def _delays(model: AugmentedModel) -> tuple[float, dict[str, float]]:
+    """Delay of the steering [s] and {"late_<output>": what that lags it by}, none of them negative.
+
+    A clock's offset is no delay of the rover: the usual one is taken there.
+    """
+    from rover_sweep.diagnosis.effects.clock_offset import USUAL_DELAY
+
+    delay = USUAL_DELAY if "clock_offset" in model.effects else model.value("delay")
+    lags = {name: model.value(f"{name.removeprefix('late_')}_lag") for name in ("late_ay", "late_p")}
+    early = max(min(0.0, *lags.values()), -delay)
+    return delay + early, {name: max(lags.get(name, 0.0) - early, 0.0) for name in LATE}
+
+
+def _states(values: Mapping[str, float], slip: bool, roll: bool) -> tuple[str, ...]:
+    found = []
+    if "lag" in values:
+        found += ["wheel", "wheel_rate"] if "lag_shape" in values else ["wheel"]
+    found += ["V_y", "r"] if slip else ["r"]
+    found += ["p", "phi"] if roll else []
+    found += ["F_f", "F_r"] if slip and "sigma" in values else []
+    return (*found, "V_m") if "vy_lag" in values else tuple(found)

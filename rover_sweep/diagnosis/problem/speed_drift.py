@@ -1,0 +1,43 @@
+"""The slow error of a measured speed, as a nuisance of every recording.
+
+The model is driven by the speed that an EKF estimated out of GPS and accelerometer. Its error of one or two
+centimetres per second wanders within seconds and multiplies the yaw rate, so what it leaves grows with the
+amplitude and would pass for an effect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rover_sweep.diagnosis.problem.least_squares import Fitted
+from rover_sweep.diagnosis.problem.residuals import Problem, whitened
+from rover_sweep.diagnosis.problem.signatures import Signature
+from rover_sweep.diagnosis.simulation.simulator import logged
+
+ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers state .05 m/s before filtering
+FASTEST = 0.3  # Hz; the accelerometer holds the estimate over shorter times
+
+
+def wander(problem: Problem, fitted: Fitted) -> list[Signature]:
+    """Rows of the speed errors of each run, cosines and sines up to `FASTEST`, at one standard deviation."""
+    out = []
+    for k, (run, sensors) in enumerate(zip(problem.runs, problem.sensors, strict=True)):
+        rows = tuple(r for r in problem.rows if r.run == k)
+        now = logged(run, fitted.structure, fitted.x, sensors)
+        length = float(run.t[-1])
+        waves = int(FASTEST * length)
+        for wave in range(1, waves + 1):
+            for phase in (0.0, 0.5 * np.pi):
+                error = ERROR / np.sqrt(waves) * np.cos(2 * np.pi * wave * run.t / length + phase)
+                moved = logged(replace(run, speed=run.speed + error), fitted.structure, fitted.x, sensors)
+                change = {c: moved[c] - now[c] for c in moved}
+                column = np.zeros(problem.size)
+                logs = [change if r == k else {} for r in range(len(problem.runs))]
+                parts, start = whitened(rows, problem.runs, logs), 0
+                for r in rows:
+                    column[r.start : r.start + r.size] = parts[start : start + r.size]
+                    start += r.size
+                out.append(Signature("speed", f"{run.name} {wave}", ERROR, True, column))
+    return out

@@ -1,0 +1,1 @@
+"""Which effects to add: scores, thresholds, look-alikes, bounds, rounds."""

@@ -1,0 +1,29 @@
+"""From which size an effect counts, where the vehicle file moves what an ordinary rover has anyhow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from rover_sweep.data.geometry import GRAVITY
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.effects import Effect
+
+EARLIER = 0.008  # s that an answer must precede its command by, for the clocks to be blamed
+
+
+def material_sizes(effect: Effect, spread: Tolerances) -> dict[str, float]:
+    """{parameter: coordinate} that it must exceed: the effect's own, or that of the rover's spread."""
+    moved: Mapping[str, Mapping[str, float]] = {
+        "front_rear_stiffness": {"ratio": spread.ratio},
+        "imu_tilt": {"roll": spread.bias_ay / GRAVITY},
+        "steering_trim": {"u0": spread.trim},
+        "velocity_lag": {"T": spread.velocity_lag},
+    }
+    own = {p.name: effect.material.get(p.name, 2.0 * p.tiny) for p in effect.parameters}
+    return {name: size for name, size in {**own, **moved.get(effect.id, {})}.items() if size > 0}
+
+
+def counts(effect: Effect, x: Mapping[str, float], spread: Tolerances) -> bool:
+    """True where any parameter of the effect at the coordinates x is more than a nuisance on this rover."""
+    return replace(effect, material=material_sizes(effect, spread)).counts(x)

@@ -1,0 +1,113 @@
+"""Values of a fitted model's parameters with 90 % intervals.
+
+Two things spread an estimate: noise, by the curvature of the cost, and that no model is exact. The second
+shows where runs, channels and octaves pull at a parameter with more than their noise, so the spread of
+their pulls is added (a cluster-robust covariance, Liang and Zeger 1986).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import exp
+
+import numpy as np
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.result import EffectValue
+from rover_sweep.diagnosis.search.rounds import Round
+
+DRAWS = 400
+LEVEL = (5.0, 95.0)  # percent
+OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
+FEWEST = 4  # lines of an octave that pull together
+
+
+def draws(last: Round, seed: int) -> list[dict[str, float]]:
+    """Coordinates drawn from the Gaussian at the fit, held within the bounds."""
+    fitted = last.fitted
+    scale = np.array([c.scale for c in fitted.free])
+    values, axes = np.linalg.eigh(_covariance(last))
+    random = np.random.default_rng(seed)
+    moves = random.standard_normal((DRAWS, scale.size)) * np.sqrt(np.maximum(values, 0.0)) @ axes.T
+    centre = np.array([fitted.x[c.name] for c in fitted.free])
+    low, high = np.array([c.low for c in fitted.free]), np.array([c.high for c in fitted.free])
+    drawn = np.clip(centre + moves * scale, low, high)
+    names = [c.name for c in fitted.free]
+    return [{**fitted.x, **dict(zip(names, map(float, row), strict=True))} for row in drawn]
+
+
+def _covariance(last: Round) -> Array:
+    """Of the coordinates over their scales (k, k)."""
+    fitted = last.fitted
+    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
+    inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-6))
+    pulls = _pulls(last)
+    pulls = pulls - pulls.mean(axis=0)
+    spread = pulls.T @ pulls * (len(pulls) / max(len(pulls) - 1, 1))
+    return np.asarray(inverse * last.fitted.overdispersion + inverse @ spread @ inverse)
+
+
+def _pulls(last: Round) -> Array:
+    """(groups, k): how much the residual of each octave of each channel of each run pulls at a coordinate."""
+    fitted, out = last.fitted, []
+    for rows in last.problem.rows:
+        for low, high in zip(OCTAVES, OCTAVES[1:], strict=False):
+            lines = rows.start + np.flatnonzero((rows.f >= low) & (rows.f < high))
+            if lines.size >= FEWEST:
+                both = np.concatenate((lines, lines + rows.bins.size))
+                out.append(fitted.jacobian[both].T @ fitted.rows[both])
+    return np.array(out)
+
+
+def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
+    """The parameters that a user reads of an effect."""
+    out, drawn = [], _doubted(effect, drawn)
+    for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
+        low, high = _span(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
+        begin = _begin(last) if effect.stage == "grip" and name == "t" else 0.0
+        found = EffectValue(name, unit, value + begin, _number(low + begin), _number(high + begin), meaning)
+        out.append(found if np.isfinite(value) else _absent(found))
+    return tuple(out)
+
+
+def _doubted(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str, float]]:
+    """The draws with what no data of this kind can tell."""
+    random = np.random.default_rng(len(drawn))
+    out = drawn
+    for parameter, size in effect.doubt.items():
+        name = effect.reads.get(parameter, effect.key(parameter))
+        moves = size * effect.per.get(parameter, 1.0) * random.standard_normal(len(out))
+        out = [{**x, name: x.get(name, 0.0) + float(move)} for x, move in zip(out, moves, strict=True)]
+    return out
+
+
+def _begin(last: Round) -> float:
+    """Start of the run in which a change happened, on its recording's clock [s]."""
+    return next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
+
+
+def nominal_values(last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
+    """The physical parameters of the nominal model, refitted together with the effects."""
+    out = []
+    for c in last.fitted.free:
+        if c.parameter:
+            low, high = _span(drawn, lambda x, n=c.name: exp(x[n]))  # type: ignore[misc]
+            out.append(EffectValue(c.parameter, c.unit, exp(last.fitted.x[c.name]), low, high))
+    return tuple(out)
+
+
+def _span(drawn: list[dict[str, float]], of: Callable[[Mapping[str, float]], float]) -> tuple[float, float]:
+    values: Array = np.array([of(x) for x in drawn])
+    values = np.where(np.isfinite(values), values, 1e12)
+    low, high = np.percentile(values, LEVEL)
+    return float(low), float(high)
+
+
+def _number(x: float) -> float | None:
+    return float(x) if np.isfinite(x) and abs(x) < 1e9 else None
+
+
+def _absent(v: EffectValue) -> EffectValue:
+    """A limit or a cut-off that is not there: its lower bound alone says something."""
+    return EffectValue(v.name, v.unit, 1e9, v.low, None, f"{v.meaning}; not there")

@@ -1,0 +1,160 @@
+"""Which effects could be missing from a model, and how a model looks with one more or one less."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.effects import Effect, library
+from rover_sweep.diagnosis.simulation import lumped_baseline
+from rover_sweep.diagnosis.simulation.experiment import Experiment
+from rover_sweep.diagnosis.simulation.nominal import Coordinate, coordinates
+from rover_sweep.diagnosis.simulation.simulator import Structure
+
+WHOLE = ("tyre_slip", "roll_dof")  # add a degree of freedom, rather than a term
+SAME_SPEED = 0.12
+
+
+@dataclass(frozen=True)
+class Model:
+    """A baseline with named effects: what is simulated and what is fitted.
+
+    baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". effects: ids. happened_in: run of a surface
+    change.
+    """
+
+    baseline: str
+    rover: Geometry
+    spread: Tolerances
+    effects: tuple[str, ...] = ()
+    happened_in: str = ""
+    two_clocks: bool = False
+
+    @property
+    def slip(self) -> bool:
+        """True where the tyres slip."""
+        return self.baseline != "kinematic" or "tyre_slip" in self.effects
+
+    @property
+    def roll(self) -> bool:
+        """True where the body rolls."""
+        if self.baseline == "lumped":
+            return bool(self.rover.sprung_mass and self.rover.h and self.rover.roll_inertia)
+        return self.baseline == "roll-yaw" or "roll_dof" in self.effects
+
+    @property
+    def lumped(self) -> bool:
+        """True where derivatives stand in place of tyres and springs."""
+        return self.baseline == "lumped"
+
+    @property
+    def structure(self) -> Structure:
+        """What is simulated."""
+        found = tuple(library()[e] for e in self.effects if e not in WHOLE)
+        # V_y of derivatives is that which is measured, at the IMU
+        rover = replace(self.rover, imu_x=0.0, imu_z=0.0) if self.lumped else self.rover
+        return Structure(rover, self.slip, self.roll, found, self.happened_in, self.lumped)
+
+    @property
+    def free(self) -> tuple[Coordinate, ...]:
+        """What is fitted: the nominal coordinates, those that an effect releases without prior, its own."""
+        nominal = self._nominal()
+        released = {k: v for e in self.effects for k, v in self._released(library()[e]).items()}
+        out = [
+            replace(c, low=released[c.name][0], high=released[c.name][1], prior=None)
+            if c.name in released
+            else c
+            for c in nominal
+        ]
+        for name in self.effects:
+            out += own(library()[name])
+        return tuple(out)
+
+    def _nominal(self) -> tuple[Coordinate, ...]:
+        if not self.lumped:
+            return coordinates(self.baseline, self.rover, self.spread, self.slip, self.roll)
+        common = coordinates(self.baseline, self.rover, self.spread, False, False)
+        steering = tuple(c for c in common if c.name != "scale")  # Y_delta, L_delta and N_delta hold it
+        return (*steering, *lumped_baseline.derivatives(self.rover, self.roll))
+
+    def _released(self, effect: Effect) -> Mapping[str, tuple[float, float]]:
+        """With one clock an offset is told from a delay only where the answer comes before the command."""
+        if effect.id == "clock_offset" and not self.two_clocks:
+            return {"delay": (effect.releases["delay"][0], self.spread.delay)}
+        return effect.releases
+
+    def with_effect(self, effect: str, run: str = "") -> Model:
+        """This model and one effect more; run: where it happened."""
+        return replace(self, effects=(*self.effects, effect), happened_in=run or self.happened_in)
+
+    def without(self, effect: str) -> Model:
+        """This model without one of its effects."""
+        return replace(self, effects=tuple(e for e in self.effects if e != effect))
+
+
+def own(effect: Effect) -> list[Coordinate]:
+    """The coordinates that an effect adds (not those that it releases)."""
+    if effect.id in WHOLE or not effect.adds:
+        return []
+    return [
+        Coordinate(effect.key(p.name), 0.0, p.low, p.high, p.size)
+        for p in effect.parameters
+        if p.name in effect.adds
+    ]
+
+
+def possible(
+    model: Model, runs: Sequence[Experiment], only: Collection[str] = (), without: Collection[str] = ()
+) -> tuple[list[Effect], dict[str, str]]:
+    """(effects that these runs could show in addition, {effect: why it cannot be seen}).
+
+    What acts on the speed is no part of them: the measured speed drives the model, `speed_loss` judges it.
+    """
+    found, unseen = [], {}
+    for effect in library().values():
+        if effect.stage == "speed" or effect.id in model.effects or effect.id in without:
+            continue
+        if only and effect.id not in only:
+            continue
+        why = why_unseen(effect, model, runs)
+        if why:
+            unseen[effect.id] = why
+        else:
+            found.append(effect)
+    return found, unseen
+
+
+def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
+    """Why an effect cannot show in these runs beside this model, "" where it can."""
+    recorded = {c for run in runs for c in run.measured}
+    has = "roll-yaw" if model.slip and model.roll else "bicycle" if model.slip else "kinematic"
+    has = "lumped" if model.lumped else has
+    if effect.id in WHOLE:
+        if model.baseline not in effect.baselines:
+            return "its derivatives hold it" if model.lumped else "the baseline has it"
+    elif has not in effect.baselines:
+        return f"acts in {' or '.join(effect.baselines)} models, the baseline is {has}"
+    if not recorded & set(effect.channels):
+        return f"none of {', '.join(effect.channels)} was recorded"
+    if effect.id == "imu_tilt" and model.lumped:
+        return "its derivatives hold what mixes p and r, and bias_ay a constant"
+    if effect.id == "imu_offset" and model.lumped and "vy" not in recorded:
+        return "no V_y was recorded, without which the derivatives hold it"
+    if effect.id == "cross_slope" and not any(run.has_heading for run in runs):
+        return "no heading was recorded"
+    if effect.id == "roll_dof" and not (
+        model.rover.sprung_mass and model.rover.h and model.rover.roll_inertia
+    ):
+        return "the vehicle file has no sprung mass, height or roll inertia"
+    return ""
+
+
+def speeds_of(runs: Sequence[Experiment]) -> list[float]:
+    """Mean speeds that differ by more than 12 %, m/s."""
+    out: list[float] = []
+    for speed in sorted(run.mean_speed for run in runs):
+        if not out or speed > out[-1] * (1 + SAME_SPEED):
+            out.append(speed)
+    return out

@@ -1,0 +1,119 @@
+"""A run as the diagnosis sees it: steering, speed and heading on one grid, and what was measured there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.fft import next_fast_len
+
+from rover_sweep.data.recording import Array, LowPass, Recording
+
+RATE = 200.0  # Hz, of the simulation
+MARGIN = 1.5  # s of driving taken before and after the manoeuvre, where it was recorded
+CHANNELS = ("r", "ay", "p", "vy")
+SMOOTH = 0.25  # s
+SLOWEST = 0.4  # m/s; below it a slip angle means nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """One run on a grid of `RATE` Hz, ISO axes, SI units.
+
+    t (n,) s from the run's start; steer (n,) rad commanded road-wheel angle; speed (n,) m/s measured
+    forward velocity, smoothed over .25 s; heading (n,) rad, left positive, zero where none was recorded.
+    measured: {channel: (n,)} of r, ay, p, vy. at_rest: {channel: mean at standstill}. filters: known
+    low-passes. taper (n,): 0 at both ends, 1 between. rates: {channel: sampling rate, Hz}.
+    begin: of t, on the recording's clock [s]. two_clocks: steering and motion come from different clocks.
+    """
+
+    name: str
+    kind: str
+    t: Array
+    steer: Array
+    speed: Array
+    heading: Array
+    measured: Mapping[str, Array]
+    at_rest: Mapping[str, float]
+    filters: Mapping[str, LowPass]
+    taper: Array
+    rates: Mapping[str, float] = field(default_factory=dict)
+    has_heading: bool = False
+    two_clocks: bool = False
+    steer_rate: float = 0.0
+    begin: float = 0.0
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean forward speed, m/s."""
+        return float(np.mean(self.speed))
+
+    @property
+    def amplitude(self) -> float:
+        """Largest steering angle, rad."""
+        return float(np.max(np.abs(self.steer))) if self.steer.size else 0.0
+
+
+def experiment(run: Recording) -> Experiment:
+    """The run between `MARGIN` before and after its manoeuvre, as far as the rover was driving there."""
+    start, end = _driven(run)
+    grid = start + np.arange(_fast(int((end - start) * RATE) + 1)) / RATE
+    measured = {c: run[c].on(grid) for c in CHANNELS if c in run}
+    speed = smoothed(run["speed"].on(grid))
+    heading = np.unwrap(run["psi"].on(grid)) if "psi" in run else np.zeros(grid.size)
+    rest = {c: run.bias(c) for c in measured}
+    return Experiment(
+        run.name,
+        run.kind,
+        grid - grid[0],
+        run["delta"].on(grid),
+        np.maximum(speed, SLOWEST),
+        heading,
+        measured,
+        {c: b for c, b in rest.items() if b is not None},
+        run.filters,
+        tapered(grid.size),
+        {c: run[c].rate for c in measured},
+        "psi" in run,
+        len({_clock(run, c) for c in ("delta", "r")}) > 1,
+        run["delta"].rate,
+        float(grid[0]),
+    )
+
+
+def _fast(n: int) -> int:
+    """The largest length up to n whose transform is quick."""
+    while n > 16 and next_fast_len(n, real=True) != n:
+        n -= 1
+    return n
+
+
+def _clock(run: Recording, channel: str) -> str:
+    """Which file a channel came from: MAVLink message names are upper case words, DataFlash ones short."""
+    message = run[channel].source.partition(".")[0]
+    return "tlog" if "_" in message or message == "ATTITUDE" else "vehicle"
+
+
+def _driven(run: Recording) -> tuple[float, float]:
+    start, end = run.span
+    speed = run["speed"]
+    slow = speed.t[speed.x < SLOWEST]
+    before, after = slow[slow < start], slow[slow > end]
+    first = max(start - MARGIN, float(before[-1]) if before.size else -np.inf, float(speed.t[0]))
+    last = min(end + MARGIN, float(after[0]) if after.size else np.inf, float(speed.t[-1]))
+    return min(first, start), max(last, end)
+
+
+def smoothed(x: Array) -> Array:
+    """A speed (n,) as a run keeps it: the mean of `SMOOTH` about each sample."""
+    width = int(SMOOTH * RATE) | 1
+    padded = np.pad(x, width // 2, mode="edge")
+    return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+
+
+def tapered(n: int) -> Array:
+    """Weight (n,) that rises and falls as a raised cosine over the first and last second."""
+    edge = min(int(RATE), n // 4)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / max(edge, 1))
+    return np.concatenate((ramp, np.ones(n - 2 * edge), ramp[::-1]))

@@ -1,0 +1,116 @@
+"""The lumped (Taylor series) model as a baseline, equation (19) of the paper, driven at the measured speed.
+
+    v' + V r = (Y_v v + Y_r r)/V + Y_p p + Y_phi phi + Y_delta d,   p' and r' alike with L and N
+
+Tyre forces go with v/V and r/V, so the derivatives by v and r stand times the speed here, which makes them
+hold at every speed; at one speed they are those of `identify.models.lumped`. v is V_y where it is measured:
+the place of the IMU counts from there. Without V_y the derivatives take that place up. Axes ISO, SI units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numba import njit
+
+from rover_sweep.data.geometry import GRAVITY, Geometry
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.simulation.nominal import Coordinate
+from rover_sweep.identification.models.lumped import lumped as identified
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+
+ROWS = ("Y", "L", "N")
+COLUMNS = ("v", "p", "r", "phi", "delta")
+PER_SPEED = ("v", "r")
+REACH = 10.0  # of a derivative's first value, or of a tenth of its row's middle one: what is free runs away
+STARTED_AT = 1.0  # m/s; the derivatives times the speed do not depend on it
+
+
+def derivatives(rover: Geometry, roll: bool) -> tuple[Coordinate, ...]:
+    """The coordinates "Y_v" .. "N_delta", those by v and r times the speed; without roll none by p or phi."""
+    first = _first(rover, roll)
+    rows = {row: {c: first[f"{row}_{c}"] for c in COLUMNS if f"{row}_{c}" in first} for row in ROWS}
+    out = []
+    for row, values in rows.items():
+        middle = float(np.median(np.abs(list(values.values())))) if values else 0.0
+        for column, value in values.items():
+            size = max(abs(value), 0.1 * middle)
+            reach = REACH * size
+            out.append(Coordinate(f"{row}_{column}", value, -reach, reach, 0.3 * size, 0.5 * reach))
+    return tuple(out)
+
+
+def _first(rover: Geometry, roll: bool) -> dict[str, float]:
+    """First values out of the rover's numbers: those of the roll-yaw model, or of the bicycle."""
+    if roll:
+        values = identified(rover, roll_yaw(rover), STARTED_AT).values
+        return {f"{row}_{c}": values[f"{row}_{c}"] for row in ROWS for c in COLUMNS}
+    stiffness = 3.0 * rover.mass * GRAVITY / 2
+    inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
+    apart, about = rover.a - rover.b, rover.a**2 + rover.b**2
+    side = {"v": -2.0, "r": -apart, "delta": 1.0}
+    yaw = {"v": -apart, "r": -about, "delta": rover.a}
+    return {f"Y_{c}": k * stiffness / rover.mass for c, k in side.items()} | {
+        f"N_{c}": k * stiffness / inertia for c, k in yaw.items()
+    }
+
+
+def start(parameters: Mapping[str, float], speed: float) -> dict[str, float]:
+    """Coordinates out of the derivatives of a lumped model that was identified at a speed [m/s]."""
+    names = [(row, c) for row in ROWS for c in COLUMNS if f"{row}_{c}" in parameters]
+    return {f"{row}_{c}": parameters[f"{row}_{c}"] * (speed if c in PER_SPEED else 1.0) for row, c in names}
+
+
+def motion(delta: Array, speed: Array, pushed: Array, x: Mapping[str, float], dt: float) -> dict[str, Array]:
+    """Motion {name: (n,)} as that of the other baselines. pushed (n,): side force per mass, m/s^2."""
+    table = np.array([[x.get(f"{row}_{c}", 0.0) for c in COLUMNS] for row in ROWS])
+    y = _states(delta, speed, pushed, table, dt)
+    names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
+    found = {name: y[:, k] for k, name in enumerate(names)}
+    # V_y is v itself, while the sensors move "v" to the IMU
+    found["v"] = found["v"] - x.get("imu_x", 0.0) * found["r"] + x.get("imu_z", 0.0) * found["p"]
+    return found
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _rates(x, out, d, speed, push, q):  # type: ignore[no-untyped-def]
+    v, r, phi, p = x[0], x[1], x[2], x[3]
+    vs, rs = v / speed, r / speed
+    across = q[0, 0] * vs + q[0, 1] * p + q[0, 2] * rs + q[0, 3] * phi + q[0, 4] * d + push
+    out[0] = across - speed * r
+    out[1] = q[2, 0] * vs + q[2, 1] * p + q[2, 2] * rs + q[2, 3] * phi + q[2, 4] * d
+    out[2] = p
+    out[3] = q[1, 0] * vs + q[1, 1] * p + q[1, 2] * rs + q[1, 3] * phi + q[1, 4] * d
+    return across
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _states(steer, speed, push, q, dt):  # type: ignore[no-untyped-def]
+    """(n, 7): v, r, phi, p, v' + V r, r', p' driven by steer (n,) rad at speed (n,) m/s; RK4 of step dt."""
+    n = steer.size
+    y = np.zeros((n, 7))
+    x, xs = np.zeros(4), np.zeros(4)
+    k1, k2, k3, k4 = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
+    for k in range(n):
+        across = _rates(x, k1, steer[k], speed[k], push[k], q)
+        y[k, 0], y[k, 1], y[k, 2], y[k, 3] = x[0], x[1], x[2], x[3]
+        y[k, 4], y[k, 5], y[k, 6] = across, k1[1], k1[3]
+        if k + 1 == n:
+            break
+        d, v = 0.5 * (steer[k] + steer[k + 1]), 0.5 * (speed[k] + speed[k + 1])
+        f = 0.5 * (push[k] + push[k + 1])
+        for i in range(4):
+            xs[i] = x[i] + 0.5 * dt * k1[i]
+        _rates(xs, k2, d, v, f, q)
+        for i in range(4):
+            xs[i] = x[i] + 0.5 * dt * k2[i]
+        _rates(xs, k3, d, v, f, q)
+        for i in range(4):
+            xs[i] = x[i] + dt * k3[i]
+        _rates(xs, k4, steer[k + 1], speed[k + 1], push[k + 1], q)
+        for i in range(4):
+            x[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+            if not abs(x[i]) < 1e3:  # an unstable trial of the fit
+                x[i] = 0.0
+    return y

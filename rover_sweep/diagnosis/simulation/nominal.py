@@ -1,0 +1,79 @@
+"""The nominal model of a baseline: its coordinates, with what is known of each beforehand.
+
+Every rover has a little of everything (left_out_physics, material size): a lag and a delay up to 40 ms,
+Cf and Cr within 15 %, a steering scale within 3 % ... are coordinates of the nominal model, with the
+material size as bound or as a prior, so that they are never a finding. Positive physical numbers move as
+logarithms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, pi
+
+from rover_sweep.data.geometry import GRAVITY, Geometry
+from rover_sweep.data.tolerances import Tolerances
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A number that the fit moves. prior: standard deviation about `start`, None where nothing is known."""
+
+    name: str
+    start: float
+    low: float
+    high: float
+    scale: float
+    prior: float | None = None
+    parameter: str = ""
+    """Name of the physical parameter whose logarithm it is."""
+    unit: str = ""
+
+
+def coordinates(
+    baseline: str, rover: Geometry, spread: Tolerances, slip: bool, roll: bool
+) -> tuple[Coordinate, ...]:
+    """The coordinates of a baseline ("kinematic", "bicycle", "roll-yaw"); slip, roll: what it now has."""
+    s = spread
+    out = [
+        Coordinate("lag", 0.02, 0.0, s.lag, 0.01),
+        Coordinate("lag_shape", 0.1, 0.0, 0.5, 0.1, 0.2),  # first order to a damping of .71
+        Coordinate("delay", 0.015, 0.0, s.delay, 0.01),
+        Coordinate("scale", 0.0, -3 * s.scale, 3 * s.scale, 0.02, s.scale),
+        Coordinate("vscale", 0.0, -3 * s.speed, 3 * s.speed, 0.02, s.speed),
+        Coordinate("trim", 0.0, -s.trim, s.trim, 0.005),
+        Coordinate("bias_ay", 0.0, -s.bias_ay, s.bias_ay, 0.1),
+        Coordinate("imu_x", 0.0, -3 * s.imu, 3 * s.imu, 0.01, s.imu),
+        Coordinate("imu_z", 0.0, -3 * s.imu, 3 * s.imu, 0.01, s.imu),
+        Coordinate("ay_lag", 0.0, -3 * s.sensor_lag, 3 * s.sensor_lag, 0.005, s.sensor_lag),
+        Coordinate("p_lag", 0.0, -s.sensor_lag, s.sensor_lag, 0.005, s.sensor_lag / 3),
+        Coordinate("vy_lag", 0.003, 0.0, s.velocity_lag, 0.02),
+        Coordinate("vy_gain", 0.0, -3 * s.velocity_gain, 3 * s.velocity_gain, 0.05, s.velocity_gain),
+    ]
+    if slip:
+        stiffness = 3.0 * rover.mass * GRAVITY / 2
+        inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
+        out += [
+            _log("C", stiffness, "N/rad"),
+            _log("Izz", inertia, "kg m^2"),
+            Coordinate("ln_ratio", 0.0, -s.ratio, s.ratio, 0.1),
+            Coordinate("bend", s.bend, 0.0, 4 * s.bend, 0.3, 0.6 * s.bend),
+            Coordinate("da", 0.0, -3 * s.cg, 3 * s.cg, 0.01, s.cg),
+        ]
+    elif baseline == "kinematic":
+        out.append(_log("L_eff", rover.wheelbase, "m"))
+    if roll and rover.sprung_mass and rover.h and rover.roll_inertia:
+        about = rover.roll_inertia + rover.sprung_mass * rover.h**2
+        spring = about * (2 * pi * 3.5) ** 2
+        out += [
+            _log("k_phi", spring + rover.sprung_mass * GRAVITY * rover.h, "N m/rad"),
+            _log("b_phi", 0.4 * about * 2 * pi * 3.5, "N m s/rad"),
+            Coordinate("ln_h", 0.0, -3 * s.h, 3 * s.h, 0.05, s.h),
+            Coordinate("ln_Ixx", 0.0, -3 * s.roll_inertia, 3 * s.roll_inertia, 0.1, s.roll_inertia),
+        ]
+    return tuple(out)
+
+
+def _log(name: str, start: float, unit: str) -> Coordinate:
+    value = log(start)
+    return Coordinate(f"ln_{name}", value, value - 3.0, value + 3.0, 0.1, None, name, unit)

@@ -1,0 +1,229 @@
+"""A model with effects, driven by a run's own steering and speed: what each sensor would have logged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp, pi
+from typing import Any
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import lfilter
+
+from rover_sweep.data.geometry import GRAVITY, Geometry
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects.effect import Effect
+from rover_sweep.diagnosis.simulation import lumped_baseline
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.kernel import SLOT, SLOTS, roll_only, servo, single_track
+
+STEP = 1.0 / RATE
+PASSES = 3  # of a force that depends on the motion it makes
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What a model consists of: the rover's numbers, whether tyres slip and the body rolls, its effects.
+
+    run_of: {effect: name of the run} of effects that happened in one run.
+    """
+
+    rover: Geometry
+    slip: bool
+    roll: bool
+    effects: tuple[Effect, ...] = ()
+    happened_in: str = ""
+    lumped: bool = False
+
+    def of(self, stage: str) -> tuple[Effect, ...]:
+        """The effects that act at a stage."""
+        return tuple(e for e in self.effects if e.stage == stage)
+
+
+Values = Mapping[str, float]
+
+
+def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
+    """Road-wheel angle (n,) rad out of the commanded one: delay, command, servo, linkage, trim."""
+    slots = {
+        e.slots[k]: v for e in structure.of("servo") for k, v in e.coordinates(x).items() if k in e.slots
+    }
+    d = late(run.steer * (1.0 + x.get("scale", 0.0)), run.t, x.get("delay", 0.0))
+    for effect in structure.of("command"):
+        d = effect.act(d, effect.coordinates(x)) if effect.act else d
+    d = servo(d, max(x.get("lag", 0.0), 0.0), x.get("lag_shape", 0.0), slots.get("inv_rate", 0.0), STEP)
+    for effect in structure.of("linkage"):
+        d = effect.act(d, effect.coordinates(x)) if effect.act else d
+    return d - x.get("trim", 0.0)
+
+
+def late(u: Array, t: Array, delay: float) -> Array:
+    """u (n,) moved by a delay [s], linear between samples."""
+    if delay == 0.0:
+        return u
+    shift = delay * RATE
+    whole = int(np.floor(shift))
+    part = shift - whole
+    index = np.arange(u.size) - whole
+    one, two = np.clip(index, 0, u.size - 1), np.clip(index - 1, 0, u.size - 1)
+    return (1.0 - part) * u[one] + part * u[two]
+
+
+def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
+    """Motion {name: (n,)}: v, r, phi, p, across (v' + V r), r_dot, p_dot, delta, V, psi, t; ISO axes, SI."""
+    delta = wheel_angle(run, structure, x)
+    speed = run.speed * (1.0 + x.get("vscale", 0.0))
+    q, zero = slots(structure, x), np.zeros(delta.size)
+    base = {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": np.gradient(speed, STEP)}
+    base["ms_h"] = zero + q[SLOT["ms"]] * q[SLOT["h"]]  # kg m, of the sprung mass about the roll axis
+    if structure.lumped:
+        return _lumped(base, structure, x)
+    grip = np.ones(delta.size)
+    for effect in structure.of("grip"):
+        if effect.act and structure.happened_in in ("", run.name):
+            grip = grip * effect.act(run.t, effect.coordinates(x))
+    if not structure.slip:
+        return _without_slip(base, structure, x, q, zero)
+    forces = structure.of("force")
+    pushed = (zero, zero, zero)
+    found = base
+    for _ in range(PASSES if any(e.iterate for e in forces) else 1):
+        if forces and ("r" in found or not any(e.iterate for e in forces)):
+            pushed = _pushed(forces, found, x, structure.rover.mass, zero)
+        y = single_track(delta, speed, grip, *pushed, q, structure.roll, q[SLOT["sigma"]] > 1e-6, STEP)
+        names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
+        found = base | {name: y[:, k] for k, name in enumerate(names)}
+    return found | {"weight": _weight(structure, found, x)}
+
+
+def _lumped(base: dict[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
+    weight = _weight(structure, base, x)
+    return base | lumped_baseline.motion(base["delta"], base["V"], weight, x, STEP) | {"weight": weight}
+
+
+def _weight(structure: Structure, found: Mapping[str, Array], x: Values) -> Array:
+    """Side force per mass (n,) m/s^2 that an accelerometer does not feel."""
+    zero = np.zeros(found["t"].size)
+    heavy = tuple(e for e in structure.of("force") if e.weight)
+    return _pushed(heavy, found, x, structure.rover.mass, zero)[0] / structure.rover.mass if heavy else zero
+
+
+def _pushed(
+    forces: tuple[Effect, ...], found: Mapping[str, Array], x: Values, mass: float, zero: Array
+) -> tuple[Array, Array, Array]:
+    parts = [e.act(found, e.coordinates(x), mass) for e in forces if e.act]
+    sums = [zero + sum(np.asarray(p[k]) for p in parts) for k in range(3)]
+    return sums[0], sums[1], sums[2]
+
+
+def _without_slip(
+    base: dict[str, Array], structure: Structure, x: Values, q: Array, zero: Array
+) -> dict[str, Array]:
+    """r = V tan(d)/L and no sideslip at the CG, as ArduPilot's own rover: a_y = V r."""
+    rover = structure.rover
+    length = exp(x["ln_L_eff"]) if "ln_L_eff" in x else rover.wheelbase
+    r = base["V"] * np.tan(base["delta"]) / length
+    r_dot = np.gradient(r, STEP)
+    across = base["V"] * r
+    y = roll_only(across, r_dot, zero, q, STEP) if structure.roll else np.zeros((r.size, 3))
+    return base | {
+        "v": zero, "r": r, "r_dot": r_dot, "across": across, "phi": y[:, 0], "p": y[:, 1], "p_dot": y[:, 2],
+        "weight": _weight(structure, base, x),
+    }  # fmt: skip
+
+
+def slots(structure: Structure, x: Values) -> Array:
+    """Numbers of the compiled kernel, in the order of its SLOTS."""
+    rover = structure.rover
+    da = x.get("da", 0.0)
+    stiffness, split = exp(x.get("ln_C", 0.0)), 0.5 * x.get("ln_ratio", 0.0)
+    h = (rover.h or 0.0) * exp(x.get("ln_h", 0.0))
+    numbers = {
+        "m": rover.mass, "ms": rover.sprung_mass or 0.0, "h": h,
+        "Ixx": (rover.roll_inertia or 0.0) * exp(x.get("ln_Ixx", 0.0)), "Izz": exp(x.get("ln_Izz", 0.0)),
+        "Ixz": rover.roll_yaw_inertia, "a": rover.a + da, "b": rover.b - da,
+        "Cf": stiffness * exp(split), "Cr": stiffness * exp(-split),
+        "k_phi": exp(x.get("ln_k_phi", 0.0)), "b_phi": exp(x.get("ln_b_phi", 0.0)), "g": GRAVITY,
+        "bend": x.get("bend", 0.0),
+    }  # fmt: skip
+    for effect in structure.of("vehicle"):
+        q = effect.coordinates(x)
+        numbers |= {slot: q[name] for name, slot in effect.slots.items()}
+    return np.array([numbers.get(name, 0.0) for name in SLOTS])
+
+
+def sensed(run: Experiment, structure: Structure, x: Values, moved: Mapping[str, Array]) -> dict[str, Array]:
+    """What the sensors show (n,) before any low-pass: r, p, ay at the IMU, vy at the IMU."""
+    rover = structure.rover
+    ahead = rover.imu_x + x.get("imu_x", 0.0)
+    above = rover.imu_z + x.get("imu_z", 0.0)
+    out = {
+        "r": moved["r"],
+        "p": moved["p"],
+        "ay": moved["across"] - moved["weight"] + ahead * moved["r_dot"] - above * moved["p_dot"]
+        + GRAVITY * np.sin(moved["phi"]) + x.get("bias_ay", 0.0),
+        "vy": _lagged_velocity(moved, moved["v"] + ahead * moved["r"] - above * moved["p"], x)
+        * (1.0 + x.get("vy_gain", 0.0)),
+    }  # fmt: skip
+    for effect in structure.of("sensor"):
+        if effect.act:
+            out = effect.act(out, moved, effect.coordinates(x))
+    return out
+
+
+def _lagged_velocity(moved: Mapping[str, Array], across: Array, x: Values) -> Array:
+    """V_y (n,) of a velocity that lags over ground: in a turn the heading runs away from it, T V r."""
+    lag = x.get("vy_lag", 0.0)
+    if lag <= 1e-5:
+        return across
+    turned = np.exp(1j * np.cumsum(moved["r"]) * STEP)
+    keep = (2 * lag - STEP) / (2 * lag + STEP)  # trapezoidal, which delays by the lag and no more
+    new = 0.5 * (1.0 - keep)
+    ground = (moved["V"] + 1j * across) * turned
+    slow = lfilter([new, new], [1.0, -keep], ground, zi=[(1.0 - new) * ground[0]])[0]
+    return np.asarray((slow * np.conj(turned)).imag)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensors:
+    """Low-passes and lags of a run's channels on the frequencies of its padded transform."""
+
+    size: int
+    w: Array
+    known: Mapping[str, Any]
+
+    @staticmethod
+    def of(run: Experiment) -> Sensors:
+        """Those of a run, with two seconds of padding."""
+        size = next_fast_len(run.t.size + int(2 * RATE), real=True)
+        w: Array = np.asarray(2 * pi * np.fft.rfftfreq(size, STEP), np.float64)
+        return Sensors(size, w, {c: run.filters[c].response(w) for c in run.measured if c in run.filters})
+
+    def through(self, signals: Mapping[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
+        """The signals (n,) as they are logged."""
+        hidden = [e.act(self.w, e.coordinates(x)) for e in structure.of("filter") if e.act]
+        out = {}
+        for channel, y in signals.items():
+            path = self.known.get(channel, 1.0) * self._lag(channel, x)
+            for responses in hidden:
+                path = path * responses.get(channel, 1.0)
+            if np.ndim(path) == 0:
+                out[channel] = y
+                continue
+            padded = np.concatenate((y, np.linspace(y[-1], y[0], self.size - y.size)))
+            out[channel] = irfft(rfft(padded) * path, self.size)[: y.size]
+        return out
+
+    def _lag(self, channel: str, x: Values) -> Any:
+        lag = {"ay": "ay_lag", "p": "p_lag"}.get(channel)
+        lag_s = x.get(lag, 0.0) if lag else 0.0
+        if lag_s == 0.0:
+            return 1.0
+        return np.exp(-1j * self.w * lag_s)
+
+
+def logged(run: Experiment, structure: Structure, x: Values, sensors: Sensors) -> dict[str, Array]:
+    """What the run's log would hold by this model: {channel: (n,)} of the measured channels."""
+    shown = sensed(run, structure, x, motion(run, structure, x))
+    return sensors.through({c: shown[c] for c in run.measured}, structure, x)

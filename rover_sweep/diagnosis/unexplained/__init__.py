@@ -1,0 +1,1 @@
+"""Residuals that no effect of the library explains."""

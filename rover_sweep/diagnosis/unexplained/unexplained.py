@@ -1,0 +1,199 @@
+"""What no candidate explains: a residual that stands out, or one that follows a law without a name.
+
+The residual is regressed on the laws' signatures, a term at a time (a SINDy-type sketch of the missing force,
+moment or steering), and the sketch has to predict a run that the regression did not see. A law alone counts
+where its gain is beyond the parametric bootstrap, as that of a candidate is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.problem.least_squares import fit
+from rover_sweep.diagnosis.problem.residuals import over_noise
+from rover_sweep.diagnosis.problem.signatures import Signature
+from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
+from rover_sweep.diagnosis.search.rounds import MOST_NOISE, Round
+from rover_sweep.diagnosis.search.threshold import null
+from rover_sweep.diagnosis.simulation.nominal import Coordinate
+from rover_sweep.diagnosis.unexplained.laws import Law, laws
+
+PREDICTED = 0.3  # share of the residual above the floor that a sketch must predict on the other runs
+BLOCK = 8  # lines
+WORDS = {
+    "r": "the yaw rate",
+    "ay": "the lateral acceleration",
+    "p": "the roll rate",
+    "vy": "the lateral velocity",
+}
+FITTED = 3  # laws that promise most, which are fitted
+KEPT = 3  # terms of the sketch of a law
+BEYOND = 3.0  # times what chance makes, in place of a material size, which a law without a name has none of
+NEW = 1e-3  # share of a signature that the model must not reach, for its law to be told
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Laws that the recordings could show.
+
+    rows (size, k): of each, unit length outside the model's reach. gains (k,): drop of the cost with that law
+    alone; over (k,): the same over what chance would make.
+    """
+
+    laws: tuple[Law, ...]
+    rows: Array
+    gains: Array
+    over: Array
+
+
+def nameless_gain(of: Round, seed: int) -> float:
+    """Drop of the cost by the law without a name that explains most, fitted; less what chance would make.
+
+    What a law promises while the nominal coordinates move freely is more than they can do within bounds.
+    """
+    seen = _seen(of, seed)
+    best = np.argsort(-seen.gains)[:FITTED]
+    return max((_fitted_gain(of, seen.laws[k]) - seen.gains[k] / seen.over[k] for k in best), default=0.0)
+
+
+def _fitted_gain(of: Round, law: Law) -> float:
+    structure, amount = of.model.structure, law.effect.parameters[0]
+    more = replace(structure, effects=(*structure.effects, law.effect))
+    own = Coordinate(law.effect.key(amount.name), 0.0, amount.low, amount.high, amount.size)
+    start = {**of.fitted.x, own.name: 0.0}
+    return of.fitted.cost - fit(of.problem, more, (*of.model.free, own), start, known=of.fitted).cost
+
+
+def unknown(last: Round, named: bool, seed: int, sure: bool = False) -> Unknown | None:
+    """The answer on what the final model leaves, None where it is at the noise floor.
+
+    named: effects were found; what their laws are inexact by is then no unknown, unless it is loud.
+    sure: a law without a name is known to explain it.
+    """
+    loud = {c: left.loudness for c, left in last.left.items() if left.loud}
+    if named and not loud:
+        return None
+    seen = _seen(last, seed)
+    if loud:
+        found = _loud(last, seen, loud)
+        noise = named and found.law_gain is None and not any(left.much for left in last.left.values())
+        return None if noise else found
+    if seen.over.size == 0 or (not sure and np.max(seen.over) <= BEYOND):
+        return None
+    return _quiet(last, seen, int(np.argmax(seen.over)))
+
+
+def standing_out(places: Sequence[Mismatch]) -> Unknown | None:
+    """What stands out under a condition, or in V_y, where no law and no candidate was found.
+
+    What is there in r, a_y or p throughout may be the little of everything that an ordinary rover has.
+    """
+    told = [m for m in places if m.condition != THROUGHOUT or m.channel == "vy"]
+    if not told:
+        return None
+    worst = max(told, key=lambda m: m.residual_over_noise)
+    sentence = f"{worst.sentence}; no candidate explains it"
+    return Unknown(worst.channel, worst.condition, worst.residual_over_noise, sentence)
+
+
+def _loud(last: Round, seen: _Seen, loud: dict[str, float]) -> Unknown:
+    channel = max(loud, key=lambda c: loud[c])
+    ratio = float(np.sqrt(loud[channel]))
+    still = f"{WORDS[channel]} still differs by {ratio:.1f} times the noise"
+    chosen, gain = _sketch(last, seen)
+    if gain < PREDICTED:
+        return Unknown(
+            channel, "nothing that was tried", ratio,
+            f"{still}; no candidate explains it, and no simple function of the state predicts it",
+        )  # fmt: skip
+    on = ", ".join(dict.fromkeys(law.on for law in chosen))
+    sentence = f"{still}; it follows {on}, and no candidate explains it"
+    return Unknown(channel, on, ratio, sentence, " + ".join(law.words for law in chosen), gain)
+
+
+def _quiet(last: Round, seen: _Seen, best: int) -> Unknown:
+    """One law that is beyond chance, though no channel stands out as a whole."""
+    law, row = seen.laws[best], seen.rows[:, best]
+    power = {c: float(np.sum(last.problem.part(row, channel=c) ** 2)) for c in WORDS}
+    channel = max(power, key=lambda c: power[c])
+    ratio = over_noise(float(seen.gains[best]), row)
+    times = f"{seen.over[best]:.1f} times" if seen.over[best] < 10 else f"{seen.over[best]:.0f} times"
+    sentence = (
+        f"{WORDS[channel]} differs by {ratio:.1f} times the noise where it follows {law.on}, as if acting on "
+        f"the {law.place}, {times} what chance would make; no candidate explains it"
+    )
+    share = _predicted(last, seen, [best])
+    return Unknown(channel, law.on, ratio, sentence, law.words, share)
+
+
+def _seen(last: Round, seed: int) -> _Seen:
+    structure, problem = last.model.structure, last.problem
+    x, every = dict(last.fitted.x), laws()
+    now = problem.model(structure, x)
+
+    def signature(law: Law) -> Array:
+        more = replace(structure, effects=(*structure.effects, law.effect))
+        amount = law.effect.parameters[0]
+        return problem.model(more, {**x, law.effect.key(amount.name): amount.size}) - now
+
+    recorded = {r.channel for r in problem.rows}
+    every = tuple(w for w in every if not w.place.startswith("sensor") or w.place.split()[-1] in recorded)
+    with ThreadPoolExecutor(2) as pool:
+        rows = list(pool.map(signature, every))
+    kept: list[tuple[Law, Array, Array]] = []
+    for law, row in zip(every, rows, strict=True):
+        outside = last.tangent.outside(row)
+        power = float(outside @ outside)
+        if power > max(NEW * float(row @ row), 1e-12):
+            size = 1.0 / np.sqrt(power)
+            kept.append((law, row * size, outside * size))
+    found = [Signature(law.effect.id, "amount", 1.0, True, row) for law, row, _ in kept]
+    chance = null(found, last.tiny, last.tangent, min(last.fitted.overdispersion, MOST_NOISE), seed)
+    left = last.tangent.outside(last.fitted.rows)
+    gains = np.array([float(o @ left) ** 2 for _, _, o in kept])
+    needed = np.array([chance.thresholds[law.effect.id] for law, _, _ in kept])
+    table = np.column_stack([o[: problem.size] for _, _, o in kept]) if kept else np.zeros((problem.size, 0))
+    return _Seen(tuple(law for law, _, _ in kept), table, gains, gains / needed)
+
+
+def _sketch(last: Round, seen: _Seen) -> tuple[list[Law], float]:
+    """(laws chosen on the seen rows, share of the others' residual above the floor that they predict)."""
+    target, test = last.fitted.rows, _unseen_rows(last)
+    terms = seen.rows
+    size = np.linalg.norm(terms[~test], axis=0) + 1e-12
+    left, chosen = target[~test], list[int]()
+    while len(chosen) < min(KEPT, len(seen.laws)):
+        scores = np.abs(terms[~test].T @ left) / size
+        scores[chosen] = -1.0
+        chosen.append(int(np.argmax(scores)))
+        amounts = np.linalg.lstsq(terms[~test][:, chosen], target[~test], rcond=None)[0]
+        left = target[~test] - terms[~test][:, chosen] @ amounts
+    return [seen.laws[k] for k in chosen], _predicted(last, seen, chosen)
+
+
+def _predicted(last: Round, seen: _Seen, chosen: Sequence[int]) -> float:
+    """Share of the residual above the floor of the unseen rows that laws fitted to the others predict."""
+    target, test = last.fitted.rows, _unseen_rows(last)
+    terms = seen.rows[:, list(chosen)]
+    amounts = np.linalg.lstsq(terms[~test], target[~test], rcond=None)[0]
+    before, after = (float(np.sum(y**2)) for y in (target[test], target[test] - terms[test] @ amounts))
+    above = before - float(test.sum())
+    return (before - after) / above if above > 0.1 * test.sum() else 0.0
+
+
+def _unseen_rows(last: Round) -> NDArray[np.bool_]:
+    """Rows left out of a regression: those of the last run; of a single run every other block of lines."""
+    out = np.zeros(last.problem.size, bool)
+    runs = {r.run for r in last.problem.rows}
+    for r in last.problem.rows:
+        if len(runs) > 1:
+            out[r.start : r.start + r.size] = r.run == max(runs)
+        else:  # neighbours share what the taper spreads, so whole blocks
+            out[r.start : r.start + r.size] = np.tile(np.arange(r.bins.size) // BLOCK % 2 == 1, 2)
+    return out

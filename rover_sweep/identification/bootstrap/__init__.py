@@ -1,0 +1,1 @@
+"""Intervals of the parameters by a parametric bootstrap of the whole pipeline."""

@@ -1,0 +1,160 @@
+"""Replicates of measured responses: the model's answer to the measured steering plus fresh noise,
+
+taken through the windows and the composite of the real data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Array, Recording, Signal
+from rover_sweep.identification.bootstrap.forced_response import forced_response
+from rover_sweep.identification.fit import Condition, restricted
+from rover_sweep.identification.grouping import Group
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.spectra.noise import CoarseTransformer, ResidualSpectra, fresh_noise
+from rover_sweep.spectra.response import (
+    RISING,
+    Band,
+    FrequencyResponse,
+    composite,
+    transformed,
+    usable_band,
+)
+from rover_sweep.spectra.spectra import Complex, Transformer, WindowSpectra, effective_averages
+
+MARGIN = 1.15  # noise is made up to this times the highest frequency, and a few bins of the shortest window
+
+
+@dataclass(frozen=True, eq=False)
+class Replicates:
+    """Of one output at w (n_w,) rad/s: log_ratio (count, n_w) = ln(replicate/model), coherence alike.
+
+    log_model (n_w,): ln of the model's response, its phase unwrapped; bands: of each replicate, chosen from
+    its coherence as that of the data was, None where it has none.
+    """
+
+    output: str
+    w: Array
+    log_ratio: Complex
+    coherence: Array
+    log_model: Complex
+    bands: tuple[Band | None, ...]
+
+
+class RunReplicator:
+    """One run: its windows, the transforms of its steering, and what is shared by all models."""
+
+    def __init__(self, run: Recording, windows: Sequence[float], w: Array) -> None:
+        self.run, self.w = run, w
+        self.transform = Transformer(*run.span, windows, w)
+        self.steering = self.transform(run.manoeuvre("delta"))
+        self.w_top = MARGIN * float(w[-1]) + 4 * 2 * np.pi / min(windows)
+        self.residual_spectra = ResidualSpectra(run.span, self.w_top)
+        self.coarse = CoarseTransformer(run.span, self.transform.windows, w, self.w_top)
+
+    def spectra(
+        self, structure: ModelStructure, condition: Condition, count: int, rng: np.random.Generator
+    ) -> list[tuple[Array, Array, Complex]]:
+        """Per window length: sums of |X|^2 (n_w,), |Y|^2 (count, n_outputs, n_w) and conj(X) Y."""
+        outputs = [d.output for d in condition.data]
+        answers, residuals = self._answers(structure, condition, outputs)
+        noise = fresh_noise(
+            self.residual_spectra(residuals), self.coarse.t, self.w_top, count,
+            [o == "p" for o in outputs], rng,
+        )  # fmt: skip
+        made = self.coarse(noise.reshape(-1, noise.shape[-1]))
+        shape = (count, len(outputs), self.w.size)
+        model = [np.array(parts).swapaxes(0, 1) for parts in zip(*map(self.transform, answers), strict=True)]
+        return [
+            _sums(x, y, n.reshape(len(x), *shape)) for x, y, n in zip(self.steering, model, made, strict=True)
+        ]
+
+    def _answers(
+        self, structure: ModelStructure, condition: Condition, outputs: Sequence[str]
+    ) -> tuple[list[Signal], list[Signal]]:
+        """What is transformed of the model's answers, and the residuals of the measured channels."""
+        run, w_max = self.run, float(self.w[-1])
+        answers = forced_response(
+            structure, condition.speed, run.manoeuvre("delta"), run.span, outputs, w_max, condition.filters
+        )
+        made, residuals = [], []
+        for output in outputs:
+            channel = "vy" if output == "vydot" else output
+            measured = run.manoeuvre(channel)
+            y = answers[output].on(measured.t)
+            residuals.append(replace(measured, x=measured.x - y))
+            copy = replace(run, channels={**run.channels, channel: replace(measured, x=y)})
+            made.append(transformed(copy, output))
+        return made, residuals
+
+
+def _sums(x: Complex, y: Complex, noise: NDArray[np.complex64]) -> tuple[Array, Array, Complex]:
+    """Of x (n_windows, n_w) and y + noise: y (n_windows, n_outputs, n_w), noise with a count before them."""
+    power = np.zeros(noise.shape[1:])
+    cross = np.zeros(noise.shape[1:], dtype=complex)
+    for xs, ys, ns in zip(x, y, noise, strict=True):
+        both = ys + ns
+        power += both.real**2 + both.imag**2
+        cross += xs.conj() * both
+    return np.sum(np.abs(x) ** 2, axis=0), power, cross
+
+
+class GroupReplicator:
+    """The runs of one speed: replicates of the responses of a fit, for any model."""
+
+    def __init__(self, group: Group, condition: Condition) -> None:
+        if any(d.input != "delta" for d in condition.data):
+            raise ValueError("only responses to the steering alone can be replicated")
+        self.condition = condition
+        self.responses = {d.output: group.responses[d.output] for d in condition.data}
+        first = self.responses[condition.data[0].output]
+        self.w, self.windows = first.w, first.windows
+        self.averages = [effective_averages([run.span for run in group.runs], n) for n in self.windows]
+        self.runs = [RunReplicator(run, self.windows, self.w) for run in group.runs]
+
+    def __call__(
+        self, structure: ModelStructure, count: int, rng: np.random.Generator
+    ) -> tuple[Replicates, ...]:
+        """`count` replicates of the responses that the structure has."""
+        seen = restricted(self.condition, structure)
+        per_run = [run.spectra(structure, seen, count, rng) for run in self.runs]
+        spectra = [self._averaged(i, [parts[i] for parts in per_run]) for i in range(len(self.windows))]
+        flat = composite(spectra)
+        xx, yy = (g.reshape(count, -1, self.w.size) for g in flat[:2])
+        xy = flat[2].reshape(count, -1, self.w.size)
+        coherence = np.abs(xy) ** 2 / (xx * yy)
+        return tuple(
+            self._replicates(data.output, structure, xy[:, k] / xx[:, k], coherence[:, k])
+            for k, data in enumerate(seen.data)
+        )
+
+    def _averaged(self, i: int, parts: Sequence[tuple[Array, Array, Complex]]) -> WindowSpectra:
+        """Flattened to one axis (replicate, output, w), for `composite` asks nothing of the others."""
+        length, count = self.windows[i], sum(run.transform.windows[i][0].size for run in self.runs)
+        resolved = self.w >= 2 * np.pi / length * (1 - 1e-9)
+        scale = 2.0 / length / count * np.where(resolved, 1.0, np.nan)
+        yy = scale * sum(p[1] for p in parts)
+        xx = np.broadcast_to(scale * sum(p[0] for p in parts), yy.shape)
+        xy = np.asarray(scale * sum(p[2] for p in parts), dtype=np.complex128)
+        return WindowSpectra(
+            length, np.broadcast_to(self.w, yy.shape).ravel(), xx.ravel(), yy.ravel(), xy.ravel(),
+            averages=self.averages[i],
+        )  # fmt: skip
+
+    def _replicates(self, output: str, structure: ModelStructure, h: Complex, coherence: Array) -> Replicates:
+        rise = 1j * self.w if output in RISING else 1.0
+        model = structure.response(self.w, self.condition.speed, output, self.condition.filters)
+        log_model = np.log(np.abs(model)) + 1j * np.unwrap(np.angle(model))
+        bands = self._bands(self.responses[output], coherence)
+        return Replicates(output, self.w, np.log(h * rise / model), coherence, log_model, bands)
+
+    def _bands(self, measured: FrequencyResponse, coherence: Array) -> tuple[Band | None, ...]:
+        """Found anew in every replicate, unless that of the data was not found from its coherence either."""
+        if measured.band != usable_band(measured.w, measured.coherence):
+            return (measured.band,) * len(coherence)
+        return tuple(usable_band(self.w, g2) for g2 in coherence)

@@ -1,0 +1,208 @@
+"""Identified models and responses as objects of python-control and scipy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import factorial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rover_sweep.data.recording import Array, LowPass
+from rover_sweep.errors import UsageError
+from rover_sweep.identification.fit import FitResult
+from rover_sweep.identification.model_results import ModelResult
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.spectra.response import FrequencyResponse
+
+if TYPE_CHECKING:
+    import control
+    import scipy.signal
+
+System = tuple[Array, Array, Array, Array]  # A (nx, nx), B (nx, nu), C (ny, nx), D (ny, nu)
+
+
+def to_control(
+    found: ModelResult | FitResult | ModelStructure | FrequencyResponse,
+    speed: float | None = None,
+    pade: int = 2,
+    sensors: Mapping[str, LowPass] | None = None,
+) -> control.StateSpace | control.FrequencyResponseData:
+    """A model as `control.StateSpace` or a measured response as `control.FrequencyResponseData`.
+
+    speed [m/s]: that of the fit unless given (a structure has none). pade: order by which delays are
+    approximated; 0 leaves them out, to be put in separately (tau [s] is a parameter of the model).
+    sensors: low-passes behind the outputs, such as `group.runs[0].filters`, to get what was recorded
+    rather than what the rover did. Inputs, outputs and states bear their names; SI units, ISO axes.
+    UsageError without python-control.
+    """
+    try:
+        import control
+    except ImportError:
+        raise UsageError(
+            "python-control is not installed: pip install control (or rover-sweep[control])"
+        ) from None
+    if isinstance(found, FrequencyResponse):
+        h = np.asarray(found.h)[None, None, :]
+        names = {"inputs": [found.input], "outputs": [found.output]}
+        return control.FrequencyResponseData(h, found.w, **names)
+    structure, at = _at(found, speed)
+    before, rover, after = _parts(structure, at, pade, sensors or {})
+    states = [f"before{k}" for k in range(len(before[0]))] + list(structure.states)
+    states += [f"after{k}" for k in range(len(after[0]))]
+    return control.ss(
+        *_series(_series(before, rover), after), inputs=list(structure.inputs),
+        outputs=list(structure.outputs), states=states, name=structure.name.replace("-", "_"),
+    )  # fmt: skip
+
+
+def to_scipy(
+    found: ModelResult | FitResult | ModelStructure,
+    speed: float | None = None,
+    pade: int = 2,
+    dt: float | None = None,
+    sensors: Mapping[str, LowPass] | None = None,
+) -> scipy.signal.StateSpace:
+    """A model as `scipy.signal.StateSpace`: continuous, or with dt [s] a `dlti` of it.
+
+    The arguments are those of `to_control`. With dt the input is held from sample to sample, and its
+    delay is exact, also where it is no whole number of samples (Astrom and Wittenmark 1997, section
+    2.3); `pade` then only concerns delays of outputs.
+    """
+    from scipy.signal import StateSpace
+
+    structure, at = _at(found, speed)
+    before, rover, after = _parts(structure, at, pade, sensors or {})
+    if dt is None:
+        return StateSpace(*_series(_series(before, rover), after))
+    if not dt > 0:
+        raise ValueError(f"dt {dt} s must be above 0")
+    late = [_value(structure, structure.input_delays.get(name)) for name in structure.inputs]
+    return StateSpace(*_sampled(_series(rover, after), late, dt), dt=dt)
+
+
+def _at(found: ModelResult | FitResult | ModelStructure, speed: float | None) -> tuple[ModelStructure, float]:
+    """The structure and the speed [m/s] at which its matrices are wanted."""
+    fit = found.fit if isinstance(found, ModelResult) else found
+    if isinstance(fit, ModelStructure):
+        if speed is None:
+            raise ValueError(f"the {fit.name} structure has no speed of its own: give speed")
+        return fit, speed
+    if not isinstance(fit, FitResult):
+        raise TypeError(f"a {type(found).__name__} is neither a model nor a response")
+    if fit.structure.name == "lumped" and speed not in (None, fit.speed):
+        raise ValueError(f"the lumped model holds at {fit.speed:.4g} m/s alone, not at {speed} m/s")
+    return fit.structure, fit.speed if speed is None else speed
+
+
+def _value(structure: ModelStructure, name: str | None) -> float:
+    return structure.values[name] if name else 0.0
+
+
+def _parts(
+    structure: ModelStructure, speed: float, order: int, sensors: Mapping[str, LowPass]
+) -> tuple[System, System, System]:
+    """Delays of the inputs, the structure itself, delays and sensors of the outputs."""
+    mat = structure.matrices(speed)
+    a = np.linalg.solve(mat.m, mat.f)
+    b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
+    delays, late = structure.input_delays, structure.output_delays
+    before = [_delay(_value(structure, delays.get(name)), order) for name in structure.inputs]
+    after = [
+        _series(_delay(_value(structure, late.get(name)), order), _low_pass(sensors.get(name)))
+        for name in structure.outputs
+    ]
+    return _parallel(before), (a, b, mat.h0 + mat.h1 @ a, mat.h1 @ b), _parallel(after)
+
+
+def pade_delay(tau: float, order: int) -> tuple[Array, Array]:
+    """Numerator and denominator (order + 1,) in falling powers of s of the Pade form of exp(-s tau)."""
+    n = order
+    c = np.array([
+        factorial(2 * n - k) * factorial(n) / (factorial(2 * n) * factorial(k) * factorial(n - k)) * tau**k
+        for k in range(n, -1, -1)
+    ])  # fmt: skip
+    return c * (-1.0) ** np.arange(n, -1, -1), c
+
+
+def _delay(tau: float, order: int) -> System:
+    if order < 0:
+        raise ValueError(f"pade {order} must be 0 or more")
+    return _gain() if tau <= 0 or order == 0 else _realised(*pade_delay(tau, order))
+
+
+def _low_pass(known: LowPass | None) -> System:
+    if known is None:
+        return _gain()
+    w0 = 2 * np.pi * known.cutoff_hz
+    return _realised(np.array([w0**2]), np.array([1.0, np.sqrt(2) * w0, w0**2]))
+
+
+def _gain() -> System:
+    return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
+
+
+def _realised(num: Array, den: Array) -> System:
+    from scipy.signal import tf2ss
+
+    a, b, c, d = tf2ss(num, den)
+    return a, b, c, d
+
+
+def _parallel(parts: Sequence[System]) -> System:
+    """Single channels side by side."""
+    from scipy.linalg import block_diag
+
+    a, b, c, d = (block_diag(*[p[k] for p in parts]) for k in range(4))
+    return a, b, c, d
+
+
+def _series(first: System, second: System) -> System:
+    """The second driven by the first, whose states stand first."""
+    a1, b1, c1, d1 = first
+    a2, b2, c2, d2 = second
+    a = np.block([[a1, np.zeros((len(a1), len(a2)))], [b2 @ c1, a2]])
+    return a, np.vstack((b1, b2 @ d1)), np.hstack((d2 @ c1, c2)), d2 @ d1
+
+
+def _sampled(system: System, late: Sequence[float], dt: float) -> System:
+    """Exact samples of a system whose inputs are held, each coming late by its own time [s].
+
+    x(k+1) = Phi x(k) + G0 u(k-n) + G1 u(k-n-1), with n whole samples of delay and the rest of one; the
+    past values of u are further states.
+    """
+    a, b, c, d = system
+    nx, nu = b.shape
+    whole = [int(np.floor(tau / dt + 1e-9)) for tau in late]
+    rest = [
+        max(tau - n * dt, 0.0) if tau - n * dt > 1e-9 * dt else 0.0
+        for tau, n in zip(late, whole, strict=True)
+    ]
+    kept = [n + (part > 0) for n, part in zip(whole, rest, strict=True)]
+    size = nx + sum(kept)
+    # columns: all states, then all inputs
+    step, out = np.zeros((size, size + nu)), np.zeros((len(c), size + nu))
+    step[:nx, :nx], out[:, :nx] = _held(a, b, dt)[0], c
+    first = nx
+    for i in range(nu):
+        past = [size + i, *range(first, first + kept[i])]  # where u(k), u(k-1), ... stand
+        new, old = past[whole[i]], past[kept[i]]
+        carry, early = _held(a, b[:, [i]], dt - rest[i])
+        step[:nx, new] += early[:, 0]
+        step[:nx, old] += (carry @ _held(a, b[:, [i]], rest[i])[1])[:, 0]
+        out[:, old] += d[:, i]
+        for j in range(kept[i]):
+            step[past[j + 1], past[j]] = 1.0
+        first += kept[i]
+    return step[:, :size], step[:, size:], out[:, :size], out[:, size:]
+
+
+def _held(a: Array, b: Array, time: float) -> tuple[Array, Array]:
+    """exp(a t) and its integral times b, for an input held over a time [s]."""
+    from scipy.linalg import expm
+
+    n, m = b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a, b
+    moved = expm(block * time)
+    return moved[:n, :n], moved[:n, n:]

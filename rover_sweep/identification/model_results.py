@@ -1,0 +1,185 @@
+"""Each model on the runs: its fit, variants of it that tell something, verification, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import Recording
+from rover_sweep.data.result_table import ShortTable, Shown
+from rover_sweep.identification.fit import Condition, FitResult, costs, fit, is_stable
+from rover_sweep.identification.grouping import MODELS, Group, Settings
+from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models.lumped import lumped
+from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.reduction import ReductionStep, reduce
+from rover_sweep.identification.starts import drawn_starts, near_starts
+from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.verdicts import ModelVerdict, judge_model, kinematic_suffices
+from rover_sweep.identification.verify import UNITS, Verification, verify
+
+UNTIED = "Cf and Cr free"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelResult(Shown):
+    """One model: its fit, costs of all four responses at it, variants of the fit, verification, verdict.
+
+    variants: "filters ignored", "four responses", "Cf and Cr free", "before reduction", as far as they
+    say something.
+    """
+
+    fit: FitResult
+    costs: Mapping[str, float]
+    variants: Mapping[str, FitResult]
+    verification: tuple[Verification, ...]
+    verdict: ModelVerdict
+    reduction: tuple[ReductionStep, ...] = ()
+
+    @property
+    def average_all(self) -> float:
+        """J_ave over all responses of the model, fitted or not."""
+        return float(np.mean(list(self.costs.values())))
+
+    def spoilt(self, why: tuple[str, ...]) -> ModelResult:
+        """The result of data that are known to be wrong: poor at best, however well it fits."""
+        level = self.verdict.level if self.verdict.level == "not identifiable" else "poor"
+        return replace(self, verdict=ModelVerdict(level, (*why, *self.verdict.sentences)))
+
+    def table(self) -> ShortTable:
+        """The fit's table with the verdict and the verification."""
+        fit = self.fit.table()
+        words = f"{self.verdict.level}: {'; '.join(self.verdict.sentences)}"
+        checks = tuple(f"on {v.run}: J_rms {v.j_rms:.2f}, TIC {v.tic:.3f}" for v in self.verification)
+        return replace(fit, notes=(*fit.notes, *checks, words))
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What every model is fitted to and verified on."""
+
+    groups: tuple[Group, ...]
+    geometry: Geometry
+    verify_on: tuple[Recording, ...]
+    settings: Settings
+
+    def conditions(self, outputs: Sequence[str] | None = None, filtered: bool = True) -> list[Condition]:
+        """The responses of every group, the fitted ones unless said otherwise."""
+        return [g.condition(outputs or self.settings.fitted, filtered) for g in self.groups]
+
+    @property
+    def has_vydot(self) -> bool:
+        """True when V_y'/delta is usable at every speed but not fitted anyway."""
+        return "vydot" not in self.settings.fitted and all(g.usable("vydot") for g in self.groups)
+
+
+def tyres_unseen(models: Mapping[str, ModelResult]) -> str | None:
+    """Why the tyres' parameters mean nothing in these results, or None."""
+    return kinematic_suffices({name: model.costs for name, model in models.items()})
+
+
+class NotPossible(Exception):
+    """A model that these runs or this vehicle file cannot carry; the text says why."""
+
+
+def model_result(name: str, work: Work) -> ModelResult:
+    """One of MODELS on the runs; raises NotPossible with the reason."""
+    if name == "bicycle":
+        return physical_result(bicycle(work.geometry, work.settings.tied), work)
+    if name not in MODELS:
+        raise ValueError(f"no model {name!r}; there are {', '.join(MODELS)}")
+    _need_roll(name, work)
+    structure = roll_yaw(work.geometry, work.settings.tied)
+    if name == "lumped":
+        return lumped_result(structure, work)
+    return physical_result(
+        structure.with_free([*(p.name for p in structure.free), *work.geometry.free]), work
+    )
+
+
+def _need_roll(name: str, work: Work) -> None:
+    geometry, p = work.geometry, work.groups[0].responses.get("p")
+    if None in (geometry.sprung_mass, geometry.h, geometry.roll_inertia):
+        raise NotPossible(
+            f"the {name} model needs sprung_mass, cg_height_above_roll_centre and roll_inertia "
+            "in the vehicle file"
+        )
+    if geometry.h is not None and geometry.h <= 0:
+        raise NotPossible(f"the {name} model needs a CG above the roll axis, and the vehicle file has none")
+    if p is None or p.band is None:
+        best = "it was not recorded" if p is None else f"its highest coherence is {np.max(p.coherence):.2f}"
+        raise NotPossible(
+            f"the {name} model cannot be identified: the roll rate does not follow the steering ({best})"
+        )
+
+
+def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
+    """A structure of physical parameters, fitted over all speeds, with its variants."""
+    starts = drawn_starts(structure)
+    full = fit(structure, work.conditions(), starts)
+    best, steps = _reduced(full, work, _known(structure, work.geometry))
+    if steps:
+        best = fit(best.structure, work.conditions(), drawn_starts(best.structure))
+    variants = {"before reduction": full} if any(s.dropped for s in steps) else {}
+    if any(g.runs[0].filters for g in work.groups):
+        variants["filters ignored"] = fit(best.structure, work.conditions(filtered=False), starts)
+    if "vydot" in structure.outputs and work.has_vydot:
+        variants["four responses"] = fit(best.structure, work.conditions(structure.outputs))
+    if "C" in structure.values:
+        variants[UNTIED] = fit(_untied(best.structure, work.geometry), work.conditions())
+    return fitted_result(best, variants, work, steps)
+
+
+def _known(structure: ModelStructure, geometry: Geometry) -> dict[str, float]:
+    """The parameters that were freed beyond the usual ones, at what the vehicle file says of them."""
+    usual = {"C", "Cf", "Cr", "Izz", "k_phi", "b_phi", "L_eff"}
+    return {p.name: p.value for p in structure.free if p.name in geometry.free and p.name not in usual}
+
+
+def _reduced(
+    full: FitResult, work: Work, known: Mapping[str, float] | None
+) -> tuple[FitResult, tuple[ReductionStep, ...]]:
+    if not work.settings.reduction or known == {}:
+        return full, ()
+    return reduce(full, work.conditions(), known, work.settings.keep)
+
+
+def _untied(tied: ModelStructure, geometry: Geometry) -> ModelStructure:
+    make = bicycle if tied.name == "bicycle" else roll_yaw
+    c = tied.values["C"]
+    return make(geometry, tied=False).with_values({**tied.values, "Cf": c, "Cr": c})
+
+
+def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
+    """The lumped model from the roll-yaw fit's derivatives, reduced; at the first speed only."""
+    here = Work(work.groups[:1], work.geometry, work.verify_on, work.settings)
+    conditions = here.conditions()
+    first = fit(start, conditions, drawn_starts(start)).structure
+    full = fit(lumped(work.geometry, first, here.groups[0].speed), conditions, stable=True)
+    best, steps = _reduced(full, here, None)
+    best = _begun_again(best.structure, conditions)
+    variants = {"before reduction": full} if steps else {}
+    if here.has_vydot:
+        variants["four responses"] = fit(best.structure, here.conditions(best.structure.outputs))
+    return fitted_result(best, variants, here, steps)
+
+
+def _begun_again(structure: ModelStructure, conditions: Sequence[Condition]) -> FitResult:
+    """The lumped fit from stable starts around its values; far from them its many derivatives lead astray."""
+    starts = [s for s in near_starts(structure) if is_stable(structure.with_values(s), conditions)]
+    return fit(structure, conditions, starts, stable=True)
+
+
+def fitted_result(
+    best: FitResult, variants: Mapping[str, FitResult], work: Work, steps: tuple[ReductionStep, ...] = ()
+) -> ModelResult:
+    """A fit with its costs of all responses, verified and judged."""
+    structure = best.structure
+    all_costs = costs(structure, work.conditions(structure.outputs))
+    seen = [run for run in work.verify_on if any(c in run and c in structure.outputs for c in UNITS)]
+    verification = tuple(verify(structure, run) for run in seen)
+    verdict = judge_model(best, physical=structure.name != "lumped", verification=verification)
+    return ModelResult(best, all_costs, variants, verification, verdict, steps)

@@ -1,0 +1,1 @@
+"""The model structures of the paper: kinematic, bicycle, roll-yaw, lumped."""

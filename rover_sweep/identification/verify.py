@@ -1,0 +1,205 @@
+"""Time-domain verification on a run that the fit has not seen: J_rms (15) and TIC (16) of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.signal import bilinear, lfilter
+
+from rover_sweep.data.recording import Array, LowPass, Recording
+from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.identification.structure.state_space import ModelStructure
+
+UNITS = {"r": ("deg/s", 180 / np.pi), "ay": ("ft/s^2", 1 / 0.3048), "p": ("deg/s", 180 / np.pi)}
+RATE = 400.0  # Hz, of the simulation
+DIVERGED = 1e9  # SI units: what a model that runs away is held at, so that its J_rms is a number
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One channel of a verification in the units of J_rms: t [s], measured and model (n,)."""
+
+    channel: str
+    unit: str
+    t: Array
+    measured: Array
+    model: Array
+
+    @property
+    def j_rms(self) -> float:
+        """RMS of the error."""
+        return float(np.sqrt(np.mean((self.measured - self.model) ** 2)))
+
+    @property
+    def tic(self) -> float:
+        """Theil inequality coefficient of this channel."""
+        return theil([self])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Verification(Shown):
+    """How a model does on one run. j_rms in deg/s and ft/s^2 together; tic 0 (perfect) .. 1.
+
+    state_biases (in state unit per s) and output_biases (SI) were solved by least squares first.
+    """
+
+    run: str
+    speed: float
+    overlays: tuple[Overlay, ...]
+    state_biases: Mapping[str, float]
+    output_biases: Mapping[str, float]
+
+    @property
+    def j_rms(self) -> float:
+        """Equation (15) with W = 1 in deg/s, ft/s^2, deg/s, over the channels."""
+        return float(np.sqrt(np.mean([o.j_rms**2 for o in self.overlays])))
+
+    @property
+    def tic(self) -> float:
+        """Equation (16) over the channels."""
+        return theil(self.overlays)
+
+    def table(self) -> ShortTable:
+        """J_rms and TIC of each channel and over all of them."""
+        rows = [(o.channel, o.unit, number(o.j_rms, 3), number(o.tic, 2)) for o in self.overlays]
+        rows.append(("all", "", number(self.j_rms, 3), number(self.tic, 2)))
+        title = f"verification on {self.run} at {self.speed:.2f} m/s"
+        return ShortTable(title, ("channel", "unit", "J_rms", "TIC"), tuple(rows))
+
+
+def theil(overlays: Sequence[Overlay]) -> float:
+    """RMS(e) / (RMS(y) + RMS(y^)), equation (16)."""
+
+    def rms(parts: list[Array]) -> float:
+        return float(np.sqrt(np.mean([np.mean(x**2) for x in parts])))
+
+    error = rms([o.measured - o.model for o in overlays])
+    return error / (rms([o.measured for o in overlays]) + rms([o.model for o in overlays]))
+
+
+def simulate(
+    structure: ModelStructure, speed: float, u: Array, rate: float, filters: Mapping[str, LowPass]
+) -> dict[str, Array]:
+    """Outputs (n,) of the model at rest driven by u at `rate` Hz, held between samples.
+
+    u: the steering angle (n,) rad, or all inputs (n, nu). Delays move inputs and outputs; known sensor
+    low-passes act on the outputs.
+    """
+    mat = structure.matrices(speed)
+    columns = dict(zip(structure.inputs, u.reshape(len(u), -1).T, strict=True))
+    late = [_late(x, structure, structure.input_delays.get(i), rate) for i, x in columns.items()]
+    a = np.linalg.solve(mat.m, mat.f)
+    b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
+    found = _outputs(structure, mat.h0, mat.h1, a, b, np.column_stack(late), rate, filters)
+    return {o: _late(y, structure, structure.output_delays.get(o), rate) for o, y in found.items()}
+
+
+def _late(x: Array, structure: ModelStructure, delay: str | None, rate: float) -> Array:
+    """The signal (n,) moved by the value of a delay parameter."""
+    k = np.arange(x.size)
+    return np.interp(k - structure.values[delay] * rate, k, x) if delay else x
+
+
+def _outputs(
+    structure: ModelStructure, h0: Array, h1: Array, a: Array, b: Array, u: Array, rate: float,
+    filters: Mapping[str, LowPass],
+) -> dict[str, Array]:  # fmt: skip
+    with np.errstate(over="ignore", invalid="ignore"):
+        x = _states(a, b, u, rate)
+        y = x @ (h0 + h1 @ a).T + u @ (h1 @ b).T
+    y = np.clip(np.nan_to_num(y, nan=DIVERGED), -DIVERGED, DIVERGED)
+    return {name: _filtered(y[:, i], rate, filters.get(name)) for i, name in enumerate(structure.outputs)}
+
+
+def _states(a: Array, b: Array, u: Array, rate: float) -> Array:
+    """x (n, nx) of x' = a x + b u from x = 0, u (n, nu) held between samples (exact discretisation)."""
+    n, inputs = b.shape
+    block = np.zeros((n + inputs, n + inputs))
+    block[:n, :n], block[:n, n:] = a, b
+    step = expm(block / rate)
+    ad, driven = step[:n, :n], u @ step[:n, n:].T
+    out = np.zeros((len(u), n))
+    for k in range(1, len(u)):
+        out[k] = ad @ out[k - 1] + driven[k - 1]
+    return out
+
+
+def _filtered(y: Array, rate: float, low_pass: LowPass | None) -> Array:
+    if low_pass is None:
+        return y
+    w0 = 2 * np.pi * low_pass.cutoff_hz
+    return lfilter(*bilinear([1.0], [1 / w0**2, np.sqrt(2) / w0, 1.0], rate), y)
+
+
+def verify(
+    structure: ModelStructure,
+    run: Recording,
+    channels: Sequence[str] = ("r", "ay", "p"),
+    filters: Mapping[str, LowPass] | None = None,
+) -> Verification:
+    """The model driven by the run's own inputs, against its measurements, at the run's mean speed.
+
+    Biases of the state derivatives and of the outputs are solved by least squares first. An input beside
+    the steering that was not recorded is taken as still.
+    filters: overrides the run's own known filters.
+    """
+    low_passes = run.filters if filters is None else filters
+    used = [c for c in channels if c in structure.outputs and c in run]
+    if not used:
+        raise ValueError(f"none of {tuple(channels)} is both an output of {structure.name} and recorded")
+    start, end = run.span
+    grid = start + np.arange(int((end - start) * RATE) + 1) / RATE
+    speed = run.mean_speed
+    driven = np.column_stack([_from_rest(run, i, grid) for i in structure.inputs])
+    model = simulate(structure, speed, driven, RATE, low_passes)
+    unit = _bias_responses(structure, speed, grid.size, low_passes)
+    return _solved(structure, run, used, grid, model, unit, speed)
+
+
+def _from_rest(run: Recording, input: str, grid: Array) -> Array:
+    """An input (n,) less its value at the start."""
+    if input not in run and input != "delta":
+        return np.zeros(grid.size)
+    x = run[input].on(grid)
+    return x - np.median(x[: max(int(0.2 * RATE), 1)])
+
+
+def _bias_responses(
+    structure: ModelStructure, speed: float, n: int, filters: Mapping[str, LowPass]
+) -> list[dict[str, Array]]:
+    """Outputs for a constant unit disturbance of each state derivative."""
+    mat = structure.matrices(speed)
+    a = np.linalg.solve(mat.m, mat.f)
+    ones, pushes = np.ones((n, 1)), np.eye(len(a))
+    return [_outputs(structure, mat.h0, mat.h1, a, b[:, None], ones, RATE, filters) for b in pushes]
+
+
+def _solved(
+    structure: ModelStructure, run: Recording, used: Sequence[str], grid: Array, model: dict[str, Array],
+    unit: list[dict[str, Array]], speed: float,
+) -> Verification:  # fmt: skip
+    signals = {c: run.manoeuvre(c) for c in used}
+    rows, errors = [], []
+    for k, c in enumerate(used):
+        scale, t = UNITS[c][1] / np.sqrt(signals[c].t.size), signals[c].t
+        offsets = np.zeros((t.size, len(used)))
+        offsets[:, k] = 1.0
+        states = np.column_stack([np.interp(t, grid, u[c]) for u in unit])
+        rows.append(scale * np.column_stack((states, offsets)))
+        errors.append(scale * (signals[c].x - np.interp(t, grid, model[c])))
+    bias = np.linalg.lstsq(np.concatenate(rows), np.concatenate(errors), rcond=1e-8)[0]
+    overlays = []
+    for c, row, error in zip(used, rows, errors, strict=True):
+        unit_name, factor = UNITS[c]
+        measured = factor * signals[c].x
+        left = (error - row @ bias) * np.sqrt(error.size)
+        overlays.append(Overlay(c, unit_name, signals[c].t, measured, measured - left))
+    n = len(unit)
+    return Verification(
+        run.name, speed, tuple(overlays),
+        dict(zip(structure.states, map(float, bias[:n]), strict=True)),
+        dict(zip(used, map(float, bias[n:]), strict=True)),
+    )  # fmt: skip

@@ -1,0 +1,237 @@
+"""A DataFlash log, played: what it holds at any time, as the vehicle's telemetry would have shown it.
+
+The signals are those of `rover_sweep.logs`; what a screen wants beside them (armed, mode, battery, GPS, the
+switch) is read here. Message names and units: ArduPilot, libraries/AP_Logger/LogStructure.h, as seen in
+logs of ArduRover 4.5.7 and 4.6.3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_params.applet_parameters import STATES
+from rover_sweep.files.printable import printable
+from rover_sweep.live.played.runs import Place, runs_in
+from rover_sweep.live.snapshot import Snapshot
+from rover_sweep.live.telemetry import STALE, STALE_SLOW, switch_of
+from rover_sweep.logs.log import Log
+from rover_sweep.logs.read import read_logs
+from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
+from rover_sweep.logs.readers.pair import extent
+from rover_sweep.logs.runs.applet import is_old
+from rover_sweep.manoeuvre.configured import manoeuvre_of
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre
+from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
+
+Array = NDArray[np.float64]
+
+SILENT = 0.5  # s without a message of the applet, which logs at 84 Hz while it does anything: it is idle
+SAMPLE_EVERY = 0.1  # s
+INFO = 6  # MAV_SEVERITY; the log does not tell the severity of a message
+HORIZONTAL_SPEED, HORIZONTAL_PLACE, NO_PLACE = 1 << 1, 1 << 4, 1 << 7  # nav_filter_status in XKF4.SS
+STEERED = range(3, 9)
+FIX_3D = 3  # GPS_FIX_TYPE
+
+
+class Column:
+    """The last value at or before a time, nan where there is none or it is older than `stale` s."""
+
+    def __init__(self, t: Array, x: Array, stale: float) -> None:
+        self.t, self.x, self.stale = t, x, stale
+
+    def at(self, t: float) -> float:
+        k = int(np.searchsorted(self.t, t, "right")) - 1
+        return float(self.x[k]) if k >= 0 and t - self.t[k] <= self.stale else math.nan
+
+
+class FlashPart:
+    """One log of a file: everything at a time on its clock. begin, end: [s]."""
+
+    def __init__(self, log: Log, flash: DataFlash) -> None:
+        self.log = log
+        self.begin, self.end = extent(log)
+        self._flash = flash
+        self._set = self._named_values()
+        self._set_at = np.array([t for t, *_ in self._set])
+        self._planned: dict[int, Manoeuvre | None] = {}
+        self._columns = {n: Column(s.t, s.x, STALE) for n, s in log.signals.items()}
+        if log.steering:
+            self._columns["pwm"] = Column(log.steering[0].t, log.steering[0].x, STALE)
+        switch = f"C{switch_of(log.parameters)}"
+        for name, message, column, stale in (
+            ("volts", "BAT", "Volt", STALE_SLOW),
+            ("remaining", "BAT", "RemPct", STALE_SLOW),
+            ("satellites", "GPS", "NSats", STALE_SLOW),
+            ("fix", "GPS", "Status", STALE_SLOW),
+            ("switch", "RCIN", switch, STALE),
+            ("mode", "MODE", "ModeNum", math.inf),
+            ("ekf", "XKF4", "SS", STALE_SLOW),
+        ):
+            if flash.has(message, column):
+                self._columns[name] = Column(flash.seconds(message), flash.column(message, column), stale)
+        self._armed = self._arming()
+        self.states = self._states()
+        self._entered = np.array([t for t, _ in self.states])
+        bytes_of = flash.positions.get("IMU", np.empty(0, np.int64))
+        stamps = flash.seconds("IMU") if bytes_of.size else np.empty(0)
+        self._bytes = Column(stamps, bytes_of.astype(float), math.inf)
+
+    def parameters(self, t: float) -> dict[str, float]:
+        """As they were at a time: the last value of each up to it."""
+        count = int(np.searchsorted(self._set_at, t, "right"))
+        return {name: value for _, name, value in self._set[:count]}
+
+    def planned(self, t: float) -> Manoeuvre | None:
+        """The manoeuvre that stood in the parameters at a time."""
+        count = int(np.searchsorted(self._set_at, t, "right"))
+        if count not in self._planned:
+            self._planned[count] = manoeuvre_of(self.parameters(t))
+        return self._planned[count]
+
+    def state(self, t: float) -> int:
+        k = int(np.searchsorted(self._entered, t, "right")) - 1
+        return self.states[k][1] if k >= 0 else 0
+
+    def snapshot(self, t: float) -> Snapshot:
+        state = self.state(t)
+        progress, frequency = self._manoeuvre(t, state)
+        remaining, fix = self._value("remaining", t), _whole(self._value("fix", t), 0)
+        return Snapshot(
+            t=t,
+            armed=self._armed.at(t) == 1,
+            mode=_whole(self._value("mode", t), -1),
+            **{name: self._value(name, t) for name in ("pwm", "r", "p", "ay", "phi", "speed")},
+            state=state,
+            state_name=STATES.get(state, f"state {state}"),
+            frequency=frequency,
+            progress=progress,
+            switch=self._value("switch", t),
+            volts=self._value("volts", t),
+            remaining=remaining / 100,
+            satellites=_whole(self._value("satellites", t), 0),
+            fix=fix,
+            ekf=self._uses_gps(t, fix),
+            recorded=_whole(self._bytes.at(t), 0),
+            link="",
+        )
+
+    def events(self, since: float, to: float) -> Iterator[Event]:
+        """What happens after `since` up to `to` [s], in time."""
+        found: list[tuple[float, Event]] = [
+            (t, Said(t, INFO, printable(text))) for t, text in self.log.marks if since < t <= to
+        ]
+        found += [
+            (t, StateChanged(t, s, STATES.get(s, f"state {s}"))) for t, s in self.states if since < t <= to
+        ]
+        first = math.floor(since / SAMPLE_EVERY) + 1
+        for k in range(first, math.floor(to / SAMPLE_EVERY) + 1):
+            now = self.snapshot(k * SAMPLE_EVERY)
+            found.append((now.t, Sample(now.t, now.state, now.pwm, now.r, now.ay, now.speed, now.frequency)))
+        yield from (event for _, event in sorted(found, key=lambda entry: entry[0]))
+
+    def _uses_gps(self, t: float, fix: int) -> bool:
+        """By the estimator's own word; a log without it (LOG_BITMASK) has a velocity where there is a fix."""
+        if "ekf" in self._columns:
+            return _has_place(_whole(self._value("ekf", t), 0))
+        return fix >= FIX_3D and math.isfinite(self._value("speed", t))
+
+    def _arming(self) -> Column:
+        """1 armed, 0 not. A log opens on arming, before that is written: what the first entry ends was so."""
+        if not self._flash.has("ARM", "ArmState"):
+            return Column(np.empty(0), np.empty(0), math.inf)
+        t, armed = self._flash.seconds("ARM"), self._flash.column("ARM", "ArmState")
+        return Column(np.append(-math.inf, t), np.append(1 - armed[0], armed), math.inf)
+
+    def _value(self, name: str, t: float) -> float:
+        return self._columns[name].at(t) if name in self._columns else math.nan
+
+    def _named_values(self) -> list[tuple[float, str, float]]:
+        flash = self._flash
+        if not (flash.has("PARM", "Value") and flash.has_text("PARM", "Name")):
+            return []
+        values = flash.rows("PARM")["Value"].astype(float).tolist()
+        named = zip(flash.seconds("PARM").tolist(), flash.text("PARM", "Name"), values, strict=True)
+        return [said for said in named if math.isfinite(said[2])]
+
+    def _states(self) -> tuple[tuple[float, int], ...]:
+        """Where the applet's state changes; idle where it says nothing. Empty for the one of 2025."""
+        rows = self.log.applet
+        if rows is None or is_old(rows):
+            return ()
+        found: list[tuple[float, int]] = []
+        silent = np.append(np.diff(rows.t) > SILENT, True)
+        for t, state, last in zip(
+            rows.t.tolist(), rows.state.astype(int).tolist(), silent.tolist(), strict=True
+        ):
+            if not found or found[-1][1] != state:
+                found.append((t, state))
+            if last and state and t + SILENT < self.end:
+                found.append((t + SILENT, 0))
+        return tuple(found)
+
+    def _manoeuvre(self, t: float, state: int) -> tuple[float, float]:
+        """(progress 0..1, frequency now [rad/s]) by the applet's clock."""
+        rows = self.log.applet
+        if rows is None or state == 0 or is_old(rows):
+            return math.nan, math.nan
+        planned = self.planned(t)
+        if planned is None or state in (1, 2, 9):
+            return {1: 0.0, 2: 0.0, 9: 1.0}.get(state, math.nan), math.nan
+        clock = float(rows.clock[max(int(np.searchsorted(rows.t, t, "right")) - 1, 0)])
+        progress = min(max(clock / planned.duration, 0.0), 1.0)
+        if state not in STEERED or isinstance(planned, Doublet | Multisine):
+            return progress, math.nan
+        return progress, float(planned.rate(clock - planned.law_start))
+
+
+def _whole(value: float, otherwise: int) -> int:
+    return int(value) if math.isfinite(value) else otherwise
+
+
+def _has_place(status: int) -> bool:
+    wanted = HORIZONTAL_SPEED | HORIZONTAL_PLACE
+    return status & wanted == wanted and not status & NO_PLACE
+
+
+class FlashTrack:
+    """Where a DataFlash log stands while it is played; a `played_track.Track`."""
+
+    def __init__(self, path: Path) -> None:
+        logs = read_logs(str(path))
+        parts = [part for part in open_parts(path) if any(part.count(n) for n in part.formats if n != "FMT")]
+        self._parts = [FlashPart(log, flash) for log, flash in zip(logs, parts, strict=True)]
+        lengths = [part.end - part.begin for part in self._parts]
+        self._offsets = np.concatenate(([0.0], np.cumsum(lengths)))
+        self.length, self.log, self._at = float(self._offsets[-1]), logs[0], 0.0
+        places: list[Place] = []
+        remarks: list[str] = []
+        for part, offset in zip(self._parts, self._offsets.tolist(), strict=False):
+            runs, refusal = runs_in(part.log, path, part.states, part.parameters)
+            start, told = offset - part.begin, bool(part.states)
+            places += [Place(run, start + run.begin, start + run.end, told) for run in runs]
+            remarks += [refusal] if refusal else []
+        self.places, self.remarks = tuple(places), tuple(remarks)
+
+    def seek(self, at: float) -> None:
+        """Go to a position [s]."""
+        self._at = at
+
+    def play(self, at: float) -> Iterator[Event]:
+        """Go on to a position [s], with what happens on the way."""
+        for part, offset in zip(self._parts, self._offsets.tolist(), strict=False):
+            since, to = self._at - offset + part.begin, at - offset + part.begin
+            if to > part.begin and since < part.end:
+                yield from part.events(since, min(to, part.end))
+        self._at = max(at, self._at)
+
+    def snapshot(self) -> Snapshot:
+        """The rover at the position."""
+        k = min(max(int(np.searchsorted(self._offsets, self._at, "right")) - 1, 0), len(self._parts) - 1)
+        part = self._parts[k]
+        return part.snapshot(min(self._at - float(self._offsets[k]) + part.begin, part.end))

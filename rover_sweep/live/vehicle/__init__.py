@@ -1,0 +1,1 @@
+"""A vehicle on a link as the source of a screen."""

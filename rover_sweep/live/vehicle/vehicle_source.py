@@ -1,0 +1,272 @@
+"""A vehicle on a link as the source of a screen: one thread owns the link and does what is asked.
+
+The link is pumped all the time, also while nothing is asked: telemetry is recorded and told about ten
+times a second. `abort` reaches a run wherever it waits for the vehicle. A link that is lost is opened
+again until the source is closed; what was recorded stays, the run that was cut is written down as such,
+and a rover that it left armed is disarmed once it answers. Without this program: the switch low,
+a change of mode, disarming; and the override lapses after RC_OVERRIDE_TIME, see `vehicle.run`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+from rover_sweep.errors import LinkError, RoverSweepError, UsageError
+from rover_sweep.live.source import (
+    Began,
+    Connect,
+    Drive,
+    Ended,
+    FetchLogs,
+    Fix,
+    Judged,
+    Lost,
+    Preflight,
+    Request,
+    Several,
+    Told,
+)
+from rover_sweep.live.telemetry import Telemetry
+from rover_sweep.live.vehicle.background import Beside
+from rover_sweep.live.vehicle.stop import Aborted
+from rover_sweep.live.vehicle.work import Work
+from rover_sweep.session.folder import Session
+from rover_sweep.session.left_armed import let_go_late
+from rover_sweep.vehicle.events import Notice
+from rover_sweep.vehicle.link.access import Access, SeveralVehicles
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import Message
+from rover_sweep.vehicle.link.transport import Line
+
+_EVERY = 0.1  # s between two snapshots
+_IDLE = 0.05  # s that an idle turn waits for the vehicle or for a request
+_TRY_FOR, _TRY_EVERY = 3.0, 0.5  # s to find a vehicle that was lost, and between two tries
+_GOODBYE = 15.0  # s for letting the rover go when the source is closed
+
+
+class VehicleSource:
+    """See `live.source.Source`. session: the folder, where the plan is put (`session.plan`) and read.
+
+    folder: of a session, begun or to be taken up again. vehicle_file: is copied into it. line, access: see
+    `Link.open`; the screen is told, and asked by `Several`. UsageError where the folder cannot be used.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        vehicle_file: Path | None = None,
+        line: Line | None = None,
+        access: Access | None = None,
+    ) -> None:
+        self.session = Session.open(folder)
+        if vehicle_file is not None:
+            self.session.keep_vehicle_file(vehicle_file)
+        self._line = line
+        self._access = replace(access or Access(), choose=None, tell=self._notice)
+        self._requests: SimpleQueue[Request] = SimpleQueue()
+        self._forgotten: SimpleQueue[Request] = SimpleQueue()
+        self._stop, self._closing = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._work_on, name="vehicle", daemon=True)
+        self._tell_screen: Callable[[Told], None] = lambda told: None
+        self._link: Link | None = None
+        self._url, self._system = "", self._access.system  # of the vehicle that is to be found again
+        self._lost = self._stopping = False
+        self._telemetry, self._told_at = Telemetry(), 0.0
+
+    def start(self, tell: Callable[[Told], None]) -> None:
+        """Begin to work; `tell` is called in the source's own thread."""
+        self._tell_screen = tell
+        self._thread.start()
+
+    def ask(self, request: Request) -> None:
+        """Carried out in turn; returns at once."""
+        self._requests.put(request)
+
+    def abort(self) -> None:
+        """End the run under way, let the rover go, forget what was asked before. From any thread."""
+        while (request := self._next(0.0)) is not None:
+            self._forgotten.put(request)
+        self._stop.set()
+
+    def close(self) -> None:
+        """As `abort`, and end."""
+        self._closing.set()
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(_GOODBYE)
+        self.session.close()
+
+    # ---- the thread ------------------------------------------------------------------------------
+
+    def _work_on(self) -> None:
+        self._beside = Beside()
+        self._work = Work(self.session, self._beside)
+        try:
+            while not self._closing.is_set():
+                try:
+                    self._turn()
+                except Aborted:
+                    self._stopping = False  # nothing was under way; the next turn stops whatever moves
+                except LinkError as lost:
+                    self._has_lost(lost)
+                except RoverSweepError as error:  # the disk is full
+                    self._tell(Notice("warning", str(error)))
+        finally:
+            self._beside.close()
+            self._drop_link()
+
+    def _turn(self) -> None:
+        if self._stop.is_set():
+            self._stop_all()
+        self._tell_verdicts()
+        request = self._next(0.0 if self._link else _IDLE)
+        if request is not None:
+            self._carry_out(request)
+        elif self._lost:
+            self._find_again()
+        elif self._link is not None:
+            self._link.receive(_IDLE)
+
+    def _next(self, wait: float) -> Request | None:
+        try:
+            return self._requests.get(timeout=wait) if wait else self._requests.get_nowait()
+        except Empty:
+            return None
+
+    def _carry_out(self, request: Request) -> None:
+        self._tell(Began(request))
+        failure = ""
+        try:
+            for told in self._doing(request):
+                self._tell(told)
+        except Aborted:
+            self._tell_forgotten()
+            failure = "aborted"
+        except RoverSweepError as error:
+            failure = "; ".join([str(error), *getattr(error, "__notes__", ())])
+        except Exception as error:  # a mistake of ours must not leave a screen without a rover to stop
+            failure = f"this went wrong inside rover-sweep: {error!r}"
+        if self._stopping:
+            self._stopped()
+        self._tell(Ended(request, failure))
+
+    def _doing(self, request: Request) -> Iterator[Told]:
+        if isinstance(request, Connect):
+            self._lost = False  # another was chosen; where that one fails, none is looked for
+            return self._connect(request.url, request.system or self._access.system)
+        if self._link is None or self._lost:
+            raise UsageError("no vehicle is connected")
+        match request:
+            case Preflight():
+                return self._work.preflight(self._link)
+            case Fix():
+                return self._work.fix(self._link, request)
+            case Drive():
+                return self._work.drive(self._link, request)
+            case FetchLogs():
+                return self._work.fetch(self._link)
+        raise UsageError("a vehicle is driven, not played")
+
+    # ---- the link --------------------------------------------------------------------------------
+
+    def _connect(self, url: str, system: int | None, timeout: float = 15.0) -> Iterator[Told]:
+        self._drop_link()
+        self._telemetry = Telemetry()
+        access = replace(self._access, system=system)
+        try:
+            opened = Link.open(url, self.session.between(), timeout, self._line, self._tick, access)
+        except SeveralVehicles as several:
+            yield Several(url, several.heard)
+            raise
+        self._link, self._url, self._system = opened, url, opened.target[0]
+        opened.hear(self._hear)
+        try:
+            yield from self._work.greet(opened)
+        except UsageError:  # not the vehicle of this session
+            self._drop_link()
+            raise
+        self._lost = False  # not before: greeting disarms what a run left armed, and an abort may cut it
+
+    def _find_again(self) -> None:
+        try:
+            for told in self._connect(self._url, self._system, _TRY_FOR):
+                self._tell(told)
+        except LinkError:
+            self._drop_link()
+            self._closing.wait(_TRY_EVERY)
+        except RoverSweepError:  # the disk is full, or it is another vehicle: trying again does not help
+            self._lost = False
+            raise
+
+    def _has_lost(self, why: LinkError) -> None:
+        self._drop_link()
+        self._lost = True
+        self._tell(Lost(str(why)))
+
+    def _drop_link(self) -> None:
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+    def _hear(self, message: Message) -> None:
+        if self._link is not None:
+            self._telemetry.message(message, self._link.clock.now)
+
+    def _tick(self) -> None:
+        """Called wherever anybody waits on the link."""
+        self._stop_if_asked()
+        now = time.monotonic()
+        if now - self._told_at < _EVERY or self._link is None:
+            return
+        self._told_at = now
+        self._tell_verdicts()
+        with contextlib.suppress(OSError):  # a folder that was taken away; the link tells
+            recorded, link = self._link.tlog.stat().st_size, self._link.quality.words
+            self._tell(self._telemetry.snapshot(recorded, link))
+
+    # ---- stopping --------------------------------------------------------------------------------
+
+    def _stop_if_asked(self) -> None:
+        """Once: whoever keeps pressing must not interrupt the letting go."""
+        if self._stop.is_set() and not self._stopping:
+            self._stopping = True
+            raise Aborted
+
+    def _stopped(self) -> None:
+        self._stop.clear()
+        self._stopping = False
+
+    def _stop_all(self) -> None:
+        """While no run is under way: stop whatever the applet does (it may be the pilot's run)."""
+        self._stopping = True
+        try:
+            self._tell_forgotten()
+            if self._link is not None and self._link.armed:
+                for told in let_go_late(self._link, disarm=False):
+                    self._tell(told)
+        finally:
+            self._stopped()
+
+    def _tell_forgotten(self) -> None:
+        while not self._forgotten.empty():
+            self._tell(Ended(self._forgotten.get(), "aborted before it began"))
+
+    # ---- telling ---------------------------------------------------------------------------------
+
+    def _tell_verdicts(self) -> None:
+        for given in self._beside.given():
+            self.session.judged(given.tlog, asdict(given.verdict))
+            self._tell(Judged(given.verdict))
+
+    def _notice(self, sentence: str) -> None:
+        self._tell(Notice("warning", sentence))
+
+    def _tell(self, told: Told) -> None:
+        with contextlib.suppress(Exception):  # a screen that fails must not keep a rover from being let go
+            self._tell_screen(told)

@@ -1,0 +1,144 @@
+"""What a vehicle is asked for, carried out on a link as generators of what is to be told."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+
+from firmware_params.applet_parameters import PARAMETERS
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.live.snapshot import Verdict
+from rover_sweep.live.source import Checked, Drive, Fix, Told
+from rover_sweep.live.vehicle.background import Beside
+from rover_sweep.live.vehicle.stop import Aborted
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.folder import Session
+from rover_sweep.session.left_armed import disarm_left_armed
+from rover_sweep.session.session import (
+    await_estimator,
+    fetch,
+    listed,
+    recorded_run,
+    refuse_impossible,
+    start_streams,
+    tell_runs,
+)
+from rover_sweep.vehicle.events import Connected, LogSaved, Notice, Rebooting
+from rover_sweep.vehicle.identity import identify_vehicle, untried
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, request_all
+from rover_sweep.vehicle.logs.download import MavlinkLogs
+from rover_sweep.vehicle.parameters.read_write import read, read_present
+from rover_sweep.vehicle.preflight.all_checks import preflight, remedy
+from rover_sweep.vehicle.preflight.item import Check
+
+# Of what only a screen needs [Hz]; the runs' streams are `IDENTIFICATION_RATES`.
+_SCREEN_RATES = {"SYS_STATUS": 1.0, "GPS_RAW_INT": 2.0, "EKF_STATUS_REPORT": 2.0}
+_FETCHING_RATE = 5.0  # Hz of the streams while a log has the line for itself
+_TELLING = (  # parameters from which a screen knows which output steers and which channel triggers
+    *(f"SERVO{n}_FUNCTION" for n in range(1, 17)),
+    *(f"RC{n}_OPTION" for n in range(1, 17)),
+    *(p.name for p in PARAMETERS),
+)
+
+
+class Work:
+    """The requests, on one vehicle and into one session's folder. Nothing here waits without pumping."""
+
+    def __init__(self, session: Session, beside: Beside) -> None:
+        self.session, self._beside = session, beside
+        self._checks: dict[str, Check] = {}
+
+    def greet(self, link: Link) -> Iterator[Told]:
+        """Who it is, what a run before left undone, and the streams."""
+        vehicle = identify_vehicle(link)
+        self.session.on(asdict(vehicle))
+        yield from disarm_left_armed(link, self.session.content)
+        yield Connected(link.url, vehicle)
+        if warning := untried(vehicle):
+            yield Notice("warning", warning)
+        read_present(link, _TELLING)
+        self._remember_logs(link)
+        yield from self._streams(link)
+
+    def preflight(self, link: Link) -> Iterator[Told]:
+        """Everything that must be right."""
+        tops = [m.w_max for run in self.session.to_drive if isinstance(m := run.manoeuvre, Sweep | Multisine)]
+        checks = preflight(link, self.session.folder, max(tops, default=None))
+        self._checks = {check.name: check for check in checks}
+        yield Checked(checks)
+
+    def fix(self, link: Link, request: Fix) -> Iterator[Told]:
+        """What the check of that name offers."""
+        check = self._checks.get(request.name)
+        if check is None or check.remedy is None:
+            raise UsageError(f"there is nothing to put right with {request.name!r}; look again first")
+        rebooted = False
+        for event in remedy(link, check, request.reboot, self.session.folder):
+            rebooted |= isinstance(event, Rebooting)
+            yield event
+        if rebooted:
+            yield from self._streams(link)
+
+    def drive(self, link: Link, request: Drive) -> Iterator[Told]:
+        """One run, and the verdict on it."""
+        planned, settings = request.planned, request.settings
+        refuse_impossible(link, (planned,), settings)
+        self._remember_logs(link)
+        self.session.set(asdict(settings))
+        yield from await_estimator(link)
+        try:
+            ended = yield from recorded_run(link, planned, self.session, settings)
+        finally:
+            link.record_to(self.session.between())
+        tlog = self.session.folder / self.session.content.runs[-1].tlog
+        if ended is not None and ended.completed:
+            self._beside.judge(tlog, ended.span, planned.name, self.session.vehicle_file)
+            return
+        reason = "aborted" if ended is None else ended.reason
+        sentence = f"it did not come to its end ({reason}): drive it again"
+        self._beside.tell(tlog, Verdict(planned.name, "repeat", sentence, source=tlog))
+        if ended is None:
+            raise Aborted
+
+    def fetch(self, link: Link) -> Iterator[Told]:
+        """The logs that are new."""
+        logs = MavlinkLogs(link)
+        if self.session.content.logs_before is None:
+            yield Notice("warning", "which logs are new is not known: the last one is fetched")
+            self.session.logs_before(listed(logs.logs()[:-1]))
+        link.record_to(self.session.tlog("fetch"))
+        try:
+            request_all(link, self._loop_rate(link), dict.fromkeys(IDENTIFICATION_RATES, _FETCHING_RATE))
+            for event in fetch(logs, self.session):
+                yield event
+                if isinstance(event, LogSaved):
+                    self._look_into(link, event.path)
+        finally:
+            link.record_to(self.session.between())
+            with contextlib.suppress(LinkError):  # told by whoever waits on the link next
+                request_all(link, self._loop_rate(link))
+
+    def _look_into(self, link: Link, log: Path) -> None:
+        """Find which runs a log holds, beside the link, which goes on meanwhile."""
+        looking = self._beside.work(partial(tell_runs, self.session, log.name))
+        while not looking.done():
+            link.receive(0.05)
+        looking.result()
+
+    def _remember_logs(self, link: Link) -> None:
+        """Which logs are older than the session; an armed rover does not tell."""
+        if self.session.content.logs_before is None and not link.armed:
+            with contextlib.suppress(LinkError):  # no card in it, which the preflight tells
+                self.session.logs_before(listed(MavlinkLogs(link).logs()))
+
+    def _streams(self, link: Link) -> Iterator[Told]:
+        request_all(link, self._loop_rate(link), _SCREEN_RATES)
+        yield from start_streams(link)
+
+    def _loop_rate(self, link: Link) -> float:
+        return read(link, "SCHED_LOOP_RATE")

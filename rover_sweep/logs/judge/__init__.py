@@ -1,0 +1,1 @@
+"""What is said of a recording that was read: refused, or used with these warnings."""

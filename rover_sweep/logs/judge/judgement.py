@@ -1,0 +1,235 @@
+"""Judgement on recordings: what must be refused, and what must be said about the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rover_sweep.data.recording import Note, Recording, Signal
+from rover_sweep.errors import DataRefused
+from rover_sweep.logs.log import STEERING, THRUST_LEFT, THRUST_RIGHT, AppletRows, Log, output_channel
+from rover_sweep.logs.runs.applet import applet_runs
+from rover_sweep.logs.runs.completeness import HOLE, hole_notes
+from rover_sweep.logs.runs.wave import MOVING_SPEED
+from rover_sweep.quality.clock_rate import stretched_by_applet, stretched_by_arrival
+from rover_sweep.quality.faults import with_faults
+from rover_sweep.quality.relations import relations
+
+BOAT, BALANCE_BOT = 2, 3  # FRAME_CLASS (ArduRover 4.6 parameters)
+GAP = 3.0  # sampling intervals that make a gap
+UNLOGGED = 0.25  # s: an output that is only logged when the applet runs is no gap before that
+UNEVEN = 0.2  # standard deviation of the sampling interval over its median
+SLOWEST, FASTEST = 1.0, 20e3  # Hz: beyond, the time is in another unit
+COARSE = 20.0  # Hz: 25 rad/s, the paper's w_max, has 4 Hz
+GYRO_RANGE, ACCEL_RANGE = 34.9, 16 * 9.80665  # rad/s (2000 deg/s), m/s^2: full scale of the usual sensors
+
+
+def refuse_useless(log: Log) -> None:
+    """Raise DataRefused for a log in which no run can be, with the value seen and what to do."""
+    _refuse_foreign(log)
+    _refuse_without_wheels(log)
+    missing = [
+        name for channel, name in (("speed", "speed"), ("r", "yaw rate")) if channel not in log.signals
+    ]
+    if missing:
+        raise DataRefused(
+            f"{log.name} holds no {' and no '.join(missing)}: let the IMU and the EKF be recorded "
+            "(LOG_BITMASK, or the message rates of the link)"
+        )
+    _refuse_odd_clock(log)
+    _refuse_static(log)
+    if not log.steering:
+        raise DataRefused(
+            f"{log.name} holds no steering output (SWEP, SERVO_OUTPUT_RAW or RCOU), or it was off: "
+            "give the .tlog of the same drive too"
+        )
+
+
+def _refuse_foreign(log: Log) -> None:
+    if log.vehicle not in ("rover", "boat", ""):
+        raise DataRefused(
+            f"{log.name} is the log of a {log.vehicle} ({log.firmware or 'by its heartbeat'}): "
+            "only rovers with steered wheels can be identified"
+        )
+
+
+def _refuse_without_wheels(log: Log) -> None:
+    left, right = (output_channel(log.parameters, function) for function in (THRUST_LEFT, THRUST_RIGHT))
+    frame = round(log.parameters.get("FRAME_CLASS", 0))
+    seen = ""
+    if left and right and output_channel(log.parameters, STEERING) is None:
+        seen = f"SERVO{left}_FUNCTION is 73 and SERVO{right}_FUNCTION is 74, left and right thrust"
+    elif log.parameters.get("SKID_STEER_OUT"):
+        seen = "SKID_STEER_OUT is 1"
+    elif frame in (BOAT, BALANCE_BOT):
+        seen = f"FRAME_CLASS is {frame}, a {'boat' if frame == BOAT else 'balance bot'}"
+    elif log.vehicle == "boat":
+        seen = "its heartbeat says boat"
+    if seen:
+        raise DataRefused(
+            f"{log.name} comes from a vehicle without steered wheels ({seen}): "
+            "only rovers with steered wheels can be identified"
+        )
+
+
+def _refuse_odd_clock(log: Log) -> None:
+    rate = log.signals["r"].rate
+    if rate and not SLOWEST < rate < FASTEST:
+        unit = "ms" if 1 / rate < 100.0 else "us"
+        advice = (
+            f'is that in {unit}? give time = {{column = "..", unit = "{unit}"}}'
+            if rate < 1
+            else "give it in s"
+        )
+        raise DataRefused(
+            f"{log.name}: by its time the yaw rate was sampled every {1 / rate:.3g} s; {advice}"
+        )
+
+
+def _refuse_static(log: Log) -> None:
+    speed = log.signals["speed"].x
+    fastest = float(np.percentile(np.abs(speed), 99)) if speed.size else 0.0
+    if fastest < MOVING_SPEED:
+        raise DataRefused(
+            f"{log.name}: the rover never drove (speed up to {fastest:.2f} m/s); record a sweep while driving"
+        )
+
+
+def refuse_unexcited(log: Log) -> None:
+    """Raise DataRefused for a log of driving in which no run was found."""
+    steering, speed = log.steering[0], log.signals["speed"]
+    if float(np.median(speed.x[np.abs(speed.x) > MOVING_SPEED])) < 0:
+        raise DataRefused(
+            f"{log.name}: the rover drives backwards (speed down to {np.min(speed.x):.2f} m/s); "
+            "drive forwards, or give speed the other sign"
+        )
+    moving = np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > MOVING_SPEED
+    x = steering.x[moving]
+    seen = f"{np.min(x):.4g} to {np.max(x):.4g} {steering.unit}" if x.size else "not recorded"
+    raise DataRefused(
+        f"{log.name}: no steering excitation while driving (steering {seen}, "
+        "never to and fro for some seconds); drive a sweep or a doublet"
+    )
+
+
+def judged(run: Recording, log: Log) -> Recording:
+    """The run with its notes on gaps, uneven sampling, saturation and coarse steering."""
+    notes = (
+        *run.notes,
+        *hole_notes(run),
+        *_sampling(run),
+        *_stops(run, log),
+        *_full_scale(run),
+        *_steering(run),
+        *_biases(run),
+        *_clock(run, log),
+    )
+    return with_faults(replace(run, notes=tuple(dict.fromkeys(notes))))
+
+
+def _steering_of(run: Recording) -> Signal:
+    name = "delta" if "delta" in run else "pwm"
+    return run.manoeuvre(name)
+
+
+def _sampling(run: Recording) -> Iterator[Note]:
+    """Gaps and uneven sampling, told once for channels that come out of one message."""
+    told = set()
+    for name in ("r", "ay", "p", "vy"):
+        if name in run and (message := run[name].source.split(".")[0] or name) not in told:
+            told.add(message)
+            yield from _gaps(message, run.manoeuvre(name))
+    steering = _steering_of(run)
+    if not steering.hold:
+        yield from _gaps(steering.source, steering)
+    elif steering.t.size > 1 and HOLE >= (longest := float(np.max(np.diff(steering.t)))) > UNLOGGED:
+        at = steering.t[int(np.argmax(np.diff(steering.t)))]
+        yield Note(
+            "warning",
+            f"The steering output ({steering.source}) was not logged for {longest:.2f} s at {at:.1f} s; "
+            "it is taken as constant there",
+        )
+
+
+def _gaps(source: str, signal: Signal) -> Iterator[Note]:
+    if signal.t.size < 3:
+        yield Note("warning", f"{source} has only {signal.t.size} samples in the run")
+        return
+    steps = np.diff(signal.t)
+    usual = float(np.median(steps))
+    gaps = (steps > GAP * usual) & (steps <= max(HOLE, GAP * usual))  # longer ones are told as holes
+    if np.any(gaps):
+        worst = int(np.argmax(np.where(gaps, steps, 0.0)))
+        yield Note(
+            "warning",
+            f"{source} has {int(gaps.sum())} gaps (more than {1e3 * GAP * usual:.0f} ms), "
+            f"the longest {steps[worst]:.2f} s at {signal.t[worst]:.1f} s",
+        )
+    spread = float(np.std(steps[steps <= GAP * usual])) / usual
+    if spread > UNEVEN:
+        yield Note(
+            "info", f"{source} is sampled unevenly: every {1e3 * usual:.1f} ms +- {100 * spread:.0f} %"
+        )
+
+
+def _stops(run: Recording, log: Log) -> Iterator[Note]:
+    """Steering at the end of the servo's travel."""
+    if log.limits is None or "pwm" not in run:
+        return
+    low, high = log.limits
+    x = run.manoeuvre("pwm").x
+    share = float(np.mean((x <= low) | (x >= high))) if x.size else 0.0
+    if share > 0:
+        yield Note(
+            "warning",
+            f"Steering is at its end stop ({low:.0f} or {high:.0f} us) in {100 * share:.1f} % of the "
+            "samples: lower the amplitude",
+        )
+
+
+def _full_scale(run: Recording) -> Iterator[Note]:
+    for name, full in (("r", GYRO_RANGE), ("p", GYRO_RANGE), ("ay", ACCEL_RANGE)):
+        peak = float(np.max(np.abs(run.manoeuvre(name).x), initial=0.0)) if name in run else 0.0
+        if peak > 0.98 * full:
+            yield Note(
+                "warning",
+                f"{name} reaches {peak:.1f} {run[name].unit}, the sensor's full scale: "
+                "mount the autopilot softer",
+            )
+
+
+def _steering(run: Recording) -> Iterator[Note]:
+    steering = _steering_of(run)
+    if steering.hold or not 0 < steering.rate < COARSE:
+        return
+    yield Note(
+        "warning",
+        f"Steering ({steering.source}) was recorded at {steering.rate:.0f} Hz: a smooth wave is known up to "
+        f"{0.8 * np.pi * steering.rate:.0f} rad/s, a step to {500 / steering.rate:.0f} ms only; "
+        "give the .tlog too, or log with the applet",
+    )
+
+
+def _biases(run: Recording) -> Iterator[Note]:
+    if not run.standstill:
+        yield Note(
+            "info", "No standstill was recorded, so the biases of gyro and accelerometer are not known"
+        )
+
+
+def _clock(run: Recording, log: Log) -> Iterator[Note]:
+    """The run's clock against the applet's and that of the telemetry's recorder."""
+    if log.applet is not None:
+        yield from _by_applet(run, log.applet)
+    elif log.arrivals is not None:
+        t, arrival = log.arrivals
+        inside = (t >= run.span[0]) & (t <= run.span[1])
+        yield from stretched_by_arrival(t[inside], arrival[inside], relations(run).heading)
+
+
+def _by_applet(run: Recording, rows: AppletRows) -> Iterator[Note]:
+    for own in applet_runs(rows):
+        inside = (own.t >= run.span[0]) & (own.t <= run.span[1]) & (own.clock > 0)
+        yield from stretched_by_applet(own.t[inside], own.clock[inside])

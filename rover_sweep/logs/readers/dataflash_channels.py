@@ -1,0 +1,284 @@
+"""From the messages of a DataFlash log to channels in SI units and ISO axes.
+
+ArduPilot logs in FRD axes (x forward, y right, z down) and yaw clockwise from north, so r, a_y, V_y
+and psi change sign; p and phi do not. Message names and units as seen in logs of ArduRover 3.1 to 4.6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Note, Signal
+from rover_sweep.errors import DataRefused
+from rover_sweep.logs.log import (
+    STEERING,
+    THROTTLE,
+    AppletRows,
+    Array,
+    Log,
+    body_velocity,
+    clock_notes,
+    finite_only,
+    firmware_of,
+    increasing,
+    joined_steering,
+    output_channel,
+    output_limits,
+    refuse_disorder,
+    sensor_filters,
+    source_of,
+    vehicle_of,
+)
+from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
+from rover_sweep.logs.readers.main_loop import main_loops
+
+Rows = NDArray[np.void]
+
+DAMAGE_LIMIT = 0.01  # share of lost bytes above which gaps are everywhere
+# Breaks per message above which the numbers are not to be trusted: a message has no checksum, and a flipped
+# bit breaks the chain in 3 of some 45 bytes, so that 15 times as many messages hold a wrong number.
+BREAK_LIMIT = 1e-3
+RAW_POST_FILTER, RAW_PRE_AND_POST = 1 << 2, 1 << 3  # bits of INS_RAW_LOG_OPT
+
+
+def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> tuple[Log, ...]:
+    """A .BIN file as one `Log` for each log that was joined into it, mostly one.
+
+    Raises DataRefused for a file that is empty, no log, or damaged.
+    """
+    parts = open_parts(path)
+    _refuse_damage(path, parts)
+    parts = tuple(part for part in parts if _holds_messages(part))
+    names = [path.stem if len(parts) == 1 else f"{path.stem} log {i + 1}" for i in range(len(parts))]
+    source = source_of(path)
+    return tuple(_log(n, part, filters, source) for n, part in zip(names, parts, strict=True))
+
+
+def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, source: tuple[str, str]) -> Log:
+    parameters = finite_only(
+        zip(flash.text("PARM", "Name"), flash.rows("PARM")["Value"].astype(float).tolist(), strict=True)
+        if flash.has("PARM", "Value") and flash.has_text("PARM", "Name")
+        else ()
+    )
+    marks = _marks(flash)
+    firmware = firmware_of(marks)
+    gyro, raw_gyro = _gyro(flash, parameters)
+    accel, raw_accel = _accel(flash, parameters)
+    raw = frozenset(("r", "p") if raw_gyro else ()) | frozenset(("ay",) if raw_accel else ())
+    known, notes = sensor_filters(parameters, filters, raw)
+    signals = gyro | accel | _attitude(flash) | _velocity(flash)
+    channel = output_channel(parameters, STEERING) or 1
+    coarse = _output(flash, channel)
+    throttle = _output(flash, output_channel(parameters, THROTTLE) or 3)
+    if throttle is not None:
+        signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
+    fine = _applet_steering(flash)
+    return Log(
+        name=name,
+        signals=signals,
+        steering=tuple(s for s in (fine and joined_steering(fine, coarse), coarse) if s is not None),
+        applet=_applet(flash),
+        loops=_loops(flash, parameters),
+        marks=marks,
+        parameters=parameters,
+        filters={c: f for c, f in known.items() if c in signals},
+        limits=output_limits(parameters, channel),
+        vehicle=vehicle_of(firmware),
+        firmware=firmware,
+        notes=(*notes, *_reading_notes(name, flash)),
+        sources=(source,),
+    )
+
+
+def _refuse_damage(path: Path, parts: tuple[DataFlash, ...]) -> None:
+    size = sum(part.data.size for part in parts)
+    if size == 0:
+        raise DataRefused(f"{path.name} is empty (0 bytes): fetch the log from the vehicle again")
+    if not any(_holds_messages(part) for part in parts):
+        raise DataRefused(
+            f"{path.name} is no DataFlash log: its {size} bytes hold no messages; "
+            "give a .BIN of an ArduPilot rover"
+        )
+    lost = sum(part.bad_bytes - part.tail_bytes for part in parts)
+    if lost > DAMAGE_LIMIT * size:
+        raise DataRefused(
+            f"{path.name} is damaged: {lost} of {size} bytes "
+            f"({100 * lost / size:.1f} %) belong to no message; copy it from the vehicle again"
+        )
+    breaks, count = sum(part.breaks for part in parts), sum(part.message_count for part in parts)
+    if breaks > 1 + BREAK_LIMIT * count:
+        raise DataRefused(
+            f"{path.name} is damaged in {breaks} places among {count} messages, so the numbers in others "
+            "are wrong too; copy it from the vehicle again"
+        )
+
+
+def _holds_messages(flash: DataFlash) -> bool:
+    return any(flash.count(name) for name in flash.formats if name != "FMT")
+
+
+def _reading_notes(log: str, flash: DataFlash) -> Iterator[Note]:
+    lost = flash.bad_bytes - flash.tail_bytes
+    if lost:
+        yield Note("warning", f"{lost} damaged bytes in the log were skipped")
+    if flash.tail_bytes:
+        yield Note("info", f"The log ends in the middle of a message ({flash.tail_bytes} bytes left over)")
+    if flash.has("DSF", "Dp") and (dropped := int(np.ptp(flash.rows("DSF")["Dp"]))):
+        yield Note(
+            "warning",
+            f"The autopilot could not write {dropped} log messages during this log (DSF.Dp): "
+            "log less (LOG_BITMASK) or use a faster card",
+        )
+    names = [n for n in ("IMU", "GYR", "XKF1", "SWEP", "RCOU") if flash.count(n)]
+    stamps = {n: _stamps(flash, n, _instance_rows(flash, n)) for n in names}
+    refuse_disorder(log, stamps)
+    yield from clock_notes(stamps)
+
+
+def _marks(flash: DataFlash) -> tuple[tuple[float, str], ...]:
+    if not flash.has_text("MSG", "Message"):
+        return ()
+    return tuple(zip(flash.seconds("MSG").tolist(), flash.text("MSG", "Message"), strict=True))
+
+
+def _instance_rows(flash: DataFlash, name: str) -> Rows:
+    """Rows of instance 0, by whatever name a message has for its instance."""
+    label = next((c for c in ("I", "C") if c in flash.formats[name].numbers), "")
+    return _first_instance(flash, name, label)
+
+
+def _first_instance(flash: DataFlash, name: str, instance: str, number: int = 0) -> Rows:
+    """Rows of one sensor or filter core; logs before 4.1 have no instance column."""
+    rows = flash.rows(name)
+    return rows[rows[instance] == number] if instance in flash.formats[name].numbers else rows
+
+
+def _stamps(flash: DataFlash, name: str, rows: Rows) -> Array:
+    """Raw samples carry the time of the sample beside the time of writing."""
+    if "SampleUS" in flash.formats[name].numbers:
+        return rows["SampleUS"].astype(float) * 1e-6
+    return flash.seconds(name, rows)
+
+
+def _signals(
+    flash: DataFlash, name: str, rows: Rows, channels: Mapping[str, tuple[str, float, str]]
+) -> dict[str, Signal]:
+    """Channels out of one message type: {channel: (column, factor, unit)}."""
+    t, columns = increasing(
+        _stamps(flash, name, rows), *(flash.column(name, c, rows) * f for c, f, _ in channels.values())
+    )
+    return {
+        channel: Signal(t, x, unit, f"{name}.{column}")
+        for (channel, (column, _, unit)), x in zip(channels.items(), columns, strict=True)
+    }
+
+
+def _gyro(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, Signal], bool]:
+    """r and p [rad/s], and whether they are unfiltered (raw samples were logged)."""
+    channels = {"r": ("GyrZ", -1.0, "rad/s"), "p": ("GyrX", 1.0, "rad/s")}
+    for name in _imu_messages(parameters, "GYR"):
+        if flash.has(name, "GyrX", "GyrZ"):
+            return _signals(flash, name, _first_instance(flash, name, "I"), channels), name == "GYR"
+    return {}, False
+
+
+def _accel(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, Signal], bool]:
+    """ay [m/s^2], and whether it is unfiltered."""
+    for name in _imu_messages(parameters, "ACC"):
+        if flash.has(name, "AccY"):
+            rows = _first_instance(flash, name, "I")
+            return _signals(flash, name, rows, {"ay": ("AccY", -1.0, "m/s^2")}), name == "ACC"
+    return {}, False
+
+
+def _imu_messages(parameters: Mapping[str, float], raw: str) -> tuple[str, ...]:
+    """Raw samples first, unless INS_RAW_LOG_OPT made them filtered ones.
+
+    With both kinds logged the filtered ones have higher instance numbers (source:
+    AP_InertialSensor_Backend::log_gyro_raw), so that instance 0 is always raw.
+    """
+    options = int(parameters.get("INS_RAW_LOG_OPT", 0))
+    filtered = bool(options & RAW_POST_FILTER) and not options & RAW_PRE_AND_POST
+    return ("IMU",) if filtered else (raw, "IMU")
+
+
+def _attitude(flash: DataFlash) -> dict[str, Signal]:
+    """phi and psi [rad]; psi unwrapped, left positive."""
+    if not flash.has("ATT", "Roll", "Yaw"):
+        return {}
+    degree = np.pi / 180
+    found = _signals(
+        flash, "ATT", flash.rows("ATT"), {"phi": ("Roll", degree, "rad"), "psi": ("Yaw", -degree, "rad")}
+    )
+    psi = found["psi"]
+    return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
+
+
+def _velocity(flash: DataFlash) -> dict[str, Signal]:
+    """speed and vy [m/s] from the estimator's velocity and yaw; without one, speed from GPS."""
+    for name in ("XKF1", "NKF1", "EKF1"):
+        if flash.has(name, "VN", "VE", "Yaw"):
+            rows = _first_instance(flash, name, "C", _primary_core(flash))
+            t, (vn, ve, yaw) = increasing(
+                flash.seconds(name, rows), *(flash.column(name, c, rows) for c in ("VN", "VE", "Yaw"))
+            )
+            return body_velocity(t, vn, ve, -np.radians(yaw), f"{name}.VN,VE,Yaw")
+    if flash.has("GPS", "Spd"):
+        rows = _first_instance(flash, "GPS", "I")
+        return _signals(flash, "GPS", rows, {"speed": ("Spd", 1.0, "m/s")})
+    return {}
+
+
+def _primary_core(flash: DataFlash) -> int:
+    """The estimator core that steered the vehicle most of the time (XKF4.PI)."""
+    if not flash.has("XKF4", "PI"):
+        return 0
+    return int(np.bincount(flash.rows("XKF4")["PI"].astype(np.int64).clip(0)).argmax())
+
+
+def _output(flash: DataFlash, channel: int) -> Signal | None:
+    """A servo output [us] from RCOU.
+
+    Logged at 10 Hz whatever the loop rate, so it samples a much finer staircase: the samples are those
+    of a band-limited signal, and holding them would cost 2.4 dB and 50 ms at 4 Hz. Hence no `hold`.
+    """
+    for column in (f"C{channel}", f"Ch{channel}", f"Chan{channel}"):
+        if flash.has("RCOU", column):
+            return _signals(flash, "RCOU", flash.rows("RCOU"), {"pwm": (column, 1.0, "us")})["pwm"]
+    return None
+
+
+def _loops(flash: DataFlash, parameters: Mapping[str, float]) -> Array | None:
+    if not flash.has("IMU"):
+        return None
+    stamps, _ = increasing(flash.seconds("IMU", _first_instance(flash, "IMU", "I")))
+    return main_loops(stamps, parameters)
+
+
+def _applet(flash: DataFlash) -> AppletRows | None:
+    if not flash.has("SWEP", "Run", "St", "T"):
+        return None
+    rows = flash.rows("SWEP")
+    t, (run, state, clock) = increasing(
+        flash.seconds("SWEP", rows), *(flash.column("SWEP", c, rows) for c in ("Run", "St", "T"))
+    )
+    return AppletRows(t, run, state, clock)
+
+
+def _applet_steering(flash: DataFlash) -> Signal | None:
+    """The staircase that the applet put out: SWEP.Out as read back, Cmd where Out is not the servo's.
+
+    Out is read right after it was set, and reaches the servo at the next main loop.
+    """
+    if not flash.has("SWEP", "Cmd", "Out"):
+        return None
+    rows = flash.rows("SWEP")
+    t, (wanted, out) = increasing(
+        flash.seconds("SWEP", rows), flash.column("SWEP", "Cmd", rows), flash.column("SWEP", "Out", rows)
+    )
+    is_output = np.ptp(out) > 0 and float(np.min(out)) > 0
+    return Signal(t, out if is_output else wanted, "us", "SWEP.Out" if is_output else "SWEP.Cmd", hold=True)

@@ -1,0 +1,90 @@
+"""Samples that no sensor gave, and channels that no sensor fed: left out and told, or the log refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Note, Recording, Signal
+from rover_sweep.errors import DataRefused
+from rover_sweep.logs.log import Log
+
+# Beyond the full scale of every sensor in use (gyro 34.9 rad/s, accelerometer 16 or 30 g), of a servo's
+# pulse, of a rover on wheels: (lowest, highest) in the channel's unit.
+POSSIBLE: Mapping[str, tuple[float, float]] = {
+    "r": (-40.0, 40.0), "p": (-40.0, 40.0), "ay": (-400.0, 400.0), "vy": (-100.0, 100.0),
+    "speed": (-100.0, 100.0), "phi": (-2 * np.pi, 2 * np.pi), "psi": (-np.inf, np.inf),
+    "throttle": (500.0, 2500.0), "pwm": (500.0, 2500.0), "delta": (-np.pi / 2, np.pi / 2),
+}  # fmt: skip
+OUTPUTS = ("pwm", "throttle")  # 0 us is an output that is switched off
+OTHER_UNIT = dict.fromkeys(("r", "p"), " (deg/s for rad/s?)") | {"ay": " (mg or cm/s^2 for m/s^2?)"}
+IMPOSSIBLE_LIMIT = 0.01  # share of a channel's samples above which what is left is not to be trusted either
+RESPONSES = ("r", "ay", "p", "vy")
+FEWEST = 20  # samples of a channel in a run
+
+
+def screened(log: Log) -> Log:
+    """The log without samples that are not finite or beyond the full scale of any sensor.
+
+    What was left out is told; channels and steering outputs without any sample are left out whole.
+    Raises DataRefused where more than 1 % of a channel is impossible.
+    """
+    notes: list[Note] = []
+    signals = {name: _possible(log, name, s, notes) for name, s in log.signals.items()}
+    steering = [_possible(log, "delta" if s.unit == "rad" else "pwm", s, notes) for s in log.steering]
+    return replace(
+        log,
+        signals={name: s for name, s in signals.items() if s.t.size},
+        steering=tuple(s for s in steering if s.t.size),
+        notes=(*log.notes, *notes),
+    )
+
+
+def _possible(log: Log, channel: str, signal: Signal, notes: list[Note]) -> Signal:
+    low, high = POSSIBLE[channel]
+    off = (signal.x == 0) & (channel in OUTPUTS)
+    wrong: NDArray[np.bool_] = ~off & ~(np.isfinite(signal.x) & (signal.x >= low) & (signal.x <= high))
+    count = int(wrong.sum())
+    if count == 0 and not off.any():
+        return signal
+    if count:
+        x = signal.x[wrong]
+        said = (
+            f"{count} of {signal.x.size} samples of {channel} ({signal.source}) are impossible, "
+            f"such as {x[int(np.argmax(np.abs(x)))]:.3g} {signal.unit}"
+        )
+        if count > 1 + IMPOSSIBLE_LIMIT * signal.x.size:
+            raise DataRefused(
+                f"{log.name}: {said}; the file is damaged, or {channel} is in another unit"
+                f"{OTHER_UNIT.get(channel, '')}: copy the log again, or convert the channel"
+            )
+        notes.append(Note("warning", f"{said}; they were left out"))
+    keep = ~(wrong | off)
+    return replace(signal, t=signal.t[keep], x=signal.x[keep])
+
+
+def without_dead_channels(run: Recording) -> Recording:
+    """The run without lateral channels that say nothing in it: constant, or hardly any samples.
+
+    Raises DataRefused where that is the yaw rate, which nothing can be identified without.
+    """
+    reasons = {c: reason for c in RESPONSES if c in run and (reason := _dead(run.manoeuvre(c)))}
+    if "r" in reasons:
+        raise DataRefused(f"{run.name}: r ({run['r'].source}) {reasons['r']}; record the yaw rate")
+    if not reasons:
+        return run
+    left_out = tuple(Note("warning", f"{c} {reason}; it was left out") for c, reason in reasons.items())
+    channels = {name: s for name, s in run.channels.items() if name not in reasons}
+    return replace(run, channels=channels, notes=(*run.notes, *left_out))
+
+
+def _dead(signal: Signal) -> str:
+    """Why a signal says nothing, "" where it does."""
+    if signal.t.size < FEWEST:
+        return f"has only {signal.t.size} samples in the run"
+    if np.ptp(signal.x) == 0:
+        return f"does not change ({signal.x[0] + 0.0:.4g} {signal.unit}): not recorded?"
+    return ""

@@ -1,0 +1,292 @@
+"""From the messages of a telemetry log to channels in SI units and ISO axes, on the vehicle's clock.
+
+A .tlog is stamped on arrival, so its stamps hold the link's delays (pymavlink issue 661); the messages'
+own time_boot_ms and time_usec are used. Field units: https://mavlink.io/en/messages/common.html; that
+ArduPilot counts both since boot, and time_usec of SERVO_OUTPUT_RAW in 32 bit, was seen in logs of 4.6.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from rover_sweep.data.recording import Note, Signal
+from rover_sweep.errors import DataRefused
+from rover_sweep.logs.log import (
+    STEERING,
+    THROTTLE,
+    Array,
+    Log,
+    body_velocity,
+    clock_notes,
+    finite_only,
+    firmware_of,
+    increasing,
+    output_channel,
+    output_limits,
+    refuse_disorder,
+    sensor_filters,
+    source_of,
+    vehicle_of,
+)
+from rover_sweep.logs.readers.tlog import Frames, Tlog, open_tlog
+from rover_sweep.logs.readers.vehicle_clock import CLOCKS, Session, sessions
+
+WANTED = frozenset(
+    ("HEARTBEAT", "AUTOPILOT_VERSION", "ATTITUDE", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "HIGHRES_IMU")
+    + (
+        "LOCAL_POSITION_NED",
+        "GLOBAL_POSITION_INT",
+        "VFR_HUD",
+        "SERVO_OUTPUT_RAW",
+        "PARAM_VALUE",
+        "STATUSTEXT",
+    )
+)
+ARDUPILOT = 3  # MAV_AUTOPILOT; below, the vehicles of MAV_TYPE
+KINDS = {10: "rover", 11: "boat", 12: "submarine", 5: "antenna tracker", 1: "plane", 7: "blimp",
+         2: "copter", 3: "copter", 4: "helicopter", 13: "copter", 14: "copter", 15: "copter"}  # fmt: skip
+EVERY_STEP_SEEN = 100.0  # Hz: a faster stream catches each step of the staircase (Lua runs at 84 Hz)
+MILLI_G = 9.80665e-3
+STEERING_FIRST = 1
+_PASSING = 2  # heartbeats of another vehicle that are no drive: a link records none after the first
+
+
+def read_telemetry(
+    path: Path, filters: Mapping[str, float] | None = None, system: int | None = None
+) -> tuple[Log, ...]:
+    """A .tlog as one `Log` for each start of the vehicle. system: its MAVLink id, None: the one heard most.
+    Raises DataRefused for a useless file."""
+    tlog = open_tlog(path, WANTED)
+    _refuse_damage(path, tlog)
+    kind, own, others = _of_vehicle(path, tlog, system)
+    starts = list(sessions(own))
+    if not starts:
+        raise DataRefused(
+            f"{path.name} holds no ATTITUDE or IMU messages: ask the vehicle for them while recording"
+        )
+    source, damage = source_of(path), (*others, *_reading_notes(tlog, len(starts)))
+    names = [path.stem if len(starts) == 1 else f"{path.stem} start {i + 1}" for i in range(len(starts))]
+    return tuple(_log(n, s, kind, filters, source, damage) for n, s in zip(names, starts, strict=True))
+
+
+def _refuse_damage(path: Path, tlog: Tlog) -> None:
+    if tlog.size == 0:
+        raise DataRefused(f"{path.name} is empty (0 bytes): record the telemetry again")
+    if tlog.frame_count == 0:
+        raise DataRefused(f"{path.name} is no telemetry log: its {tlog.size} bytes hold no MAVLink frame")
+    if tlog.damaged > tlog.frame_count or 2 * tlog.bad_bytes > tlog.size:
+        raise DataRefused(
+            f"{path.name} is damaged: {tlog.damaged} frames have wrong bytes, {tlog.frame_count} are whole, "
+            f"and {tlog.bad_bytes} of {tlog.size} bytes belong to no frame; use another copy or the .BIN"
+        )
+
+
+def _reading_notes(tlog: Tlog, starts: int) -> Iterator[Note]:
+    if tlog.damaged:
+        share = tlog.damaged / (tlog.damaged + tlog.frame_count)
+        yield Note(
+            "warning",
+            f"{100 * share:.2g} % of the frames of the telemetry log ({tlog.damaged}) have wrong bytes and "
+            "were skipped, as if the link had lost them",
+        )
+    elif tlog.bad_bytes:
+        yield Note(
+            "warning",
+            f"{tlog.bad_bytes} bytes of the telemetry log belong to no whole frame and were skipped",
+        )
+    if starts > 1:
+        yield Note("info", f"The vehicle restarted {starts - 1} times while this was recorded")
+
+
+def _of_vehicle(
+    path: Path, tlog: Tlog, wanted: int | None
+) -> tuple[str, dict[str, Frames], tuple[Note, ...]]:
+    """The kind of the vehicle of that system id, else of the one whose heartbeats are most frequent; its
+    messages; and that others are in the file too."""
+    hearts = tlog.messages.get("HEARTBEAT")
+    if hearts is None or not np.any(hearts.rows["autopilot"] == ARDUPILOT):
+        raise DataRefused(
+            f"{path.name} holds no heartbeat of an ArduPilot vehicle in {tlog.frame_count} frames"
+        )
+    hearts = hearts.where(hearts.rows["autopilot"] == ARDUPILOT)
+    counts = np.bincount(hearts.system, minlength=256)
+    system = int(counts.argmax()) if wanted is None else wanted
+    there = [int(number) for number in np.flatnonzero((counts > _PASSING) | (counts == counts.max()))]
+    if not counts[system]:
+        names = ", ".join(f"system {number}" for number in there)
+        raise DataRefused(
+            f"{path.name} holds no heartbeat of system {system}, only of {names}; give --system one of them"
+        )
+    hearts = hearts.where(hearts.system == system)
+    component = np.bincount(hearts.component).argmax()
+    kind = int(hearts.rows["type"][-1])
+    own = {n: f.where((f.system == system) & (f.component == component)) for n, f in tlog.messages.items()}
+    notes = () if wanted is not None else tuple(_others(system, [n for n in there if n != system]))
+    return KINDS.get(kind, f"vehicle of MAV_TYPE {kind}"), {n: f for n, f in own.items() if len(f)}, notes
+
+
+def _others(system: int, others: list[int]) -> Iterator[Note]:
+    if others:
+        names = " and ".join(f"system {number}" for number in others)
+        yield Note(
+            "warning",
+            f"The telemetry log holds several vehicles: system {system}, which is read, and {names}, which "
+            "is left out; choose with --system N",
+        )
+
+
+def _log(
+    name: str,
+    session: Session,
+    kind: str,
+    override: Mapping[str, float] | None,
+    source: tuple[str, str],
+    damage: tuple[Note, ...],
+) -> Log:
+    parameters, marks = _parameters(session), _marks(session)
+    filters, notes = sensor_filters(parameters, override)
+    clocks = {n: session.seconds(n) for n in (*CLOCKS, "SERVO_OUTPUT_RAW") if n in session.messages}
+    refuse_disorder(name, clocks)
+    attitude = _attitude(session)
+    signals = _imu(session) | attitude | _velocity(session, attitude.get("psi"))
+    recorded = output_channel(parameters, STEERING)
+    steering = _output(session, recorded or STEERING_FIRST)
+    throttle = _output(session, output_channel(parameters, THROTTLE) or 3)
+    if throttle is not None:
+        signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
+    firmware = firmware_of(marks) or _version(session)
+    if recorded is None and steering is not None:
+        notes += (Note("info", "The telemetry log does not tell which output steers: servo 1 is assumed"),)
+    return Log(
+        name=name,
+        signals=signals,
+        steering=(steering,) if steering is not None else (),
+        arrivals=_arrivals(session),
+        marks=marks,
+        parameters=parameters,
+        filters={c: f for c, f in filters.items() if c in signals},
+        limits=output_limits(parameters, recorded or STEERING_FIRST),
+        vehicle=vehicle_of(firmware) if vehicle_of(firmware) not in ("", "rover") else kind,
+        firmware=firmware,
+        notes=(*damage, *notes, *clock_notes(clocks)),
+        sources=(source,),
+        system=int(next(iter(session.messages.values())).system[0]),
+    )
+
+
+def _arrivals(session: Session) -> tuple[Array, Array]:
+    """Vehicle's time and recorder's time [s] of the most frequent message that carries a time."""
+    name = max((n for n in CLOCKS if n in session.messages), key=lambda n: _count(session, n))
+    t, (arrival,) = increasing(session.seconds(name), session.messages[name].arrival)
+    return t, arrival
+
+
+def _parameters(session: Session) -> dict[str, float]:
+    if "PARAM_VALUE" not in session.messages:
+        return {}
+    rows = session.messages["PARAM_VALUE"].rows
+    names = [n.decode("ascii", "replace") for n in rows["param_id"].tolist()]
+    return finite_only(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
+
+
+def _marks(session: Session) -> tuple[tuple[float, str], ...]:
+    if "STATUSTEXT" not in session.messages:
+        return ()
+    rows = session.messages["STATUSTEXT"].rows
+    texts = [text.decode("utf-8", "replace") for text in rows["text"].tolist()]
+    return tuple(zip(session.seconds("STATUSTEXT").tolist(), texts, strict=True))
+
+
+def _version(session: Session) -> str:
+    """Firmware version out of AUTOPILOT_VERSION, e.g. "V4.6.3"."""
+    if "AUTOPILOT_VERSION" not in session.messages:
+        return ""
+    number = int(session.messages["AUTOPILOT_VERSION"].rows["flight_sw_version"][-1])
+    return f"V{number >> 24 & 255}.{number >> 16 & 255}.{number >> 8 & 255}"
+
+
+def _signals(
+    session: Session, name: str, channels: Mapping[str, tuple[str, float, str]]
+) -> dict[str, Signal]:
+    """Channels out of one message: {channel: (field, factor, unit)}."""
+    rows = session.messages[name].rows
+    t, columns = increasing(
+        session.seconds(name), *(rows[field].astype(float) * factor for field, factor, _ in channels.values())
+    )
+    return {
+        channel: Signal(t, x, unit, f"{name}.{field}")
+        for (channel, (field, _, unit)), x in zip(channels.items(), columns, strict=True)
+    }
+
+
+def _count(session: Session, name: str) -> int:
+    return len(session.messages[name]) if name in session.messages else 0
+
+
+def _imu(session: Session) -> dict[str, Signal]:
+    """r, p [rad/s], ay [m/s^2] from the fastest IMU message; r and p from ATTITUDE if much faster."""
+    names = ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2")
+    best = max(names, key=lambda n: _count(session, n))
+    found: dict[str, Signal] = {}
+    if _count(session, best):
+        rate, force = (1.0, 1.0) if best == "HIGHRES_IMU" else (1e-3, MILLI_G)
+        channels = {
+            "r": ("zgyro", -rate, "rad/s"),
+            "p": ("xgyro", rate, "rad/s"),
+            "ay": ("yacc", -force, "m/s^2"),
+        }
+        found = _signals(session, best, channels)
+    if _count(session, "ATTITUDE") > 1.5 * _count(session, best):
+        found |= _signals(
+            session, "ATTITUDE", {"r": ("yawspeed", -1.0, "rad/s"), "p": ("rollspeed", 1.0, "rad/s")}
+        )
+    return found
+
+
+def _attitude(session: Session) -> dict[str, Signal]:
+    """phi and psi [rad]; psi unwrapped, left positive."""
+    if "ATTITUDE" not in session.messages:
+        return {}
+    found = _signals(session, "ATTITUDE", {"phi": ("roll", 1.0, "rad"), "psi": ("yaw", -1.0, "rad")})
+    psi = found["psi"]
+    return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
+
+
+def _velocity(session: Session, psi: Signal | None) -> dict[str, Signal]:
+    """speed and vy [m/s] from the velocity north and east; speed alone from VFR_HUD."""
+    local, world = _count(session, "LOCAL_POSITION_NED"), _count(session, "GLOBAL_POSITION_INT")
+    if psi is not None and max(local, world) > 1:
+        name, factor = ("LOCAL_POSITION_NED", 1.0) if local >= world else ("GLOBAL_POSITION_INT", 0.01)
+        rows = session.messages[name].rows
+        t, (vn, ve) = increasing(
+            session.seconds(name), rows["vx"].astype(float) * factor, rows["vy"].astype(float) * factor
+        )
+        return body_velocity(t, vn, ve, np.interp(t, psi.t, psi.x), f"{name}.vx,vy")
+    if _count(session, "VFR_HUD") > 1:
+        return _signals(session, "VFR_HUD", {"speed": ("groundspeed", 1.0, "m/s")})
+    return {}
+
+
+def _output(session: Session, channel: int) -> Signal | None:
+    """A servo output [us] from SERVO_OUTPUT_RAW.
+
+    The stream samples a staircase that may be as fine as itself (40 Hz out of a loop at 50 Hz), so the
+    samples are taken as those of a smooth wave; holding them would add half an interval of delay. Only
+    a stream that catches every step is a staircase itself.
+    """
+    frames = session.messages.get("SERVO_OUTPUT_RAW")
+    if frames is None:
+        return None
+    of_port = frames.rows["port"] == (channel - 1) // 16
+    if not np.any(of_port):
+        return None
+    t, x = (
+        session.seconds("SERVO_OUTPUT_RAW"),
+        frames.rows[f"servo{(channel - 1) % 16 + 1}_raw"].astype(float),
+    )
+    t, (x,) = increasing(t[of_port], x[of_port])
+    signal = Signal(t, x, "us", f"SERVO_OUTPUT_RAW.servo{channel}_raw")
+    return Signal(t, x, "us", signal.source, hold=signal.rate > EVERY_STEP_SEEN)

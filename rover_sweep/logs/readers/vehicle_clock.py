@@ -1,0 +1,102 @@
+"""The vehicle's own time for every message of a telemetry log, whatever the link did to the arrival times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.logs.readers.tlog import Frames
+
+Array = NDArray[np.float64]
+
+CLOCKS = (
+    "ATTITUDE",
+    "RAW_IMU",
+    "SCALED_IMU",
+    "SCALED_IMU2",
+    "HIGHRES_IMU",
+    "LOCAL_POSITION_NED",
+    "GLOBAL_POSITION_INT",
+)
+WRAP = 2.0**32 * 1e-6  # s after which SERVO_OUTPUT_RAW.time_usec starts again
+REBOOT = 1.0  # s: a clock that falls by more has started again
+STAYS = 5  # messages that show it
+REPEATED = 1 << 18  # bytes of a .tlog within which a frame of the same content and number is the same frame
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """The vehicle's messages between two restarts, with a clock for those that carry no time."""
+
+    messages: Mapping[str, Frames]
+    clock_order: NDArray[np.int64]
+    clock: Array
+
+    def seconds(self, name: str) -> Array:
+        """Vehicle time (n,) s of each message of a name; that of the message before, where it has none."""
+        frames = self.messages[name]
+        fields = frames.rows.dtype.names or ()
+        if "time_boot_ms" in fields:
+            return frames.rows["time_boot_ms"].astype(float) * 1e-3
+        k = np.clip(np.searchsorted(self.clock_order, frames.order, "right") - 1, 0, None)
+        before = self.clock[k]
+        if "time_usec" not in fields:
+            return before
+        t = frames.rows["time_usec"].astype(float) * 1e-6
+        return t + WRAP * np.round((before - t) / WRAP) if frames.rows["time_usec"].itemsize == 4 else t
+
+
+def sessions(messages: Mapping[str, Frames]) -> Iterator[Session]:
+    """The vehicle's messages, cut where its clock starts again; none if no message carries its time.
+
+    Frames that came twice are kept once, and those that overtook each other on the link are put in order.
+    """
+    single = {name: _without_repeats(frames) for name, frames in messages.items()}
+    clocks = [single[n] for n in CLOCKS if n in single]
+    if not clocks:
+        return
+    order = np.concatenate([f.order for f in clocks])
+    times = np.concatenate([_own_time(f) for f in clocks])
+    sorting = np.argsort(order)
+    order, times = order[sorting], times[sorting]
+    edges = [-1, *order[_restarts(times)].tolist(), int(np.iinfo(np.int64).max)]
+    for start, end in zip(edges[:-1], edges[1:], strict=True):
+        inside = (order >= start) & (order < end)
+        parts = {n: f.where((f.order >= start) & (f.order < end)) for n, f in single.items()}
+        clock = np.maximum.accumulate(times[inside])  # a message that comes late does not turn it back
+        session = Session({n: f for n, f in parts.items() if len(f)}, order[inside], clock)
+        yield replace(session, messages={n: _in_order(session, n) for n in session.messages})
+
+
+def _restarts(times: Array) -> NDArray[np.int64]:
+    """Where (k,) stamps (n,) s fall by more than `REBOOT` and stay there: a message that was held up on the
+    link comes alone among newer ones."""
+    falls = np.flatnonzero(np.diff(times) < -REBOOT) + 1
+    stays = [k for k in falls if np.max(times[k : k + STAYS]) < times[k - 1] - REBOOT]
+    return np.array(stays, np.int64)
+
+
+def _in_order(session: Session, name: str) -> Frames:
+    frames = session.messages[name]
+    return frames.where(np.argsort(session.seconds(name), kind="stable"))
+
+
+def _without_repeats(frames: Frames) -> Frames:
+    """Without frames equal in content and sequence number to one not long before, as a link repeats them."""
+    seen: dict[tuple[int, int, int, bytes], int] = {}
+    keep = np.ones(len(frames), bool)
+    columns = (frames.system, frames.component, frames.sequence)
+    for k, (*head, at) in enumerate(zip(*(c.tolist() for c in columns), frames.order.tolist(), strict=True)):
+        key = (*head, frames.rows[k].tobytes())
+        keep[k] = at - seen.get(key, -REPEATED) >= REPEATED
+        seen[key] = at
+    return frames.where(keep)
+
+
+def _own_time(frames: Frames) -> Array:
+    if "time_boot_ms" in (frames.rows.dtype.names or ()):
+        return frames.rows["time_boot_ms"].astype(float) * 1e-3
+    return frames.rows["time_usec"].astype(float) * 1e-6

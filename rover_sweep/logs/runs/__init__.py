@@ -1,0 +1,1 @@
+"""The runs within a log: found, classified, checked for completeness."""

@@ -1,0 +1,155 @@
+"""What a steering signal does: where it is active, and whether it is a sweep, a doublet or a multisine."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Kind, Signal
+from rover_sweep.logs.log import Array
+
+ACTIVE_US, ACTIVE_RAD = 10.0, 0.01  # departure from straight that counts as steering
+CONSTANT = 0.2  # of that: the flicker of a receiver
+FADE = 3.0  # s that a wave may take to grow
+MOVING_SPEED = 0.3  # m/s
+PAUSE = 5.0  # s: longer without steering ends a run
+SHORTEST_RUN = 4.0  # s
+REVERSALS = 2  # a run steers to both sides and back
+HALT = 1.0  # s
+HALF_WAVES = 6  # fewer tell nothing of how a wave goes on
+TAIL = 8  # percent of a run at either end of its values
+BIASED = 0.25  # of the amplitude: farther from rest the middle of a sweep is a bias
+REPEAT_EDGE, REPEAT_SHARE = 0.1, 0.6  # of a run: left out at both ends; the longest period, of what is left
+REPEAT_STEP = 0.02  # s
+REPEAT_ALIKE = 0.98  # correlation with itself a period later; by hand it is far less
+ONE_LINE = 0.6  # of the power
+PLATEAU = 7  # samples of 0.05 s in which a step signal keeps its value
+
+
+def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float]]:
+    """Intervals (start, end) s in which the rover moves and is steered to and fro."""
+    moving = np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > MOVING_SPEED
+    if moving.sum() < 2:
+        return []
+    straight = float(np.median(steering.x[moving]))
+    active = moving & (np.abs(steering.x - straight) > active_threshold(steering))
+    times = steering.t[active]
+    if times.size == 0:
+        return []
+    halts = np.searchsorted(times, _halts(steering.t, moving))
+    cuts = np.union1d(np.flatnonzero(np.diff(times) > PAUSE) + 1, halts)
+    spans = [(float(part[0]), float(part[-1])) for part in np.split(times, cuts) if part.size]
+    long = [(start, end) for start, end in spans if end - start >= SHORTEST_RUN]
+    runs = [s for s in long if _crossings(steering.between(*s), straight).size >= REVERSALS]
+    return [excitation(steering, start, end, straight) for start, end in runs]
+
+
+def excitation(steering: Signal, start: float, end: float, rest: float) -> tuple[float, float]:
+    """From the last time at `rest` before the steering departs from it to the first after it has returned.
+
+    Looked for around start..end [s], and not further away than `FADE`.
+    """
+    away = np.abs(steering.x - rest)
+    far = np.flatnonzero((away > active_threshold(steering)) & (steering.t >= start) & (steering.t <= end))
+    if far.size == 0:
+        return start, end
+    at_rest = steering.t[away <= CONSTANT * active_threshold(steering)]
+    first, last = float(steering.t[far[0]]), float(steering.t[far[-1]])
+    before = at_rest[(at_rest < first) & (at_rest > first - FADE)]
+    after = at_rest[(at_rest > last) & (at_rest < last + FADE)]
+    return (float(before[-1]) if before.size else first), (float(after[0]) if after.size else last)
+
+
+def _halts(t: Array, moving: NDArray[np.bool_]) -> Array:
+    """Times (n,) s at which a halt of at least `HALT` begins; a shorter dip of the speed is none."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], ~moving, [False])).astype(int))).reshape(-1, 2)
+    return np.array([t[a] for a, b in edges if t[min(b, t.size - 1)] - t[a] >= HALT])
+
+
+def active_threshold(steering: Signal) -> float:
+    """Departure from straight, in the signal's unit, that counts as steering."""
+    return ACTIVE_RAD if steering.unit == "rad" else ACTIVE_US
+
+
+def _crossings(signal: Signal, level: float) -> Array:
+    """Times (n,) s at which the signal crosses a level, ignoring what stays it (a tenth of the amplitude)."""
+    x = signal.x - level
+    far = np.abs(x) > 0.1 * np.max(np.abs(x), initial=0.0)
+    t, sign = signal.t[far], np.sign(x[far])
+    turn = np.flatnonzero(np.diff(sign) != 0)
+    return (t[turn] + t[turn + 1]) / 2
+
+
+def half_waves(steering: Signal) -> int:
+    """How many whole half waves a steering signal makes about its middle."""
+    if steering.x.size == 0:
+        return 0
+    middle = (np.min(steering.x) + np.max(steering.x)) / 2
+    return max(_crossings(steering, float(middle)).size - 1, 0)
+
+
+def kind_of(whole: Signal, start: float, end: float) -> Kind:
+    """What lies in start..end: a 'sweep' if the half periods shrink throughout, about the steering before it
+    or else a 'bias_sweep'; a 'doublet' if it goes in steps that leave no net steering; a 'multisine' if it
+    repeats itself and is no mere sine; else 'other'."""
+    steering = whole.between(start, end)
+    if steering.t.size < 8 or np.ptp(steering.x) <= active_threshold(steering):
+        return "other"
+    rest = whole.x[max(int(np.searchsorted(whole.t, start)) - 1, 0)]
+    if _goes_in_steps(steering):
+        return "doublet" if abs(_mean(steering) - rest) < 0.1 * np.ptp(steering.x) / 2 else "other"
+    low, high = np.percentile(steering.x, (TAIL, 100 - TAIL))  # without the way from rest to a bias and back
+    halves = np.diff(_crossings(steering, float(low + high) / 2))
+    if halves.size < HALF_WAVES:
+        return "other"
+    third = halves.size // 3
+    shrinks = np.median(halves[:third]) > 2 * np.median(halves[-third:])
+    if shrinks and _rank_correlation(halves) < -0.6:
+        return "sweep" if abs((low + high) / 2 - rest) < BIASED * (high - low) / 2 else "bias_sweep"
+    return "multisine" if _repeats(steering) else "other"
+
+
+def _repeats(steering: Signal) -> bool:
+    """Whether the signal repeats itself after a period that holds many half waves, as long as it is there.
+
+    Of the middle of the run, without fades: the autocorrelation at the best period is next to 1.
+    """
+    fade = REPEAT_EDGE * (steering.t[-1] - steering.t[0])
+    grid = np.arange(steering.t[0] + fade, steering.t[-1] - fade, REPEAT_STEP)
+    x = steering.on(grid)
+    shortest = HALF_WAVES * (grid[-1] - grid[0]) / max(half_waves(steering), 1)  # a mere sine repeats sooner
+    lags = np.arange(max(int(shortest / REPEAT_STEP), 1), int(REPEAT_SHARE * grid.size))
+    alike = [float(np.corrcoef(x[lag:], x[: x.size - lag])[0, 1]) for lag in lags]
+    return bool(alike) and max(alike) > REPEAT_ALIKE and _is_no_sine(x)
+
+
+def _is_no_sine(x: Array) -> bool:
+    """Whether no one line of the spectrum holds most of the power."""
+    power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) ** 2
+    peak = int(np.argmax(power))
+    return bool(np.sum(power[max(peak - 2, 0) : peak + 3]) < ONE_LINE * np.sum(power))
+
+
+def _mean(signal: Signal) -> float:
+    """Mean over time of a signal whose samples may be uneven."""
+    return float(np.sum(signal.x[:-1] * np.diff(signal.t)) / (signal.t[-1] - signal.t[0]))
+
+
+def _goes_in_steps(steering: Signal) -> bool:
+    """Whether the signal keeps a constant value most of the time, and goes to both sides of its middle."""
+    grid = np.arange(steering.t[0], steering.t[-1], 0.05)
+    if grid.size < 2 * PLATEAU:
+        return False
+    x = np.interp(grid, steering.t, steering.x)
+    if steering.hold:
+        x = steering.x[np.searchsorted(steering.t, grid, "right") - 1]
+    windows = np.lib.stride_tricks.sliding_window_view(x, PLATEAU)
+    amplitude = np.ptp(x) / 2
+    constant = np.ptp(windows, axis=1) < 0.04 * amplitude
+    return bool(np.mean(constant) > 0.6) and _crossings(steering, float((x.min() + x.max()) / 2)).size >= 1
+
+
+def _rank_correlation(x: Array) -> float:
+    """Spearman's correlation of a series with its index."""
+    ranks = np.argsort(np.argsort(x))
+    return float(np.corrcoef(ranks, np.arange(x.size))[0, 1])

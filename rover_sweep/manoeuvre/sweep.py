@@ -1,0 +1,157 @@
+"""Test inputs in closed form: the exponential sweep of the paper, the same about a steering bias, a doublet.
+
+The wave is the contract between the applet on the vehicle and everything else.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.manoeuvre.multisine import Multisine, fading
+
+Array = NDArray[np.float64]
+
+C1 = 4.0  # Tischler & Remple 2012; equation (5) of the paper is misprinted, see `Sweep.rate`
+C2 = 0.0187
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A frequency sweep: amplitude [us], w_min, w_max [rad/s], t_rec, fade, dwell, straight [s].
+
+    On the clock of the override: straight, fade-in at w_min, dwell at w_min, the law over t_rec,
+    fade-out at the final frequency, straight. Fade and dwell lie outside t_rec.
+    """
+
+    amplitude: float = 150.0
+    w_min: float = 0.3
+    w_max: float = 25.0
+    t_rec: float = 55.0
+    fade: float = 2.0
+    dwell: float = 2.0
+    straight: float = 3.0
+    kind: Literal["sweep", "bias_sweep"] = "sweep"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.w_min < self.w_max:
+            raise ValueError(f"need 0 < w_min < w_max, got w_min {self.w_min} and w_max {self.w_max} rad/s")
+        if self.t_rec <= 0 or self.amplitude <= 0:
+            raise ValueError(f"need t_rec > 0 and amplitude > 0, got {self.t_rec} s and {self.amplitude} us")
+        if min(self.fade, self.dwell, self.straight) < 0:
+            raise ValueError(
+                f"fade {self.fade}, dwell {self.dwell}, straight {self.straight} s must not be negative"
+            )
+
+    @property
+    def duration(self) -> float:
+        """Length of the whole override, s."""
+        return 2 * self.straight + 2 * self.fade + self.dwell + self.t_rec
+
+    @property
+    def law_start(self) -> float:
+        """Time from the start of the override at which T_rec begins, s."""
+        return self.straight + self.fade + self.dwell
+
+    def rate(self, t: Array | float) -> Array:
+        """Frequency [rad/s] at law time t [s], constant outside 0..t_rec.
+
+        w(t) = w_min + C2 (e^(C1 t/T_rec) - 1)(w_max - w_min); equation (5) of the paper as
+        corrected from Tischler & Remple (as printed it never leaves w_min). Ends .23 % of the span
+        above w_max because C2 is rounded.
+        """
+        s = np.clip(t, 0.0, self.t_rec)
+        return self.w_min + C2 * np.expm1(C1 * s / self.t_rec) * (self.w_max - self.w_min)
+
+    def phase(self, t: Array | float) -> Array:
+        """Phase theta [rad] at law time t [s], equation (4) integrated in closed form; 0 at t = 0.
+
+        Before the law and after it the frequency stays, so the phase goes on linearly.
+        """
+        s = np.clip(t, 0.0, self.t_rec)
+        law = (self.w_max - self.w_min) * C2 * (self.t_rec / C1 * np.expm1(C1 * s / self.t_rec) - s)
+        before, after = np.minimum(t, 0.0), np.maximum(np.asarray(t) - self.t_rec, 0.0)
+        return self.w_min * (s + before) + law + self.rate(self.t_rec) * after
+
+    def wave(self, t: Array | float) -> Array:
+        """Steering offset [us] at t [s] from the start of the override; zero phase where fade-in begins."""
+        since_fade = np.asarray(t, dtype=float) - self.straight
+        law_time = since_fade - self.fade - self.dwell
+        start_phase = self.w_min * (self.fade + self.dwell)
+        full = self.middle + self.amplitude * np.sin(self.phase(law_time) + start_phase)
+        return fading(since_fade, self.dwell + self.t_rec, self.fade) * full
+
+    @property
+    def middle(self) -> float:
+        """Offset from trim about which it steers, us."""
+        return 0.0
+
+    @property
+    def peak(self) -> float:
+        """Largest offset from trim, us."""
+        return self.amplitude + abs(self.middle)
+
+    @property
+    def peak_slew(self) -> float:
+        """Largest rate of the wave at the servo, us/s."""
+        return self.amplitude * float(self.rate(self.t_rec))
+
+
+@dataclass(frozen=True)
+class BiasSweep(Sweep):
+    """A sweep about a steering offset: bias [us], which fades in and out with the sweep; larger PWM positive.
+
+    What is even about straight (a saturating tyre, a quadratic linkage) shows in how its response differs
+    from that of a sweep about straight.
+    """
+
+    bias: float = 100.0
+    kind: Literal["sweep", "bias_sweep"] = "bias_sweep"
+
+    @property
+    def middle(self) -> float:
+        """Offset from trim about which it steers, us."""
+        return self.bias
+
+
+@dataclass(frozen=True)
+class Doublet:
+    """Alternating steps for verification: `count` doublets (+A then -A, `pulse` s each), `pause` s apart."""
+
+    amplitude: float = 150.0
+    pulse: float = 1.0
+    pause: float = 2.0
+    count: int = 2
+    straight: float = 3.0
+    kind: Literal["doublet"] = "doublet"
+
+    @property
+    def peak(self) -> float:
+        """Largest offset from trim, us."""
+        return self.amplitude
+
+    @property
+    def duration(self) -> float:
+        """Length of the whole override, s."""
+        return 2 * self.straight + self.count * (2 * self.pulse + self.pause)
+
+    def wave(self, t: Array | float) -> Array:
+        """Steering offset [us] at t [s] from the start of the override."""
+        since = np.asarray(t, dtype=float) - self.straight
+        period = 2 * self.pulse + self.pause
+        into = np.mod(since, period)
+        active = (since >= 0) & (since < self.count * period)
+        first, second = into < self.pulse, (into >= self.pulse) & (into < 2 * self.pulse)
+        return np.asarray(self.amplitude * active * (1.0 * first - 1.0 * second), dtype=np.float64)
+
+
+Manoeuvre = Sweep | Doublet | Multisine
+
+
+def long_periods(sweep: Sweep) -> float:
+    """How many periods of w_min fit into T_rec; 4..5 are advised (Tischler & Remple 2012)."""
+    return sweep.t_rec * sweep.w_min / (2 * math.pi)

@@ -1,0 +1,290 @@
+"""Is a run good enough? Coherence by band, in words, with what to change before it is driven again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Array, Recording
+from rover_sweep.data.result_table import ShortTable, Shown, band_words
+from rover_sweep.quality.faults import advice_on
+from rover_sweep.spectra.amplitude import RISING_FROM, octaves, wanted_factor
+from rover_sweep.spectra.conditioned import conditioned_responses
+from rover_sweep.spectra.response import (
+    COHERENCE_GOOD,
+    RISING,
+    Band,
+    FrequencyResponse,
+    default_windows,
+    frequency_grid,
+    frequency_responses,
+)
+from rover_sweep.spectra.spectra import Transformer
+
+COVERED = 0.8  # of the swept range, in log w
+VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction (the paper used 3-25 rad/s)
+SERVO_TRAVEL = 500.0  # us from the trim, where a log does not say
+WHEEL_LOCK = 0.6  # rad that the front wheels of a car or rover turn at most
+LINE_GAP = 3.0  # rad/s
+LATERAL_LIMIT = 6.0  # m/s^2, above which a rover on asphalt slides or rolls over
+
+
+@dataclass(frozen=True)
+class OutputCoherence:
+    """Coherence of one output: usable band [rad/s], share of the swept range at >= .6, lowest value."""
+
+    output: str
+    band: Band | None
+    covered: float
+    lowest: float
+    lowest_at: float
+
+
+@dataclass(frozen=True, repr=False)
+class CoherenceVerdict(Shown):
+    """keep, or repeat with what. range: the excited range [rad/s]; amplitude [us] or [rad] as recorded.
+
+    amplitude_factor: by how much more amplitude the coherence would reach .8, None when kept.
+    """
+
+    run: str
+    keep: bool
+    range: Band
+    amplitude: float
+    amplitude_unit: str
+    amplitude_factor: float | None
+    outputs: tuple[OutputCoherence, ...]
+    sentence: str
+
+    def table(self) -> ShortTable:
+        """The usable band of each output, and the sentence."""
+        rows = tuple(
+            (o.output, band_words(o.band), f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}")
+            for o in self.outputs
+        )
+        headings = ("output", "usable band, rad/s", "range at >= 0.6", "lowest coherence")
+        return ShortTable(f"coherence of {self.run}", headings, rows, (self.sentence,))
+
+
+def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | None = None) -> Band:
+    """Frequencies [rad/s] around its strongest that the steering excites: power within 20 dB of the median.
+
+    It goes on between the lines of a multisine. From 2 pi/(half the longest run) to `top` or to .8 of the
+    slowest Nyquist frequency, at most 60 rad/s.
+    """
+    longest = max(run.span[1] - run.span[0] for run in runs)
+    nyquist = np.pi * min(run[c].rate for run in runs for c in (input, "r") if c in run)
+    w = np.geomspace(2 * np.pi / (longest / 2), min(top or 60.0, 0.8 * nyquist), 150)
+    power = np.sum([_power(run, input, w, longest / 4) for run in runs], axis=0)
+    strong = power > 1e-2 * np.median(power[power > 1e-3 * power.max()])
+    peak = int(np.argmax(power))
+    if any(run.kind == "multisine" for run in runs):
+        strong = _bridged(w, strong)
+    below, above = np.flatnonzero(~strong[:peak]), np.flatnonzero(~strong[peak:])
+    low = int(below[-1]) + 1 if below.size else 0
+    high = peak + int(above[0]) - 1 if above.size else w.size - 1
+    return float(w[low]), float(w[high])
+
+
+def _bridged(w: Array, strong: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """With weak stretches up to `LINE_GAP` rad/s between strong ones filled: the lines that are left out."""
+    filled, k = strong.copy(), np.flatnonzero(strong)
+    for a, b in zip(k[:-1], k[1:], strict=True):
+        filled[a:b] |= w[b] - w[a] <= LINE_GAP
+    return filled
+
+
+def _power(run: Recording, input: str, w: Array, length: float) -> Array:
+    length = min(length, run.span[1] - run.span[0])
+    return np.mean(np.abs(Transformer(*run.span, [length], w)(run.manoeuvre(input))[0]) ** 2, axis=0)
+
+
+def responses(
+    runs: Sequence[Recording],
+    outputs: Sequence[str] = ("r", "ay", "vydot", "p"),
+    input: str = "delta",
+    band: Band | None = None,
+    windows: Sequence[float] | None = None,
+    bands: Mapping[str, Band] | None = None,
+) -> dict[str, FrequencyResponse]:
+    """Composite responses of all outputs that were recorded, over the excited range.
+
+    band: swept range [rad/s] in place of the excited one; windows [s] in place of the default five;
+    bands: usable band per output in place of the choice from the coherence.
+    """
+    return input_responses(runs, (input,), outputs, band, windows, bands)[input]
+
+
+def input_responses(
+    runs: Sequence[Recording],
+    inputs: Sequence[str],
+    outputs: Sequence[str] = ("r", "ay", "vydot", "p"),
+    band: Band | None = None,
+    windows: Sequence[float] | None = None,
+    bands: Mapping[str, Band] | None = None,
+) -> dict[str, dict[str, FrequencyResponse]]:
+    """{input: {output: response}}; of several inputs each is conditioned on the others.
+
+    The first input is the one that was swept; band and windows as in `responses`, bands for the first
+    input. Several inputs need windows that leave an average for each of them: longer ones are shortened.
+    """
+    spans = [run.span for run in runs]
+    total, longest = sum(e - s for s, e in spans), max(e - s for s, e in spans)
+    low, high = _reaching(band or excited_range(runs, inputs[0]), bands)
+    lengths = windows or default_windows(low, high, total, longest)
+    if len(inputs) > 1:
+        lengths = tuple(sorted({min(n, total / len(inputs)) for n in lengths}))
+    w = frequency_grid(low, high, lengths)
+    recorded = [o for o in outputs if all({"vydot": "vy"}.get(o, o) in run for run in runs)]
+    if len(inputs) > 1:
+        found = conditioned_responses(runs, recorded, w, lengths, inputs, bands)
+    else:
+        found = {inputs[0]: frequency_responses(runs, recorded, w, tuple(lengths), inputs[0], bands)}
+    if "vydot" in recorded and "vydot" not in (bands or {}):
+        found[inputs[0]]["vydot"] = _above(found[inputs[0]]["vydot"], VYDOT_FROM)
+    return found
+
+
+def _above(f: FrequencyResponse, low: float) -> FrequencyResponse:
+    """The response with its band cut off below `low` rad/s."""
+    if f.band is None or f.band[1] < 2 * low:
+        return replace(f, band=None)
+    return replace(f, band=(max(f.band[0], low), f.band[1]))
+
+
+def _reaching(swept: Band, bands: Mapping[str, Band] | None) -> Band:
+    """The range, wide enough for the bands that were asked for."""
+    asked = [swept, *(bands or {}).values()]
+    return min(b[0] for b in asked), max(b[1] for b in asked)
+
+
+def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None) -> CoherenceVerdict:
+    """The verdict on one run from the coherence of r and a_y over the excited range.
+
+    found: the run's responses, if they are there; conditioned ones are judged by their partial coherence.
+    The roll rate is judged too where it answers at all; a rover that does not roll is none the worse.
+    """
+    input = "delta" if "delta" in run else "pwm"
+    measured = found or responses([run], input=input)
+    outputs = tuple(_output(f) for f in measured.values())
+    judged = list(answering(measured).values())
+    worst = min(judged, key=lambda f: _output(f).covered)
+    signal = run.manoeuvre("pwm" if "pwm" in run else input)
+    amplitude = float(np.ptp(signal.x)) / 2
+    unit = "us" if signal.unit == "us" else signal.unit
+    swept = (float(worst.w[0]), float(worst.w[-1]))
+    keep = _output(worst).covered >= COVERED
+    factor = None if keep else _factor(judged)
+    peak = _peak(measured, float(np.ptp(run.manoeuvre(input).x)) / 2) * (factor or 1.0)
+    if broken := advice_on(run):
+        return CoherenceVerdict(run.name, False, swept, amplitude, unit, None, outputs, broken[1])
+    if run.kind == "doublet":
+        said = "doublet: for verification, so its coherence is not judged"
+        return CoherenceVerdict(run.name, True, swept, amplitude, unit, None, outputs, said)
+    words = (
+        _keep_words(outputs, swept, _kind(worst))
+        if keep
+        else _repeat_words(
+            worst, amplitude, unit, factor or 1.0, peak, max(_steering_travel(run, unit), amplitude)
+        )
+    )
+    return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, words)
+
+
+def answering(found: Mapping[str, FrequencyResponse]) -> dict[str, FrequencyResponse]:
+    """The responses that a run is judged by: r, a_y, and p of a rover that rolls."""
+    return {name: f for name, f in found.items() if name in ("r", "ay") or (name == "p" and f.band)}
+
+
+def _output(f: FrequencyResponse) -> OutputCoherence:
+    w, g2 = _judged(f)
+    lowest = int(np.argmin(g2))
+    return OutputCoherence(
+        f.output, f.band, float(np.mean(g2 >= COHERENCE_GOOD)), float(g2[lowest]), float(w[lowest])
+    )
+
+
+def _judged(f: FrequencyResponse) -> tuple[Array, Array]:
+    """(w, coherence) where an answer may be asked for: rising responses drown at the low end.
+
+    Of a narrow range, as a part of a sweep has, the upper half.
+    """
+    start = min(RISING_FROM * f.w[0], np.sqrt(f.w[0] * f.w[-1])) if f.output in RISING else f.w[0]
+    return f.w[f.w >= start], f.coherence[f.w >= start]
+
+
+def _factor(judged: Sequence[FrequencyResponse]) -> float:
+    """Amplitude ratio that brings every octave of these to the wanted coherence (`amplitude`)."""
+    needs = [
+        need[0]
+        for f in judged
+        for low, high in pairwise(octaves(float(f.w[0]), float(f.w[-1])).tolist())
+        if (need := wanted_factor(f, low, high)) is not None
+    ]
+    return float(np.clip(max(needs, default=1.0), 1.2, 12.0))
+
+
+def _kind(f: FrequencyResponse) -> str:
+    return (
+        f"partial coherence ({' and '.join(f.conditioned_on)} taken out)" if f.conditioned_on else "coherence"
+    )
+
+
+def _keep_words(outputs: Sequence[OutputCoherence], swept: Band, kind: str) -> str:
+    bands = ", ".join(f"{o.output} {o.band[0]:.2g}-{o.band[1]:.3g}" for o in outputs if o.band)
+    poor = [o.output for o in outputs if o.band is None]
+    rest = f"; {', '.join(poor)} too weak to be used" if poor else ""
+    return f"keep: {kind} >= 0.6 over {swept[0]:.2g}-{swept[1]:.3g} rad/s ({bands} rad/s{rest})"
+
+
+def _peak(found: Mapping[str, FrequencyResponse], amplitude: float) -> float:
+    """Largest a_y [m/s^2] that follows a steering amplitude in the input's unit; noise is not counted."""
+    ay = found.get("ay")
+    return amplitude * float(np.max(np.abs(ay.h) * np.sqrt(ay.coherence))) if ay else 0.0
+
+
+def _repeat_words(
+    f: FrequencyResponse, amplitude: float, unit: str, factor: float, peak: float, travel: float
+) -> str:
+    w, g2 = _judged(f)
+    low = w[g2 < COHERENCE_GOOD]
+    where = f"{low[0]:.2g}-{low[-1]:.3g} rad/s"
+    wanted = amplitude * factor
+    value = f"{wanted:.0f} us" if unit == "us" else f"{wanted:.2g} {unit}"
+    why = (
+        f"{_kind(f)} of {f.output} is below 0.6 over {100 * np.mean(g2 < COHERENCE_GOOD):.0f} % "
+        f"of the range ({where}, median {np.median(g2):.2f})"
+    )
+    if wanted > travel:
+        most = f"{travel:.0f} us" if unit == "us" else f"{travel:.2g} {unit}"
+        return (
+            f"repeat faster, with a longer T_rec or a lower w_max: {why}; {value} would be needed, but the "
+            f"steering has {most} only"
+        )
+    said = f"repeat with {factor:.1f} times the amplitude ({value} in place of {amplitude:.3g}): {why}"
+    if peak > LATERAL_LIMIT:
+        said += (
+            f"; that much would take a_y to about {peak:.0f} m/s^2, so lengthen T_rec or lower w_max instead"
+        )
+    return said
+
+
+def _steering_travel(run: Recording, unit: str) -> float:
+    """How far the steering goes to either side [us or rad]: by SERVOn_MIN, _MAX and _TRIM where logged."""
+    ends = {name.rpartition("_")[2]: float(x) for name, x in run.vehicle.items() if name.startswith("SERVO")}
+    if unit != "us":
+        return WHEEL_LOCK
+    if not {"MIN", "MAX", "TRIM"} <= set(ends):
+        return SERVO_TRAVEL
+    return min(ends["MAX"] - ends["TRIM"], ends["TRIM"] - ends["MIN"])
+
+
+def sign_is_wrong(response: FrequencyResponse) -> bool:
+    """True when r answers the steering with the opposite sign at the low end of the band."""
+    low, high = response.band or (response.w[0], response.w[-1])
+    inside = (response.w >= low) & (response.w <= np.sqrt(low * high))
+    return bool(np.sum((response.h * response.coherence)[inside]).real < 0)

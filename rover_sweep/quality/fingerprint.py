@@ -1,0 +1,98 @@
+"""What a rover answers, in a few bands: enough to tell whether two runs are of one rover."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Array, Recording
+
+STEP = 0.02  # s, of the common clock
+EDGES = np.geomspace(1.5, 15.0, 9)  # rad/s
+CLEAR = 0.8  # coherence of a band that counts
+FEWEST = 4  # clear bands that make a comparison
+LOW = 3  # bands in which the yaw rate follows the steering by the wheelbase, whatever the tyres
+WINDOW = 1.5  # equivalent bins of a Hann window, by which fewer averages are independent
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """An answer by band and its random error relative to it, NaN where the coherence is low."""
+
+    h: Complex
+    error: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Fingerprint:
+    """yaw: r per steering; lean: p per a_y, which neither tyres, surface, speed nor steering change.
+
+    speed [m/s]; amplitude of the steering.
+    """
+
+    yaw: Bands
+    lean: Bands
+    speed: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Median relative difference of two answers, and the random error of it."""
+
+    difference: float
+    error: float
+
+
+def fingerprint(run: Recording, input: str) -> Fingerprint:
+    """The fingerprint of a run whose steering is the channel `input`; known low-passes are taken out."""
+    t = np.arange(run.span[0], run.span[1], STEP)
+    w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(t.size, STEP), np.float64)
+    spectra = {c: _spectrum(run, c, t, w) for c in (input, "r", "ay", "p") if c in run}
+    unknown = np.full(EDGES.size - 1, np.nan)
+    lean = Bands(unknown + 0j, unknown)
+    if {"p", "ay"} <= set(spectra):
+        lean = _answer(w, spectra["p"], spectra["ay"])
+    amplitude = float(np.ptp(run.manoeuvre(input).x)) / 2
+    return Fingerprint(_answer(w, spectra["r"], spectra[input]), lean, run.mean_speed, amplitude)
+
+
+def _spectrum(run: Recording, channel: str, t: Array, w: Array) -> Complex:
+    x = run[channel].on(t)
+    found = np.fft.rfft((x - x.mean()) * np.hanning(t.size))
+    known = run.filters.get(channel)
+    return np.asarray(found / known.response(w) if known else found)
+
+
+def _answer(w: Array, output: Complex, input: Complex) -> Bands:
+    h, error = np.full(EDGES.size - 1, np.nan + 0j), np.full(EDGES.size - 1, np.nan)
+    for k in range(h.size):
+        inside = (w >= EDGES[k]) & (w < EDGES[k + 1])
+        x, y = input[inside], output[inside]
+        power = float(np.sum(np.abs(x) ** 2))
+        cross = complex(np.sum(x.conj() * y))
+        coherence = abs(cross) ** 2 / max(power * float(np.sum(np.abs(y) ** 2)), 1e-300)
+        if inside.sum() > 2 and coherence > CLEAR:
+            h[k] = cross / power
+            error[k] = np.sqrt((1 - min(coherence, 1.0)) * WINDOW / (2 * coherence * inside.sum()))
+    return Bands(h, error)
+
+
+def apart(one: Bands, two: Bands) -> Apart | None:
+    """How far two answers are apart in size and phase, None with too few clear bands."""
+    clear = np.isfinite(one.error) & np.isfinite(two.error)
+    if clear.sum() < FEWEST:
+        return None
+    off = np.abs(np.log(one.h[clear] / two.h[clear]))
+    return Apart(float(np.median(off)), float(np.median(np.hypot(one.error[clear], two.error[clear]))))
+
+
+def gain_ratio(one: Bands, two: Bands) -> Apart | None:
+    """|ln| of the ratio of two answers' sizes at low frequencies, None where not clear."""
+    if not np.all(np.isfinite(one.error[:LOW]) & np.isfinite(two.error[:LOW])):
+        return None
+    off = np.log(np.abs(one.h[:LOW]) / np.abs(two.h[:LOW]))
+    return Apart(abs(float(np.median(off))), float(np.median(np.hypot(one.error[:LOW], two.error[:LOW]))))

@@ -1,0 +1,98 @@
+"""Runs of two rovers given together: told by what the logs carry of the vehicle, and by its answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+from rover_sweep.data.recording import Note, Recording
+from rover_sweep.quality.fingerprint import Apart, Fingerprint, apart, fingerprint, gain_ratio
+
+TWO_ROVERS = "two rovers"
+SPOILT = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
+WIDE = ("sweep", "multisine")  # kinds that excite all bands alike
+SAME_SPEED = 0.06  # relative
+SAME_AMPLITUDE = 0.3  # relative; beyond, what is not linear makes answers differ
+# Least difference of lean and of yaw. At one speed and amplitude, one rover's runs differ by up to .04; a
+# surface changes yaw alone, dry friction in the suspension lean (.75 between amplitudes), nothing both.
+ALIKE, OTHERWISE = (0.08, 0.08), (0.2, 0.25)
+GAIN = 0.22  # |ln| of the steady yaw gain's ratio at one speed and amplitude, which the tyres hardly change
+SURE = 4.0  # random errors
+ASSUMED = "assumed"  # in the source of a low-pass that the log does not hold
+CERTAIN = ("board", "system id")  # of what a log says of the vehicle; the rest may have been changed
+
+
+def with_rovers(runs: Sequence[Recording]) -> tuple[Recording, ...]:
+    """The runs; each that is of another rover than an earlier one has a fault that says so."""
+    faults: dict[int, Note] = {}
+    input = "pwm" if all("pwm" in run for run in runs) else "delta"
+    prints = {i: fingerprint(r, input) for i, r in enumerate(runs) if input in r and _comparable(r)}
+    for i, k in combinations(range(len(runs)), 2):
+        why = _by_log(runs[i].vehicle, runs[k].vehicle)
+        if not why and i in prints and k in prints:
+            why = _by_answers(prints[i], prints[k])
+            changed = _changed(runs[i].vehicle, runs[k].vehicle) if why else ""
+            why += f"; {changed}" if changed else ""
+        if why and k not in faults:
+            faults[k] = _fault(runs[i].name, runs[k].name, why)
+    marked = ((run, faults.get(i)) for i, run in enumerate(runs))
+    return tuple(_marked(run, fault) if fault else run for run, fault in marked)
+
+
+def _comparable(run: Recording) -> bool:
+    """Whether all bands were excited, and the low-passes of the sensors are known."""
+    return run.kind in WIDE and "r" in run and not any(ASSUMED in f.source for f in run.filters.values())
+
+
+def _marked(run: Recording, fault: Note) -> Recording:
+    known = any(note.fault == TWO_ROVERS for note in run.notes)
+    return run if known else replace(run, notes=(*run.notes, fault))
+
+
+def _fault(first: str, second: str, why: str) -> Note:
+    text = (
+        f"{first} and {second} are not of one rover, or it was changed between them: {why}; give the runs of "
+        "one rover only"
+    )
+    return Note("warning", text, TWO_ROVERS, SPOILT)
+
+
+def _by_log(one: Mapping[str, str], two: Mapping[str, str]) -> str:
+    other = [key for key in CERTAIN if key in one and key in two and one[key] != two[key]]
+    return "; ".join(f"{key} {one[key]} and {two[key]}" for key in other)
+
+
+def _changed(one: Mapping[str, str], two: Mapping[str, str]) -> str:
+    other = [key for key in one if key in two and one[key] != two[key]]
+    return ", ".join(f"{key} {one[key]} and {two[key]}" for key in other[:4])
+
+
+def _by_answers(one: Fingerprint, two: Fingerprint) -> str:
+    """Why two runs cannot be of one rover, '' where they may."""
+    if abs(one.speed / two.speed - 1) > SAME_SPEED:
+        return ""
+    same = max(one.amplitude / two.amplitude, two.amplitude / one.amplitude) < 1 + SAME_AMPLITUDE
+    least_lean, least_yaw = ALIKE if same else OTHERWISE
+    lean, yaw = apart(one.lean, two.lean), apart(one.yaw, two.yaw)
+    if _beyond(lean, least_lean) and _beyond(yaw, least_yaw):
+        return (
+            f"at {one.speed:.3g} and {two.speed:.3g} m/s their roll for the same a_y differs by "
+            f"{_percent(lean)} and their yaw rate for the same steering by {_percent(yaw)}, which no "
+            "surface does"
+        )
+    gain = gain_ratio(one.yaw, two.yaw) if same else None
+    if _beyond(gain, GAIN):
+        return (
+            f"at {one.speed:.3g} and {two.speed:.3g} m/s and one amplitude the slow yaw rate for the same "
+            f"steering differs by {_percent(gain)}, which needs another wheelbase or linkage"
+        )
+    return ""
+
+
+def _beyond(found: Apart | None, least: float) -> bool:
+    return found is not None and found.difference > max(least, SURE * found.error)
+
+
+def _percent(found: Apart | None) -> str:
+    return f"{100 * found.difference:.0f} %" if found else ""

@@ -1,0 +1,1 @@
+"""The report of a diagnosis and of a plan: page, tables, pictures, diagnosis.json."""

@@ -1,0 +1,77 @@
+"""A diagnosis as one HTML page that needs nothing else: no network, no other file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rover_sweep.diagnosis.result import Diagnosis, Finding
+from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+from rover_sweep.report.diagnosis.pictures import mismatch_section
+from rover_sweep.report.diagnosis.tables import (
+    cost_table,
+    evidence_words,
+    falsified_table,
+    finding_title,
+    held_out_table,
+    look_alike_words,
+    mismatch_table,
+    next_words,
+    unseen_table,
+    value_table,
+)
+from rover_sweep.report.diagnosis.terminal import law_words
+from rover_sweep.report.identification.identification_json import AXES
+from rover_sweep.report.identification.page import Drawn, by_section
+from rover_sweep.report.templates import environment
+from rover_sweep.report.wording.effect_names import channel, sentence
+
+WORTH = "The whole model, against the same without this effect"
+TONES = {
+    "none": "good", "explained": "good", "partly explained": "warn", "unexplained": "warn", "refused": "bad",
+}  # fmt: skip
+
+
+def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Drawn) -> str:
+    """The whole page. pictures: each with its PNG, embedded in the order given."""
+    return (
+        environment("report/diagnosis")
+        .get_template("diagnosis.html.j2")
+        .render(
+            found=found,
+            origin=origin,
+            provenance=origin.provenance,
+            name=origin.provenance.vehicle.name if origin.provenance.vehicle else "",
+            answer=sentence(found.sentence),
+            tone=TONES[found.verdict],
+            axes=AXES,
+            mismatches=[(sentence(m.sentence), mismatch_section(k)) for k, m in enumerate(found.mismatch)],
+            mismatch_table=mismatch_table(found),
+            findings=[_finding(f) for f in found.findings],
+            held_out=held_out_table(found.held_out, "All that was found, against the baseline"),
+            costs=cost_table(found.held_out),
+            falsified=falsified_table(found),
+            law=sentence(law_words(found.unknown)) if found.unknown else "",
+            unknown=sentence(found.unknown.sentence) if found.unknown else "",
+            unknown_channel=channel(found.unknown.channel) if found.unknown else "",
+            unseen=unseen_table(found),
+            parameters=value_table(found.parameters, "The model refitted together with the effects")
+            if found.parameters
+            else None,
+            remarks=[sentence(remark) for remark in found.remarks],
+            pictures=by_section(pictures),
+        )
+    )
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    return {
+        "effect": f.effect,
+        "title": finding_title(f),
+        "sentence": sentence(f.sentence),
+        "equation": f.equation,
+        "parameters": value_table(f.parameters, "Parameters") if f.parameters else None,
+        "look_alikes": look_alike_words(f),
+        "evidence": evidence_words(f),
+        "next_run": sentence(next_words(f)),
+        "held_out": held_out_table(f.held_out, WORTH, note=False) if f.held_out else None,
+    }

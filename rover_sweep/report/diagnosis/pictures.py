@@ -1,0 +1,59 @@
+"""The pictures of a diagnosis: which there are, and what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from rover_sweep.diagnosis.result import Diagnosis, Overlay
+from rover_sweep.report.identification.pictures import Picture
+from rover_sweep.report.pictures.mismatch import drawable, mismatch
+from rover_sweep.report.pictures.overlay import overlays
+from rover_sweep.report.pictures.scores import scores
+from rover_sweep.report.wording.effect_names import sentence
+
+OVERLAY = (
+    "Left: the whole run, below it the residual (measured less simulated). Middle: the shaded seconds, in "
+    "which {most}. Grey: twice the noise. Right: spectrum of the residual in sizes of the noise; 1 is the "
+    "floor."
+)
+SCORES = (
+    "What each candidate alone would take off the misfit of the model without effects. An effect is in part "
+    "followed by others, so more than the named ones stand over chance; the named are those that the whole "
+    "search kept."
+)
+
+
+def planned(found: Diagnosis) -> tuple[Picture, ...]:
+    """All pictures of a diagnosis, none of them drawn yet."""
+    return (*_mismatches(found), *_runs(found), *_scores(found))
+
+
+def mismatch_section(index: int) -> str:
+    """Where the picture of the mismatch of this index belongs."""
+    return f"mismatch-{index}"
+
+
+def _mismatches(found: Diagnosis) -> Iterator[Picture]:
+    for k, m in enumerate(found.mismatch):
+        if drawable(m, found.overlays):
+            name = mismatch_section(k)
+            yield Picture(name, name, sentence(m.sentence), partial(mismatch, m, found.overlays))
+
+
+def _runs(found: Diagnosis) -> Iterator[Picture]:
+    by_run: dict[tuple[str, bool], list[Overlay]] = {}
+    for o in (o for o in found.overlays if o.t.size > 1):
+        by_run.setdefault((o.run, o.held_out), []).append(o)
+    changed = bool(found.findings)
+    for k, ((run, held_out), channels) in enumerate(by_run.items()):
+        role = "which nothing was fitted to" if held_out else "which was fitted"
+        most = "before and after differ most" if changed else "the model is farthest off"
+        caption = f"{run}, {role}. {OVERLAY.format(most=most)}"
+        section = "held-out" if held_out else "fitted"
+        yield Picture(f"overlay-{k}", section, caption, partial(overlays, tuple(channels), changed))
+
+
+def _scores(found: Diagnosis) -> Iterator[Picture]:
+    if found.scores:
+        yield Picture("scores", "scores", SCORES, partial(scores, found))

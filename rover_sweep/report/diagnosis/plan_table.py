@@ -1,0 +1,109 @@
+"""A plan as tables and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from rover_sweep.diagnosis.plans.plan_result import Apart, DetectableSize, Plan, PlannedRun
+from rover_sweep.report.identification.comparison import Cell, Table
+from rover_sweep.report.identification.terminal import Sentence, rich_table
+from rover_sweep.report.wording.effect_names import sentence
+from rover_sweep.report.wording.number_format import number, unit
+from rover_sweep.report.wording.strict_json import plain
+
+KINDS = {
+    "sweep": "sweep", "doublet": "doublet", "bias_sweep": "sweep about a bias",
+    "multisine": "odd/even multisine", "servo_test": "servo test on blocks", "other": "other drive",
+}  # fmt: skip
+FORMAT_VERSION = 1
+SIZES = "found in: half of such sets of runs would show that much. counts from: below it, a nuisance."
+
+
+def plan_document(plan: Plan) -> dict[str, Any]:
+    """The plan in plain JSON types; units in the keys or beside the numbers."""
+    return plain(
+        {
+            "format": "rover-sweep plan",
+            "format_version": FORMAT_VERSION,
+            "sentences": plan.sentences,
+            "runs": [asdict(run) for run in plan.runs],
+            "detectable": {effect: asdict(size) for effect, size in plan.detectable.items()},
+            "not_told_apart": [asdict(pair) for pair in plan.apart],
+            "cannot_see": [asdict(unseen) for unseen in plan.cannot_see],
+            "proposal": [asdict(run) for run in plan.proposal],
+            "settles": plan.settles,
+            "notes": plan.notes,
+            "not_told_apart_with_the_proposal": [asdict(pair) for pair in plan.proposed_apart],
+            "units": "amplitude_us, bias_us: us; speed: m/s, 0 on blocks; heading: deg clockwise from north",
+        }
+    )  # fmt: skip
+
+
+def plan_summary(plan: Plan) -> Group:
+    """The answer, the runs, what they show, what they do not, and the runs to add, for `Console.print`."""
+    parts: list[RenderableType] = []
+    for k, part in enumerate(_parts(plan)):
+        parts += [Text(""), part] if k else [part]
+    return Group(*parts)
+
+
+def _parts(plan: Plan) -> Iterator[RenderableType]:
+    if plan.sentences:
+        first, *rest = plan.sentences
+        yield Group(Sentence(sentence(first), "bold"), *(Sentence(sentence(text)) for text in rest))
+    if plan.runs:
+        yield rich_table(run_table(plan.runs, "These runs"))
+    if plan.detectable:
+        yield rich_table(size_table(plan))
+    if plan.apart:
+        yield rich_table(pair_table(plan.apart, "Effects that they do not tell apart"))
+    if plan.cannot_see:
+        rows = tuple((Cell(u.effect), Cell(u.why)) for u in plan.cannot_see)
+        yield rich_table(Table("Effects that they cannot show", ("effect", "why"), rows, text_columns=2))
+    if plan.proposal:
+        yield rich_table(run_table(plan.proposal, "Drive these as well" if plan.runs else "Drive these"))
+        if plan.settles:
+            yield Group(*(Sentence(sentence(text)) for text in plan.settles))
+        if plan.proposed_apart:
+            yield rich_table(pair_table(plan.proposed_apart, "With them, still not told apart"))
+    if plan.notes:
+        yield Group(*(Sentence(sentence(text)) for text in plan.notes))
+
+
+def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:
+    """Kind, amplitude, speed, heading, how often."""
+    rows = tuple(_run(run) for run in runs)
+    return Table(heading, ("", "amplitude, us", "speed, m/s", "heading, deg", "times"), rows)
+
+
+def _run(run: PlannedRun) -> tuple[Cell, ...]:
+    kind = KINDS[run.kind] + (f", {run.name}" if run.name else "")
+    amplitude = f"{run.amplitude_us:g}" + (f" about {run.bias_us:+g}" if run.bias_us else "")
+    speed = f"{run.speed:g}" if run.speed else "stands"
+    heading = "any" if run.heading is None else f"{run.heading:.0f}"
+    return Cell(kind), Cell(amplitude), Cell(speed), Cell(heading), Cell(str(run.repeat))
+
+
+def size_table(plan: Plan) -> Table:
+    """The size of each effect that half of such sets would show, those that count for more first."""
+    rows = tuple(_size(effect, size) for effect, size in plan.detectable.items())
+    return Table("What they would show", ("effect", "", "found in", "counts from", "unit"), rows, SIZES, 2)
+
+
+def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
+    late = size.size is None or (size.material is not None and size.size > size.material)
+    return (
+        Cell(effect), Cell(size.parameter), Cell(number(size.size, 2), "warn" if late else ""),
+        Cell(number(size.material, 2)), Cell(unit(size.unit)),
+    )  # fmt: skip
+
+
+def pair_table(pairs: Sequence[Apart], heading: str) -> Table:
+    """Two effects and how alike they look."""
+    rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{p.cosine:.3f}")) for p in pairs)
+    return Table(heading, ("", "", "cosine"), rows, text_columns=2)

@@ -1,0 +1,120 @@
+"""diagnosis.json read back: the answer and its model, without recordings and the curves of the pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.diagnosis.result import (
+    Diagnosis,
+    EffectValue,
+    Falsified,
+    Finding,
+    Fit,
+    HeldOut,
+    Mismatch,
+    Profile,
+    Unknown,
+    Unseen,
+)
+from rover_sweep.errors import UsageError
+from rover_sweep.files.documents import read_json
+from rover_sweep.report.diagnosis.diagnosis_json import FORMAT, FORMAT_VERSION
+from rover_sweep.report.export.augmented_model_json import augmented_from
+
+
+def read_diagnosis(path: Path) -> Diagnosis:
+    """The diagnosis in a file that `diagnose` wrote. UsageError for any other file."""
+    try:
+        document = read_json(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} cannot be read as a diagnosis: {error}") from None
+    return diagnosis_from(document, str(path))
+
+
+def _refuse_constant(name: str) -> None:
+    """Python's reader takes NaN and Infinity, which JSON does not have."""
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def diagnosis_from(document: Any, name: str) -> Diagnosis:
+    """The diagnosis of a document. name: what errors call it."""
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise UsageError(f"{name} is no diagnosis.json; give the one that `diagnose` wrote")
+    if document.get("format_version") != FORMAT_VERSION:
+        found = document.get("format_version")
+        raise UsageError(f"{name} has version {found} of the format, this program reads {FORMAT_VERSION}")
+    try:
+        return _diagnosis(document)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise UsageError(f"{name} is damaged ({type(error).__name__}: {error}); diagnose again") from error
+
+
+def _diagnosis(d: Mapping[str, Any]) -> Diagnosis:
+    model = d.get("model")
+    return Diagnosis(
+        verdict=d["verdict"],
+        sentence=d["sentence"],
+        baseline=d["baseline"],
+        mismatch=tuple(_mismatch(m) for m in d["mismatch"]),
+        findings=tuple(_finding(f) for f in d["findings"]),
+        unknown=_unknown(d["unknown"]),
+        cannot_see=tuple(Unseen(u["effect"], u["why"]) for u in d["cannot_see"]),
+        falsified=tuple(
+            Falsified(f["parameter"], f["unit"], f["before"], f["after"]) for f in d["falsified"]
+        ),
+        parameters=_values(d["parameters"]),
+        scores=dict(d["scores"]),
+        held_out=tuple(_held_out(h) for h in d["held_out"]),
+        remarks=tuple(d["remarks"]),
+        seconds=d["seconds"],
+        runs=tuple(d["runs"]),
+        held_out_runs=tuple(d["held_out_runs"]),
+        model=augmented_from(model) if model else None,
+    )
+
+
+def _mismatch(m: Mapping[str, Any]) -> Mismatch:
+    low, high = m["band_rad_s"]
+    shown = m.get("profile")
+    profile = (
+        Profile(shown["over"], shown["unit"], tuple(shown["x"]), tuple(shown["residual_over_noise"]))
+        if shown
+        else None
+    )
+    ratio = m["residual_over_noise"]
+    return Mismatch(m["channel"], (low, high), m["condition"], ratio, m["sentence"], profile)
+
+
+def _finding(f: Mapping[str, Any]) -> Finding:
+    return Finding(
+        f["effect"],
+        tuple(f["look_alikes"]),
+        _values(f["parameters"]),
+        dict(f["evidence"]),
+        tuple(_held_out(h) for h in f["held_out_all"]),
+        f["next_run"],
+        f["sentence"],
+        f["equation"],
+    )
+
+
+def _values(values: Mapping[str, Mapping[str, Any]]) -> tuple[EffectValue, ...]:
+    return tuple(
+        EffectValue(name, v["unit"], v["value"], v["low"], v["high"], v["meaning"])
+        for name, v in values.items()
+    )
+
+
+def _held_out(h: Mapping[str, Any]) -> HeldOut:
+    before, after = (Fit(f["j_rms"], f["tic"], f.get("cost", {})) for f in (h["before"], h["after"]))
+    return HeldOut(h["run"], before, after, h["share_removed"])
+
+
+def _unknown(u: Mapping[str, Any] | None) -> Unknown | None:
+    if u is None:
+        return None
+    return Unknown(
+        u["channel"], u["depends_on"], u["residual_over_noise"], u["sentence"], u["law"] or "", u["law_gain"]
+    )

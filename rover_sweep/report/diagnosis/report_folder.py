@@ -1,0 +1,53 @@
+"""A diagnosis' folder: diagnosis.html for people, diagnosis.json for machines, variant.toml to drive it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.files.replaced import remove_file, write_file
+from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
+from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+from rover_sweep.report.wording.strict_json import dumps
+
+
+@dataclass(frozen=True)
+class DiagnosisFiles:
+    """What was written."""
+
+    document: Path
+    page: Path
+    variant: Path | None = None
+    """The model as a simulated rover; None where the data were refused, and for a lumped one."""
+
+
+def write_diagnosis(
+    found: Diagnosis,
+    directory: Path,
+    origin: DiagnosisOrigin,
+    progress: Callable[[float, str], None] | None = None,
+) -> DiagnosisFiles:
+    """Writes all files, diagnosis.json last: a folder that holds it is whole and of one diagnosis.
+
+    Everything is made before the first file is touched. progress is called with the share done, 0..1, and
+    what is being made. UsageError where the directory cannot be written.
+    """
+    from rover_sweep.report.diagnosis.page import diagnosis_page
+    from rover_sweep.report.diagnosis.pictures import planned
+    from rover_sweep.report.export.plant_variant import variant_text
+
+    document = dumps(diagnosis_document(found, origin))
+    plan, drawn = planned(found), []
+    for k, picture in enumerate(plan):
+        if progress:
+            progress(k / len(plan), f"drawing {picture.name}")
+        drawn.append((picture, picture.png()))
+    page = diagnosis_page(found, origin, drawn)
+    text = variant_text(found.model) if found.model and not found.model.lumped else None
+    for name in ("diagnosis.json", "variant.toml"):
+        remove_file(directory / name)
+    html = write_file(directory / "diagnosis.html", page)
+    variant = write_file(directory / "variant.toml", text) if text else None
+    return DiagnosisFiles(write_file(directory / "diagnosis.json", document), html, variant)

@@ -1,0 +1,189 @@
+"""A diagnosis as tables for people, the same for the terminal and the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Finding, HeldOut
+from rover_sweep.report.identification.comparison import Cell, Table, Tone
+from rover_sweep.report.wording.effect_names import capital, channel, title
+from rover_sweep.report.wording.number_format import SHORT_NAMES, band, change, number, symbol, unit
+
+PLAINLY = 3.0  # sizes of the noise floor from which a residual is seen with the naked eye
+FLOOR = (
+    "J_rms in deg/s and ft/s², TIC 0 (perfect) to 1. Share removed: of what a model could explain, that is "
+    "of the residual above the noise floor."
+)
+
+
+def mismatch_table(found: Diagnosis) -> Table:
+    """Channel, band, condition and size of each place."""
+    rows = tuple(
+        (
+            Cell(channel(m.channel)),
+            Cell(m.condition),
+            Cell(_band(m.band)),
+            _size(m.residual_over_noise),
+        )
+        for m in found.mismatch
+    )
+    headings = ("", "where", "rad/s", "residual / noise")
+    return Table("Where simulation and recording differ", headings, rows, text_columns=2)
+
+
+def _band(limits: tuple[float, float]) -> str:
+    """A band in rad/s, 0 for what is steady."""
+    return band(limits) if limits[1] else "0"
+
+
+def _size(ratio: float) -> Cell:
+    return Cell(f"{number(ratio, 2)} ×", "strong" if ratio > PLAINLY else "")
+
+
+def value_table(values: Sequence[EffectValue], heading: str, words: bool = True) -> Table:
+    """Parameter, what it means, value, 90 % interval, unit."""
+    columns = ("", "", "value", "90 % interval", "unit") if words else ("", "value", "90 % interval", "unit")
+    rows = tuple(_value_row(v, words) for v in values)
+    return Table(heading, columns, rows, text_columns=2 if words else 1)
+
+
+def _value_row(v: EffectValue, words: bool) -> tuple[Cell, ...]:
+    name, *numbers = _value_cells(v)
+    return (name, Cell(v.meaning), *numbers) if words else (name, *numbers)
+
+
+def _value_cells(v: EffectValue) -> tuple[Cell, ...]:
+    return Cell(symbol(v.name)), Cell(number(v.value, 3), "strong"), Cell(interval(v)), Cell(unit(v.unit))
+
+
+def interval(v: EffectValue) -> str:
+    """low to high, open where an end could not be found."""
+    if v.low is None and v.high is None:
+        return "–"
+    if v.high is None:
+        return f"from {number(v.low, 3)}"
+    return f"{number(v.low, 3)} to {number(v.high, 3)}" if v.low is not None else f"to {number(v.high, 3)}"
+
+
+def finding_table(found: Diagnosis) -> Table:
+    """All findings with their parameters, a row each."""
+    rows: list[tuple[Cell, ...]] = []
+    for f in found.findings:
+        cells = [_value_cells(v) for v in f.parameters] or [tuple(Cell("–") for _ in range(4))]
+        rows += [(Cell(f.effect if k == 0 else "", "strong"), *row) for k, row in enumerate(cells)]
+    headings = ("what was left out", "", "value", "90 % interval", "unit")
+    return Table("Findings", headings, tuple(rows), text_columns=2)
+
+
+def held_out_table(
+    held_out: Sequence[HeldOut], heading: str, note: bool = True, room: int | None = None
+) -> Table:
+    """J_rms and TIC before and after on each held-out run, and the share of the explainable error removed.
+
+    room: characters for the name of a run, whose end tells more than its beginning.
+    """
+    headings = ("run", "J_rms before", "after", "TIC before", "after", "share removed")
+    rows = tuple(
+        (
+            Cell(_ending(h.run, room)),
+            *_pair(h.before.j_rms, h.after.j_rms, 3),
+            *_pair(h.before.tic, h.after.tic, 2),
+            Cell(share(h.share_removed)),
+        )
+        for h in held_out
+    )
+    return Table(heading, headings, rows, FLOOR if note else "")
+
+
+def _ending(name: str, room: int | None) -> str:
+    return name if room is None or len(name) <= room else f"…{name[1 - room :]}"
+
+
+def _pair(before: float, after: float, digits: int) -> tuple[Cell, Cell]:
+    tone: Tone = "good" if after < before else "warn" if after > 1.05 * before else ""
+    return Cell(number(before, digits)), Cell(number(after, digits), tone)
+
+
+def share(value: float | None) -> str:
+    """A share as a percentage, beyond all of it but chance; words where there was nothing to remove."""
+    return "at the floor" if value is None else f"{100 * min(value, 1.0):.0f} %"
+
+
+def cost_table(held_out: Sequence[HeldOut], room: int | None = None) -> Table | None:
+    """J per response before and after on held-out sweeps; None where no held-out run is one.
+
+    room: as in `held_out_table`.
+    """
+    having = [h for h in held_out if h.before.cost]
+    if not having:
+        return None
+    outputs = list(dict.fromkeys(o for h in having for o in (*h.before.cost, *h.after.cost)))
+    rows = tuple(
+        (Cell(_ending(h.run, room)), Cell(label), *(Cell(_cost(fit.cost.get(o))) for o in outputs))
+        for h in having
+        for label, fit in (("before", h.before), ("after", h.after))
+    )
+    headings = ("run", "", *(f"J of {SHORT_NAMES.get(o, o)}" for o in outputs))
+    note = "J weighs dB and deg; up to 100 is good."
+    return Table("Cost of the frequency responses", headings, rows, note, 2)
+
+
+def _cost(value: float | None) -> str:
+    """A cost to the tenth, none of them ever needing more."""
+    return "–" if value is None else f"{value:.1f}" if value < 100 else f"{value:.0f}"
+
+
+def falsified_table(found: Diagnosis) -> Table | None:
+    """What the missing effect had made of the nominal parameters."""
+    if not found.falsified:
+        return None
+    rows = tuple(
+        (
+            Cell(symbol(f.name)), Cell(number(f.before, 3)), Cell(number(f.after, 3)), Cell(unit(f.unit)),
+            Cell(change(100 * (f.before / f.after - 1)) if f.after else "–"),
+        )
+        for f in found.falsified
+    )  # fmt: skip
+    headings = ("parameter", "without the effect", "with it", "unit", "had been off by, %")
+    return Table("Parameters that the missing effect had falsified", headings, rows)
+
+
+def unseen_table(found: Diagnosis) -> Table | None:
+    """What these runs cannot show."""
+    if not found.cannot_see:
+        return None
+    rows = tuple((Cell(u.effect), Cell(u.why)) for u in found.cannot_see)
+    return Table("What these runs cannot show", ("effect", "why"), rows, text_columns=2)
+
+
+def look_alike_words(f: Finding) -> str:
+    """The effects that would explain it as well, "" for none."""
+    if not f.look_alikes:
+        return ""
+    told = [f"{title(e)} ({e}{_cosine(f, e)})" for e in f.look_alikes]
+    return f"These runs cannot tell it from: {'; '.join(told)}."
+
+
+def next_words(f: Finding) -> str:
+    """What to drive next and what for, "" for nothing."""
+    if not f.next_run:
+        return ""
+    return f"To {'tell them apart' if f.look_alikes else 'confirm it'}: {f.next_run}"
+
+
+def _cosine(f: Finding, effect: str) -> str:
+    cosine = f.evidence.get(f"cosine:{effect}")
+    return "" if cosine is None else f", cosine {cosine:.2f}"
+
+
+def evidence_words(f: Finding) -> str:
+    """How much it explains, against what chance would; "" where that is not known."""
+    gain, chance = f.evidence.get("gain"), f.evidence.get("threshold")
+    if not gain or not chance:
+        return ""
+    return f"It explains {number(gain, 3)} squares of the noise; chance explains up to {number(chance, 3)}."
+
+
+def finding_title(f: Finding) -> str:
+    """The effect in words."""
+    return capital(title(f.effect))

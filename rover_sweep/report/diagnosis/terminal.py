@@ -1,0 +1,108 @@
+"""A diagnosis for the terminal: plain, compact, 80 columns wide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
+from rover_sweep.report.diagnosis.tables import (
+    cost_table,
+    evidence_words,
+    falsified_table,
+    finding_table,
+    held_out_table,
+    look_alike_words,
+    mismatch_table,
+    next_words,
+    unseen_table,
+)
+from rover_sweep.report.identification.terminal import Sentence, rich_table
+from rover_sweep.report.wording.effect_names import channel, sentence
+from rover_sweep.report.wording.number_format import number
+
+WIDTH = 80
+ROOM = 24  # characters of a run's name that leave the numbers beside it whole
+STYLES = {
+    "none": "bold green", "explained": "bold", "partly explained": "bold", "unexplained": "bold yellow",
+    "refused": "bold red",
+}  # fmt: skip
+
+
+def summary(found: Diagnosis) -> Group:
+    """Verdict, mismatches, findings, held-out runs, unknown, what cannot be seen, for `Console.print`."""
+    return Group(*_spaced(_parts(found)))
+
+
+def _spaced(parts: Iterator[RenderableType]) -> Iterator[RenderableType]:
+    for k, part in enumerate(parts):
+        if k:
+            yield Text("")
+        yield part
+
+
+def _parts(found: Diagnosis) -> Iterator[RenderableType]:
+    yield Group(
+        Text(found.verdict.upper(), STYLES[found.verdict]), Sentence(sentence(found.sentence), "bold")
+    )
+    if found.mismatch:
+        yield rich_table(mismatch_table(found))
+    elif found.findings:
+        yield Sentence(
+            "Simulation and recording differ nowhere plainly beyond the noise floor: the nominal parameters "
+            "take up what was left out."
+        )
+    if found.findings:
+        yield rich_table(finding_table(found))
+        yield from (_explained(f) for f in found.findings)
+    if falsified := falsified_table(found):
+        yield rich_table(falsified)
+    if found.held_out:
+        yield rich_table(held_out_table(found.held_out, "On runs that nothing was fitted to", False, ROOM))
+    if costs := cost_table(found.held_out, ROOM):
+        yield rich_table(costs)
+    if found.unknown:
+        yield _unknown(found.unknown)
+    if unseen := unseen_table(found):
+        yield rich_table(unseen)
+    if found.remarks:
+        yield Group(*(_hanging(sentence(remark)) for remark in found.remarks))
+
+
+def _explained(f: Finding) -> Group:
+    """The finding's sentence, what it cannot be told from, and the run that would settle it."""
+    lines: list[RenderableType] = [Text(f.effect, "bold")]
+    words = [
+        f.sentence,
+        evidence_words(f),
+        look_alike_words(f),
+        next_words(f),
+    ]
+    lines += [_indented(sentence(text)) for text in words if text]
+    return Group(*lines)
+
+
+def _unknown(u: Unknown) -> Group:
+    size = (
+        f"{number(u.residual_over_noise, 2)} × the noise in {channel(u.channel)}, depends on {u.depends_on}"
+    )
+    words = [u.sentence, size, law_words(u)]
+    return Group(Text("unknown", "bold yellow"), *(_indented(sentence(text)) for text in words if text))
+
+
+def law_words(u: Unknown) -> str:
+    """What law the unknown looks like and how much of it that predicts on held-out data."""
+    if not u.law:
+        return ""
+    gain = "" if u.law_gain is None else f" (explains {100 * u.law_gain:.0f} % of it on held-out data)"
+    return f"It looks like {u.law}{gain}"
+
+
+def _indented(text: str) -> Sentence:
+    return Sentence(text, first="  ", rest="  ")
+
+
+def _hanging(text: str) -> Sentence:
+    return Sentence(text, "dim", first="- ", rest="  ")

@@ -1,0 +1,1 @@
+"""Models for other programs: python-control, MATLAB, JSON, the simulated rover."""

@@ -1,0 +1,93 @@
+"""The model of a diagnosis as plain data, and back: the entry "model" of diagnosis.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.recording import LowPass
+from rover_sweep.diagnosis.settings import BASELINES
+from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
+
+LARGEST = 1e6  # of a rover's numbers and derivatives, SI units
+LARGEST_COORDINATE = 20.0  # s, rad, m, m/s^2, shares and logarithms alike
+_ABOVE_0 = {"speed_m_s"} | {
+    f"known {name}" for name in ("mass", "a", "b", "sprung_mass", "roll_inertia", "yaw_inertia", "friction")
+}
+
+
+def augmented_document(model: AugmentedModel) -> dict[str, Any]:
+    """Everything in it, SI units; "numbers" are the physical ones that follow from the rest."""
+    return {
+        "name": model.name,
+        "baseline": model.baseline,
+        "effects": model.effects,
+        "numbers": model.numbers,
+        "coordinates": model.x,
+        "known": asdict(model.rover),
+        "speed_m_s": model.speed,
+        "filters": {c: {"cutoff_hz": f.cutoff_hz, "source": f.source} for c, f in model.filters.items()},
+        "steering": {"trim_us": model.steering[0], "rad_per_us": model.steering[1]}
+        if model.steering
+        else None,
+        "wait_s": model.wait,
+        "happened_in": model.happened_in or None,
+        "happened_at_s": model.happened_at,
+    }
+
+
+def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
+    """The model out of its document; KeyError, TypeError or ValueError where that is none."""
+    from rover_sweep.diagnosis.effects import library
+
+    effects = tuple(document["effects"])
+    for effect in effects:
+        if effect not in library():
+            raise ValueError(f"there is no effect {effect!r}")
+    steering = document["steering"]
+    known: dict[str, Any] = {f.name: document["known"][f.name] for f in fields(Geometry)}
+    model = AugmentedModel(
+        baseline=str(document["baseline"]),
+        rover=Geometry(**{**known, "free": tuple(known["free"])}),
+        effects=effects,
+        x={str(name): float(value) for name, value in document["coordinates"].items()},
+        speed=float(document["speed_m_s"]),
+        filters={c: LowPass(f["cutoff_hz"], f["source"]) for c, f in document["filters"].items()},
+        steering=(float(steering["trim_us"]), float(steering["rad_per_us"])) if steering else None,
+        wait=float(document["wait_s"]),
+        happened_in=document["happened_in"] or "",
+        happened_at=document["happened_at_s"],
+    )
+    refuse_insane(model)
+    return model
+
+
+def refuse_insane(model: AugmentedModel) -> None:
+    """ValueError for numbers that no fit ends with, named with their value: a damaged or foreign file."""
+    if model.baseline not in BASELINES:
+        raise ValueError(f"there is no baseline {model.baseline!r}")
+    known = {f.name: getattr(model.rover, f.name) for f in fields(Geometry) if f.name != "free"}
+    at = () if model.happened_at is None else (("happened_at_s", model.happened_at),)
+    others = {
+        **{f"known {name}": value for name, value in known.items() if value is not None},
+        **{f"cutoff_hz of {channel}": f.cutoff_hz for channel, f in model.filters.items()},
+        **dict((("speed_m_s", model.speed), ("wait_s", model.wait), *at)),
+        **dict(zip(("trim_us", "rad_per_us"), model.steering or (), strict=False)),
+    }
+    for name, value in others.items():
+        _refuse_beyond(name, value, LARGEST)
+        if name in _ABOVE_0 and value <= 0:
+            raise ValueError(f"{name} = {value:g} must be above 0")
+    own = {e.key(p.name): 1.01 * max(abs(p.low), abs(p.high)) for e in model.added for p in e.parameters}
+    for name, value in model.x.items():
+        usual = LARGEST if name in DERIVATIVES else LARGEST_COORDINATE
+        _refuse_beyond(name, value, own.get(name, usual))
+
+
+def _refuse_beyond(name: str, value: object, most: float) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{name} = {value!r} is no number")
+    if not abs(value) <= most:  # NaN as well
+        raise ValueError(f"{name} = {value:g} does not lie between {-most:g} and {most:g}")

@@ -1,0 +1,66 @@
+"""What is linear of a diagnosis' model for python-control, MATLAB and anybody, the rest in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rover_sweep.data.recording import LowPass
+from rover_sweep.diagnosis.linear.linear import hidden_filters, left_out, linear
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.report.export.augmented_model_json import augmented_document
+from rover_sweep.report.export.system_document import NOTE, system_document
+from rover_sweep.report.wording.strict_json import plain
+
+
+def exported_augmented(model: AugmentedModel, verdict: str, speed: float | None = None) -> dict[str, Any]:
+    """The linear part at a speed [m/s] (the true one of the runs unless given), as `exported_model` gives it.
+
+    verdict: of the diagnosis. "left_out": sentences on what is not linear; "augmented": the whole model, of
+    which `at_speed` makes another speed's. sensor_filters are known and hidden low-passes in a row.
+    """
+    structure, at = linear(model), speed or model.speed * (1.0 + model.value("vscale"))
+    lost = left_out(model)
+    said = f"Left out: {'; '.join(lost)}." if lost else "Nothing of the model is left out."
+    return plain(
+        {
+            "format": "rover-sweep model",
+            "model": model.name,
+            "verdict": verdict,
+            "note": f"{NOTE} {said}",
+            "left_out": lost,
+            "reference": structure.reference,
+            **system_document(structure, structure.matrices(at), at),
+            "parameters": structure.values,
+            "parameter_units": {p.name: p.unit for p in structure.parameters},
+            "sensor_filters": _filters(model, structure.outputs),
+            "structure": None,
+            "steering": {"trim_us": model.steering[0], "rad_per_us": model.steering[1]}
+            if model.steering
+            else None,
+            "augmented": augmented_document(model),
+        }
+    )
+
+
+def _filters(model: AugmentedModel, outputs: tuple[str, ...]) -> dict[str, Any]:
+    """Each output's low-passes in a row as one fraction in falling powers of s."""
+    hidden, out = hidden_filters(model), {}
+    for output in outputs:
+        found = [f[output] for f in (model.filters, hidden) if output in f]
+        if found:
+            num, den = np.ones(1), np.ones(1)
+            for low_pass in found:
+                n, d = _fraction(low_pass)
+                num, den = np.polymul(num, n), np.polymul(den, d)
+            out[output] = {
+                "cutoff_hz": min(f.cutoff_hz for f in found), "num": num, "den": den,
+                "source": ", ".join(f.source for f in found if f.source),
+            }  # fmt: skip
+    return out
+
+
+def _fraction(low_pass: LowPass) -> tuple[Any, Any]:
+    w0 = 2 * np.pi * low_pass.cutoff_hz
+    return np.array([w0**2]), np.array([1.0, np.sqrt(2) * w0, w0**2])

@@ -1,0 +1,183 @@
+"""An augmented model as a variant of the simulated rover: the TOML file that `--variant` reads.
+
+Only the file's form is shared with the simulation: names of numbers and of effects, SI units, ISO axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite, sqrt
+
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.errors import UsageError
+
+LINEAR_TYRES = 4.0  # of friction: the model's tyres have no peak unless one was found
+BEND_ALIKE = 5.8  # friction^2 bend, where both laws lose as much force when an axle pulls half of its load
+NO_LIMIT = 100.0  # rad/s, of a servo whose rate limit did not show
+STIFF = 30.0  # times the weight on an axle per rad: next to no slip, for a model without any
+NEAR_NOTHING = 1e-9
+AS_NUMBERS = {"tyre_slip", "roll_dof", "front_rear_stiffness"}  # effects that are numbers of every plant
+SAME_NUMBER = {"servo_lag": "servo_lag", "transport_delay": "servo_delay", "velocity_lag": "velocity_lag",
+               "servo_rate_limit": "servo_rate_limit"}  # fmt: skip
+ABSENT = 1e5  # from which a limit or a cut-off is none
+
+Value = float | str | tuple[float, float, float]
+
+
+def variant_text(model: AugmentedModel) -> str:
+    """The variant as text. What the plant cannot be stands in its first lines.
+
+    UsageError for a lumped model.
+    """
+    if model.lumped:
+        raise UsageError(
+            "a lumped model has derivatives where the simulated rover has tyres and springs; "
+            "diagnose against roll-yaw, bicycle or kinematic to drive it"
+        )
+    effects = _effects(model)
+    same = {number for effect, number in SAME_NUMBER.items() if effect in effects}
+    numbers = {name: value for name, value in _numbers(model).items() if name not in same}
+    found = ", ".join(model.effects) or "nothing beyond the model"
+    lines = [
+        f"# The rover that rover-sweep diagnosed: the {model.baseline} model, and {found}.",
+        "# All else (noise, road, drive, estimator) is the nominal simulated rover's.",
+        *(f"# {sentence[0].upper()}{sentence[1:]}." for sentence in not_in_the_plant(model)),
+        'base = "nominal"',
+        "",
+        *(f"{name} = {_toml(value)}" for name, value in numbers.items()),
+    ]
+    if effects:
+        lines += ["", "[effects]", *(f"{name} = {_table(values)}" for name, values in effects.items())]
+    return "\n".join([*lines, ""])
+
+
+def not_in_the_plant(model: AugmentedModel) -> list[str]:
+    """What of the model the simulated rover does not have, one sentence each."""
+    out, x = [], model.value
+    if abs(x("vscale")) > 1e-4:
+        times = f"{1 + x('vscale'):.4f}"
+        out.append(f"the true speed was found to be {times} times the logged one; here it is logged as it is")
+    lags = [(c, 1e3 * x(f"{c}_lag")) for c in ("ay", "p") if abs(x(f"{c}_lag")) > 1e-4]
+    if lags:
+        late = ", ".join(f"{c} by {ms:.1f} ms" for c, ms in lags)
+        out.append(f"small lags of the channels against r are left out: {late}")
+    if abs(x("vy_gain")) > 1e-3:
+        out.append(
+            f"the logged V_y was found to be {1 + x('vy_gain'):.3f} times the true one; here it is not"
+        )
+    if x("lag_shape") > 0.01 and x("lag") > 1e-3:
+        out.append("the servo was found to be of second order; here its lag is of first order, as long")
+    if not model.structure.slip:
+        out.append(
+            "the model has no slipping tyres: here they are stiff, and a + b is the effective wheelbase"
+        )
+    if not model.structure.roll:
+        out.append("the model does not roll: the sprung mass' centre lies on the roll axis")
+    if model.structure.slip and "tyre_saturation" not in model.effects:
+        out.append(
+            "the tyres have next to no peak, as in the model: set friction before driving to the limit"
+        )
+    if "clock_offset" in model.effects:
+        out.append("a redrive takes the log's stamps as right: its motion comes later than the log's by T")
+    return out
+
+
+def _numbers(model: AugmentedModel) -> dict[str, Value]:
+    n, x = model.numbers, model.value
+    rover, roll = model.rover, model.structure.roll
+    h = n["h"] if roll else 0.0
+    out: dict[str, Value] = {
+        "mass": n["m"],
+        "sprung_mass": n["ms"] or n["m"],
+        **_axles(model, n),
+        "cg_height_above_roll_centre": h,
+        "yaw_inertia": n["Izz"] if model.structure.slip else rover.yaw_inertia or n["m"] * n["a"] * n["b"],
+        "roll_yaw_inertia": n["Ixz"] if roll else 0.0,
+        "friction": _friction(model),
+        "servo_lag": x("lag"),
+        "servo_delay": _delay(model),
+        "servo_rate_limit": NO_LIMIT,
+        "velocity_lag": x("vy_lag"),
+        "imu_position": _imu(model, n, h),
+        "accel_bias": (0.0, 0.0 if "imu_tilt" in model.effects else -x("bias_ay"), 0.0),
+    }
+    if roll:
+        out |= {"roll_inertia": n["Ixx"], "roll_stiffness": n["k_phi"], "roll_damping": n["b_phi"]}
+    else:
+        out |= {"road_roll_moment": 0.0}
+    if model.steering:
+        trim, scale = model.steering
+        out |= {"steering_trim_us": trim, "rad_per_us": scale * (1.0 + x("scale"))}
+    return out
+
+
+def _axles(model: AugmentedModel, n: Mapping[str, float]) -> dict[str, Value]:
+    """Distances and stiffness of the axles; stiff ones that neither over- nor understeer without slip."""
+    a, b, front, rear = n["a"], n["b"], n["Cf"], n["Cr"]
+    if not model.structure.slip:
+        share = n["L_eff"] / (a + b)
+        a, b = a * share, b * share
+        weight = STIFF * n["m"] * n["g"] / (a + b)
+        front, rear = weight * b, weight * a
+    return {
+        "cg_to_front_axle": a, "cg_to_rear_axle": b,
+        "front_cornering_stiffness": front, "rear_cornering_stiffness": rear,
+    }  # fmt: skip
+
+
+def _friction(model: AugmentedModel) -> float:
+    """Of tyres that bend no more than the model's where it was driven; their limit is unknown."""
+    bend = model.value("bend")
+    return min(LINEAR_TYRES, sqrt(BEND_ALIKE / bend)) if bend > 0 else LINEAR_TYRES
+
+
+def _delay(model: AugmentedModel) -> float:
+    """That of the servo alone: for a main loop the command waits in the simulated rover as well."""
+    from rover_sweep.diagnosis.effects.clock_offset import USUAL_DELAY
+
+    whole = USUAL_DELAY if "clock_offset" in model.effects else model.value("delay")
+    return max(whole - model.wait, 0.0)
+
+
+def _imu(model: AugmentedModel, n: Mapping[str, float], h: float) -> tuple[float, float, float]:
+    """Forward, right, down of the sprung CG; a named offset stands among the effects instead."""
+    if "imu_offset" in model.effects:
+        return model.rover.imu_x, 0.0, h - model.rover.imu_z
+    return n["imu_x"], 0.0, h - n["imu_z"]
+
+
+def _effects(model: AugmentedModel) -> dict[str, dict[str, Value]]:
+    """The table [effects]: what was found, and the ordinary trim that every rover has."""
+    out: dict[str, dict[str, Value]] = {}
+    for effect in model.added:
+        if effect.id in AS_NUMBERS:
+            continue
+        values: dict[str, Value] = {
+            p: value
+            for p, (value, _, _) in model.reported(effect).items()
+            if isfinite(value) and abs(value) < ABSENT
+        }
+        if effect.id == "transport_delay":
+            values["T"] = _delay(model)
+        if effect.id == "steering_deadband":
+            values["of"] = "command"
+        if effect.id == "surface_change" and model.happened_in:
+            values["run"] = model.happened_in
+        if values:
+            out[effect.id] = values
+    trim = model.value("trim")
+    if "steering_trim" not in out and abs(trim) > NEAR_NOTHING:
+        out["steering_trim"] = {"u0": trim}
+    return out
+
+
+def _toml(value: Value) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_toml(part) for part in value) + "]"
+    return repr(float(f"{value:.7g}"))
+
+
+def _table(values: Mapping[str, Value]) -> str:
+    return "{ " + ", ".join(f"{name} = {_toml(value)}" for name, value in values.items()) + " }"

@@ -1,0 +1,323 @@
+"""The result as tables for people, the same for the terminal and the page: the paper's Tables 2 to 6."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from rover_sweep.identification.fit import Estimate, FitResult
+from rover_sweep.identification.pipeline import Identification, ModelResult
+from rover_sweep.identification.reduction import ReductionStep
+from rover_sweep.identification.structure.state_space import OUTPUTS
+from rover_sweep.identification.verdicts import CR_GUIDE, I_GUIDE, J_ACCEPTABLE, J_GOOD
+from rover_sweep.identification.verify import Overlay
+from rover_sweep.report.wording.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
+from rover_sweep.report.wording.number_format import (
+    OUTPUT_NAMES,
+    SHORT_NAMES,
+    band,
+    change,
+    number,
+    percent,
+    symbol,
+    unit,
+)
+from rover_sweep.report.wording.provenance import Provenance
+
+Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
+SINGLE_J = 150.0  # a single response up to 150-200 is tolerable (Tischler & Remple 2012)
+J_RMS_GUIDE, TIC_GUIDE = 2.0, 0.35
+IGNORED = "filters ignored"
+INTERVALS = (
+    "Intervals: bootstrap of noise like the residuals through the whole method, whose own bias is taken out "
+    "(so an interval need not hold its value); what the model leaves out of the rover is not in them."
+)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A text and how it is to be taken: good, warn (beyond a guideline), bad (rejected), muted (fixed)."""
+
+    text: str
+    tone: Tone = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table. text_columns: how many columns at the left hold words; the others hold numbers."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+    text_columns: int = 1
+
+
+def parameter_table(result: Identification, name: str, fixed_rows: bool = True) -> Table:
+    """Description, value, unit, interval, CR and insensitivity of one model, as Tables 2, 3 and 4.
+
+    Where there are no intervals, their column says which parameters are free.
+    fixed_rows: a row for each fixed parameter; otherwise they stand in the note.
+    """
+    model, reason = result.models[name], rejection(result, name)
+    free = [e for e in model.fit.estimates if e.free]
+    speed = Estimate("V", "m/s", model.fit.speed, False, None, None, meaning="forward speed")
+    fixed = [speed, *(e for e in model.fit.estimates if not e.free)]
+    rows = [_free_row(e, reason) for e in free] + [_fixed_row(e) for e in fixed if fixed_rows]
+    known = not reason and any(e.interval for e in free)
+    note = f"The numbers were rejected: {reason}." if reason else "" if fixed_rows else _fixed_words(fixed)
+    headings = ("", "description", "value", "unit", "90 % interval" if known else "", "CR %", "I %")
+    if known and fixed_rows:
+        note = f"{note} {INTERVALS}".strip()
+    return Table(f"{TITLES.get(name, name)} model", headings, tuple(rows), note, 2)
+
+
+def _fixed_words(fixed: list[Estimate]) -> str:
+    told = [f"{symbol(e.name)} {number(e.value)} {unit(e.unit)}" for e in fixed if e.value]
+    zero = [symbol(e.name) for e in fixed if not e.value]
+    return f"Fixed: {', '.join(told)}" + (f"; 0: {', '.join(zero)}" if zero else "") + "."
+
+
+def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
+    if reason:
+        value: tuple[Cell, ...] = (Cell("not identifiable", "bad"), Cell(unit(e.unit)))
+        return (Cell(symbol(e.name)), Cell(e.meaning), *value, Cell("free"), Cell("–"), Cell("–"))
+    bound = " (at its bound)" if e.at_bound else ""
+    return (
+        Cell(symbol(e.name), "strong"), Cell(e.meaning), Cell(number(e.value) + bound, "strong"),
+        Cell(unit(e.unit)), Cell(_interval(e)),
+        Cell(percent(e.cr_percent), _beyond(e.cr_percent, CR_GUIDE)),
+        Cell(percent(e.insensitivity_percent), _beyond(e.insensitivity_percent, I_GUIDE)),
+    )  # fmt: skip
+
+
+def _interval(e: Estimate) -> str:
+    if e.interval is None:
+        return "free"
+    return f"{number(e.interval.low)} … {number(e.interval.high)}"
+
+
+def _fixed_row(e: Estimate) -> tuple[Cell, ...]:
+    texts = (symbol(e.name), e.meaning, number(e.value), unit(e.unit), "fixed", "–", "–")
+    return tuple(Cell(text, "muted") for text in texts)
+
+
+def _beyond(value: float | None, guide: float) -> Tone:
+    return "warn" if value is not None and not value <= guide else ""
+
+
+def cost_table(result: Identification) -> Table:
+    """J of each response and model, as Table 5, with the averages over the fitted and over all responses."""
+    models = ordered(result)
+    rows = [
+        (Cell(_response_name(o)), *(_cost_cell(m, o) for m in models.values()))
+        for o in (*OUTPUTS, *_to_other_inputs(models))
+        if any(o in m.costs for m in models.values())
+    ]
+    fitted = [Cell(f"{m.fit.average:.1f}", _cost_tone(m.fit.average)) for m in models.values()]
+    everything = [Cell(f"{m.average_all:.1f}", _cost_tone(m.average_all)) for m in models.values()]
+    rows += [(Cell("J_ave, fitted", "strong"), *fitted), (Cell("J_ave, all responses"), *everything)]
+    note = (
+        "J of equation (11); ≤ 50 is hardly distinguishable from the data, ≤ 100 acceptable. "
+        "(In brackets: not in the fit.)"
+    )
+    headings = ("response", *(TITLES.get(n, n) for n in models))
+    return Table("Cost J of the frequency responses", headings, tuple(rows), note)
+
+
+def _to_other_inputs(models: Mapping[str, ModelResult]) -> list[str]:
+    """The labels output/input of responses to another input than the steering."""
+    return list(dict.fromkeys(label for m in models.values() for label in m.costs if "/" in label))
+
+
+def _response_name(label: str) -> str:
+    output, _, input = label.partition("/")
+    return f"{OUTPUT_NAMES[output]} / {input or 'δ'}"
+
+
+def _cost_cell(model: ModelResult, output: str) -> Cell:
+    if output not in model.costs:
+        return Cell("n/a", "muted")
+    j = model.costs[output]
+    tone: Tone = "warn" if j > SINGLE_J else ""
+    return Cell(f"{j:.1f}", tone) if output in model.fit.costs else Cell(f"({j:.1f})", tone)
+
+
+def _cost_tone(average: float) -> Tone:
+    return "good" if average <= J_GOOD else "strong" if average <= J_ACCEPTABLE else "warn"
+
+
+def verification_tables(result: Identification) -> tuple[Table, ...]:
+    """J_rms and TIC of each model on each run of the verification, as Table 6."""
+    models = ordered(result)
+    count = max((len(m.verification) for m in models.values()), default=0)
+    return tuple(_verification_table(models, k) for k in range(count))
+
+
+def _verification_table(models: Mapping[str, ModelResult], k: int) -> Table:
+    verdicts = {n: m.verification[k] for n, m in models.items() if k < len(m.verification)}
+    first = next(iter(verdicts.values()))
+    rows: list[tuple[Cell, ...]] = [
+        (Cell("J_rms", "strong"), *(_guided(v.j_rms, J_RMS_GUIDE) for v in verdicts.values())),
+        (Cell("TIC", "strong"), *(_guided(v.tic, TIC_GUIDE) for v in verdicts.values())),
+    ]
+    for channel in ("r", "ay", "p"):
+        found = [next((o for o in v.overlays if o.channel == channel), None) for v in verdicts.values()]
+        if units := [o.unit for o in found if o]:
+            rows.append((
+                Cell(f"J_rms of {SHORT_NAMES[channel]}, {unit(units[0])}"), *(_channel_j(o) for o in found)
+            ))  # fmt: skip
+            rows.append((Cell(f"TIC of {SHORT_NAMES[channel]}"), *(_channel_tic(o) for o in found)))
+    note = (
+        "Equations (15) and (16) over r, a_y and p as far as the model has them, in deg/s, ft/s² and deg/s. "
+        "Guidelines: J_rms ≤ 1 to 2, TIC ≤ 0.25 to 0.35."
+    )
+    headings = ("", *(TITLES.get(n, n) for n in verdicts))
+    return Table(f"Verification on {first.run} at {first.speed:.2f} m/s", headings, tuple(rows), note)
+
+
+def _guided(value: float, guide: float) -> Cell:
+    return Cell(number(value, 3), _beyond(value, guide))
+
+
+def _channel_j(overlay: Overlay | None) -> Cell:
+    return Cell(number(overlay.j_rms, 3)) if overlay else Cell("n/a", "muted")
+
+
+def _channel_tic(overlay: Overlay | None) -> Cell:
+    return Cell(number(overlay.tic, 2)) if overlay else Cell("n/a", "muted")
+
+
+def inertia_table(result: Identification, provenance: Provenance) -> Table | None:
+    """The yaw inertia of the vehicle file against each model's, None without one of the two."""
+    stated = provenance.vehicle.yaw_inertia if provenance.vehicle else None
+    value = stated.value if stated else result.geometry.yaw_inertia
+    found = {n: e for n, m in usable(result).items() if (e := inertia_of(m))}
+    if value is None or not found:
+        return None
+    sd = f"± {number(stated.sd, 2)}" if stated and stated.sd is not None else "no uncertainty stated"
+    rows: list[tuple[Cell, ...]] = [(Cell("vehicle file"), Cell(number(value)), Cell(sd), Cell("–"))]
+    for name, e in found.items():
+        bound = f"± {number(e.value * (e.cr_percent or 0) / 100, 2)}"
+        difference = Cell(change(100 * (e.value / value - 1)), "strong")
+        title = Cell(f"{TITLES.get(name, name)} model")
+        rows.append((title, Cell(number(e.value)), Cell(bound), difference))
+    note = (
+        "Vehicle file: standard deviation, from the swing test where `rover-sweep inertia` wrote it; models: "
+        "Cramer-Rao bound. The paper's lay within 25 % (bicycle) and 12 % (roll-yaw) of its swing test."
+    )
+    return Table("Yaw inertia I_zz, kg m²", ("", "I_zz", "±", "difference %"), tuple(rows), note)
+
+
+def filters_table(result: Identification) -> Table | None:
+    """What every model becomes when the sensors' low-passes are ignored, None where there are none."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, model in usable(result).items():
+        if other := model.variants.get(IGNORED):
+            rows += _side_by_side(TITLES.get(name, name), model.fit, other)
+    if not rows:
+        return None
+    headings = ("model", "", "with the filters", "ignored", "change %")
+    return Table("If the sensors' filters are ignored", headings, tuple(rows), "", 2)
+
+
+def _side_by_side(title: str, fit: FitResult, other: FitResult) -> list[tuple[Cell, ...]]:
+    rows: list[tuple[Cell, ...]] = []
+    for e in (e for e in fit.estimates if e.free):
+        moved = 100 * (other[e.name].value / e.value - 1) if e.value else None
+        tone: Tone = "warn" if moved is not None and abs(moved) > 10 else ""
+        label = f"{symbol(e.name)}, {unit(e.unit)}"
+        cells = Cell(number(e.value)), Cell(number(other[e.name].value)), Cell(change(moved), tone)
+        rows.append((Cell("" if rows else title, "strong"), Cell(label), *cells))
+    averages = Cell(f"{fit.average:.1f}", "strong"), Cell(f"{other.average:.1f}", "strong"), Cell("")
+    return [*rows, (Cell(""), Cell("J_ave", "strong"), *averages)]
+
+
+def variants_table(result: Identification, name: str) -> Table | None:
+    """The parameters and costs of a model under every other way of fitting it, None where there is none."""
+    model = result.models[name]
+    fits = {"the fit": model.fit, **model.variants}
+    if len(fits) < 2 or rejection(result, name):
+        return None
+    names = list(dict.fromkeys(e.name for f in fits.values() for e in f.estimates if e.free))
+    units = {e.name: e.unit for f in fits.values() for e in f.estimates}
+    rows = [(Cell(f"{symbol(n)}, {unit(units[n])}"), *(_value(f, n) for f in fits.values())) for n in names]
+    outputs = [o for o in OUTPUTS if any(o in f.costs for f in fits.values())]
+    rows += [(Cell(f"J of {SHORT_NAMES[o]}"), *(_j(f, o) for f in fits.values())) for o in outputs]
+    rows.append((Cell("J_ave", "strong"), *(Cell(f"{f.average:.1f}", "strong") for f in fits.values())))
+    return Table(f"Other fits of the {name} model", ("", *fits), tuple(rows))
+
+
+def _j(fit: FitResult, output: str) -> Cell:
+    return Cell(f"{fit.costs[output]:.1f}") if output in fit.costs else Cell("–", "muted")
+
+
+def _value(fit: FitResult, name: str) -> Cell:
+    found = next((e for e in fit.estimates if e.name == name), None)
+    if found is None:
+        return Cell("–", "muted")
+    return Cell(number(found.value), "" if found.free else "muted")
+
+
+def reduction_table(model: ModelResult) -> Table | None:
+    """Every step of the model structure reduction, None where there was none."""
+    if not model.reduction:
+        return None
+    rows = tuple(
+        (
+            Cell(symbol(s.parameter)), Cell(s.reason), Cell(_outcome(s, model)),
+            Cell(f"{s.before:.2f}"), Cell(f"{s.after:.2f}"),
+        )
+        for s in model.reduction
+    )  # fmt: skip
+    headings = ("parameter", "tried because of", "", "J_ave before", "J_ave without")
+    note = (
+        "A parameter is dropped, or fixed at what the vehicle file says, when J_ave without it hardly rises "
+        "(5 % and 1)."
+    )
+    return Table("Model structure reduction", headings, rows, note, 3)
+
+
+def _outcome(step: ReductionStep, model: ModelResult) -> str:
+    if not step.dropped:
+        return "kept: unstable without" if step.unstable else "kept"
+    if model.fit.structure.name == "lumped":
+        return "dropped"
+    return f"fixed at {number(step.value)}, found {number(step.found)}"
+
+
+def poles_table(model: ModelResult) -> Table:
+    """Poles with natural frequency and damping, a complex pair in one row."""
+    poles = sorted(model.fit.structure.poles(model.fit.speed), key=lambda s: (abs(s), s.imag))
+    rows = tuple(_pole(complex(s)) for s in poles if s.imag >= 0)
+    return Table(f"Poles at {model.fit.speed:.2f} m/s", ("pole, rad/s", "frequency, rad/s", "damping"), rows)
+
+
+def _pole(s: complex) -> tuple[Cell, ...]:
+    text = number(s.real, 3) + (f" ± {number(s.imag, 3)} j" if s.imag else "")
+    damping = number(-s.real / abs(s), 2) if s.imag else "–"
+    return Cell(text, "warn" if s.real > 0 else ""), Cell(number(abs(s), 3)), Cell(damping)
+
+
+def coherence_table(result: Identification) -> Table:
+    """Each run's speed, usable bands and verdict."""
+    outputs = [o for o in OUTPUTS if any(o == c.output for v in result.coherence for c in v.outputs)]
+    speeds = {v.run: run.mean_speed for run, v in judged_runs(result) if v and "speed" in run}
+    rows = []
+    for verdict in result.coherence:
+        found = {c.output: c for c in verdict.outputs}
+        bands = [Cell(band(found[o].band) if o in found else "n/a") for o in outputs]
+        keep = Cell("keep", "good") if verdict.keep else Cell("repeat", "warn")
+        amplitude = f"{number(verdict.amplitude, 3)} {verdict.amplitude_unit}"
+        speed = number(speeds.get(verdict.run), 3)
+        rows.append((Cell(verdict.run), keep, Cell(speed), Cell(amplitude), *bands))
+    headings = ("run", "verdict", "m/s", "amplitude", *(f"{SHORT_NAMES[o]}" for o in outputs))
+    without = ", ".join(n for n in result.settings.condition_on if any(n in g.others for g in result.groups))
+    kind = (
+        f"partial coherence with the steering ({without} taken out)"
+        if without
+        else "coherence with the steering"
+    )
+    note = f"Bands in rad/s in which the {kind} is at least 0.6."
+    return Table("Runs", headings, tuple(rows), note, 2)

@@ -1,0 +1,177 @@
+"""identification.json: everything that was found, for machines. The contract of `rover-sweep identify`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from rover_sweep.data.recording import Recording
+from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
+from rover_sweep.identification.grouping import Group
+from rover_sweep.identification.pipeline import Identification
+from rover_sweep.quality.coherence import CoherenceVerdict
+from rover_sweep.report.identification.handling_table import handling_document
+from rover_sweep.report.identification.model_json import model_document
+from rover_sweep.report.wording.acceptance import inertia_of, judged_runs, ordered, rejection
+from rover_sweep.report.wording.provenance import Provenance
+from rover_sweep.report.wording.strict_json import plain
+from rover_sweep.spectra.response import FrequencyResponse
+
+FORMAT_VERSION = 1
+AXES = (
+    "ISO 8855: x forward, y left, z up; a left turn has positive r, a_y and steering angle, "
+    "an outward roll positive phi"
+)
+UNITS = "SI, rad, rad/s; J in dB and deg; J_rms in deg/s and ft/s^2"
+
+
+def identification_document(result: Identification, provenance: Provenance) -> dict[str, Any]:
+    """The whole result in plain JSON types, SI units unless a key or a "unit" says otherwise.
+
+    models.<name>: see `model_document`. runs[].coherence.<output> = {band [rad/s], covered, lowest,
+    lowest_at_rad_s}. Numbers that are not finite are null. Keys keep their order.
+    """
+    return plain(
+        {
+            "format": "rover-sweep identification",
+            "format_version": FORMAT_VERSION,
+            "recommended": result.recommended,
+            "summary": result.summary,
+            "speed_m_s": result.speed,
+            "models": {name: model_document(result, name) for name in ordered(result)},
+            "refused": result.refused,
+            "inertia": inertia_document(result, provenance),
+            "handling": handling_document(result, provenance.verify_runs),
+            "runs": _runs(result),
+            "verification_recordings": [recording_document(run) for run in provenance.verify_runs],
+            "groups": [_group(group) for group in result.groups],
+            "vehicle": _vehicle(result, provenance),
+            "settings": asdict(result.settings),
+            "conventions": {"axes": AXES, "units": UNITS},
+            "versions": provenance.versions,
+            "command": provenance.command or None,
+            "made": provenance.made or None,
+        }
+    )  # fmt: skip
+
+
+def inertia_document(result: Identification, provenance: Provenance) -> dict[str, Any]:
+    """The yaw inertia of the vehicle file against that of each model, as the paper compares them."""
+    stated = provenance.vehicle.yaw_inertia if provenance.vehicle else None
+    value = stated.value if stated else result.geometry.yaw_inertia
+    models = {}
+    for name, model in ordered(result).items():
+        found = inertia_of(model)
+        if found and rejection(result, name) is None:
+            percent = 100 * (found.value / value - 1) if value else None
+            models[name] = {"value": found.value, "difference_percent": percent}
+    return {
+        "unit": "kg m^2",
+        "vehicle_file": {"value": value, "sd": stated.sd if stated else None},
+        "models": models,
+    }
+
+
+def _vehicle(result: Identification, provenance: Provenance) -> dict[str, Any]:
+    vehicle, source = provenance.vehicle, provenance.vehicle_source
+    steering = None
+    if vehicle and vehicle.trim_us and vehicle.rad_per_us:
+        steering = {"trim_us": vehicle.trim_us.value, "rad_per_us": asdict(vehicle.rad_per_us)}
+        measured = {name: getattr(vehicle, name) for name in LARGEST_OF_STEERING}  # by `bench`
+        steering |= {name: asdict(number) for name, number in measured.items() if number is not None}
+    return {
+        "name": vehicle.name if vehicle else "",
+        "file": source[0] if source else None,
+        "sha256": source[1] if source else None,
+        "geometry": asdict(result.geometry),
+        "steering": steering,
+    }
+
+
+def _runs(result: Identification) -> list[dict[str, Any]]:
+    return [recording_document(run) | (_verdict(v) if v else {}) for run, v in judged_runs(result)]
+
+
+def _verdict(verdict: CoherenceVerdict) -> dict[str, Any]:
+    return {
+        "verdict": "keep" if verdict.keep else "repeat",
+        "sentence": verdict.sentence,
+        "excited_rad_s": verdict.range,
+        "amplitude": verdict.amplitude,
+        "amplitude_unit": verdict.amplitude_unit,
+        "amplitude_factor": verdict.amplitude_factor,
+        "coherence": {
+            o.output: {
+                "band": o.band, "covered": o.covered, "lowest": o.lowest, "lowest_at_rad_s": o.lowest_at,
+            }
+            for o in verdict.outputs
+        },
+    }  # fmt: skip
+
+
+def recording_document(run: Recording) -> dict[str, Any]:
+    """Where a recording comes from and what is known of it."""
+    return {
+        "name": run.name,
+        "kind": run.kind,
+        "speed_m_s": run.mean_speed if "speed" in run else None,
+        "span_s": run.span,
+        "firmware": run.firmware,
+        "sources": [{"file": name, "sha256": digest} for name, digest in run.sources],
+        "channels": {
+            name: {"source": s.source, "unit": s.unit, "rate_hz": run.manoeuvre(name).rate}
+            for name, s in run.channels.items()
+        },
+        "filters": {
+            name: {"cutoff_hz": f.cutoff_hz, "order": 2, "source": f.source}
+            for name, f in run.filters.items()
+        },
+        "notes": [
+            {"level": note.level, "text": note.text} | ({"fault": note.fault} if note.fault else {})
+            for note in run.notes
+        ],
+    }
+
+
+def _group(group: Group) -> dict[str, Any]:
+    return {
+        "speed_m_s": group.speed,
+        "runs": [run.name for run in group.runs],
+        "responses": {name: _response(f) for name, f in group.responses.items()},
+        "responses_to_other_inputs": {
+            name: {output: _response(f) for output, f in found.items()}
+            for name, found in group.others.items()
+        },
+    }
+
+
+def _response(f: FrequencyResponse) -> dict[str, Any]:
+    return {
+        "unit": f.unit,
+        "band": f.band,
+        "windows_s": f.windows,
+        "w_rad_s": _rounded(f.w),
+        "magnitude_db": _rounded(f.magnitude_db),
+        "phase_deg": _rounded(f.phase_deg),
+        "coherence": _rounded(f.coherence),
+        **_conditioning(f),
+        "random_error": _rounded(f.random_error),
+    }
+
+
+def _conditioning(f: FrequencyResponse) -> dict[str, Any]:
+    """Of a response that other inputs were taken out of, whose coherence is the partial one."""
+    if f.multiple_coherence is None or f.input_coherence is None:
+        return {}
+    return {
+        "conditioned_on": f.conditioned_on,
+        "multiple_coherence": _rounded(f.multiple_coherence),
+        "input_coherence": _rounded(f.input_coherence),
+    }
+
+
+def _rounded(x: Sequence[float] | np.ndarray) -> list[float]:
+    return [float(f"{value:.6g}") for value in x]

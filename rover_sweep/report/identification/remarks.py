@@ -1,0 +1,123 @@
+"""Sentences of the report that compare numbers of a result."""
+
+from __future__ import annotations
+
+from rover_sweep.identification.fit import FitResult
+from rover_sweep.identification.pipeline import Identification
+from rover_sweep.identification.verdicts import J_ACCEPTABLE, J_GOOD
+from rover_sweep.report.identification.comparison import IGNORED, TIC_GUIDE
+from rover_sweep.report.identification.handling_table import handling_notes
+from rover_sweep.report.wording.acceptance import identified_runs, known_filters, usable
+from rover_sweep.report.wording.number_format import SHORT_NAMES, number, percent, symbol, unit
+from rover_sweep.report.wording.provenance import Provenance
+
+SMALL_CHANGE = 3.0  # percent
+
+
+def filters_remark(result: Identification) -> str | None:
+    """What ignoring the known filters would have done to the model in use; None without filters or fit."""
+    models = usable(result)
+    order = (result.recommended, "roll-yaw", "bicycle", "kinematic")
+    name = next((n for n in order if n in models and IGNORED in models[n].variants), None)
+    if name is None:
+        return None
+    with_filters, without = models[name].fit, models[name].variants[IGNORED]
+    costs = f"J_ave {without.average:.1f} without them, {with_filters.average:.1f} with them"
+    changes = _changes(with_filters, without)
+    if max(map(abs, changes.values()), default=0.0) < SMALL_CHANGE:
+        return (
+            f"A {name} fit that ignores the sensors' low-passes costs the same ({costs}): their lag goes "
+            f"into the delay{_delays(with_filters, without)}, and no other parameter moves by even "
+            f"{SMALL_CHANGE:g} %."
+        )
+    if without.average > max(J_GOOD, 2 * with_filters.average):
+        return (
+            f"A {name} fit that ignores the sensors' low-passes is visibly worse ({costs})"
+            f"{_delays(with_filters, without)}; it moves {_moved(changes)}."
+        )
+    return (
+        f"A {name} fit that ignores the sensors' low-passes looks fine by its cost ({costs}; guideline "
+        f"≤ {J_GOOD:g}) and is wrong: the delay{_delays(with_filters, without)} and the inertia absorb the "
+        f"filters' lag, which moves {_moved(changes)}."
+    )
+
+
+def filters_moved(result: Identification) -> float:
+    """Most that a free parameter of any model but the delay moves without the filters, %."""
+    pairs = [(m.fit, m.variants[IGNORED]) for m in usable(result).values() if IGNORED in m.variants]
+    return max((abs(x) for fit, other in pairs for x in _changes(fit, other).values()), default=0.0)
+
+
+def _changes(fit: FitResult, other: FitResult) -> dict[str, float]:
+    """Percent by which each free parameter but the delay differs."""
+    free = [e for e in fit.estimates if e.free and e.value and e.name not in fit.structure.delays]
+    return {e.name: 100 * (other[e.name].value / e.value - 1) for e in free}
+
+
+def _delays(fit: FitResult, other: FitResult) -> str:
+    moved = [
+        f"{symbol(n)} from {1000 * fit[n].value:.0f} to {1000 * other[n].value:.0f} ms"
+        for n in fit.structure.delays
+    ]
+    return f" ({', '.join(moved)})" if moved else ""
+
+
+def _moved(changes: dict[str, float]) -> str:
+    order = sorted(changes, key=lambda n: -abs(changes[n]))[:3]
+    words = [f"{symbol(n)} by {changes[n]:+.0f} %" for n in order]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def finding(result: Identification) -> str | None:
+    """The recommended model in one line: its parameters with their bounds, and how it verified."""
+    model = result.models.get(result.recommended or "")
+    if model is None:
+        return None
+    free = [e for e in model.fit.estimates if e.free]
+    words = [
+        f"{symbol(e.name)} {number(e.value, 3)} {unit(e.unit)} (CR {percent(e.cr_percent)} %)" for e in free
+    ]
+    text = f"At {model.fit.speed:.2f} m/s: " + ", ".join(words)
+    if model.verification:
+        v = model.verification[0]
+        text += f"; on {v.run}, which it had not seen, J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}"
+    return text + "."
+
+
+def diagnosis_remark(result: Identification) -> str | None:
+    """Where a diagnosis is worth its while: the model in use misses a response, or a run it had not seen."""
+    models = usable(result)
+    name = result.recommended if result.recommended in models else next(reversed(models), None)
+    if name is None:
+        return None
+    model = models[name]
+    output, cost = max(model.fit.costs.items(), key=lambda item: item[1], default=("", 0.0))
+    unseen = [v for v in model.verification if v.tic > TIC_GUIDE]
+    if model.fit.average > J_GOOD or cost > J_ACCEPTABLE:
+        misses = f"J of {SHORT_NAMES.get(output, output)} is {cost:.0f}"
+    elif unseen:
+        misses = f"TIC on {unseen[0].run} is {unseen[0].tic:.2f}"
+    else:
+        return None
+    return f"{misses}: `rover-sweep diagnose` with the same runs says what the {name} model leaves out."
+
+
+def filters_known(result: Identification) -> str:
+    """Which low-passes the sensors have."""
+    known = known_filters(result)
+    if not known:
+        return "The recorded signals are unfiltered, as far as the recordings tell."
+    words = [f"{SHORT_NAMES.get(c, c)} {number(f.cutoff_hz, 3)} Hz ({f.source})" for c, f in known.items()]
+    return "Second-order low-passes that the fits put into the models' outputs: " + ", ".join(words) + "."
+
+
+def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
+    """What to do before the numbers are used: runs to repeat, models that could not be had, warnings."""
+    repeat = [f"{v.run}: {v.sentence}" for v in result.coherence if not v.keep]
+    refused = [text if name in text else f"{name}: {text}" for name, text in result.refused.items()]
+    runs = (*identified_runs(result), *provenance.verify_runs)
+    warnings = [f"{run.name}: {n.text}" for run in runs for n in run.notes if n.level == "warning"]
+    missing = () if provenance.verify_runs else (
+        "no run was given for the verification: drive a doublet and give it with --verify",)  # fmt: skip
+    limits = [note.text for note in handling_notes(result, provenance.verify_runs)]
+    return tuple(dict.fromkeys([*repeat, *refused, *limits, *warnings, *missing]))

@@ -1,0 +1,126 @@
+"""The comparison for the terminal, as rich tables: the paper's Tables 2 to 6 for this rover."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterator
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from rover_sweep.identification.pipeline import Identification
+from rover_sweep.report.identification.comparison import (
+    Table,
+    coherence_table,
+    cost_table,
+    filters_table,
+    inertia_table,
+    parameter_table,
+    reduction_table,
+    verification_tables,
+)
+from rover_sweep.report.identification.handling_table import handling_table
+from rover_sweep.report.identification.remarks import (
+    SMALL_CHANGE,
+    diagnosis_remark,
+    filters_known,
+    filters_moved,
+    filters_remark,
+    finding,
+    to_do,
+)
+from rover_sweep.report.wording.acceptance import TITLES, ordered
+from rover_sweep.report.wording.provenance import Provenance
+
+STYLES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "muted": "dim", "strong": "bold"}
+
+
+class Sentence:
+    """Text wrapped to the console; a number keeps its % sign, a <= its number. first, rest: indents."""
+
+    def __init__(self, text: str, style: str = "", first: str = "", rest: str = "") -> None:
+        self.text, self.style, self.first, self.rest = text, style, first, rest
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Already broken into lines, so that the console has nothing left to break."""
+        glued = re.sub(r"(?<=\d) (?=%)|(?<=[≤≥=<>]) (?=\d)", "\N{NO-BREAK SPACE}", self.text)
+        lines = textwrap.wrap(
+            glued,
+            options.max_width,
+            initial_indent=self.first,
+            subsequent_indent=self.rest,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        yield Text("\n".join(lines).replace("\N{NO-BREAK SPACE}", " "), self.style)
+
+
+def comparison(result: Identification, provenance: Provenance, verbose: bool = False) -> Group:
+    """Runs, parameters, costs, verification, inertia, handling and the filters' part, for `Console.print`.
+
+    verbose: with the steps of the structure reductions and, whatever they say, the fits without filters.
+    """
+    return Group(*_spaced(_parts(result, provenance, verbose)))
+
+
+def conclusion(result: Identification, provenance: Provenance) -> Group:
+    """What to do: the summary's sentences, then what is to be mended first."""
+    lines = [Sentence(sentence, "bold") for sentence in result.summary]
+    if words := finding(result):
+        lines.append(Sentence(words))
+    lines += [Sentence(f"- {sentence}") for sentence in to_do(result, provenance)]
+    if words := diagnosis_remark(result):
+        lines.append(Sentence(words))
+    return Group(*lines)
+
+
+def rich_table(table: Table) -> RenderableType:
+    """One table with its title above and its note below."""
+    shown = RichTable(box=None, padding=(0, 2, 0, 0), header_style="dim", pad_edge=False)
+    for k, heading in enumerate(table.headings):
+        words = k < table.text_columns
+        shown.add_column(heading, justify="left" if words else "right", no_wrap=not words or k == 0)
+    for row in table.rows:
+        shown.add_row(*(Text(cell.text, STYLES[cell.tone]) for cell in row))
+    note = (Sentence(table.note, "dim"),) if table.note else ()
+    return Group(Sentence(table.title, "bold"), shown, *note)  # a title of its own, not broken by the table
+
+
+def _parts(result: Identification, provenance: Provenance, verbose: bool) -> Iterator[RenderableType]:
+    yield rich_table(coherence_table(result))
+    for name, model in ordered(result).items():
+        yield rich_table(parameter_table(result, name, fixed_rows=False))
+        if verbose and (steps := reduction_table(model)):
+            yield rich_table(steps)
+        yield Sentence(
+            f"{TITLES.get(name, name)}: {model.verdict.level}. " + "; ".join(model.verdict.sentences)
+        )
+    if result.models:
+        yield rich_table(cost_table(result))
+    for table in verification_tables(result):
+        yield rich_table(table)
+    if inertia := inertia_table(result, provenance):
+        yield rich_table(inertia)
+    if handling := handling_table(result):
+        yield rich_table(handling)
+    yield from _filters(result, verbose)
+
+
+def _filters(result: Identification, verbose: bool) -> Iterator[RenderableType]:
+    """The table where it is asked for or a parameter other than the delay moves."""
+    table = filters_table(result)
+    if table is None:
+        return
+    yield Sentence(filters_known(result))
+    if verbose or filters_moved(result) > SMALL_CHANGE:
+        yield rich_table(table)
+    if remark := filters_remark(result):
+        yield Sentence(remark)
+
+
+def _spaced(parts: Iterator[RenderableType]) -> Iterator[RenderableType]:
+    for part in parts:
+        yield part
+        yield Text("")

@@ -1,0 +1,62 @@
+"""All candidates' scores as a bar chart."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.report.pictures.style import WIDTH
+
+LEAST = 1.0  # of the noise's variance: a smaller gain is none
+NAMED, ALIKE, OTHER = "#D55E00", "#56B4E9", "#BDBDBD"
+
+
+def scores(found: Diagnosis) -> Figure:
+    """Gain of each candidate in the first round, largest on top; named and look-alikes marked."""
+    known = {e: float(s) if np.isfinite(s) else 0.0 for e, s in found.scores.items()}
+    order = sorted(known, key=lambda e: known[e])
+    named = {f.effect for f in found.findings}
+    alike = {e for f in found.findings for e in f.look_alikes} - named
+    values = [max(known[e], 0.0) for e in order]
+    height = 0.75 + 0.235 * len(order)
+    figure = Figure(figsize=(WIDTH, height))
+    axes = figure.add_axes((0.19, 0.5 / height, 0.79, 1 - 0.58 / height))
+    bars = axes.barh(range(len(order)), [max(v, LEAST) for v in values], height=0.68)
+    for bar, effect in zip(bars, order, strict=True):
+        bar.set_facecolor(NAMED if effect in named else ALIKE if effect in alike else OTHER)
+        bar.set_hatch("//" if effect in alike else None)
+        bar.set_edgecolor("white")
+    axes.set_yticks(range(len(order)), order)
+    axes.set_ylim(-0.6, len(order) - 0.4)
+    axes.grid(axis="y", visible=False)
+    top = max(values, default=0.0)
+    axes.set_xscale("log")  # a true effect stands thousands of times over chance, a weak one ten times
+    axes.set_xlim(LEAST, max(4 * top, 100.0))
+    for k, value in enumerate(values):
+        axes.text(1.08 * max(value, LEAST), k, _gain(value), va="center", fontsize=8.5)
+    axes.set_xlabel("gain: squares of the noise that it explains")
+    _threshold(found, axes)
+    keys: list[Artist] = [Patch(facecolor=NAMED, label="named")] if named else []
+    keys += [Patch(facecolor=ALIKE, hatch="//", edgecolor="white", label="look-alike")] if alike else []
+    keys += [Patch(facecolor=OTHER, label="other")] if keys else []
+    keys += _threshold(found, axes)
+    if keys:
+        axes.legend(handles=keys, loc="lower right")
+    return figure
+
+
+def _gain(value: float) -> str:
+    """Thousands apart, three digits below."""
+    return f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}") if value >= 1000 else f"{value:.3g}"
+
+
+def _threshold(found: Diagnosis, axes: Axes) -> list[Artist]:
+    """The gain that chance alone would have given, where the first finding tells it."""
+    known = [f.evidence["threshold"] for f in found.findings[:1] if "threshold" in f.evidence]
+    if not known or not np.isfinite(known[0]):
+        return []
+    return [axes.axvline(known[0], color="#333333", linewidth=1.2, linestyle=(0, (4, 2)), label="chance")]

@@ -1,0 +1,28 @@
+"""The HTML templates of all reports: one environment, one escaping rule, shared parts."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+from rover_sweep.files.printable import printable_lines
+from rover_sweep.report.wording.number_format import number
+
+
+@cache
+def environment(*folders: str) -> Environment:
+    """Templates of these folders of the package, and the parts that all pages share (page_parts.html.j2)."""
+    loader = ChoiceLoader([PackageLoader("rover_sweep", folder) for folder in ("report", *folders)])
+    found = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        finalize=_finalized,
+    )  # fmt: skip
+    found.filters["number"] = number
+    return found
+
+
+def _finalized(value: Any) -> Any:
+    """No control character of a name or a text of the vehicle gets onto a page."""
+    return printable_lines(value) if type(value) is str else value

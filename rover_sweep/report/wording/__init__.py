@@ -1,0 +1,1 @@
+"""Numbers, names, provenance and acceptance as written for people."""

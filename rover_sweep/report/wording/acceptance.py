@@ -1,0 +1,64 @@
+"""Which numbers of a result may be shown as found, and which were rejected and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rover_sweep.data.recording import LowPass, Recording
+from rover_sweep.identification.fit import Estimate
+from rover_sweep.identification.model_results import tyres_unseen
+from rover_sweep.identification.pipeline import Identification, ModelResult
+from rover_sweep.quality.coherence import CoherenceVerdict
+
+ORDER = ("kinematic", "bicycle", "roll-yaw", "lumped")
+TITLES = {"kinematic": "Kinematic", "bicycle": "Bicycle", "roll-yaw": "Roll-yaw", "lumped": "Lumped"}
+
+
+def ordered(result: Identification) -> dict[str, ModelResult]:
+    """The models from simple to rich."""
+    known = [n for n in ORDER if n in result.models]
+    return {n: result.models[n] for n in [*known, *(n for n in result.models if n not in ORDER)]}
+
+
+def rejection(result: Identification, name: str) -> str | None:
+    """Why the free parameters of a model are no findings: the kinematic model suffices. None where they are.
+
+    A fit then still returns numbers, and a stiffness that the data cannot tell from infinity is
+    soaked-up noise: it must not stand where a finding stands.
+    """
+    if name == "kinematic" or result.models[name].verdict.level != "not identifiable":
+        return None
+    return tyres_unseen(result.models)
+
+
+def usable(result: Identification) -> dict[str, ModelResult]:
+    """The models whose numbers are findings, from simple to rich."""
+    return {n: m for n, m in ordered(result).items() if rejection(result, n) is None}
+
+
+def identified_runs(result: Identification) -> tuple[Recording, ...]:
+    """The runs of all groups."""
+    return tuple(run for group in result.groups for run in group.runs)
+
+
+def judged_runs(result: Identification) -> tuple[tuple[Recording, CoherenceVerdict | None], ...]:
+    """Each run of the groups with its verdict; runs of the same name get theirs in turn."""
+    left = list(result.coherence)
+    out = []
+    for run in identified_runs(result):
+        verdict = next((v for v in left if v.run == run.name), None)
+        if verdict:
+            left.remove(verdict)
+        out.append((run, verdict))
+    return tuple(out)
+
+
+def known_filters(result: Identification) -> Mapping[str, LowPass]:
+    """The low-passes of the sensors that the fit put into the models' outputs (first group)."""
+    return result.groups[0].runs[0].filters
+
+
+def inertia_of(model: ModelResult) -> Estimate | None:
+    """The identified yaw inertia, None for a model that has none or where it was not free."""
+    found = [e for e in model.fit.estimates if e.name == "Izz" and e.free]
+    return found[0] if found else None

@@ -1,0 +1,208 @@
+"""What session.json says, as frozen values and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, get_args
+
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from rover_sweep.session.entry import (
+    FLAG,
+    LIST,
+    NAME,
+    NUMBER,
+    OBJECT,
+    TEXT,
+    WHOLE,
+    Entry,
+    checked,
+    one_of,
+)
+
+FORMAT = "rover-sweep session 2"
+
+# begun: being driven; done: came to its end; stopped: by applet, pilot or abort; cut: link or program died.
+State = Literal["begun", "done", "stopped", "cut"]
+Span = tuple[float, float]
+_KINDS: Mapping[str, type[Manoeuvre]] = {
+    "sweep": Sweep, "bias_sweep": BiasSweep, "doublet": Doublet, "multisine": Multisine,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run of a session; name is that of its .tlog. speed [m/s]: the one to hold, where that is known."""
+
+    name: str
+    manoeuvre: Manoeuvre
+    speed: float | None = None
+
+
+@dataclass(frozen=True)
+class DrivenRun:
+    """A run that was begun. name: of the plan; tlog: file name in the folder, which tells repeats apart.
+
+    manoeuvre: None where the tlog does not tell it. reason: why it ended, in words. span: s since boot,
+    from the switch to the last state. number: the applet's run counter. left_armed: by this program, as
+    far as is known. quality: of the telemetry streams. verdict: on it, as in `live.snapshot.Verdict`.
+    """
+
+    name: str
+    tlog: str
+    manoeuvre: Manoeuvre | None
+    state: State
+    reason: str = ""
+    span: Span | None = None
+    number: int = 0
+    left_armed: bool = False
+    quality: tuple[Mapping[str, Any], ...] = ()
+    verdict: Mapping[str, Any] | None = None
+
+    @property
+    def label(self) -> str:
+        """The run's name, with a number where it was driven again."""
+        return self.tlog.removesuffix(".tlog")
+
+
+@dataclass(frozen=True)
+class FetchedLog:
+    """A log of the vehicle that is here. number, size [bytes], time_utc [s]: as the vehicle lists it.
+
+    runs: labels of those that it holds whole.
+    """
+
+    file: str
+    number: int
+    size: int
+    time_utc: int
+    runs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Content:
+    """A session. vehicle: as in `vehicle.identity.Vehicle`; settings, parameters: what was set for driving.
+
+    logs_before: (number, size, time_utc) of what lay on the vehicle when the session began, None: unknown.
+    """
+
+    vehicle: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    plan: tuple[PlannedRun, ...] = ()
+    runs: tuple[DrivenRun, ...] = ()
+    logs: tuple[FetchedLog, ...] = ()
+    logs_before: tuple[tuple[int, int, int], ...] | None = None
+
+    @property
+    def to_drive(self) -> tuple[PlannedRun, ...]:
+        """The planned runs of which none came to its end, in the plan's order."""
+        done = {(run.name, run.manoeuvre) for run in self.runs if run.state == "done"}
+        return tuple(run for run in self.plan if (run.name, run.manoeuvre) not in done)
+
+    def run(self, label: str) -> DrivenRun:
+        """The run of that label. KeyError without one."""
+        return {run.label: run for run in self.runs}[label]
+
+
+def to_json(content: Content) -> dict[str, Any]:
+    """As plain values for JSON."""
+    return {"format": FORMAT, "span_unit": "s since boot"} | asdict(content)
+
+
+def from_json(data: Any) -> Content:
+    """The reverse of `to_json`. ValueError for anything else, which names the place and what stands there."""
+    top = Entry(data)
+    before = top.get("logs_before", LIST, null=True)
+    return Content(
+        vehicle=_vehicle(top),
+        settings=_settings(top),
+        parameters=top.numbers("parameters"),
+        plan=tuple(_planned(Entry(*run)) for run in top.each("plan", OBJECT)),
+        runs=tuple(_run(Entry(*run)) for run in top.each("runs", OBJECT)),
+        logs=tuple(_log(Entry(*log)) for log in top.each("logs", OBJECT)),
+        logs_before=None if before is None else tuple(_listed(*log) for log in top.each("logs_before", LIST)),
+    )
+
+
+def _vehicle(top: Entry) -> Mapping[str, Any]:
+    told: Mapping[str, Any] = top.get("vehicle", OBJECT)
+    entry = Entry(told, "vehicle")
+    for key, kind in (("firmware", TEXT), ("uid", WHOLE)):
+        if key in entry:
+            entry.get(key, kind)
+    return told
+
+
+def _settings(top: Entry) -> Mapping[str, Any]:
+    told: Mapping[str, Any] = top.get("settings", OBJECT)
+    entry = Entry(told, "settings")
+    if "extra" in entry:
+        entry.numbers("extra")
+    return told
+
+
+def _planned(entry: Entry) -> PlannedRun:
+    entry.only(_names(PlannedRun))
+    speed = entry.get("speed", NUMBER, null=True) if "speed" in entry else None
+    return PlannedRun(entry.get("name", NAME), _manoeuvre(entry), speed)
+
+
+def _run(entry: Entry) -> DrivenRun:
+    entry.only(_names(DrivenRun))
+    verdict = entry.get("verdict", OBJECT, null=True)
+    if verdict is not None:
+        Entry(verdict, entry.place("verdict")).get("sentence", TEXT)
+    return DrivenRun(
+        name=entry.get("name", NAME),
+        tlog=entry.get("tlog", NAME),
+        manoeuvre=None if entry.get("manoeuvre", OBJECT, null=True) is None else _manoeuvre(entry),
+        state=entry.get("state", one_of(get_args(State))),
+        reason=entry.get("reason", TEXT),
+        span=_span(entry),
+        number=entry.get("number", WHOLE),
+        left_armed=entry.get("left_armed", FLAG),
+        quality=tuple(stream for stream, _ in entry.each("quality", OBJECT)),
+        verdict=verdict,
+    )
+
+
+def _span(entry: Entry) -> Span | None:
+    if entry.get("span", LIST, null=True) is None:
+        return None
+    ends = [float(end) for end, _ in entry.each("span", NUMBER)]
+    if len(ends) != 2:
+        raise ValueError(f"{entry.place('span')} has {len(ends)} numbers, not a start and an end")
+    return ends[0], ends[1]
+
+
+def _log(entry: Entry) -> FetchedLog:
+    entry.only(_names(FetchedLog))
+    number, size, time_utc = (entry.get(key, WHOLE) for key in ("number", "size", "time_utc"))
+    runs = tuple(label for label, _ in entry.each("runs", TEXT))
+    return FetchedLog(entry.get("file", NAME), number, size, time_utc, runs)
+
+
+def _listed(log: Sequence[Any], place: str) -> tuple[int, int, int]:
+    if len(log) != 3:
+        raise ValueError(f"{place} has {len(log)} numbers, not a log's number, size and time")
+    number, size, utc = (checked(value, WHOLE, place) for value in log)
+    return number, size, utc
+
+
+def _manoeuvre(run: Entry) -> Manoeuvre:
+    entry = Entry(run.get("manoeuvre", OBJECT), run.place("manoeuvre"))
+    made = _KINDS[entry.get("kind", one_of(tuple(_KINDS)))]
+    entry.only(_names(made))
+    # a number that is missing would be driven with its default
+    kinds = {field.name: WHOLE if isinstance(field.default, int) else NUMBER for field in fields(made)}
+    numbers = {name: entry.get(name, kind) for name, kind in kinds.items() if name != "kind"}
+    try:
+        return made(**numbers)
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"{run.place('manoeuvre')} cannot be driven: {error}") from None
+
+
+def _names(of: type[Any]) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(of))

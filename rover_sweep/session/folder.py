@@ -1,0 +1,240 @@
+"""A session's folder on disk: opened, read, and kept up to date after every change."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rover_sweep._version import __version__
+from rover_sweep.errors import UsageError
+from rover_sweep.files.documents import read_json
+from rover_sweep.session.content import (
+    FORMAT,
+    Content,
+    DrivenRun,
+    FetchedLog,
+    PlannedRun,
+    State,
+    from_json,
+    to_json,
+)
+from rover_sweep.session.entry import TEXT, Entry
+from rover_sweep.session.one_driver import Claim
+from rover_sweep.session.past_run import story_of
+from rover_sweep.vehicle.link.recorder import writing
+
+DESCRIPTION, VEHICLE_FILE = "session.json", "rover.toml"
+_NO_RUNS = ("connect", "fetch")  # tlogs of what lies between the runs
+
+
+class Session:
+    """The folder while it is driven into. Safe to use from several threads; one program at a time.
+
+    folder; content: what session.json says now, a frozen value.
+    """
+
+    def __init__(self, folder: Path, content: Content) -> None:
+        self.folder, self.content = folder, content
+        self._lock = threading.RLock()
+        self._claim: Claim | None = None
+
+    @classmethod
+    def open(cls, folder: Path) -> Session:
+        """Take up the session in `folder`, or begin one there; runs that a kill cut short are found.
+
+        UsageError where the folder cannot be written, its session.json is none, or another program
+        drives into it; `close` gives it free, and so does the end of the program.
+        """
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        claim = Claim(folder)
+        try:
+            session = cls(folder, read(folder))
+            session._claim = claim
+            session._write()
+        except BaseException:
+            claim.close()
+            raise
+        return session
+
+    def close(self) -> None:
+        """Others may drive into it; harmless a second time."""
+        if self._claim is not None:
+            self._claim.close()
+
+    @property
+    def vehicle_file(self) -> Path | None:
+        """The copy of the vehicle file, None while there is none."""
+        path = self.folder / VEHICLE_FILE
+        return path if path.is_file() else None
+
+    @property
+    def to_drive(self) -> tuple[PlannedRun, ...]:
+        """The planned runs of which none came to its end."""
+        return self.content.to_drive
+
+    def keep_vehicle_file(self, path: Path) -> None:
+        """Copy the vehicle file into the folder, over an older copy."""
+        target = self.folder / VEHICLE_FILE
+        text = path.read_bytes()
+        if path.resolve() != target.resolve():
+            _replace(target, text)
+
+    def tlog(self, name: str) -> Path:
+        """A path for a new tlog that overwrites none, as NAME.tlog or NAME-2.tlog."""
+        known = {run.tlog for run in self.content.runs}
+        path, number = self.folder / f"{name}.tlog", 2
+        while path.exists() or path.name in known:
+            path, number = self.folder / f"{name}-{number}.tlog", number + 1
+        return path
+
+    def between(self) -> Path:
+        """The tlog of what lies between the runs; it is appended to."""
+        return self.folder / "connect.tlog"
+
+    # ---- changes, each on disk before it returns -------------------------------------------------
+
+    def plan(self, runs: tuple[PlannedRun, ...]) -> None:
+        """What is to be driven, in place of what was planned before. What was driven stays."""
+        self._change(plan=tuple(runs))
+
+    def on(self, vehicle: Mapping[str, Any]) -> None:
+        """The vehicle it is driven with. UsageError where the session was begun on another."""
+        known = self.content.vehicle.get("uid")
+        if self.content.runs and known and vehicle.get("uid") != known:
+            raise UsageError(
+                f"{self.folder.name} was begun on another rover (autopilot {known:x}, this one is "
+                f"{vehicle.get('uid', 0):x}); take a new folder for this one"
+            )
+        self._change(vehicle=dict(vehicle))
+
+    def set(self, settings: Mapping[str, Any], parameters: Mapping[str, float] | None = None) -> None:
+        """With what it is driven; parameters: those that were set for it, None: as before."""
+        kept = self.content.parameters if parameters is None else parameters
+        if (self.content.settings, self.content.parameters) != (settings, kept):
+            self._change(settings=dict(settings), parameters=dict(kept))
+
+    def logs_before(self, listed: tuple[tuple[int, int, int], ...]) -> None:
+        """The vehicle's logs that are older than the session; only the first word on them counts."""
+        if self.content.logs_before is None:
+            self._change(logs_before=tuple(listed))
+
+    def begun(self, planned: PlannedRun, tlog: Path, arming: bool) -> None:
+        """A run begins, which is recorded into `tlog`. arming: this program arms the rover for it."""
+        run = DrivenRun(planned.name, tlog.name, planned.manoeuvre, "begun", left_armed=arming)
+        self._change_runs((*self.content.runs, run))
+
+    def ended(self, tlog: Path, state: State, reason: str, left_armed: bool, **known: Any) -> None:
+        """The run recorded into `tlog` is over. known: its span, number and quality."""
+        self._update(tlog.name, state=state, reason=reason, left_armed=left_armed, **known)
+
+    def judged(self, tlog: Path, verdict: Mapping[str, Any]) -> None:
+        """What was said of the run; paths in it become names, which hold wherever the folder is."""
+        said = json.dumps(dict(verdict), default=lambda x: x.name if isinstance(x, Path) else str(x))
+        self._update(tlog.name, verdict=json.loads(said))
+
+    def fetched(self, log: FetchedLog) -> None:
+        """A log is here, in place of what its file held before."""
+        with self._lock:
+            others = tuple(known for known in self.content.logs if known.file != log.file)
+            self._change(logs=(*others, log))
+
+    def _update(self, tlog: str, **values: Any) -> None:
+        with self._lock:
+            self._change_runs(
+                tuple(replace(run, **values) if run.tlog == tlog else run for run in self.content.runs)
+            )
+
+    def _change_runs(self, runs: tuple[DrivenRun, ...]) -> None:
+        self._change(runs=runs)
+
+    def _change(self, **values: Any) -> None:
+        with self._lock:
+            self.content = replace(self.content, **values)
+            self._write()
+
+    def _write(self) -> None:
+        text = json.dumps({"rover_sweep": __version__} | to_json(self.content), indent=2, default=str) + "\n"
+        _replace(self.folder / DESCRIPTION, text.encode())
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Whole or not at all, whatever happens meanwhile."""
+    partial = path.with_name(path.name + ".part")
+    with writing(path):
+        with partial.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+
+
+def is_session(folder: Path) -> bool:
+    """Whether a folder holds a session, or the tlogs of one."""
+    return folder.is_dir() and ((folder / DESCRIPTION).is_file() or any(folder.glob("*.tlog")))
+
+
+def kept_vehicle_file(sources: Sequence[str]) -> Path | None:
+    """The vehicle file that the sessions among the sources hold; UsageError where they differ."""
+    kept = [path for source in sources if (path := Path(source) / VEHICLE_FILE).is_file()]
+    if len({path.read_bytes() for path in kept}) > 1:
+        raise UsageError(
+            f"{kept[0]} and those of the other sessions are not the same; say which: --vehicle rover.toml"
+        )
+    return kept[0] if kept else None
+
+
+def read(folder: Path) -> Content:
+    """What the folder holds; changes nothing in it. A run that was begun and not ended is told by its tlog,
+    and so is a tlog that session.json does not know. UsageError for a session.json that is none."""
+    said = _said(folder)
+    runs = [_mended(folder, run) if run.state == "begun" else run for run in said.runs]
+    known = {run.tlog for run in runs}
+    for path in sorted(folder.glob("*.tlog"), key=lambda p: p.stat().st_mtime):
+        if path.name not in known and path.stem.rstrip("-0123456789") not in _NO_RUNS:
+            runs += _adopted(path)
+    return replace(said, runs=tuple(runs))
+
+
+def _said(folder: Path) -> Content:
+    path = folder / DESCRIPTION
+    try:
+        data = read_json(path.read_text(encoding="utf-8"))
+        written = Entry(data).get("format", TEXT)
+        if written == "rover-sweep session 1":  # before sessions could be taken up again
+            return Content()
+        if written != FORMAT:
+            raise UsageError(f"{path} is of another rover-sweep ({written}); update this one")
+        return from_json(data)
+    except FileNotFoundError:
+        return Content()
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise UsageError(
+            f"{path} is damaged ({error}); put that right in it, or move it away: the runs are then found "
+            "from their .tlog"
+        ) from error
+
+
+def _mended(folder: Path, run: DrivenRun) -> DrivenRun:
+    """A run whose end nobody wrote down."""
+    path = folder / run.tlog
+    story = story_of(path) if path.is_file() else None
+    if story is None:
+        return replace(run, state="cut", reason="the program ended before the run began")
+    return replace(run, state=story.state, reason=story.reason, span=story.span, number=story.number)
+
+
+def _adopted(path: Path) -> list[DrivenRun]:
+    """A run that only its tlog tells of."""
+    story = story_of(path)
+    if story is None:
+        return []
+    told = (story.manoeuvre, story.state, story.reason, story.span, story.number)
+    return [DrivenRun(path.stem, path.name, *told)]

@@ -1,0 +1,55 @@
+"""A rover that a run left armed: whether it is this session's doing, and letting it go afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rover_sweep.errors import LinkError
+from rover_sweep.session.content import Content
+from rover_sweep.vehicle.events import Event, Notice
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.parameters.override_time import LAPSE, SHORT
+from rover_sweep.vehicle.parameters.read_write import read_present
+from rover_sweep.vehicle.run.controls import SCRIPTING_1
+
+_FORCE = 21196.0  # param2 of MAV_CMD_COMPONENT_ARM_DISARM: even while it moves
+_SAME_DRIVE = 600.0  # s of the vehicle's clock after which a rover that is armed is somebody else's doing
+
+
+def still_ours(content: Content, now: float) -> bool:
+    """Whether a rover that is armed is so from a run that this program armed it for and could not end.
+
+    now: s since the vehicle's boot.
+    """
+    last = content.runs[-1] if content.runs else None
+    if last is None or not last.left_armed:
+        return False
+    return last.span is None or 0 <= now - last.span[1] < _SAME_DRIVE
+
+
+def let_go_late(link: Link, disarm: bool) -> Iterator[Event]:
+    """Stop the applet, and disarm: only ever takes away what moves the rover."""
+    if link.command("MAV_CMD_DO_AUX_FUNCTION", float(SCRIPTING_1), 0.0) != 0:
+        yield Notice("warning", "the applet could not be stopped from here: throw the switch low")
+    if not (disarm and link.armed):
+        return
+    if link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0) != 0:
+        link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0, _FORCE)
+    link.wait_for("HEARTBEAT", 3.0, lambda _: not link.armed)
+    if link.armed:
+        raise LinkError("the rover is armed and cannot be disarmed from here; disarm it by hand")
+    yield Notice("warning", "the rover was still armed from the run that was cut short, and was disarmed")
+
+
+def disarm_left_armed(link: Link, content: Content) -> Iterator[Event]:
+    """Let a rover go that the last run of this session left armed; nothing where it did not."""
+    if link.armed and not link.clock.known:
+        link.request_message("SYSTEM_TIME")  # since when it is armed is judged by its clock
+    if link.armed and still_ours(content, link.clock.now):
+        let_go = list(let_go_late(link, disarm=True))
+        if read_present(link, [LAPSE]).get(LAPSE) == SHORT[LAPSE]:
+            words = (
+                f"{LAPSE} is {SHORT[LAPSE]:g} s, perhaps from the run that was cut short; ArduPilot's is 3 s"
+            )
+            yield Notice("warning", words)
+        yield from let_go

@@ -1,0 +1,86 @@
+"""From a session's folder to its runs: out of the vehicle's logs where they hold them, else the tlogs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+from rover_sweep.data.recording import Note, Recording
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.logs import read_runs
+from rover_sweep.session.content import Content, DrivenRun
+from rover_sweep.session.folder import DESCRIPTION, read
+
+_END = 2.0  # s: as near to a run's end the log's account of it reaches
+
+
+def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tuple[Recording, ...]:
+    """The runs that came to their end, in the order driven, named as they were planned.
+
+    filters: as of `read_runs`. What was left out is a note on the first. DataRefused where none is left.
+    """
+    content = read(folder)
+    left_out = [f"{run.label} was left out: {run.reason}" for run in content.runs if run.state != "done"]
+
+    @cache
+    def runs_of(file: str) -> tuple[Recording, ...]:
+        return read_runs(str(folder / file), filters=filters)
+
+    found: list[Recording] = []
+    for run in (run for run in content.runs if run.state == "done"):
+        for file in _files(folder, content, run):
+            try:
+                found.append(replace(_own(runs_of(file), run), name=run.label))
+                break
+            except DataRefused as refusal:
+                why = str(refusal)
+        else:
+            left_out.append(f"{run.label} was left out: {why}")
+    if not found and not (folder / DESCRIPTION).is_file():  # logs in a folder, and no session of ours
+        raise UsageError(f"{folder} is a folder; give the path of a .BIN, .tlog or .csv in it")
+    if not found:
+        raise DataRefused(
+            f"no run in {folder.name} came to its end ({'; '.join(left_out) or 'none was driven'})"
+        )
+    notes = tuple(Note("warning", words) for words in left_out)
+    return (replace(found[0], notes=(*found[0].notes, *notes)), *found[1:])
+
+
+def _files(folder: Path, content: Content, run: DrivenRun) -> Sequence[str]:
+    """Where to look for a run, the best first."""
+    logs = [log.file for log in content.logs if run.label in log.runs and (folder / log.file).is_file()]
+    return (*logs, run.tlog)
+
+
+def _own(found: Sequence[Recording], run: DrivenRun) -> Recording:
+    """The recording of that run among those of a file. DataRefused where there is none."""
+    if run.span is None:
+        raise DataRefused(f"{run.label} has no known time")
+    start, end = run.span
+    shared = [min(r.span[1], end) - max(r.span[0], start) for r in found]
+    if not shared or max(shared) <= 0:
+        raise DataRefused(f"the recording holds nothing of {run.label}")
+    return found[shared.index(max(shared))]
+
+
+def held(log: Path, runs: Sequence[DrivenRun]) -> tuple[str, ...]:
+    """Labels of those runs that the DataFlash log holds whole, by the applet's messages in it."""
+    from rover_sweep.logs.read import read_logs
+    from rover_sweep.logs.runs.applet import applet_runs
+
+    there = [
+        (int(rows.run[0]), float(rows.t[0]), float(rows.t[-1]))
+        for part in read_logs(str(log))
+        if part.applet is not None
+        for rows in applet_runs(part.applet)
+    ]
+    return tuple(run.label for run in runs if any(_same(run, *rows) for rows in there))
+
+
+def _same(run: DrivenRun, number: int, start: float, end: float) -> bool:
+    """The applet's counter goes on over boots, so that it tells runs of equal times apart."""
+    if run.state != "done" or run.span is None or (run.number and number != run.number):
+        return False
+    return start < run.span[1] and run.span[1] - _END < end < run.span[1] + _END

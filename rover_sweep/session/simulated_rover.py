@@ -1,0 +1,133 @@
+"""A simulated rover to work on, started for the while: embedded, or the real firmware in SITL.
+
+Behind the firmware stands our plant (ArduPilot's JSON interface) or its own rover, which is kinematic:
+no tyres, no roll, no servo lag, so that only its kinematics can be identified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from firmware_params.applet_parameters import applet_path
+from firmware_params.param_files import shipped
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, StateChanged, SwitchWanted
+
+if TYPE_CHECKING:
+    from sitl.launcher import Running
+
+Simulator = Literal["embedded", "ardurover"]
+Physics = Literal["plant", "own"]
+
+# The nominal rover goes 2.5 m/s at 1710 us (sitl/plant/variants/nominal.toml), as in the recordings.
+THROTTLE_US = 1710
+OWN_THROTTLE_US = 1590  # 2.5 m/s of ArduPilot's own rover (4.6.3)
+_SWITCH, _THROTTLE = 6, 3  # RC channels of the simulated pilot
+_HIGH, _LOW, _CENTRE = 1900, 1000, 1500  # us
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Which simulated rover. ardurover: path of the firmware's program (else environment, PATH).
+
+    physics: of the firmware. variant: of the plant. prepared: applet and parameters are there already; else
+    it is as from the factory, and everything is brought onto it over the link.
+    """
+
+    simulator: Simulator = "embedded"
+    ardurover: Path | None = None
+    physics: Physics = "plant"
+    variant: str | Path = "nominal"
+    seed: int = 1
+    prepared: bool = True
+
+    def __post_init__(self) -> None:
+        if self.simulator == "embedded" and self.physics == "own":
+            raise UsageError("only the real firmware has physics of its own; take --vehicle ardurover")
+
+    @property
+    def throttle_us(self) -> int:
+        """Throttle PWM of about 2.5 m/s."""
+        return OWN_THROTTLE_US if self.physics == "own" else THROTTLE_US
+
+
+@contextmanager
+def started(simulation: Simulation, home: Path) -> Iterator[Running]:
+    """The rover, with its files in `home`, until the end of the block. LinkError where it does not start,
+    or in its own words where it ended in the middle."""
+    from sitl import launcher
+
+    try:
+        rover = _start(simulation, home)
+    except launcher.LaunchError as error:
+        raise LinkError(str(error)) from error
+    with rover:
+        try:
+            yield rover
+        except LinkError as error:
+            if words := rover.last_words():
+                raise LinkError(f"the simulated rover ended: {words}") from error
+            raise
+
+
+def _start(simulation: Simulation, home: Path) -> Running:
+    from sitl import launcher
+
+    model: dict[str, Any] = {"variant": simulation.variant, "seed": simulation.seed}
+    prepared = simulation.prepared
+    if simulation.simulator == "embedded":
+        options = ("--applet", "--parameter", "SCR_ENABLE=1") if prepared else ()
+        return launcher.start_embedded(home, options=options, **model)
+    defaults = [shipped("identification")] if prepared else []
+    if simulation.physics == "own":
+        model["variant"] = None
+        defaults.append(_calibrated(home))
+    scripts = [applet_path()] if prepared else []
+    binary = launcher.find_ardurover(simulation.ardurover)
+    return launcher.start_ardurover(binary, home, scripts=scripts, defaults=defaults, **model)
+
+
+def _calibrated(home: Path) -> Path:
+    """A parameter file of calibrated accelerometers: with its own rover the firmware does not arm without
+    (seen in 4.6.3), as a real one, whose owner does it once by hand. Values of ArduPilot's rover.parm."""
+    home.mkdir(parents=True, exist_ok=True)
+    path = home / "calibrated.param"
+    lines = (
+        f"INS_ACC{n}{what}_{axis} {value}\n"
+        for n in ("", "2")
+        for what, value in (("OFFS", 0.001), ("SCAL", 1.001))
+        for axis in "XYZ"
+    )
+    path.write_text("".join(lines), encoding="ascii")
+    return path
+
+
+@contextmanager
+def pilot(rover: Running, throttle_us: int) -> Iterator[Callable[[Event], None]]:
+    """A simulated pilot: told each event of a session, he throws switch 6 and holds the throttle stick.
+
+    UsageError where the rover has no radio. At the end the sticks are at rest.
+    """
+    from sitl.transmitter import Transmitter
+
+    if rover.radio is None:
+        raise UsageError("the embedded rover has no stick to throw switch 6; take override or aux")
+    transmitter = Transmitter(rover.radio)
+
+    def told(event: Event) -> None:
+        if isinstance(event, SwitchWanted):
+            transmitter.hold(_SWITCH, _HIGH if event.position == "high" else _LOW)
+        elif isinstance(event, StateChanged):
+            transmitter.hold(_THROTTLE, throttle_us if 2 <= event.state <= 8 else _CENTRE)
+        elif isinstance(event, RunFinished | Interrupted):
+            transmitter.hold(_THROTTLE, _CENTRE)
+            transmitter.hold(_SWITCH, _LOW)
+
+    try:
+        yield told
+    finally:
+        transmitter.close()

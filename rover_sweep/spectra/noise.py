@@ -1,0 +1,126 @@
+"""Noise of a run: its cross-spectra from the residuals of a fit, and fresh noise of the same spectra."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Array, Signal
+from rover_sweep.spectra.spectra import Complex, Transformer, hann
+
+RESOLUTION = 10.0  # s, window of the residuals' spectra: noise is taken as smooth over 4 pi/10 rad/s
+HANN_POWER = 0.375  # mean square of a Hann window
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseSpectra:
+    """Noise of one run: a level that varies slowly in time, times stationary noise of these spectra.
+
+    density (n_w, n_outputs, n_outputs): two-sided cross-spectra, unit^2 s, at w [rad/s]; level
+    (n_outputs, n_times) at times t [s], of mean square 1.
+    """
+
+    w: Array
+    density: Complex
+    t: Array
+    level: Array
+
+
+class ResidualSpectra:
+    """Noise of the residuals of one run over `span` [s], up to w_max [rad/s]."""
+
+    def __init__(self, span: tuple[float, float], w_max: float) -> None:
+        self.length = min(RESOLUTION, (span[1] - span[0]) / 3)
+        lowest = 2 * np.pi / self.length
+        self.w = np.linspace(lowest, w_max, max(int((w_max - lowest) / lowest), 4))
+        self.transform = Transformer(*span, [self.length], self.w)
+
+    def __call__(self, residuals: Sequence[Signal]) -> NoiseSpectra:
+        e = np.array([self.transform(r)[0] for r in residuals])
+        power = np.mean(np.abs(e) ** 2, axis=2) + 1e-300
+        level = np.sqrt(power / np.mean(power, axis=1, keepdims=True))
+        e = e / level[:, :, None]
+        density = np.einsum("ikw,jkw->wij", e, e.conj()) / e.shape[1] / (HANN_POWER * self.length)
+        centres = self.transform.windows[0][0] + self.length / 2
+        return NoiseSpectra(self.w, density, centres, level)
+
+
+class CoarseTransformer:
+    """Transforms of band-limited signals at w [rad/s] of every window: many signals at once.
+
+    The signals (m, n) are on the clock `t` (n,), just fast enough for the band up to w_top [rad/s].
+    """
+
+    def __init__(
+        self, span: tuple[float, float], windows: Sequence[tuple[Array, float]], w: Array, w_top: float
+    ) -> None:
+        start, end = span
+        n = int(np.ceil((end - start) * 1.3 * w_top / np.pi))
+        self.t = np.linspace(start, end, n)
+        self.windows, self.w = windows, w
+        angle = np.outer(self.t, w)
+        kernel = np.concatenate((np.cos(angle), -np.sin(angle)), axis=1) * (self.t[1] - self.t[0])
+        self.kernel = kernel.astype(np.float32)  # noise to 7 digits
+        centred = np.column_stack((np.ones(n), self.t - self.t.mean()))
+        self.basis = centred / np.linalg.norm(centred, axis=0)
+
+    def __call__(self, x: Array) -> Iterator[NDArray[np.complex64]]:
+        """For each length, (n_windows, m, n_w)."""
+        levelled = (x - (x @ self.basis) @ self.basis.T).astype(np.float32)
+        for starts, length in self.windows:
+            out = np.empty((starts.size, len(levelled), self.w.size), dtype=np.complex64)
+            for k, start in enumerate(starts):
+                both = self._window(levelled, start, length)
+                out[k].real, out[k].imag = both[:, : self.w.size], both[:, self.w.size :]
+            yield out
+
+    def _window(self, x: NDArray[np.float32], start: float, length: float) -> NDArray[np.float32]:
+        lo, hi = np.searchsorted(self.t, (start, start + length))
+        taper = hann((self.t[lo:hi] - start) / length).astype(np.float32)
+        return x[:, lo:hi] @ (taper[:, None] * self.kernel[lo:hi])
+
+
+def fresh_noise(
+    spectra: NoiseSpectra, t: Array, w_top: float, count: int, integrated: Sequence[bool],
+    rng: np.random.Generator,
+) -> Array:  # fmt: skip
+    """Gaussian noise (count, n_outputs, n_t) on the uniform clock t [s] with these spectra up to w_top.
+
+    integrated: which outputs are wanted as their integral. The noise repeats after twice the record, with
+    its level mirrored at the record's end.
+    """
+    period = 2 * t.size * (t[1] - t[0])
+    w = 2 * np.pi / period * np.arange(1, int(w_top * period / (2 * np.pi)) + 1)
+    root = _roots(spectra, w) * np.sqrt(period)
+    shape = (w.size, root.shape[-1], count)
+    z = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
+    lines = np.zeros((count, root.shape[-1], t.size + 1), dtype=complex)
+    lines[:, :, 1 : w.size + 1] = (root @ z).transpose(2, 1, 0)
+    level = np.array([np.interp(t, spectra.t, row) for row in spectra.level])
+    x = np.fft.irfft(lines, 2 * t.size) * (2 * t.size / period)
+    x *= np.concatenate((level, level[:, ::-1]), axis=1)
+    for k in np.flatnonzero(integrated):
+        x[:, k] = _integral(x[:, k], period)
+    return x[:, :, : t.size]
+
+
+def _integral(x: Array, period: float) -> Array:
+    """The periodic integral (count, n) of x less its mean."""
+    lines = np.fft.rfft(x)
+    lines[:, 0] = 0
+    lines[:, 1:] /= 2j * np.pi / period * np.arange(1, lines.shape[1])
+    return np.fft.irfft(lines, x.shape[1])
+
+
+def _roots(spectra: NoiseSpectra, w: Array) -> Complex:
+    """Cholesky factors (n, n_outputs, n_outputs) of the density at w."""
+    n = spectra.density.shape[1]
+    density = np.empty((w.size, n, n), dtype=complex)
+    for i in range(n):
+        for j in range(n):
+            density[:, i, j] = np.interp(w, spectra.w, spectra.density[:, i, j])
+    power = np.einsum("wii->wi", density).real
+    return np.linalg.cholesky(density + (1e-9 * power[:, :, None] + 1e-30) * np.eye(n))

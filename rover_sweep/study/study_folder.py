@@ -1,0 +1,62 @@
+"""The study's folder: study.json, study.html, figures/*.png."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rover_sweep.files.replaced import write_file
+from rover_sweep.report.identification.page import by_section
+from rover_sweep.report.identification.pictures import Picture
+from rover_sweep.report.templates import environment
+from rover_sweep.report.wording.provenance import versions
+from rover_sweep.report.wording.strict_json import dumps
+from rover_sweep.study.conclusions import rover_sentences, summary
+from rover_sweep.study.conditions import Progress
+from rover_sweep.study.figures import figures
+from rover_sweep.study.findings import Finding
+from rover_sweep.study.published import PAPER
+from rover_sweep.study.published_tables import costs, parameters, practices_table, verifications
+from rover_sweep.study.study_json import study_document
+from rover_sweep.study.virtual_study import Study
+
+
+@dataclass(frozen=True)
+class StudyFiles:
+    """What was written."""
+
+    document: Path
+    page: Path
+    figures: tuple[Path, ...]
+
+
+def write_study(study: Study, found: tuple[Finding, ...], directory: Path, progress: Progress) -> StudyFiles:
+    """Writes everything; each file is replaced at once. UsageError where the directory cannot be written."""
+    document = write_file(directory / "study.json", dumps(study_document(study, found)))
+    plan, drawn = tuple(figures(study)), []
+    for k, picture in enumerate(plan):
+        progress(k / len(plan), f"drawing {picture.name}")
+        drawn.append((picture, picture.png()))
+    paths = tuple(write_file(directory / "figures" / f"{p.name}.png", data) for p, data in drawn)
+    page = write_file(directory / "study.html", _page(study, found, drawn))
+    return StudyFiles(document, page, paths)
+
+
+def _page(study: Study, found: tuple[Finding, ...], drawn: list[tuple[Picture, bytes]]) -> str:
+    return (
+        environment("study")
+        .get_template("study.html.j2")
+        .render(
+            study=study,
+            paper=PAPER,
+            versions=versions(),
+            findings=found,
+            summary=summary(found),
+            rover=rover_sentences(study),
+            ways=practices_table(study),
+            costs=costs(study),
+            parameters=[parameters(study, m) for m in ("bicycle", "roll-yaw", "lumped")],
+            verifications=list(verifications(study)),
+            pictures=by_section(drawn),
+        )
+    )

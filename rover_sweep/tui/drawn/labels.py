@@ -1,0 +1,66 @@
+"""Numbers and codes of vehicle and applet as words, each of which stands without its colour."""
+
+from __future__ import annotations
+
+import math
+
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
+
+# custom_mode of ArduRover (modes.h, Mode::Number, 4.5 and 4.6)
+MODES = {
+    0: "MANUAL", 1: "ACRO", 3: "STEERING", 4: "HOLD", 5: "LOITER", 6: "FOLLOW", 7: "SIMPLE", 8: "DOCK",
+    9: "CIRCLE", 10: "AUTO", 11: "RTL", 12: "SMART_RTL", 15: "GUIDED", 16: "STARTING",
+}  # fmt: skip
+# GPS_FIX_TYPE (MAVLink common)
+FIXES = {0: "no GPS", 1: "no fix", 2: "2D fix", 3: "3D fix", 4: "DGPS", 5: "RTK float", 6: "RTK fixed"}
+# state of a check: (sign, word)
+CHECKS = {
+    "good": ("✓", "good"),
+    "doubtful": ("?", "doubtful"),
+    "bad": ("✗", "BAD"),
+    "unknown": ("·", "unknown"),
+}
+APPLET = {
+    0: "idle", 1: "standstill recorded", 2: "waits for speed", 3: "straight, before", 4: "fades in",
+    5: "dwells at w_min", 6: "steers", 7: "fades out", 8: "straight, after",
+    9: "standstill recorded", 10: "stopped",
+}  # fmt: skip
+ADVICE = {"keep": ("✓", "KEEP"), "repeat": ("↻", "REPEAT"), "discard": ("✗", "DISCARD")}
+OUTCOMES = {
+    "asked": ("·", "asked"), "running": ("▶", "under way"), "done": ("✓", "whole"),
+    "stopped": ("✗", "stopped"), "failed": ("✗", "failed"),
+}  # fmt: skip
+RESPONSES = {"r": "yaw rate", "ay": "lateral acc.", "vydot": "side velocity", "p": "roll rate"}
+
+
+def mode(custom_mode: int) -> str:
+    """Name of a Rover's mode."""
+    return MODES.get(custom_mode, "mode ?" if custom_mode < 0 else f"mode {custom_mode}")
+
+
+def switch(pwm: float) -> str:
+    """Where a switch is, as the firmware reads it: below 1200 us low, above 1800 us high."""
+    if not math.isfinite(pwm) or pwm <= 0:
+        return "?"
+    return "LOW" if pwm < 1200 else "HIGH" if pwm > 1800 else "MIDDLE"
+
+
+def manoeuvre(m: Manoeuvre) -> str:
+    """A manoeuvre in a line."""
+    about = f" about {m.middle:+g}" if isinstance(m, Sweep) and m.middle else ""
+    kind = m.kind.replace("_", " ")
+    if isinstance(m, Sweep | Multisine):
+        return f"{kind} ±{m.amplitude:g} us{about}, {m.w_min:g} to {m.w_max:g} rad/s"
+    assert isinstance(m, Doublet)
+    return f"{kind} ±{m.amplitude:g} us, {m.count} of {m.pulse:g} s"
+
+
+def size(count: int) -> str:
+    """Bytes, short."""
+    return f"{count / 1e6:.1f} MB" if count >= 1e5 else f"{count / 1e3:.0f} kB"
+
+
+def seconds(value: float) -> str:
+    """A length of time as people say it."""
+    return f"{value:.0f} s" if value < 100 else f"{int(value) // 60} min {int(value) % 60:02d} s"

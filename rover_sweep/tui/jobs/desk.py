@@ -1,0 +1,135 @@
+"""The jobs of a session: which commands run beside it, on which recordings, and what came of them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from rover_sweep.tui.jobs.analysis import Job, arguments_of, followed, free_path, gains_of
+from rover_sweep.tui.jobs.summary import next_runs, page_of, summary_of
+from rover_sweep.tui.model.plan_rows import Row, proposed
+from rover_sweep.tui.model.state import State
+
+NAMES = {"identify": "report", "diagnose": "diagnosis", "gains": "gains.param"}
+
+
+def recordings(state: State, folder: Path) -> tuple[Path, ...]:
+    """What a command reads: the session's folder where it describes itself, else the runs that are whole."""
+    if (folder / "session.json").is_file():
+        return (folder,)
+    return tuple(run.tlog for run in state.runs if run.outcome == "done" and run.tlog is not None)
+
+
+class Desk:
+    """Starts commands; `changed` is called whenever one went on.
+
+    proposal: rows that `rover-sweep plan` proposes, proposing: how that stands, in words; next_runs: what
+    a diagnosis wants driven.
+    """
+
+    def __init__(self, changed: Callable[[], object], folder: Path | None = None) -> None:
+        self._changed = changed
+        self.jobs: tuple[Job, ...] = tuple(_before(folder)) if folder else ()
+        self.proposal: tuple[Row, ...] = ()
+        self.proposing = ""
+        self.next_runs: tuple[str, ...] = ()
+        self._tasks: dict[tuple[str, ...], asyncio.Task[None]] = {}
+
+    def start(self, kind: str, state: State, folder: Path, vehicle: Path, report: Path | None = None) -> None:
+        """Identify or diagnose into a folder beside the recordings, or gains out of `report` into a .param
+        file there."""
+        taken = {job.out for job in self.jobs if job.out is not None}
+        out = free_path(folder, NAMES[kind], taken)
+        if kind == "gains" and report is not None:
+            job = Job(kind, gains_of(report, state.logs, out), out)
+        else:
+            job = Job(kind, arguments_of(kind, recordings(state, folder), vehicle, out), out)
+        self.jobs = (*self.jobs, job)
+        self._tasks[job.arguments] = asyncio.create_task(self._follow(job))
+
+    def report(self, chosen: Job | None = None) -> Path | None:
+        """Folder of an identification or diagnosis, of which gains can be made: the chosen one, else the
+        latest identification, else the latest diagnosis."""
+        done = [job for job in self.jobs if job.kind != "gains" and job.outcome == "done"]
+        if chosen in done:
+            return chosen.out
+        done.sort(key=lambda job: job.kind == "identify")  # and in the order of their beginning
+        return done[-1].out if done else None
+
+    def stop(self, job: Job) -> None:
+        """Ends its process."""
+        if task := self._tasks.get(job.arguments):
+            task.cancel()
+
+    async def close(self) -> None:
+        """Ends all."""
+        tasks = tuple(self._tasks.values())
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def propose(self, rows: tuple[Row, ...], vehicle: Path) -> None:
+        """Asks `rover-sweep plan` what to drive beside these rows."""
+        given = [part for row in rows for part in _as_option(row)]
+        job = Job("plan", ("plan", "--vehicle", str(vehicle), "--json", *given))
+        self.proposing, self.proposal = "this takes some 20 s", ()
+        self._tasks[job.arguments] = asyncio.create_task(self._proposed(job))
+
+    async def _follow(self, job: Job) -> None:
+        mine = job.arguments
+        try:
+            async with contextlib.aclosing(followed(job)) as going:
+                async for job in going:
+                    self._put(job)
+        except asyncio.CancelledError:
+            self._put(replace(job, outcome="failed", lines=(*job.lines, "stopped by you"), process=None))
+        except OSError as error:
+            self._put(replace(job, outcome="failed", lines=(f"it cannot be started: {error}",)))
+        self._tasks.pop(mine, None)
+        if job.kind == "diagnose" and job.outcome == "done" and job.out is not None:
+            self.next_runs = next_runs(job.out)
+        self._changed()
+
+    def _put(self, job: Job) -> None:
+        self.jobs = tuple(job if other.arguments == job.arguments else other for other in self.jobs)
+        self._changed()
+
+    async def _proposed(self, job: Job) -> None:
+        try:
+            async with contextlib.aclosing(followed(job)) as going:
+                async for going_on in going:
+                    job = going_on
+            self.proposal = proposed(json.loads(job.output)) if job.outcome == "done" else ()
+            self.proposing = "" if self.proposal else _none(job)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            self.proposing = f"no proposal: {error}"
+        self._tasks.pop(job.arguments, None)
+        self._changed()
+
+
+def _before(folder: Path) -> Iterator[Job]:
+    """The reports that a session, taken up again, has already."""
+    for kind in ("identify", "diagnose"):
+        for out in sorted(folder.glob(f"{NAMES[kind]}*/")):
+            if page := page_of(kind, out):
+                yield Job(kind, (kind, str(out)), out, "done", summary=summary_of(kind, out), page=page)
+    for out in sorted(folder.glob("gains*.param")):
+        lines = tuple(out.read_text(encoding="utf-8", errors="replace").splitlines())
+        yield Job("gains", ("gains", str(out)), out, "done", (*lines, f"parameters in {out}"))
+
+
+def _none(job: Job) -> str:
+    if job.outcome == "failed":
+        return f"no proposal: {job.last}"
+    return "nothing more is worth driving"
+
+
+def _as_option(row: Row) -> tuple[str, str]:
+    """As `rover-sweep plan` takes it."""
+    m = row.manoeuvre
+    about = f"{getattr(m, 'bias', 0.0):+g}" if m.kind == "bias_sweep" else ""
+    return f"--{row.kind}", f"{m.amplitude:g}{about}@{row.speed:g}"

@@ -1,0 +1,74 @@
+"""What identification.json and diagnosis.json say, in a few sentences; their contracts stand in `report`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.files.documents import read_json
+
+_DOCUMENTS = {"identify": "identification.json", "diagnose": "diagnosis.json", "gains": "gains.json"}
+_PAGES = {"identify": "report.html", "diagnose": "diagnosis.html", "gains": "gains.html"}
+
+
+def page_of(kind: str, out: Path) -> Path | None:
+    """The report for people, None where there is none."""
+    page = out / _PAGES.get(kind, "report.html")
+    return page if page.is_file() else None
+
+
+def summary_of(kind: str, out: Path) -> tuple[str, ...]:
+    """Sentences, the answer first; the document's own fault where it cannot be read."""
+    path = out / _DOCUMENTS.get(kind, "")
+    if not path.is_file():
+        return ()
+    try:
+        document = read_json(path.read_text(encoding="utf-8"))
+        return tuple({"identify": _identified, "diagnose": _diagnosed}.get(kind, _plain)(document))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        return (f"{path} cannot be read: {error}",)
+
+
+def next_runs(out: Path) -> tuple[str, ...]:
+    """What a diagnosis proposes to drive next, a sentence for each finding; nothing where it was not made."""
+    try:
+        found = read_json((out / _DOCUMENTS["diagnose"]).read_text(encoding="utf-8"))["findings"]
+        return tuple(dict.fromkeys(f"{f['effect']}: {f['next_run']}" for f in found if f.get("next_run")))
+    except (OSError, ValueError, KeyError, TypeError):
+        return ()
+
+
+def _identified(document: Mapping[str, Any]) -> Iterator[str]:
+    summary = document.get("summary")
+    yield from (summary,) if isinstance(summary, str) else tuple(summary or ())
+    recommended = document.get("recommended")
+    for name, model in sorted(document["models"].items(), key=lambda item: item[0] != recommended):
+        best = name == recommended
+        told = ", ".join(
+            _told(parameter, value, best)
+            for parameter, value in model["parameters"].items()
+            if value.get("free") and value.get("value") is not None
+        )
+        yield f"{name}{' (recommended; 90 % intervals)' if best else ''}: {told or 'nothing of it is free'}"
+
+
+def _told(name: str, estimate: Mapping[str, Any], interval: bool) -> str:
+    low, high = (estimate.get("interval_90") if interval else None) or (None, None)
+    between = f" ({low:.3g} to {high:.3g})" if low is not None and high is not None else ""
+    return f"{name} {estimate['value']:.3g}{between} {estimate['unit']}".rstrip()
+
+
+def _diagnosed(document: Mapping[str, Any]) -> Iterator[str]:
+    yield f"{document['verdict'].upper()}: {document['sentence']}"
+    for finding in document["findings"]:
+        yield f"{finding['effect']}: {finding['sentence']}"
+        if finding.get("next_run"):
+            yield f"drive next, for {finding['effect']}: {finding['next_run']}"
+
+
+def _plain(document: Mapping[str, Any]) -> Iterator[str]:
+    for key in ("sentence", "summary", "verdict"):
+        if isinstance(said := document.get(key), str) and said:
+            yield said
+    yield from (str(said) for said in document.get("sentences") or ())

@@ -1,0 +1,1 @@
+"""The state of the terminal UI as frozen values; draws nothing."""

@@ -1,0 +1,72 @@
+"""What a session's folder tells of before: runs and plan of a session that is taken up again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from pathlib import Path
+from typing import Any, get_args
+
+from rover_sweep.live.snapshot import Advice, Band, Verdict
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.content import Content, DrivenRun, PlannedRun
+from rover_sweep.tui.model.plan_rows import SPEED, Row
+from rover_sweep.tui.model.state import Outcome, RunRecord
+
+_OUTCOMES: Mapping[str, Outcome] = {"done": "done", "stopped": "stopped", "cut": "failed", "begun": "failed"}
+
+
+def records(content: Content, folder: Path) -> tuple[RunRecord, ...]:
+    """The runs that were driven, oldest first."""
+    return tuple(_record(run, folder) for run in content.runs)
+
+
+def logs(content: Content, folder: Path) -> tuple[Path, ...]:
+    """The vehicle's logs that are here."""
+    return tuple(folder / log.file for log in content.logs)
+
+
+def rows(content: Content) -> tuple[Row, ...]:
+    """The plan as it stood."""
+    return tuple(Row(run.manoeuvre, run.speed or SPEED, run.name) for run in content.plan)
+
+
+def planned(plan: tuple[Row, ...]) -> tuple[PlannedRun, ...]:
+    """The plan, to be kept in the folder."""
+    return tuple(PlannedRun(row.name, row.manoeuvre, row.speed) for row in plan)
+
+
+def _record(run: DrivenRun, folder: Path) -> RunRecord:
+    outcome = _OUTCOMES[run.state]
+    return RunRecord(
+        run.name, run.manoeuvre or Sweep(), outcome, _reason(run, outcome), run.number,
+        folder / run.tlog, _verdict(run.verdict),
+    )  # fmt: skip
+
+
+def _reason(run: DrivenRun, outcome: Outcome) -> str:
+    if outcome != "done":
+        return run.reason
+    return "" if run.verdict else "not judged: the program ended first; 7 identifies it all the same"
+
+
+def _verdict(said: Mapping[str, Any] | None) -> Verdict | None:
+    """None for one of another version, which is no reason not to go on."""
+    if said is None:
+        return None
+    try:
+        amplitude = said.get("amplitude")
+        if said["advice"] not in get_args(Advice) or not isfinite(amplitude or 0.0):
+            return None
+        return Verdict(
+            str(said["run"]), said["advice"], str(said["sentence"]),
+            tuple(_band(**band) for band in said.get("bands") or ()), amplitude,
+            tuple((float(a), float(b), float(c)) for a, b, c in said.get("per_band") or ()),
+            remarks=tuple(str(remark) for remark in said.get("remarks") or ()),
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+
+
+def _band(response: str, low: float, high: float, coherence: float, words: str) -> Band:
+    return Band(str(response), float(low), float(high), float(coherence), str(words))

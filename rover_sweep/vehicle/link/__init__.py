@@ -1,0 +1,1 @@
+"""One MAVLink link: transport, framing, recording, signing, clock, streams."""

@@ -1,0 +1,71 @@
+"""The vehicle's clock, and sends paced by it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from rover_sweep.vehicle.link.mavlink import Message, kind
+
+_MICROSECONDS_OF_BOOT = frozenset({"RAW_IMU", "HIGHRES_IMU"})  # time_usec since boot in ArduPilot
+_REWIND = 1.0  # s back that can only be a reboot, not messages overtaking each other
+
+
+def vehicle_seconds(message: Message) -> float | None:
+    """Seconds since boot that a message carries; None where it has no clock of the vehicle.
+
+    SERVO_OUTPUT_RAW is left out: its 32-bit microseconds wrap after 71 minutes.
+    """
+    if kind(message) in _MICROSECONDS_OF_BOOT:
+        return message.time_usec * 1e-6
+    boot_ms = getattr(message, "time_boot_ms", None)
+    return None if boot_ms is None else boot_ms * 1e-3
+
+
+@dataclass
+class VehicleClock:
+    """Latest time since boot [s]; `boots` counts how often it went back (a reboot).
+
+    One message with an earlier time is none; a second in a row that goes on from there is.
+    """
+
+    now: float = 0.0
+    known: bool = False
+    boots: int = 0
+    _earlier: float | None = None
+
+    def update(self, message: Message) -> None:
+        seconds = vehicle_seconds(message)
+        if seconds is None:
+            return
+        if self.known and seconds < self.now - _REWIND:
+            self._went_back(seconds)
+            return
+        self.now, self.known, self._earlier = max(self.now, seconds), True, None
+
+    def _went_back(self, seconds: float) -> None:
+        if self._earlier is None or seconds < self._earlier:
+            self._earlier = seconds
+            return
+        self.boots, self.now, self._earlier = self.boots + 1, seconds, None
+
+
+@dataclass
+class Periodic:
+    """An action every `interval` s of whichever runs faster: the vehicle's clock or ours.
+
+    The vehicle's clock makes a rover that is simulated faster than real time hear from us in time;
+    ours keeps the heartbeat up while the vehicle sends no time.
+    """
+
+    interval: float
+    action: Callable[[], None]
+    _vehicle: float = field(default=float("-inf"), init=False)
+    _wall: float = field(default=float("-inf"), init=False)
+
+    def run_if_due(self, vehicle: float, wall: float) -> None:
+        if vehicle < self._vehicle:  # rebooted
+            self._vehicle = float("-inf")
+        if vehicle - self._vehicle >= self.interval or wall - self._wall >= self.interval:
+            self._vehicle, self._wall = vehicle, wall
+            self.action()

@@ -1,0 +1,308 @@
+"""The only module of `rover_sweep.vehicle` that knows pymavlink: packing, framing, decoding, FTP.
+
+Everything else handles opaque messages (`kind(message)`, attributes by MAVLink field name) made by
+`make(name, **fields)`.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from fastcrc import crc16
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from rover_sweep.files.printable import printable
+from rover_sweep.vehicle.link.signing import SigningKey, timestamp
+
+Message = Any  # a pymavlink message: attributes are the MAVLink fields
+
+GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
+GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
+V1, V2 = 0xFE, 0xFD
+_LINK_ID = 0  # of our signatures: one link at a time
+_FTP_IDLE = 3.0  # s of silence on our side that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
+_SIGNED, _SIGNATURE = 0x01, 13  # incompatibility flag, bytes of the signature
+_NAMES = {  # the fields whose text becomes a name: of a parameter, of a value
+    dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_id",
+    dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: "name",
+    dialect.MAVLINK_MSG_ID_NAMED_VALUE_INT: "name",
+}
+_VALUES = {
+    dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_value",
+    dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: "value",
+}
+_CRC_EXTRA = {number: cls.crc_extra for number, cls in dialect.mavlink_map.items()}
+
+
+def constant(name: str) -> int:
+    """A MAVLink constant by name, e.g. MAV_CMD_DO_AUX_FUNCTION."""
+    return int(getattr(dialect, name))
+
+
+def result_name(result: int) -> str:
+    """MAV_RESULT as a word, e.g. 'denied'."""
+    entry = dialect.enums["MAV_RESULT"].get(result)
+    return entry.name.removeprefix("MAV_RESULT_").lower().replace("_", " ") if entry else f"result {result}"
+
+
+def vehicle_type_name(number: int) -> str:
+    """MAV_TYPE as words, e.g. 'surface boat'."""
+    entry = dialect.enums["MAV_TYPE"].get(number)
+    return entry.name.removeprefix("MAV_TYPE_").lower().replace("_", " ") if entry else f"type {number}"
+
+
+def message_id(name: str) -> int:
+    """Number of a MAVLink message by its name."""
+    return int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
+
+
+def make(name: str, **fields: Any) -> Message:
+    """A message to send, e.g. make("HEARTBEAT", type=6, ...)."""
+    return getattr(dialect, f"MAVLink_{name.lower()}_message")(**fields)
+
+
+def kind(message: Message) -> str:
+    """The message's name, e.g. 'ATTITUDE'."""
+    return str(message.msgname)
+
+
+def sender(message: Message) -> tuple[int, int]:
+    """(system, component) the message came from."""
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
+def source_system(frame: bytes) -> int:
+    """System id of the sender of a whole frame, without decoding it."""
+    return frame[5] if frame[0] == V2 else frame[3]
+
+
+def is_autopilot(message: Message) -> bool:
+    """Whether it is the heartbeat of an autopilot: not of a ground station, a gimbal, a companion."""
+    if kind(message) != "HEARTBEAT" or message.get_srcComponent() != dialect.MAV_COMP_ID_AUTOPILOT1:
+        return False
+    others = dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID
+    return bool(message.type != others[0] and message.autopilot != others[1])
+
+
+def frame_number(frame: bytes) -> int:
+    """Sequence number of a frame, damaged or not."""
+    return frame[4] if frame[0] == V2 else frame[2]
+
+
+def frame_source(frame: bytes) -> tuple[int, int]:
+    """(system, component) of a frame, damaged or not."""
+    return (frame[5], frame[6]) if frame[0] == V2 else (frame[3], frame[4])
+
+
+def is_known(frame: bytes) -> bool:
+    """Whether its message is of the dialect: one that is not cannot be told from a damaged one."""
+    number = int.from_bytes(frame[7:10], "little") if frame[0] == V2 else frame[5]
+    return number in _CRC_EXTRA
+
+
+class Codec:
+    """Packs and decodes MAVLink 2 for one sender; keeps its sequence number.
+
+    key: what is packed is signed with it, and only what is signed with it is decoded, but for a radio's own
+    status. wall: s of UTC, from which the signatures' timestamps begin.
+    """
+
+    def __init__(
+        self,
+        system: int = GCS_SYSTEM,
+        component: int = GCS_COMPONENT,
+        key: SigningKey | None = None,
+        wall: float = 0.0,
+    ) -> None:
+        self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        if key is not None:
+            signing = self._mav.signing
+            signing.secret_key, signing.sign_outgoing, signing.link_id = key.secret, True, _LINK_ID
+            signing.timestamp, signing.allow_unsigned_callback = timestamp(wall), _may_be_unsigned
+
+    def pack(self, message: Message) -> bytes:
+        """Bytes of the message with the next sequence number."""
+        data = bytes(message.pack(self._mav))
+        self._mav.seq = (self._mav.seq + 1) % 256
+        return data
+
+    def decode(self, frame: bytes) -> Message | None:
+        """The message in a frame; None where it is unknown, damaged, or a value that is no number."""
+        heard = dict(self._mav.signing.stream_timestamps) if self._mav.signing.secret_key else None
+        try:
+            message = self._mav.decode(bytearray(frame))
+        except (dialect.MAVError, UnicodeDecodeError, ValueError):
+            if heard is not None:  # pymavlink keeps a forged timestamp, and refuses all older ones
+                self._mav.signing.stream_timestamps = heard
+            return None
+        if message.get_type().startswith("UNKNOWN") or not _says_a_number(message):
+            return None
+        return _named_printably(message)
+
+
+def _says_a_number(message: Message) -> bool:
+    """False for a parameter or a named value of NaN or infinity, which says nothing that could be used."""
+    field = _VALUES.get(message.get_msgId())
+    return field is None or math.isfinite(getattr(message, field))
+
+
+def _named_printably(message: Message) -> Message:
+    """A message whose name field (16 or 10 bytes of anything) holds no control character."""
+    field = _NAMES.get(message.get_msgId())
+    if field and not (name := getattr(message, field)).isprintable():
+        setattr(message, field, printable(name))
+    return message
+
+
+def _may_be_unsigned(_: Any, number: int) -> bool:
+    """A telemetry radio reports its own state without a key; so ArduPilot takes it too."""
+    return number in (dialect.MAVLINK_MSG_ID_RADIO_STATUS, dialect.MAVLINK_MSG_ID_RADIO)
+
+
+class Framer:
+    """Cuts a stream of bytes into MAVLink frames and noise, without reading their content.
+
+    A frame whose checksum is wrong or cannot be known is still a frame when the next byte starts
+    another one (damaged on the way, or a message we do not know); else its first byte is noise and
+    the search goes on one byte later, so that a false start swallows nothing.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[tuple[bytes, bool]]:
+        """(bytes, is_frame) of everything that is complete."""
+        buffer = self._buffer
+        buffer += data
+        at = 0
+        while at < len(buffer):
+            length = _noise(buffer, at)
+            is_frame = length == 0
+            if is_frame:
+                length = _length(buffer, at)
+                end = at + length
+                if length == 0 or end > len(buffer):
+                    break
+                if not _checksum_right(buffer, at, end):
+                    if end == len(buffer):
+                        break
+                    if buffer[end] not in (V1, V2):
+                        length, is_frame = 1, False
+            yield bytes(buffer[at : at + length]), is_frame
+            at += length
+        del buffer[:at]
+
+
+def _noise(buffer: bytearray, at: int) -> int:
+    """How many bytes from `at` on cannot start a frame."""
+    end = at
+    while end < len(buffer) and buffer[end] not in (V1, V2):
+        end += 1
+    return end - at
+
+
+def _length(buffer: bytearray, at: int) -> int:
+    """Length of the frame that starts at `at`; 0 while its header is not here."""
+    have = len(buffer) - at
+    if buffer[at] == V1:
+        return buffer[at + 1] + 8 if have >= 2 else 0
+    if have < 3:
+        return 0
+    return buffer[at + 1] + 12 + (_SIGNATURE if buffer[at + 2] & _SIGNED else 0)
+
+
+def _checksum_right(buffer: bytearray, at: int, end: int) -> bool:
+    """Whether the checksum of the frame [at, end) is right; False for messages we do not know."""
+    v2 = buffer[at] == V2
+    number = int.from_bytes(buffer[at + 7 : at + 10], "little") if v2 else buffer[at + 5]
+    crc_at = end - 2 - (_SIGNATURE if v2 and buffer[at + 2] & _SIGNED else 0)
+    extra = _CRC_EXTRA.get(number)
+    if extra is None:
+        return False
+    right = crc16.mcrf4xx(bytes(buffer[at + 1 : crc_at]) + bytes([extra]))
+    return bool(right == int.from_bytes(buffer[crc_at : crc_at + 2], "little"))
+
+
+class Clock(Protocol):
+    """What waits run on [s]."""
+
+    def monotonic(self) -> float: ...
+    def sleep(self, seconds: float) -> None: ...
+
+
+class FtpLink(Protocol):
+    """What an FTP transfer needs of the link."""
+
+    @property
+    def target(self) -> tuple[int, int]: ...
+    @property
+    def line(self) -> Clock: ...
+    def send(self, message: Message) -> None: ...
+    def wait_for(self, kinds: str | tuple[str, ...], timeout: float) -> Message | None: ...
+
+
+class _FtpMaster:
+    """Looks to pymavlink.mavftp like a mavutil connection; sends and receives through our link."""
+
+    source_system, source_component = GCS_SYSTEM, GCS_COMPONENT
+
+    def __init__(self, link: FtpLink) -> None:
+        self._link = link
+        self.mav = self
+
+    def file_transfer_protocol_send(self, network: int, system: int, component: int, payload: Any) -> None:
+        self._link.send(
+            make(
+                "FILE_TRANSFER_PROTOCOL",
+                target_network=network,
+                target_system=system,
+                target_component=component,
+                payload=payload,
+            )
+        )
+
+    def recv_match(self, type: list[str], timeout: float = 0.1, **_: Any) -> Message | None:
+        return self._link.wait_for(tuple(type), timeout)
+
+
+def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
+    """Upload a file by MAVLink FTP (pymavlink.mavftp). '' when done, else what went wrong."""
+    with _ftp(link) as ftp:
+        ftp.cmd_put([local, remote], progress_callback=progress)
+        result = ftp.process_ftp_reply("put", timeout=60)
+    return "" if result.return_code == 0 else f"MAVLink FTP error {result.error_code}"
+
+
+def ftp_get(link: FtpLink, remote: str, local: str) -> str:
+    """Download a file by MAVLink FTP. '' when done, else what went wrong."""
+    with _ftp(link) as ftp:
+        ftp.ftp_settings.idle_detection_time = _FTP_IDLE
+        ftp.cmd_get([remote, local])
+        result = ftp.process_ftp_reply("get", timeout=60)
+    return "" if result.return_code == 0 else f"MAVLink FTP error {result.error_code}"
+
+
+@contextmanager
+def _ftp(link: FtpLink) -> Iterator[Any]:
+    """mavftp on our link, meanwhile quiet, since our caller says what happened in its own words, and on
+    the link's clock: it takes the time from its module's `time`."""
+    from pymavlink import mavftp
+
+    logging.disable(logging.ERROR)  # it reports through the root logger
+    real, mavftp.time = mavftp.time, _FtpTime(link.line)
+    try:
+        yield mavftp.MAVFTP(_FtpMaster(link), *link.target)
+    finally:
+        mavftp.time = real
+        logging.disable(logging.NOTSET)
+
+
+class _FtpTime:
+    """The two functions of `time` that mavftp calls."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.time, self.sleep = clock.monotonic, clock.sleep

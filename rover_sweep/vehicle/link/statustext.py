@@ -1,0 +1,100 @@
+"""STATUSTEXT messages put together: MAVLink 2 cuts texts over 50 characters into chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rover_sweep.files.printable import printable
+from rover_sweep.vehicle.link.mavlink import Message
+
+_CHUNK = 50  # characters
+_CHUNKS = 5  # of a text: ArduPilot's longest fit in two
+_OPEN = 16  # texts that wait for chunks at a time
+_LONGEST = 256  # characters of a whole text
+_WAITS = 5.0  # s of the vehicle's clock until a text is shown without its lost chunks
+LOST = "[...]"  # where a chunk was lost
+
+
+@dataclass(frozen=True)
+class StatusText:
+    """A line of the vehicle, printable. t: vehicle clock [s] when it came; severity: MAV_SEVERITY
+    (0 worst .. 7)."""
+
+    t: float
+    severity: int
+    text: str
+
+
+@dataclass
+class _Open:
+    """A text of which chunks have come, by their numbers. last: number of the one that ends it, if known."""
+
+    severity: int
+    since: float
+    chunks: dict[int, str] = field(default_factory=dict)
+    last: int | None = None
+
+    def whole(self) -> bool:
+        return self.last is not None and all(n in self.chunks for n in range(self.last + 1))
+
+
+@dataclass
+class TextAssembler:
+    """Joins the chunks of texts, in any order.
+
+    A text of which a chunk is lost is given with `[...]` in its place: when the vehicle begins another text
+    with its id, after some seconds, or when too many texts are open.
+    """
+
+    _open: dict[int, _Open] = field(default_factory=dict)  # by id, oldest first
+
+    def add(self, message: Message, t: float) -> tuple[StatusText, ...]:
+        """The texts that this message completes or shows to be incomplete, oldest first."""
+        late, number = self.late(t), int(getattr(message, "id", 0))
+        if not number:
+            return (*late, _text(t, message.severity, message.text))
+        return (*late, *self._chunk(number, message, t))
+
+    def late(self, t: float) -> tuple[StatusText, ...]:
+        """The texts that have waited for too long, without what is lost of them."""
+        waited = ((number, t - entry.since) for number, entry in self._open.items())
+        # a clock that went back: the vehicle rebooted, the rest will not come
+        return tuple(self._closed(n, t) for n in [n for n, seconds in waited if not -1 <= seconds <= _WAITS])
+
+    def _chunk(self, number: int, message: Message, t: float) -> tuple[StatusText, ...]:
+        text, at = _content(message.text), int(getattr(message, "chunk_seq", 0))
+        ready: list[StatusText] = []
+        if number in self._open and _another(self._open[number], at, text):
+            ready.append(self._closed(number, t))
+        if number not in self._open and len(self._open) >= _OPEN:
+            ready.append(self._closed(next(iter(self._open)), t))
+        entry = self._open.setdefault(number, _Open(message.severity, t))
+        entry.chunks[at] = text
+        if len(text) < _CHUNK:
+            entry.last = at
+        if entry.whole() or at >= _CHUNKS - 1:
+            ready.append(self._closed(number, t))
+        return tuple(ready)
+
+    def _closed(self, number: int, t: float) -> StatusText:
+        entry = self._open.pop(number)
+        return _text(t, entry.severity, _joined(entry.chunks, entry.last))
+
+
+def _another(entry: _Open, at: int, text: str) -> bool:
+    """Whether a chunk belongs to another text than what came under its id so far."""
+    return entry.chunks.get(at, text) != text or (entry.last is not None and at > entry.last)
+
+
+def _joined(chunks: Mapping[int, str], last: int | None) -> str:
+    end = max(chunks) + 1 if last is None else last + 1
+    return "".join(chunks.get(n, LOST) for n in range(end)) + (LOST if last is None else "")
+
+
+def _content(text: str) -> str:
+    return text.rstrip("\0")
+
+
+def _text(t: float, severity: int, text: str) -> StatusText:
+    return StatusText(t, severity, printable(_content(text)[:_LONGEST])[:_LONGEST])

@@ -1,0 +1,1 @@
+"""The vehicle's own logs: listed, fetched, compared with the card."""

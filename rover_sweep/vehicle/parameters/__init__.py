@@ -1,0 +1,1 @@
+"""Parameters of the vehicle: read, written, compared, put back after an override."""

@@ -1,0 +1,247 @@
+"""Parameters: read, written, read back and compared as the float32 that MAVLink carries."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.link_quality import LONGEST, BadLink
+from rover_sweep.vehicle.link.mavlink import Message, kind
+
+_REAL32 = 9  # MAV_PARAM_TYPE_REAL32
+_TRIES, _TIMEOUT = 4, 1.0
+_ROUNDS = 3  # of questions for many at once
+_HOLE = 2.0  # s of silence: more than the period of heartbeats
+_FRESH = 5.0  # s within which an answer shows how slow the link is
+_ANSWERS = ("PARAM_VALUE", "PARAM_ERROR")
+# MAV_PARAM_ERROR (common.xml; ArduPilot after 4.6 answers so where older versions are silent)
+_ERRORS = {
+    2: "the value is out of its range",
+    3: "the vehicle permits nobody to set it",
+    5: "it is read-only",
+}
+_NOT_THERE = 1
+_STUCK = 3.0  # s in which only parameters come that are known already
+_CHANGES = 20  # of the length of a list while it comes
+_BOOTED = 20.0  # s since boot
+_LISTS = 3  # how often a list is asked for that changes meanwhile
+
+
+class ParameterMissing(LinkError):
+    """The vehicle has no parameter of that name: it says so, or is silent on a link that is good enough."""
+
+
+class ParameterKept(LinkError):
+    """The vehicle has the parameter, and after it was set another value than it was given."""
+
+    def __init__(self, name: str, wanted: float, kept: float, why: str = "") -> None:
+        why = why or "it is read-only, of whole numbers, or out of its range"
+        super().__init__(f"{name} was set to {wanted:g} but the vehicle has {kept:g}; {why}")
+
+
+@dataclass(frozen=True)
+class Written:
+    """A parameter that was set and read back. old is None where it was not read before."""
+
+    name: str
+    old: float | None
+    value: float
+
+    @property
+    def changed(self) -> bool:
+        return self.old != self.value
+
+
+def float32(value: float) -> float:
+    """The value as MAVLink carries it."""
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
+def read(link: Link, name: str) -> float:
+    """One parameter. ParameterMissing when the vehicle says that it has none, or does not answer over a link
+    that is good enough to tell; else BadLink."""
+    return float(_read(link, name).param_value)
+
+
+def _read(link: Link, name: str) -> Message:
+    tries, slow = 0, link.quality.latency is None
+    began = link.line.monotonic()
+    while tries < link.quality.tries(_TRIES) or (slow and link.line.monotonic() - began < LONGEST):
+        tries += 1
+        _ask(link, name)
+        answer = _answer(link, (name,), link.quality.wait(_TIMEOUT))
+        if answer is not None and kind(answer) == "PARAM_VALUE":
+            return answer
+        if answer is not None and answer.error == _NOT_THERE:
+            raise ParameterMissing(f"the vehicle says that it has no parameter {name}; {_WHY_MISSING}")
+    if not link.quality.concludes(tries):
+        raise BadLink(f"the vehicle did not answer for the parameter {name} in {tries} tries: {_bad(link)}")
+    raise ParameterMissing(f"the vehicle has no parameter {name} (asked {tries} times); {_WHY_MISSING}")
+
+
+_WHY_MISSING = "is the name right, and for SWP_ ones, does the applet run?"
+
+
+def _ask(link: Link, name: str) -> None:
+    link.asked(("PARAM_VALUE", name))
+    link.to_vehicle("PARAM_REQUEST_READ", param_id=_encoded(name), param_index=-1)
+
+
+def _answer(link: Link, names: Collection[str], patience: float) -> Message | None:
+    """The next answer for one of them within `patience` s. Where not even a heartbeat came, silence on them
+    says nothing, so that the wait goes on (the link tells when it is silent for too long)."""
+    while True:
+        answer = link.wait_for(_ANSWERS, patience, lambda m: m.param_id in names)
+        if answer is not None or link.quality.silence < _HOLE:
+            return answer
+
+
+def _bad(link: Link) -> str:
+    return link.quality.words or "the link loses too much; go closer or use USB"
+
+
+def read_present(link: Link, names: Iterable[str]) -> dict[str, float]:
+    """Those of `names` that the vehicle has, asked for all at once, and twice again where no answer came.
+
+    More often where the link loses frames.
+
+    BadLink where names are left and the link is too poor to tell that the vehicle has them not.
+    """
+    wanted, found = set(names), dict[str, float]()
+    began, rounds = link.line.monotonic(), 0
+    while (left := wanted - found.keys()) and rounds < link.quality.tries(_ROUNDS, len(wanted)):
+        for name in sorted(left):
+            _ask(link, name)
+        _collect(link, wanted, found, link.quality.wait(_TIMEOUT / min(rounds + 1, 2)))
+        rounds += 1
+    if not found and len(left) > 1 and link.quality.unanswered > _FRESH:  # absent, or the link became slow
+        _collect(link, wanted, found, LONGEST - (link.line.monotonic() - began))
+    left = wanted - found.keys()
+    if left and not link.quality.concludes(rounds, len(wanted)):
+        raise BadLink(
+            f"the vehicle did not answer for {_named(left)} in {rounds} rounds of questions: {_bad(link)}"
+        )
+    return found
+
+
+def _collect(link: Link, wanted: set[str], found: dict[str, float], patience: float) -> None:
+    """Add what comes to `found`, and take what the vehicle says it lacks out of `wanted`, until nothing came
+    for `patience` s."""
+    while names := wanted - found.keys():
+        message = _answer(link, names, patience)
+        if message is None:
+            return
+        if kind(message) == "PARAM_VALUE":
+            found[message.param_id] = float(message.param_value)
+        elif message.error == _NOT_THERE:
+            wanted.discard(message.param_id)
+
+
+def _named(names: Collection[str]) -> str:
+    some = sorted(names)[:3]
+    return ", ".join(some) + (f" and {len(names) - len(some)} more parameters" if len(names) > 3 else "")
+
+
+def await_booted(link: Link, told: Callable[[float], None] | None = None) -> None:
+    """Wait where the vehicle has just booted: the parameters of its drivers are not in its list before that
+    (4.6.3: without a GPS's ten for some seconds). told: called with the s that it takes at most."""
+    link.request_message("SYSTEM_TIME")
+    left = _BOOTED - link.clock.now
+    if not link.clock.known or left <= 0:
+        return
+    if told is not None:
+        told(left)
+    deadline = link.line.monotonic() + left
+    while link.clock.now < _BOOTED and link.line.monotonic() < deadline:
+        link.request_message("SYSTEM_TIME", timeout=0.5)
+        link.receive(0.2)
+
+
+def read_all(link: Link, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:
+    """Every parameter, by name. Missing ones are asked for by index; LinkError where some never come.
+
+    A list that changes while it comes (parameters appear for some seconds after a boot, which moves the
+    indices of others) is asked for anew.
+    """
+    for _ in range(_LISTS):
+        found = _read_list(link, progress)
+        if len(values := dict(found.values())) == len(found):
+            return values
+    raise LinkError(
+        "the list of parameters changes while it comes; wait until the rover has booted, and try again"
+    )
+
+
+def _read_list(link: Link, progress: Callable[[int, int], None] | None) -> dict[int, tuple[str, float]]:
+    """(name, value) by index."""
+    link.to_vehicle("PARAM_REQUEST_LIST")
+    found: dict[int, tuple[str, float]] = {}
+    count, quiet, changes, news = 0, 0, 0, link.line.monotonic()
+    while quiet < link.quality.tries(_TRIES) and changes < _CHANGES and (count == 0 or len(found) < count):
+        message = link.wait_for("PARAM_VALUE", link.quality.wait(_TIMEOUT))
+        if message is None or link.line.monotonic() - news > link.quality.wait(_STUCK):
+            quiet, news = quiet + 1, link.line.monotonic()
+            _ask_again(link, found, count)
+            continue
+        if count not in (0, int(message.param_count)):
+            found.clear()
+            changes += 1
+            link.to_vehicle("PARAM_REQUEST_LIST")
+        count = int(message.param_count)
+        if message.param_index < count and message.param_index not in found:
+            quiet, news = 0, link.line.monotonic()
+        if message.param_index < count:
+            found[int(message.param_index)] = (message.param_id, float(message.param_value))
+        if progress is not None:
+            progress(len(found), count)
+    if count == 0 or len(found) < count:
+        raise BadLink(f"only {len(found)} of {count} parameters came: {_bad(link)}")
+    return found
+
+
+def _ask_again(link: Link, found: Mapping[int, object], count: int) -> None:
+    if count == 0:
+        link.to_vehicle("PARAM_REQUEST_LIST")
+    for index in [i for i in range(count) if i not in found][:20]:
+        link.to_vehicle("PARAM_REQUEST_READ", param_id=b"", param_index=index)
+
+
+def write(link: Link, name: str, value: float) -> Written:
+    """Set a parameter where it differs, read it back and compare as float32.
+
+    ParameterMissing where there is none; ParameterKept where it came back other than it was sent.
+    """
+    before = _read(link, name)
+    old, wanted = float(before.param_value), float32(value)
+    if old == wanted:
+        return Written(name, old, old)
+    back, tries = old, 0
+    while tries < link.quality.tries(_TRIES):
+        tries += 1
+        link.to_vehicle(
+            "PARAM_SET", param_id=_encoded(name), param_value=wanted, param_type=before.param_type or _REAL32
+        )
+        echo = link.wait_for(_ANSWERS, link.quality.wait(_TIMEOUT), lambda m: m.param_id == name)
+        if echo is not None and kind(echo) == "PARAM_ERROR" and echo.error in _ERRORS:
+            raise ParameterKept(name, value, old, _ERRORS[echo.error])
+        back = read(link, name)
+        if back == wanted:
+            return Written(name, old, back)
+    if not link.quality.concludes(tries):
+        raise BadLink(f"{name} could not be set to {value:g} in {tries} tries: {_bad(link)}")
+    raise ParameterKept(name, value, back)
+
+
+def write_all(link: Link, values: Mapping[str, float]) -> list[Written]:
+    """`write` for each, in the order given."""
+    return [write(link, name, value) for name, value in values.items()]
+
+
+def _encoded(name: str) -> bytes:
+    data = name.encode("ascii", "replace")
+    if len(data) > 16:
+        raise UsageError(f"{name} is no ArduPilot parameter: names have at most 16 characters")
+    return data

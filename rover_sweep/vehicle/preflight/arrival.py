@@ -1,0 +1,29 @@
+"""Out of a .tlog: its own clock, of arrival at this computer, against the vehicle's, in the messages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rover_sweep.logs.readers.tlog import STAMP, parse
+from rover_sweep.vehicle.preflight.clock_comparison import estimate
+from rover_sweep.vehicle.preflight.observed import Clock
+
+_MADE = "ATTITUDE"  # in milliseconds since boot; the most frequent message whose time does not wrap
+
+
+def arrival_clock(tlog: Path, span: tuple[float, float]) -> Clock | None:
+    """What the messages within `span` [s of the vehicle's clock] tell; None where they are too few.
+
+    Its offset is that of this computer's UTC [s since 1970] from the vehicle's time since boot.
+    """
+    data = tlog.read_bytes()
+    frames = parse(data, frozenset({_MADE})).messages.get(_MADE)
+    if frames is None:
+        return None
+    made = frames.rows["time_boot_ms"].astype(float) * 1e-3
+    stamps = np.frombuffer(data, np.uint8)[(frames.order - STAMP)[:, None] + np.arange(STAMP)]
+    came = stamps.view(">u8")[:, 0].astype(float) * 1e-6
+    inside = (made >= span[0]) & (made <= span[1])
+    return estimate(tuple(zip(made[inside].tolist(), came[inside].tolist(), strict=True)))

@@ -1,0 +1,81 @@
+"""Checks of the pilot's radio: that it is there, at rest, that its loss is noticed; and the switch."""
+
+from __future__ import annotations
+
+from math import isnan
+
+from rover_sweep.vehicle.preflight.item import Check, Remedy
+from rover_sweep.vehicle.preflight.observed import Seen
+from rover_sweep.vehicle.run.controls import SCRIPTING_1
+
+_LOW, _HIGH = 1200, 1800  # us: an auxiliary switch is low below, high above (RC_Channel.cpp, 4.6.3)
+_PULSES = (800, 2200)  # us: RC_MIN_LIMIT_PWM, RC_MAX_LIMIT_PWM
+_NOTICE = Remedy(
+    "set FS_THR_ENABLE to 1 and FS_ACTION to 2 (Hold)", sets=(("FS_THR_ENABLE", 1.0), ("FS_ACTION", 2.0))
+)
+_SIX = Remedy(f"set RC6_OPTION to {SCRIPTING_1}", sets=(("RC6_OPTION", float(SCRIPTING_1)),))
+_REST = 30  # us about the trim, where the channel has no dead zone
+
+
+def switch_channel(seen: Seen) -> int:
+    """RC channel (1-based) that starts the applet: SWP_CHAN, else the one with option 300; 0: none."""
+    raw = seen.parameter("SWP_CHAN")
+    if raw > 0:
+        return int(raw)
+    return next((n for n in range(1, 17) if seen.parameter(f"RC{n}_OPTION") == SCRIPTING_1), 0)
+
+
+def rc(seen: Seen) -> Check:
+    """A receiver with pulses, steering and throttle at rest, and a failsafe that notices its loss."""
+    if not seen.channels:
+        sentence = "no radio: without it nobody can stop the rover but this computer"
+        return Check("rc", "bad", "no receiver", sentence, Remedy("switch the transmitter on", by_hand=True))
+    if seen.radio is False:  # RC_CHANNELS goes on with the last values (4.6.3, SIM_RC_FAIL 1)
+        sentence = "the rover says that it does not hear its radio (SYS_STATUS)"
+        hand = Remedy("switch the transmitter on", by_hand=True)
+        return Check("rc", "bad", "radio lost", sentence, hand)
+    steering, throttle = _stick(seen, "RCMAP_ROLL", 1), _stick(seen, "RCMAP_THROTTLE", 3)
+    told = f"{len(seen.channels)} channels, steering {steering[1]:.0f} us, throttle {throttle[1]:.0f} us"
+    if seen.channels.get(throttle[0], 0) < seen.parameter("FS_THR_VALUE"):
+        sentence = f"throttle {throttle[1]:.0f} us is below FS_THR_VALUE: the receiver lost the radio"
+        return Check("rc", "bad", told, sentence, Remedy("switch the transmitter on", by_hand=True))
+    for words, (number, pwm, trim, zone) in (("steering", steering), ("throttle", throttle)):
+        if abs(pwm - trim) > zone:
+            sentence = (
+                f"the {words} stick (channel {number}) is {pwm - trim:+.0f} us off its trim of {trim:.0f} us"
+            )
+            return Check(
+                "rc", "bad", told, sentence, Remedy("leave the sticks alone, or trim them", by_hand=True)
+            )
+    if not seen.parameter("FS_THR_ENABLE") > 0 or seen.parameter("FS_ACTION") == 0:
+        sentence = "the loss of the radio would go unnoticed (FS_THR_ENABLE, FS_ACTION)"
+        return Check("rc", "bad", told, sentence, _NOTICE)
+    return Check("rc", "good", told)
+
+
+def _stick(seen: Seen, mapping: str, usual: int) -> tuple[int, float, float, float]:
+    """(channel, PWM, trim, how far off counts as rest), us."""
+    mapped = seen.parameter(mapping)
+    number = usual if isnan(mapped) else int(mapped)
+    trim, zone = seen.parameter(f"RC{number}_TRIM"), seen.parameter(f"RC{number}_DZ")
+    pwm = float((seen.channels or {}).get(number, 0))
+    return number, pwm, 1500.0 if isnan(trim) else trim, max(_REST, 0.0 if isnan(zone) else zone)
+
+
+def switch(seen: Seen) -> Check:
+    """Low before arming: the applet does not start on a switch that is high when it looks first."""
+    number = switch_channel(seen)
+    if number == 0:
+        sentence = "no channel starts the applet: none has option 300, and SWP_CHAN is 0"
+        return Check("switch", "bad", "none", sentence, _SIX)
+    pwm = (seen.channels or {}).get(number, 0)
+    told = f"channel {number}: {pwm} us"
+    if not _PULSES[0] <= pwm <= _PULSES[1]:
+        sentence = f"channel {number} has no pulses: the switch is not known"
+        hand = Remedy(f"give channel {number} a switch on the transmitter", by_hand=True)
+        return Check("switch", "unknown", told, sentence, hand)
+    if pwm >= _LOW:
+        where = "high" if pwm > _HIGH else "in the middle"
+        sentence = f"switch {number} is {where}; it must be low before the rover is armed"
+        return Check("switch", "bad", told, sentence, Remedy(f"throw switch {number} low", by_hand=True))
+    return Check("switch", "good", f"{told}, low")

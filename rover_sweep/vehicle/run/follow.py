@@ -1,0 +1,136 @@
+"""What the applet does, read from its messages while a run is driven."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from firmware_params.applet_parameters import STATES
+from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
+from rover_sweep.vehicle.link.mavlink import Message, kind
+from rover_sweep.vehicle.link.statustext import StatusText
+
+_SAMPLE_EVERY = 0.1  # s of the vehicle's clock between two `Sample`s
+_MILLI_G = 9.80665e-3
+_DONE = re.compile(r"^SWP: run (\d+) done")
+_REFUSED = "SWP: refused: "
+_STOPPED = re.compile(r"^SWP: run (\d+) stopped:? *(.*)")
+_STOPPED_STATE = 10
+_WHOLE = "the manoeuvre ran to its end"
+
+
+@dataclass
+class Follower:
+    """Turns messages into events. steering: number of the steering servo output (1-based).
+
+    state: the applet's now, of which it `reports`; active: it has left idle since `begin`; ended: it is
+    idle or stopped again, at `ended_at` s of the vehicle's clock; refused: why it would not start; number:
+    its run counter; speed: m/s, nan where unknown.
+    """
+
+    steering: int = 1
+    state: int = 0
+    number: int = 0
+    active: bool = False
+    ended: bool = False
+    ended_at: float = 0.0
+    refused: str = ""
+    reports: bool = False
+    speed: float = math.nan
+    _followed: bool = False
+    _before: int = 0
+    _whole: int = 0
+    _ends: dict[int, tuple[bool, str]] = field(default_factory=dict)
+    _events: deque[Event] = field(default_factory=deque)
+    _frequency: float = 0.0
+    _pwm: float = math.nan
+    _r: float = math.nan
+    _ay: float = math.nan
+    _sampled: float = -math.inf
+
+    def begin(self) -> None:
+        """Forget what the applet did before; the switch is about to be thrown."""
+        self.active = self.ended = False
+        self._followed, self._before = True, self.number
+        self._ends, self.refused = {}, ""
+
+    def take(self) -> Iterator[Event]:
+        """The events since the last call."""
+        while self._events:
+            yield self._events.popleft()
+
+    @property
+    def _begun(self) -> bool:
+        return self.number != self._before
+
+    @property
+    def outcome_heard(self) -> bool:
+        """Whether the applet itself said how the run ended."""
+        return self._begun and (self.number in self._ends or self._whole == self.number)
+
+    @property
+    def outcome(self) -> tuple[bool, str]:
+        """(completed, reason in words) of the run that was begun: by its texts, else by SWP_DONE."""
+        if not self._begun:
+            return False, "the applet began no run"
+        if self.number in self._ends:
+            return self._ends[self.number]
+        if self._whole == self.number:
+            return True, _WHOLE
+        return False, "it ended early; why was not heard" if self.ended else "the applet did not end in time"
+
+    def message(self, message: Message, t: float) -> None:
+        """Take a message that came at `t` s of the vehicle's clock."""
+        name = kind(message)
+        if name == "NAMED_VALUE_FLOAT":
+            self._named(message.name, float(message.value), t)
+        elif name == "SERVO_OUTPUT_RAW":
+            self._pwm = float(getattr(message, f"servo{self.steering}_raw"))
+        elif name == "ATTITUDE":
+            self._r = -message.yawspeed
+            self._sample(t)
+        elif name == "RAW_IMU":
+            self._ay = -message.yacc * _MILLI_G
+        elif name == "LOCAL_POSITION_NED":
+            self.speed = math.hypot(message.vx, message.vy)
+
+    def text(self, text: StatusText) -> None:
+        """Take a whole status text."""
+        self._events.append(Said(text.t, text.severity, text.text))
+        if text.text.startswith(_REFUSED):
+            self.refused = text.text.removeprefix(_REFUSED)
+        if match := _STOPPED.match(text.text):
+            self._ends[int(match[1])] = False, match[2] or "stopped by the applet"
+        elif match := _DONE.match(text.text):
+            self._ends[int(match[1])] = True, _WHOLE
+
+    def _named(self, name: str, value: float, t: float) -> None:
+        if name == "SWP_W":
+            self._frequency = value
+        elif name == "SWP_RUN":
+            if not (self._followed and self._begun):  # of a run that comes after it nothing is reported
+                self.number = int(value)
+        elif name == "SWP_DONE":
+            self._whole = int(value)
+        elif name == "SWP_ST":
+            self.reports = True
+            if int(value) != self.state:
+                self._enter(int(value), t)
+
+    def _enter(self, state: int, t: float) -> None:
+        self.state = state
+        self._events.append(StateChanged(t, state, STATES.get(state, f"state {state}")))
+        if 0 < state < _STOPPED_STATE:
+            self.active = True
+        elif self.active or state == _STOPPED_STATE:
+            self.active = self.ended = True
+            self.ended_at = t
+
+    def _sample(self, t: float) -> None:
+        if t - self._sampled < _SAMPLE_EVERY:
+            return
+        self._sampled = t
+        self._events.append(Sample(t, self.state, self._pwm, self._r, self._ay, self.speed, self._frequency))

@@ -1,0 +1,310 @@
+"""The one place that holds the right to move: throttle and switch are kept up only while every rule holds.
+
+    right = RightToMove(link.line, link.clock, limits)
+    with link.listening(right.message): ...
+    right.holds()   # asked before each override that moves the rover
+    right.lost      # why it was lost, '' while it was not
+
+A right that is lost stays lost. The clocks are the vehicle's (no hole in what it sent), a monotonic one, one
+that counts sleep, and the wall clock where the computer has none that counts sleep.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rover_sweep.vehicle.link.clock import VehicleClock
+from rover_sweep.vehicle.link.mavlink import Message, kind
+from rover_sweep.vehicle.link.transport import Line
+
+HEARD, HEARD_BEFORE = 0.9, 3.0  # s without a message: from the switch on, and before
+REPORTED = 0.9  # s without the applet's state, which it reports every 0.2 s in a run
+WAITING = 15.0  # s of our throttle until the speed is in the applet's band
+_TURNING = 0.3  # s that the wall clock is watched for when it jumps: set, or the computer slept
+_SPARE = 6.0  # s that a phase may take longer than planned
+_RC_RECEIVER = 65536  # MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+_RSSI_UNKNOWN = 255
+_JUMP, _JUMPED = 150, 2  # us between two RC_CHANNELS; channels
+_SAFETY_ARMED, _MANUAL = 128, 0
+_STANDING, _WAIT, _FIRST, _LAST, _AFTER = 1, 2, 3, 8, 9  # SWP_ST
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a run may take. drives: the throttle is ours; ours: RC channels that are overridden; manoeuvre,
+    still: s of steering and of standstill; v_max: m/s."""
+
+    drives: bool = False
+    ours: frozenset[int] = frozenset()
+    manoeuvre: float = math.inf
+    still: float = 0.0
+    v_max: float = math.inf
+
+
+@dataclass(frozen=True)
+class Instant:
+    """One moment on every clock [s]."""
+
+    monotonic: float
+    since_boot: float
+    wall: float
+    vehicle: float
+
+    def age(self, now: Instant) -> float:
+        """s since this moment on the computer's clocks."""
+        return max(now.monotonic - self.monotonic, now.since_boot - self.since_boot)
+
+    def age_anywhere(self, now: Instant) -> float:
+        """The same, the vehicle's clock among them."""
+        return max(self.age(now), now.vehicle - self.vehicle)
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the rules look at. Times are s; `run` 0 and `begun` 0: not known; nan: never heard."""
+
+    limits: Limits
+    thrown: bool
+    silence: float
+    hole: float
+    rebooted: bool
+    state: int
+    since_report: float
+    in_state: float
+    run: int
+    begun: int
+    speed: float
+    since_speed: float
+    armed: bool
+    mode: int
+    no_transmitter: str
+
+    @property
+    def under_way(self) -> bool:
+        return self.thrown and 0 < self.state <= _AFTER
+
+    @property
+    def driven(self) -> bool:
+        return self.limits.drives and self.thrown and _WAIT <= self.state <= _LAST
+
+
+def heard(s: Situation) -> str:
+    limit = HEARD if s.thrown else HEARD_BEFORE
+    return f"nothing was heard from the rover for {s.silence:.1f} s" if s.silence > limit else ""
+
+
+def no_hole(s: Situation) -> str:
+    limit = HEARD if s.thrown else HEARD_BEFORE
+    return f"{s.hole:.1f} s of what the rover sent are missing" if s.hole > limit else ""
+
+
+def same_boot(s: Situation) -> str:
+    return "the rover rebooted" if s.rebooted else ""
+
+
+def reported(s: Situation) -> str:
+    if not s.under_way or s.since_report <= REPORTED:
+        return ""
+    if s.silence > REPORTED / 2:
+        return f"nothing was heard from the rover for {s.silence:.1f} s"
+    return f"the applet has not reported its state for {s.since_report:.1f} s"
+
+
+def same_run(s: Situation) -> str:
+    other = s.begun and s.run != s.begun
+    return f"the applet is in run {s.run}, which nobody asked for, after run {s.begun}" if other else ""
+
+
+def slow_enough(s: Situation) -> str:
+    fast = s.driven and s.speed > s.limits.v_max
+    return f"speed {s.speed:.2f} m/s is above SWP_V_MAX {s.limits.v_max:g}" if fast else ""
+
+
+def speed_known(s: Situation) -> str:
+    blind = s.driven and not s.since_speed <= REPORTED
+    return "the rover's speed is unknown (no LOCAL_POSITION_NED)" if blind else ""
+
+
+def in_time(s: Situation) -> str:
+    limit = s.limits.still + _SPARE
+    if s.state == _WAIT:
+        limit = WAITING if s.limits.drives else math.inf
+    elif _FIRST <= s.state <= _LAST:
+        limit = s.limits.manoeuvre + _SPARE
+    elif s.state == _AFTER:
+        limit = math.inf  # the applet's own 30 s; nothing is driven
+    if not s.under_way or s.in_state <= limit:
+        return ""
+    if s.state == _WAIT:
+        return (
+            f"{limit:.0f} s of throttle did not bring the speed into the band of SWP_V_MIN and SWP_V_MAX "
+            f"(last {s.speed:.1f} m/s); give another throttle"
+        )
+    return f"the applet did not end its state {s.state} within {limit:.0f} s"
+
+
+def transmitter_alive(s: Situation) -> str:
+    return s.no_transmitter and f"{s.no_transmitter}: the safety pilot's transmitter may be lost"
+
+
+def armed_in_manual(s: Situation) -> str:
+    if not s.thrown:
+        return ""
+    if not s.armed:
+        return "the rover was disarmed"
+    return f"the rover left MANUAL (mode {s.mode})" if s.mode != _MANUAL else ""
+
+
+Rule = Callable[[Situation], str]
+RULES: tuple[Rule, ...] = (
+    same_boot,
+    heard,
+    no_hole,
+    reported,
+    same_run,
+    slow_enough,
+    speed_known,
+    in_time,
+    transmitter_alive,
+    armed_in_manual,
+)
+"""Each says why the right is lost, '' where it is not."""
+
+
+class RightToMove:
+    """See above. It runs out from when it is made: make it after the user's yes, and listen at once.
+
+    lost: why it was lost, '' while it holds.
+    """
+
+    def __init__(self, line: Line, clock: VehicleClock, limits: Limits) -> None:
+        self.lost = ""
+        self._line, self._clock, self._limits = line, clock, limits
+        self._boots = clock.boots
+        now = self._now()
+        self._last = now
+        self._reported: Instant | None = None
+        self._entered = self._sped = now
+        self._offset = now.wall - now.monotonic
+        self._doubt: Instant | None = None
+        self._hole, self._thrown, self._before = 0.0, False, 0
+        self._state = self._run = self._begun = 0
+        self._speed, self._armed, self._mode = math.nan, False, _MANUAL
+        self._rssi, self._channels, self._no_transmitter = 0, dict[int, int](), ""
+
+    def thrown(self, before: int) -> None:
+        """The switch goes high now. before: SWP_RUN until now; the run that is begun has another number."""
+        self._hole, self._thrown, self._before, self._begun = 0.0, True, before, 0
+        self._last, self._entered, self._state = self._now(), self._now(), 0
+        self._armed = True  # the next heartbeat says whether it is so
+        self._channels, self._no_transmitter = {}, ""
+
+    def holds(self) -> bool:
+        """Whether the rover may be moved now. False, and `lost` '', while the wall clock is in doubt."""
+        now = self._now()
+        self._look_at_wall(now)
+        if not self.lost:
+            situation = self._situation(now)
+            self.lost = next((reason for rule in RULES if (reason := rule(situation))), "")
+        return not self.lost and self._doubt is None
+
+    @property
+    def silence(self) -> float:
+        """s since the vehicle was last heard."""
+        return self._last.age(self._now())
+
+    @property
+    def rebooted(self) -> bool:
+        return self._clock.boots > self._boots
+
+    @property
+    def heard(self) -> bool:
+        """Whether it was heard lately."""
+        return self.silence < HEARD_BEFORE
+
+    def message(self, message: Message) -> None:
+        """Take a message of the vehicle."""
+        now = self._now()
+        if self._last.vehicle:  # its clock was known then
+            self._hole = max(self._hole, now.vehicle - self._last.vehicle)
+        self._last = now
+        match kind(message):
+            case "NAMED_VALUE_FLOAT":
+                self._named(message.name, int(message.value), now)
+            case "LOCAL_POSITION_NED":
+                self._speed, self._sped = math.hypot(message.vx, message.vy), now
+            case "HEARTBEAT":
+                self._armed = bool(message.base_mode & _SAFETY_ARMED)
+                self._mode = int(message.custom_mode)
+            case "SYS_STATUS":
+                self._receiver(message)
+            case "RC_CHANNELS":
+                self._signal(int(message.rssi))
+                self._failsafe_values(message)
+
+    def _named(self, name: str, value: int, now: Instant) -> None:
+        if name == "SWP_RUN":
+            self._run = value
+            if self._thrown and not self._begun and value != self._before:
+                self._begun = value
+        elif name == "SWP_ST":
+            self._reported = now
+            if value != self._state:
+                driving = _FIRST <= value <= _LAST and _FIRST <= self._state <= _LAST
+                self._state, self._entered = value, self._entered if driving else now
+
+    def _receiver(self, message: Message) -> None:
+        present = message.onboard_control_sensors_present & _RC_RECEIVER
+        healthy = message.onboard_control_sensors_health & _RC_RECEIVER
+        if present and not healthy:  # for good: an override of ours looks like a healthy receiver
+            self._no_transmitter = "the RC receiver is not healthy (SYS_STATUS)"
+
+    def _signal(self, rssi: int) -> None:
+        if self._rssi and rssi == 0:
+            self._no_transmitter = f"the radio's RSSI fell from {self._rssi} to 0"
+        if rssi != _RSSI_UNKNOWN:
+            self._rssi = rssi
+
+    def _failsafe_values(self, message: Message) -> None:
+        """A receiver that lost its transmitter may set its channels to failsafe values, all at once (4.6.3
+        shows them within 50 ms, and sets no failsafe while we override the throttle)."""
+        before = self._channels
+        pwm = {n: int(getattr(message, f"chan{n}_raw")) for n in range(1, 17) if n not in self._limits.ours}
+        self._channels = {n: us for n, us in pwm.items() if 0 < us < 0xFFFF}
+        jumped = [n for n, us in self._channels.items() if abs(us - before.get(n, us)) > _JUMP]
+        if len(jumped) >= _JUMPED:
+            self._no_transmitter = f"RC channels {', '.join(map(str, jumped))} jumped at once"
+
+    def _look_at_wall(self, now: Instant) -> None:
+        """A wall clock that jumps ahead was set, or the computer slept: the vehicle's clock shows which."""
+        offset, self._offset = self._offset, now.wall - now.monotonic
+        if self._offset - offset > HEARD:
+            self._doubt = now
+        elif self._doubt is not None and now.monotonic - self._doubt.monotonic > _TURNING:
+            self._doubt = None
+
+    def _situation(self, now: Instant) -> Situation:
+        reported = self._reported
+        return Situation(
+            limits=self._limits,
+            thrown=self._thrown,
+            silence=self._last.age(now),
+            hole=self._hole,
+            rebooted=self.rebooted,
+            state=self._state,
+            since_report=math.inf if reported is None else reported.age_anywhere(now),
+            in_state=now.vehicle - self._entered.vehicle,
+            run=self._run,
+            begun=self._begun,
+            speed=self._speed,
+            since_speed=math.inf if math.isnan(self._speed) else self._sped.age_anywhere(now),
+            armed=self._armed,
+            mode=self._mode,
+            no_transmitter=self._no_transmitter,
+        )
+
+    def _now(self) -> Instant:
+        line = self._line
+        return Instant(line.monotonic(), line.since_boot(), line.wall(), self._clock.now)

@@ -1,0 +1,1 @@
+"""A rover brought to what identification needs: applet, parameters, reboots."""

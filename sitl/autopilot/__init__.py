@@ -1,0 +1,1 @@
+"""The embedded autopilot: modes, radio, parameters, Lua scripts, what it logs."""

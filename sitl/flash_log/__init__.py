@@ -1,0 +1,1 @@
+"""DataFlash logs as ArduPilot writes them."""

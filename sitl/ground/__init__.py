@@ -1,0 +1,1 @@
+"""The embedded rover's side of MAVLink: sessions, commands, messages, files, logs."""

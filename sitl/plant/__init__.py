@@ -1,0 +1,1 @@
+"""The rover as physics: tyres, axles, servo, sensors, road, and the variant files that describe it."""

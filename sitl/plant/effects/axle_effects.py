@@ -1,0 +1,75 @@
+"""The axles of a rover with effects in its tyres, its suspension or its resistance."""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+
+from sitl.plant.axles import GRAVITY, Axles, Forces, direction
+from sitl.plant.effects.tyres import IDS as TYRE_IDS
+from sitl.plant.effects.tyres import Relaxation, Stiffness, tyre_law
+from sitl.plant.effects_table import Effects, number
+from sitl.plant.road import Road
+from sitl.plant.tyre import slip_angle
+from sitl.plant.variant import PlantParameters
+
+IDS = TYRE_IDS | {"roll_steer", "suspension_friction", "speed_variation"}
+FRICTION_ROUNDING = 0.005  # rad/s of roll within which the friction's sign is smooth
+_ROUNDS = 2  # of the loop from stiffness over lateral acceleration back to stiffness; k (a_y/g)2 is small
+
+
+class EffectAxles(Axles):
+    """As `Axles`, with effects; plain again where all of them are absent."""
+
+    def __init__(self, parameters: PlantParameters, road: Road) -> None:
+        super().__init__(parameters, road)
+        effects = parameters.effects
+        self._law = tyre_law(effects)
+        self._stiffness = Stiffness(effects)
+        self.relaxation = Relaxation(effects) if number(effects, "tyre_relaxation", "sigma") > 0 else None
+        self._mass = parameters.mass
+        self._roll_steer = number(effects, "roll_steer", "e")
+        self._friction = number(effects, "suspension_friction", "T")
+        self._drag = number(effects, "speed_variation", "D") * parameters.mass
+
+    def travel(self, distance: float, t: float) -> None:
+        """The road that is under the rover after a distance [m], at the time t [s]."""
+        self._stiffness.travel(distance, t)
+
+    def forces(self, vx: float, vy: float, r: float, phi: float, p: float, delta: float) -> Forces:
+        a, b, _, _, df, dr, _, gain, top, rf, rr = self._constants
+        road = self._road
+        delta += self._roll_steer * phi
+        ss, cs = sin(delta), cos(delta)
+        vyf, vyr = vy + a * r, vy - b * r
+        forward = vx * cs + vyf * ss
+        drag_f = -rf * direction(forward)
+        drive = min(max(gain * (self.wanted_speed - vx), -top), top)
+        along_r = min(max(drive - rr * direction(vx), -0.99 * dr), 0.99 * dr)
+        slips = slip_angle(forward, vyf * cs - vx * ss), slip_angle(vx, vyr)
+        self.steady = self._sides(slips, (df, sqrt(dr * dr - along_r * along_r)), cs)
+        side_f, side_r = self.steady if self.relaxation is None else self.relaxation.forces
+        front = side_f * cs + drag_f * ss
+        lateral = (front + side_r) / self._mass
+        fx = along_r + drag_f * cs - side_f * ss - self._drag * lateral * lateral * direction(vx)
+        roll = road.roll_moment - self._friction * p / sqrt(p * p + FRICTION_ROUNDING**2)
+        return fx, front + side_r + road.force, a * front - b * side_r + road.yaw_moment, roll
+
+    def _sides(
+        self, slips: tuple[float, float], peaks: tuple[float, float], cosine: float
+    ) -> tuple[float, float]:
+        """Steady side forces [N], front and rear, in the wheels' planes."""
+        _, _, cf, cr, _, _, shape, _, _, _, _ = self._constants
+        share = self._stiffness.surface
+        front = self._law(slips[0], share * cf, peaks[0], shape)
+        rear = self._law(slips[1], share * cr, peaks[1], shape)
+        for _ in range(_ROUNDS if self._stiffness.transfers else 0):
+            lateral_g = (front * cosine + rear) / (self._mass * GRAVITY)
+            left = share * self._stiffness.transferred(lateral_g)
+            front = self._law(slips[0], left * cf, peaks[0], shape)
+            rear = self._law(slips[1], left * cr, peaks[1], shape)
+        return front, rear
+
+
+def friction_pole(effects: Effects, roll_inertia: float) -> float:
+    """Pole [1/s] that rounded friction adds about rest, for the choice of the step."""
+    return number(effects, "suspension_friction", "T") / (FRICTION_ROUNDING * roll_inertia)

@@ -1,0 +1,52 @@
+"""An IMU that is mounted askew, and a low-pass in it that nobody has written down."""
+
+from __future__ import annotations
+
+from math import cos, inf, sin
+
+from sitl.plant.effects_table import Effects, number
+
+Vector = tuple[float, float, float]
+
+IDS = frozenset({"imu_tilt"})
+
+
+class Mounting:
+    """Turns vectors of the body, FRD, into those of an IMU whose mounting angles are ISO: yaw (left), pitch
+    (nose down), roll (left side up), in this order."""
+
+    __slots__ = ("_rows", "angles")
+
+    def __init__(self, effects: Effects) -> None:
+        roll, pitch, yaw = (number(effects, "imu_tilt", name) for name in ("roll", "pitch", "yaw"))
+        self.angles = (roll, -pitch, -yaw)
+        # the same rotations about FRD axes: roll about x as it is, pitch and yaw with their axes turned round
+        self._rows = _rows(*self.angles)
+
+    def seen(self, vector: Vector) -> Vector:
+        """A body vector in the IMU's axes."""
+        x, y, z = vector
+        a, b, c = self._rows
+        return (
+            a[0] * x + a[1] * y + a[2] * z,
+            b[0] * x + b[1] * y + b[2] * z,
+            c[0] * x + c[1] * y + c[2] * z,
+        )
+
+
+def hidden_cutoffs(effects: Effects) -> tuple[float, float]:
+    """(gyro, accelerometer) cut-offs [Hz] of filters that nobody knows of; infinite where there is none."""
+    return (
+        number(effects, "sensor_filter", "gyro_hz", inf),
+        number(effects, "sensor_filter", "accel_hz", inf),
+    )
+
+
+def _rows(roll: float, pitch: float, yaw: float) -> tuple[Vector, Vector, Vector]:
+    """Rows of the matrix from the outer into the turned axes: yaw, then pitch, then roll."""
+    cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
+    return (
+        (cp * cy, cp * sy, -sp),
+        (sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp),
+        (cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp),
+    )

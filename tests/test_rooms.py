@@ -1,0 +1,158 @@
+"""How the rooms lie: which room may import which, deferred imports counted; no circle; nothing loose.
+
+ROOMS goes from the ground up. A room imports what stands in its own line, and nothing else of this project.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("rover_sweep", "sitl", "firmware_params")
+SHARED = {"errors", "_version"}  # every room may import these
+ROOMS: dict[str, set[str]] = {
+    "firmware_params": set(),
+    "sitl": set(),
+    "files": set(),
+    "data": {"files"},
+    "manoeuvre": {"firmware_params"},
+    "spectra": {"data", "manoeuvre"},
+    "quality": {"data", "spectra"},
+    "design": {"data", "manoeuvre", "spectra", "firmware_params"},
+    "logs": {"data", "files", "quality"},
+    "identification": {"data", "files", "quality", "spectra"},
+    "diagnosis": {"data", "identification", "manoeuvre", "quality", "spectra"},
+    "gains": {"data", "diagnosis", "identification"},
+    "report": {"data", "diagnosis", "files", "identification", "quality", "spectra"},
+    "vehicle": {"files", "firmware_params", "logs", "manoeuvre"},
+    "session": {"data", "files", "firmware_params", "logs", "manoeuvre", "sitl", "vehicle"},
+    "bench": {"data", "files", "logs", "vehicle"},
+    "redrive": {"data", "firmware_params", "logs", "sitl", "vehicle"},
+    "study": {
+        "data", "files", "identification", "logs", "manoeuvre", "report", "sitl", "spectra",
+    },
+    "live": {
+        "data", "design", "files", "firmware_params", "logs", "manoeuvre", "quality", "session", "spectra",
+        "vehicle",
+    },
+    "api": {
+        "bench", "data", "design", "diagnosis", "files", "firmware_params", "gains", "identification", "logs",
+        "quality", "report", "session", "spectra",
+    },
+    "tui": {"data", "design", "files", "firmware_params", "live", "manoeuvre", "session", "vehicle"},
+    "cli": {
+        "api", "bench", "data", "design", "diagnosis", "files", "firmware_params", "gains", "identification",
+        "live", "logs", "manoeuvre", "quality", "redrive", "report", "session", "sitl", "spectra", "study",
+        "tui", "vehicle",
+    },
+}  # fmt: skip
+LOOSE = {"__init__.py", "__main__.py", "_version.py", "errors.py"}
+OUTSIDE = {
+    "identification": {"pymavlink", "click", "rich", "matplotlib", "textual"},
+    "diagnosis": {"pymavlink", "click", "rich", "matplotlib", "textual"},
+    "spectra": {"pymavlink", "click", "rich", "matplotlib", "textual"},
+    "report": {"pymavlink", "click", "textual"},
+    "api": {"pymavlink", "click", "textual"},
+    "tui": {"pymavlink", "click", "matplotlib", "numpy"},
+}  # libraries that a room must do without
+
+FILES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for package in PACKAGES
+    for path in (ROOT / package).rglob("*.py")
+}
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Every module that a file imports, at its head or inside of functions."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def module_of(name: str) -> str | None:
+    """The module of this project that an imported name lies in."""
+    while name not in FILES:
+        if "." not in name:
+            return None
+        name = name.rpartition(".")[0]
+    return name
+
+
+ARROWS = {
+    module: {found for name in imported(path) if (found := module_of(name)) and found != module}
+    for module, path in FILES.items()
+}
+
+
+def room_of(module: str) -> str:
+    parts = module.split(".")
+    return parts[1] if parts[0] == "rover_sweep" and len(parts) > 1 else parts[0]
+
+
+def within(module: str, depth: int) -> str:
+    """The room at that depth: the folder, or the file itself where it stands higher."""
+    return ".".join(module.split(".")[: depth + 1])
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_imports_what_it_may(room: str) -> None:
+    modules = [module for module in FILES if room_of(module) == room]
+    assert modules
+    allowed = {room, *SHARED, *ROOMS[room]}
+    wrong = [
+        f"{module} -> {target}"
+        for module in modules
+        for target in ARROWS[module]
+        if room_of(target) not in allowed
+    ]
+    assert not wrong
+    used = {room_of(target) for module in modules for target in ARROWS[module]} - {room, *SHARED}
+    assert used == ROOMS[room], "an arrow that nobody uses any longer"
+
+
+@pytest.mark.parametrize("room", OUTSIDE)
+def test_a_room_does_without_these_libraries(room: str) -> None:
+    wrong = [
+        f"{module} -> {name}"
+        for module, path in FILES.items()
+        if room_of(module) == room
+        for name in imported(path)
+        if name.partition(".")[0] in OUTSIDE[room]
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize("depth", [1, 2, 3, 9])
+def test_no_circle_between_rooms_of_any_depth(depth: int) -> None:
+    graph: dict[str, set[str]] = {}
+    for module, targets in ARROWS.items():
+        if module == "rover_sweep":
+            continue  # the package's face hands names on
+        own = within(module, depth)
+        graph.setdefault(own, set()).update(within(t, depth) for t in targets if t != "rover_sweep")
+    for room, targets in graph.items():
+        targets.discard(room)
+    TopologicalSorter(graph).prepare()  # CycleError names the circle
+
+
+def test_nothing_is_loose_at_the_root() -> None:
+    assert {path.name for path in (ROOT / "rover_sweep").glob("*.py")} == LOOSE
+    folders = {path.name for path in (ROOT / "rover_sweep").iterdir() if (path / "__init__.py").exists()}
+    assert folders == {room for room in ROOMS if room not in PACKAGES}
+
+
+def test_every_room_says_what_it_is() -> None:
+    lacking = [
+        str(path.relative_to(ROOT))
+        for path in FILES.values()
+        if path.name == "__init__.py" and not ast.get_docstring(ast.parse(path.read_text()))
+    ]
+    assert not lacking
