@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "identify"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "identification"))
 
 from coverage_draws import Draw, clean_runs, drawn
 from synthetic import TRUE

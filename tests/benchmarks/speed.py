@@ -23,7 +23,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import csd, welch
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "identify"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "identification"))
 from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.data.geometry import Geometry

@@ -18,7 +18,7 @@ from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import PlannedRun
 from rover_sweep.session.folder import DESCRIPTION, VEHICLE_FILE, Session
 from rover_sweep.vehicle.link.mavlink import Codec
-from tests.identify.synthetic import GEOMETRY, TRUE, driven
+from tests.identification.synthetic import GEOMETRY, TRUE, driven
 from tests.logs.flash_writer import FlashWriter
 
 DATA = Path(__file__).parents[1] / "data"

@@ -28,7 +28,7 @@ from rover_sweep.design.demand import (
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 
-ROVER = load(Path(__file__).parent / "data" / "rover.toml")
+ROVER = load(Path(__file__).parents[1] / "data" / "rover.toml")
 GOOD: dict[str, Any] = {"runs": 3, "loop_rate": 100.0, "gyro_filter": 20.0, "accel_filter": 20.0}
 
 

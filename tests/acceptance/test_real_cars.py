@@ -9,7 +9,7 @@ import pytest
 
 import rover_sweep as rs
 
-MAPS = Path(__file__).parent / "data" / "cars"
+MAPS = Path(__file__).parents[1] / "data" / "cars"
 DART, CIRCLES, JOYSTICK = (
     "dart_free_driving_2024",
     "umich_ardupilot_rover_circles_2017",

@@ -12,7 +12,7 @@ from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.data.vehicle_file import Measured, example, load, parse, set_number
 from rover_sweep.errors import UsageError
 
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parents[1] / "data"
 MINIMAL = "[vehicle]\nmass = 2.66\ncg_to_front_axle = 0.203\ncg_to_rear_axle = 0.188\n"
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PACKAGES = ("rover_sweep", "sitl", "firmware_params")
 SHARED = {"errors", "_version"}  # every room may import these
 ROOMS: dict[str, set[str]] = {
