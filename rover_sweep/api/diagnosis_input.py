@@ -134,9 +134,13 @@ def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
 
 def _refused(why: str, given: Material, settings: DiagnosisSettings, seconds: float) -> Diagnosis:
     return Diagnosis(
-        "refused", why, settings.baseline, seconds=seconds,
-        runs=tuple(run.name for run in given.runs), held_out_runs=tuple(run.name for run in given.held_out),
-    )  # fmt: skip
+        "refused",
+        why,
+        settings.baseline,
+        seconds=seconds,
+        runs=tuple(run.name for run in given.runs),
+        held_out_runs=tuple(run.name for run in given.held_out),
+    )
 
 
 def effects_named(names: Sequence[str]) -> tuple[str, ...]:

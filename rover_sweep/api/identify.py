@@ -104,11 +104,17 @@ def identify(
     checks = tuple(verify) or doublets
     refuse_overlap(sweeps, checks)
     settings = Settings(
-        _known(models, MODELS, "model"), _known(fit, ("r", "ay", "vydot", "p"), "response"), tied, band,
-        dict(bands or {}), tuple(windows) if windows else None,
-        reduction=reduction, keep=parameter_names(keep), condition_on=_listed(condition_on),
+        _known(models, MODELS, "model"),
+        _known(fit, ("r", "ay", "vydot", "p"), "response"),
+        tied,
+        band,
+        dict(bands or {}),
+        tuple(windows) if windows else None,
+        reduction=reduction,
+        keep=parameter_names(keep),
+        condition_on=_listed(condition_on),
         bootstrap=bootstrap,
-    )  # fmt: skip
+    )
     freed = _known(parameter_names(free), tuple(MODEL_NAMES.values()), "known number of the roll-yaw model")
     own = load_structures(_listed(structures))
     return identified(sweeps, checks, (runs.vehicle, runs.vehicle_file), settings, own, freed)

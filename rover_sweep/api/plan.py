@@ -43,9 +43,16 @@ def planned(
     bench = known(vehicle, tolerances_of(vehicle.material))
     settled = {effect: why for effect, why in bench.settled.items() if effect not in wanted}
     return plan(
-        tuple(runs), geometry_of(vehicle), abs(rad_per_us), limits_of(vehicle), tuple(wanted),
-        bench.spread, {run.name: experiment(run) for run in driven}, progress, settled,
-    )  # fmt: skip
+        tuple(runs),
+        geometry_of(vehicle),
+        abs(rad_per_us),
+        limits_of(vehicle),
+        tuple(wanted),
+        bench.spread,
+        {run.name: experiment(run) for run in driven},
+        progress,
+        settled,
+    )
 
 
 def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
@@ -92,9 +99,13 @@ def as_planned(run: Recording, vehicle: Vehicle) -> PlannedRun:
         raise UsageError(f"{run.name} has no speed, so it has no place in a plan")
     bent = run.kind == "sweep" and abs(bias) > BIAS_SHARE * amplitude
     return PlannedRun(
-        "bias_sweep" if bent else run.kind, round(amplitude), round(run.mean_speed, 2), _heading(run),
-        round(bias) if bent else 0.0, name=run.name,
-    )  # fmt: skip
+        "bias_sweep" if bent else run.kind,
+        round(amplitude),
+        round(run.mean_speed, 2),
+        _heading(run),
+        round(bias) if bent else 0.0,
+        name=run.name,
+    )
 
 
 def _heading(run: Recording) -> float | None:

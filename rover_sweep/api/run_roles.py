@@ -32,9 +32,7 @@ def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Rec
     return (replace(straight[0], notes=(*straight[0].notes, note)), *straight[1:]), doublets
 
 
-def doublets_apart(
-    runs: Sequence[Recording],
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+def doublets_apart(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
     """(all other runs, doublets); doublets alone are the runs."""
     doublets = tuple(r for r in runs if r.kind == "doublet")
     others = tuple(r for r in runs if r.kind != "doublet")

@@ -22,8 +22,11 @@ def first_offset(
     t, pwm (m,); wheel_t, value (n,) rad or rad/s. clock: standard deviation of the wheel's clock beside the
     rover's; inf looks everywhere. DataRefused where the wheel does not follow.
     """
-    angle = np.concatenate(([0.0], np.cumsum(np.diff(wheel_t) * 0.5 * (value[1:] + value[:-1])))) if is_rate \
-        else value  # fmt: skip
+    angle = (
+        np.concatenate(([0.0], np.cumsum(np.diff(wheel_t) * 0.5 * (value[1:] + value[:-1]))))
+        if is_rate
+        else value
+    )
     moved, seen = _movement(t, pwm, step=True), _movement(wheel_t, angle, step=False)
     if moved.size < 10 or seen.size < 10 or not moved.any() or not seen.any():
         raise DataRefused("nothing moves in the record of the steering, or in that of the wheel")

@@ -47,9 +47,15 @@ class BenchResult:
 
 
 def interval(
-    name: str, unit: str, value: float, sd: float, factor: float, meaning: str, key: str = "",
+    name: str,
+    unit: str,
+    value: float,
+    sd: float,
+    factor: float,
+    meaning: str,
+    key: str = "",
     least: float = -inf,
-) -> Number:  # fmt: skip
+) -> Number:
     """value +- factor sd; least: what it cannot be below (neither can its value be then)."""
     value, sd = float(value), float(sd)  # plain, as files and JSON take them
     low, high = value - factor * sd, value + factor * sd

@@ -64,9 +64,11 @@ def by_hand(readings: Readings, trim: float) -> BenchResult:
         weight = noise * prior
         done = least_squares(
             lambda x, weight=weight: np.concatenate(((model(x) - angle)[read], weight * x)),
-            [start[n] for n in names], x_scale=[scale[n] for n in names], bounds=(low, np.inf),
+            [start[n] for n in names],
+            x_scale=[scale[n] for n in names],
+            bounds=(low, np.inf),
             diff_step=1e-4,
-        )  # fmt: skip
+        )
         misfit = done.fun[: int(read.sum())]
         noise = float(np.sqrt(misfit @ misfit / free))
     covariance = noise**2 * np.linalg.pinv(done.jac.T @ done.jac)

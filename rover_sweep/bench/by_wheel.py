@@ -54,8 +54,11 @@ def _result(problem: Problem, done: Any, factor: float, sign: float | None, turn
     )
     static = [names.index(n) for n in ("k", "e", "c3", "w", "b")]
     reach = float(np.max(np.abs(problem.command.pwm - problem.command.trim)))
-    numbers = [*static_numbers([names[k] for k in static], x[static],
-                               covariance[np.ix_(static, static)], factor, reach)]  # fmt: skip
+    numbers = [
+        *static_numbers(
+            [names[k] for k in static], x[static], covariance[np.ix_(static, static)], factor, reach
+        )
+    ]
     numbers = [_with_scale(number, factor) if number.name in SLOPES else number for number in numbers]
     untold = ["trim_us: an IMU on the wheel does not know straight ahead; read it by hand (--hand)"]
     enough = problem.step.max() + 1 >= LEAST_STEPS
@@ -76,9 +79,13 @@ def _result(problem: Problem, done: Any, factor: float, sign: float | None, turn
     if turned:
         remarks.append("the wheel's angle is counted to the right, as by an IMU with its z axis down")
     return BenchResult(
-        "IMU on the wheel", tuple(numbers), tuple(untold), tuple(remarks),
-        noise * problem.noise, int(problem.wheel.t.size),
-    )  # fmt: skip
+        "IMU on the wheel",
+        tuple(numbers),
+        tuple(untold),
+        tuple(remarks),
+        noise * problem.noise,
+        int(problem.wheel.t.size),
+    )
 
 
 def _limit(problem: Problem, q: dict[str, float], sd: dict[str, float], factor: float) -> Number:
@@ -112,8 +119,9 @@ def _timing(
         deviation = float(np.sqrt(sd["delay"] ** 2 + unseen**2 + problem.wheel.clock**2))
         delay = q["delay"] + problem.offset
         meaning = "from SERVO_OUTPUT_RAW to the first movement, up to a main loop of it the autopilot's"
-        found.append(interval("servo_delay", "s", delay, deviation, factor, meaning,
-                              "steering.servo_delay", 0.0))  # fmt: skip
+        found.append(
+            interval("servo_delay", "s", delay, deviation, factor, meaning, "steering.servo_delay", 0.0)
+        )
     else:
         untold.append(
             "servo_delay: the wheel's clock is its own, and a delay looks as a clock that differs does "

@@ -25,8 +25,14 @@ from rover_sweep.vehicle.link.streams import Stream, request_all, stop
 from rover_sweep.vehicle.parameters.read_write import read_present
 
 INTERVAL = 0.05  # s between two positions of a ramp
-RATES = {"SERVO_OUTPUT_RAW": 50.0, "ATTITUDE": 50.0, "RC_CHANNELS": 5.0, "GPS_RAW_INT": 5.0,
-         "LOCAL_POSITION_NED": 5.0, "SYSTEM_TIME": 1.0}  # fmt: skip
+RATES = {
+    "SERVO_OUTPUT_RAW": 50.0,
+    "ATTITUDE": 50.0,
+    "RC_CHANNELS": 5.0,
+    "GPS_RAW_INT": 5.0,
+    "LOCAL_POSITION_NED": 5.0,
+    "SYSTEM_TIME": 1.0,
+}
 FAST = 200.0  # Hz of SERVO_OUTPUT_RAW where the line takes it: a delay is told to its interval
 WHEEL_RATES = {"ATTITUDE": 50.0}
 LOOK = 1.5  # s to see the rover before anything moves
@@ -128,10 +134,14 @@ def _refuse(plan: Plan, output: SteeringOutput, url: str) -> None:
     """Before anything moves: what is asked for must be in reach, and nobody unasked but a simulation."""
     largest = max(movement.largest for movement in plan.movements)
     if largest > output.reach:
-        why = "" if output.stick == 4500.0 else (
-            "; more would hold the steering stick where ArduPilot arms the rover after 2 s, unless "
-            "ARMING_RUDDER is 0"
-        )  # fmt: skip
+        why = (
+            ""
+            if output.stick == 4500.0
+            else (
+                "; more would hold the steering stick where ArduPilot arms the rover after 2 s, unless "
+                "ARMING_RUDDER is 0"
+            )
+        )
         raise UsageError(
             f"steps of {largest:g} us are out of reach: SERVO{output.servo}_MIN {output.low:g}, _TRIM "
             f"{output.trim:g}, _MAX {output.high:g} allow {output.reach:.0f} us on both sides{why}"

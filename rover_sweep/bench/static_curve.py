@@ -54,10 +54,24 @@ def static_numbers(
             interval("centre", "rad/us", *of(lambda q: q["k"]), factor, "slope u/PWM before the curve")
         )
     if "e" in names:
-        out.append(interval("left", "rad/us", *of(lambda q: angle(q, -reach) / reach), factor,
-                            f"mean slope to {reach:.0f} us on the left"))  # fmt: skip
-        out.append(interval("right", "rad/us", *of(lambda q: -angle(q, reach) / reach), factor,
-                            f"mean slope to {reach:.0f} us on the right"))  # fmt: skip
+        out.append(
+            interval(
+                "left",
+                "rad/us",
+                *of(lambda q: angle(q, -reach) / reach),
+                factor,
+                f"mean slope to {reach:.0f} us on the left",
+            )
+        )
+        out.append(
+            interval(
+                "right",
+                "rad/us",
+                *of(lambda q: -angle(q, reach) / reach),
+                factor,
+                f"mean slope to {reach:.0f} us on the right",
+            )
+        )
     for name, (title, unit, meaning) in MEANINGS.items():
         if name in names:
             k = list(names).index(name)

@@ -27,10 +27,17 @@ OVERRIDE_SWITCH = 46  # RCn_OPTION "RC override enable"
 CHANNELS = range(1, 17)
 
 NAMES: tuple[str, ...] = (
-    "RC_OVERRIDE_TIME", "RC_OPTIONS", OLD_NAME, "RCMAP_ROLL", "RCMAP_THROTTLE", "ARMING_RUDDER",
-    "MANUAL_STR_EXPO", "SIM_RC_FAIL",
-    *(f"SERVO{n}_FUNCTION" for n in CHANNELS), *(f"RC{n}_OPTION" for n in CHANNELS),
-)  # fmt: skip
+    "RC_OVERRIDE_TIME",
+    "RC_OPTIONS",
+    OLD_NAME,
+    "RCMAP_ROLL",
+    "RCMAP_THROTTLE",
+    "ARMING_RUDDER",
+    "MANUAL_STR_EXPO",
+    "SIM_RC_FAIL",
+    *(f"SERVO{n}_FUNCTION" for n in CHANNELS),
+    *(f"RC{n}_OPTION" for n in CHANNELS),
+)
 
 
 @dataclass(frozen=True)
@@ -138,18 +145,25 @@ def steering_output(have: Mapping[str, float]) -> SteeringOutput:
         raise UsageError(f"the rover did not tell {', '.join(lacking)}; is the link too slow?")
     return SteeringOutput(
         servo,
-        have[f"SERVO{servo}_TRIM"], have[f"SERVO{servo}_MIN"], have[f"SERVO{servo}_MAX"],
+        have[f"SERVO{servo}_TRIM"],
+        have[f"SERVO{servo}_MIN"],
+        have[f"SERVO{servo}_MAX"],
         bool(have[f"SERVO{servo}_REVERSED"]),
         roll,
-        have[f"RC{roll}_TRIM"], have[f"RC{roll}_MIN"], have[f"RC{roll}_MAX"], have[f"RC{roll}_DZ"],
+        have[f"RC{roll}_TRIM"],
+        have[f"RC{roll}_MIN"],
+        have[f"RC{roll}_MAX"],
+        have[f"RC{roll}_DZ"],
         bool(have[f"RC{roll}_REVERSED"]),
         have.get("MANUAL_STR_EXPO", 0.0),
         FULL if have.get("ARMING_RUDDER") == 0 else STICK_LIMIT,
         have["RC_OVERRIDE_TIME"],
-        throttle, have[f"RC{throttle}_TRIM"], max(have[f"RC{throttle}_DZ"], 20.0),
+        throttle,
+        have[f"RC{throttle}_TRIM"],
+        max(have[f"RC{throttle}_DZ"], 20.0),
         next((n for n in CHANNELS if have.get(f"RC{n}_OPTION") == OVERRIDE_SWITCH), 0),
         "SIM_RC_FAIL" in have,
-    )  # fmt: skip
+    )
 
 
 def _refuse(have: Mapping[str, float]) -> None:

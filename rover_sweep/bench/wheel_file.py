@@ -11,9 +11,22 @@ from rover_sweep.bench.wheel_problem import Wheel
 from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused, UsageError
 
-_SECONDS = {"t": 1.0, "time": 1.0, "t_s": 1.0, "time_s": 1.0, "timestamp": 1.0, "seconds": 1.0,
-            "time_ms": 1e-3, "timestamp_ms": 1e-3, "time_boot_ms": 1e-3, "time_us": 1e-6, "timeus": 1e-6,
-            "time_usec": 1e-6, "timestamp_us": 1e-6, "timestamp_ns": 1e-9}  # fmt: skip
+_SECONDS = {
+    "t": 1.0,
+    "time": 1.0,
+    "t_s": 1.0,
+    "time_s": 1.0,
+    "timestamp": 1.0,
+    "seconds": 1.0,
+    "time_ms": 1e-3,
+    "timestamp_ms": 1e-3,
+    "time_boot_ms": 1e-3,
+    "time_us": 1e-6,
+    "timeus": 1e-6,
+    "time_usec": 1e-6,
+    "timestamp_us": 1e-6,
+    "timestamp_ns": 1e-9,
+}
 _DEGREE = float(np.pi / 180)
 _ANGLES = {
     "angle": 1.0,
@@ -23,10 +36,20 @@ _ANGLES = {
     "angle_deg": _DEGREE,
     "yaw_deg": _DEGREE,
 }
-_RATES = {"rate": 1.0, "yaw_rate": 1.0, "yawrate": 1.0, "yawspeed": 1.0, "gyro_z": 1.0, "gz": 1.0,
-          "gyrz": 1.0,
-          "rate_rad_s": 1.0, "yaw_rate_rad_s": 1.0, "rate_deg_s": _DEGREE, "yaw_rate_deg_s": _DEGREE,
-          "gyro_z_deg_s": _DEGREE}  # fmt: skip
+_RATES = {
+    "rate": 1.0,
+    "yaw_rate": 1.0,
+    "yawrate": 1.0,
+    "yawspeed": 1.0,
+    "gyro_z": 1.0,
+    "gz": 1.0,
+    "gyrz": 1.0,
+    "rate_rad_s": 1.0,
+    "yaw_rate_rad_s": 1.0,
+    "rate_deg_s": _DEGREE,
+    "yaw_rate_deg_s": _DEGREE,
+    "gyro_z_deg_s": _DEGREE,
+}
 ARRIVAL = 0.02  # s, of two clocks that only the arrival of their messages brings together
 
 

@@ -41,21 +41,44 @@ def _as_angle(problem: Problem) -> Problem:
     t = problem.wheel.t
     wander = problem.noise * ((t[-1] - t[0]) / STRIDE) ** 0.5
     wheel = replace(problem.wheel, is_rate=False)
-    return replace(problem, wheel=wheel, names=(*problem.names, "drift"), noise=wander,
-                   spread=np.full(t.size, wander))  # fmt: skip
+    return replace(
+        problem, wheel=wheel, names=(*problem.names, "drift"), noise=wander, spread=np.full(t.size, wander)
+    )
 
 
 def _start(problem: Problem, k: float, gap: float, slowness: float) -> Array:
     zero = 0.0 if problem.wheel.is_rate else -float(np.median(problem.wheel.value))
-    start = {"k": k, "e": 0.0, "c3": 0.0, "w": 0.0, "b": gap, "lag": 0.03, "slowness": slowness,
-             "delay": 0.0, "begin": 0.0, "zero": zero, "drift": 0.0}  # fmt: skip
+    start = {
+        "k": k,
+        "e": 0.0,
+        "c3": 0.0,
+        "w": 0.0,
+        "b": gap,
+        "lag": 0.03,
+        "slowness": slowness,
+        "delay": 0.0,
+        "begin": 0.0,
+        "zero": zero,
+        "drift": 0.0,
+    }
     return np.array([start[n] for n in problem.names] + [0.0] * int(problem.step.max() + 1))
 
 
 def _bounds(problem: Problem) -> tuple[Array, Array]:
     least = {"b": 0.0, "lag": 0.0, "slowness": 0.0}
-    scale = {"k": 1e-4, "e": 0.05, "c3": 1.0, "w": 0.005, "b": 0.003, "lag": 0.01, "slowness": 0.05,
-             "delay": 0.01, "begin": 0.003, "zero": 0.01, "drift": 1e-3}  # fmt: skip
+    scale = {
+        "k": 1e-4,
+        "e": 0.05,
+        "c3": 1.0,
+        "w": 0.005,
+        "b": 0.003,
+        "lag": 0.01,
+        "slowness": 0.05,
+        "delay": 0.01,
+        "begin": 0.003,
+        "zero": 0.01,
+        "drift": 1e-3,
+    }
     shifts = int(problem.step.max() + 1)
     low = [least.get(n, -np.inf) for n in problem.names] + [-np.inf] * shifts
     return np.array(low), np.array([scale[n] for n in problem.names] + [problem.jitter] * shifts)

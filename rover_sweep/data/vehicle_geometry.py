@@ -8,9 +8,15 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.vehicle_file import Vehicle
 
 MODEL_NAMES = {
-    "roll_inertia": "Ixx", "roll_yaw_inertia": "Ixz", "cg_height_above_roll_centre": "h",
-    "sprung_mass": "ms", "mass": "m", "cg_to_front_axle": "a", "cg_to_rear_axle": "b", "yaw_inertia": "Izz",
-}  # fmt: skip
+    "roll_inertia": "Ixx",
+    "roll_yaw_inertia": "Ixz",
+    "cg_height_above_roll_centre": "h",
+    "sprung_mass": "ms",
+    "mass": "m",
+    "cg_to_front_axle": "a",
+    "cg_to_rear_axle": "b",
+    "yaw_inertia": "Izz",
+}
 
 
 def geometry_of(vehicle: Vehicle) -> Geometry:

@@ -64,10 +64,17 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 }
 FREE_KEYS = tuple(key for key in SECTIONS["vehicle"] if key not in ("name", "friction"))
 SYMBOLS = {
-    "a": "cg_to_front_axle", "b": "cg_to_rear_axle", "h": "cg_height_above_roll_centre", "m": "mass",
-    "ms": "sprung_mass", "ixx": "roll_inertia", "ixz": "roll_yaw_inertia", "izz": "yaw_inertia",
-    "mu": "friction", "trim": "trim_us",
-}  # fmt: skip
+    "a": "cg_to_front_axle",
+    "b": "cg_to_rear_axle",
+    "h": "cg_height_above_roll_centre",
+    "m": "mass",
+    "ms": "sprung_mass",
+    "ixx": "roll_inertia",
+    "ixz": "roll_yaw_inertia",
+    "izz": "yaw_inertia",
+    "mu": "friction",
+    "trim": "trim_us",
+}
 
 WHEELBASE = (0.05, 5.0)  # m
 TRIM = (800.0, 2200.0)  # us, what a servo output can be

@@ -62,9 +62,14 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
             break
         best = found[0]
         alike = look_alikes(
-            current.fitted, best, [t for t in found if _rival(t, best)], current.tangent, current.tiny,
-            best.fitted.overdispersion, options.seed,
-        )  # fmt: skip
+            current.fitted,
+            best,
+            [t for t in found if _rival(t, best)],
+            current.tangent,
+            current.tiny,
+            best.fitted.overdispersion,
+            options.seed,
+        )
         threshold = current.thresholds.thresholds.get(best.effect, 0.0)
         named.append(Named(best, current.fitted, threshold, alike))
         current = round_of(runs, best.model, best.fitted.x, options, near=True)

@@ -19,14 +19,7 @@ from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
 from rover_sweep.diagnosis.held_out.worth import Fresh, Modelled, held_out, overlays, refitted_without
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, quiet_frames
-from rover_sweep.diagnosis.result import (
-    Diagnosis,
-    EffectValue,
-    Falsified,
-    Finding,
-    HeldOut,
-    Unseen,
-)
+from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Falsified, Finding, HeldOut, Unseen
 from rover_sweep.diagnosis.search.bounds import unknown_beyond
 from rover_sweep.diagnosis.search.look_alikes import Alike
 from rover_sweep.diagnosis.search.parameter_intervals import draws, effect_values, nominal_values
@@ -194,10 +187,15 @@ def _finding(
     evidence = {"gain": named.trial.gain, "threshold": named.threshold}
     evidence |= {f"cosine:{a.effect}": a.cosine for a in named.alike}
     return Finding(
-        effect.id, tuple(a.effect for a in named.alike), values, evidence,
-        _worth(effect.id, choice, unused, whole), effect.next_run,
-        _told(effect.title, values, named.alike), effect.equation,
-    )  # fmt: skip
+        effect.id,
+        tuple(a.effect for a in named.alike),
+        values,
+        evidence,
+        _worth(effect.id, choice, unused, whole),
+        effect.next_run,
+        _told(effect.title, values, named.alike),
+        effect.equation,
+    )
 
 
 def _worth(

@@ -61,19 +61,25 @@ def _judged(judged: Judged | None) -> dict[str, Any] | None:
         "crossover_rad_s": judged.margins.crossover,
         "phase_crossover_rad_s": judged.margins.phase_crossover,
         "worst": {
-            "gain_margin_db": gain, "gain_margin_at": gain_at,
-            "phase_margin_deg": phase, "phase_margin_at": phase_at,
+            "gain_margin_db": gain,
+            "gain_margin_at": gain_at,
+            "phase_margin_deg": phase,
+            "phase_margin_at": phase_at,
         },
         "bandwidth_rad_s": judged.bandwidth,
         "steady_without_integrator": judged.steady,
         "step": {f"{k}{_UNITS[k]}": v for k, v in asdict(judged.step).items()},
-    }  # fmt: skip
+    }
 
 
 _UNITS = {
-    "size": "_rad_s", "rise": "_s", "overshoot": "_percent", "settling": "_s", "lag": "_s",
+    "size": "_rad_s",
+    "rise": "_s",
+    "overshoot": "_percent",
+    "settling": "_s",
+    "lag": "_s",
     "used": "_of_travel",
-}  # fmt: skip
+}
 
 
 def _finite(value: Any) -> Any:

@@ -92,13 +92,20 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
     usable = [b for b in bands if b]
     wait = recorded_loop.wait(run)
     return Identified(
-        name, model["verdict"]["level"], _sooner(structure, wait), _intervals(parameters, wait), speeds,
+        name,
+        model["verdict"]["level"],
+        _sooner(structure, wait),
+        _intervals(parameters, wait),
+        speeds,
         (max(b[0] for b in usable), min(b[1] for b in usable)) if usable else None,
         float(steering["rad_per_us"]["value"]) if steering else None,
-        recorded_loop.cutoff(run), recorded_loop.loop(run), recorded_loop.amplitude(document["runs"]), (),
+        recorded_loop.cutoff(run),
+        recorded_loop.loop(run),
+        recorded_loop.amplitude(document["runs"]),
+        (),
         recorded_loop.play(steering),
         tuple(model["verdict"]["sentences"]),
-    )  # fmt: skip
+    )
 
 
 def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
@@ -115,11 +122,17 @@ def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
     structure = _sooner(linear(model), model.wait)
     assert structure is not None
     return Identified(
-        model.name, levels.get(verdict, "poor"), structure, _guessed(structure), (model.speed,),
+        model.name,
+        levels.get(verdict, "poor"),
+        structure,
+        _guessed(structure),
+        (model.speed,),
         rad_per_us=model.steering[1] if model.steering else None,
-        gyro_hz=known.cutoff_hz if known else None, hidden=hidden, remarks=lost,
+        gyro_hz=known.cutoff_hz if known else None,
+        hidden=hidden,
+        remarks=lost,
         reasons=(f"the verdict of the diagnosis is: {verdict}",),
-    )  # fmt: skip
+    )
 
 
 def with_steering(found: Identified, rad_per_us: float) -> Identified:

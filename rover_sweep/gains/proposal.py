@@ -75,10 +75,17 @@ def propose(found: Identified, autopilot: Autopilot, speed: float | None = None)
     support, judged = _after(found, support, judged)
     values = found.structure.values
     return Proposal(
-        found, autopilot, at, support, now, judged, holds, family.nominal.gain,
+        found,
+        autopilot,
+        at,
+        support,
+        now,
+        judged,
+        holds,
+        family.nominal.gain,
         sum(values[d] for d in found.structure.delays if d.startswith("tau")),
         {p.speed: _right(family, p) for p in family.plants if p.label.startswith("as identified")},
-    )  # fmt: skip
+    )
 
 
 def family_of(found: Identified, autopilot: Autopilot, speed: float) -> Family:

@@ -180,16 +180,27 @@ def autopilot(parameters: Mapping[str, float], assumed: Mapping[str, float] | No
             f"SCHED_LOOP_RATE {filled['SCHED_LOOP_RATE']:g} Hz make no steering"
         )
     unusual = ("ATC_STR_RAT_SMAX", "ATC_STR_RAT_PDMX", "ATC_STR_RAT_NTF", "ATC_STR_RAT_NEF")
-    rat = {k.removeprefix("ATC_STR_RAT_").lower().replace("_", ""): v for k, v in filled.items()
-           if k.startswith("ATC_STR_RAT_")}  # fmt: skip
+    rat = {
+        k.removeprefix("ATC_STR_RAT_").lower().replace("_", ""): v
+        for k, v in filled.items()
+        if k.startswith("ATC_STR_RAT_")
+    }
     return Autopilot(
         Gains(**{k: float(rat[k]) for k in Gains.__dataclass_fields__}),
-        float(filled["SCHED_LOOP_RATE"]), float(filled["INS_GYRO_FILTER"]),
-        float(filled["MOT_SPD_SCA_BASE"]), right, left,
-        math.radians(filled["ATC_STR_RAT_MAX"]), math.radians(filled["ATC_STR_ACC_MAX"]),
-        max(float(filled["ATC_TURN_MAX_G"]), 0.1), float(filled["ATC_STR_ANG_P"]), servo, swap,
-        tuple(lacking), {n: float(filled[n]) for n in unusual if filled[n]},
-    )  # fmt: skip
+        float(filled["SCHED_LOOP_RATE"]),
+        float(filled["INS_GYRO_FILTER"]),
+        float(filled["MOT_SPD_SCA_BASE"]),
+        right,
+        left,
+        math.radians(filled["ATC_STR_RAT_MAX"]),
+        math.radians(filled["ATC_STR_ACC_MAX"]),
+        max(float(filled["ATC_TURN_MAX_G"]), 0.1),
+        float(filled["ATC_STR_ANG_P"]),
+        servo,
+        swap,
+        tuple(lacking),
+        {n: float(filled[n]) for n in unusual if filled[n]},
+    )
 
 
 def steering_servo(parameters: Mapping[str, float]) -> int:

@@ -71,9 +71,13 @@ def measured_step(t: Array, target: Array, rate: Array, size: float, used: float
     settling = float(t[last + 1]) if last + 1 < t.size else math.nan
     behind = float(np.sum((target - rate)[after]) / size * np.mean(np.diff(t)))
     return Step(
-        size, _first(t, share, 0.9) - _first(t, share, 0.1), 100 * max(float(share.max()) - 1.0, 0.0),
-        settling, behind, used,
-    )  # fmt: skip
+        size,
+        _first(t, share, 0.9) - _first(t, share, 0.1),
+        100 * max(float(share.max()) - 1.0, 0.0),
+        settling,
+        behind,
+        used,
+    )
 
 
 def _first(t: Array, share: Array, level: float) -> float:

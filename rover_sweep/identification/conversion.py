@@ -51,9 +51,12 @@ def to_control(
     states = [f"before{k}" for k in range(len(before[0]))] + list(structure.states)
     states += [f"after{k}" for k in range(len(after[0]))]
     return control.ss(
-        *_series(_series(before, rover), after), inputs=list(structure.inputs),
-        outputs=list(structure.outputs), states=states, name=structure.name.replace("-", "_"),
-    )  # fmt: skip
+        *_series(_series(before, rover), after),
+        inputs=list(structure.inputs),
+        outputs=list(structure.outputs),
+        states=states,
+        name=structure.name.replace("-", "_"),
+    )
 
 
 def to_scipy(
@@ -118,10 +121,15 @@ def _parts(
 def pade_delay(tau: float, order: int) -> tuple[Array, Array]:
     """Numerator and denominator (order + 1,) in falling powers of s of the Pade form of exp(-s tau)."""
     n = order
-    c = np.array([
-        factorial(2 * n - k) * factorial(n) / (factorial(2 * n) * factorial(k) * factorial(n - k)) * tau**k
-        for k in range(n, -1, -1)
-    ])  # fmt: skip
+    c = np.array(
+        [
+            factorial(2 * n - k)
+            * factorial(n)
+            / (factorial(2 * n) * factorial(k) * factorial(n - k))
+            * tau**k
+            for k in range(n, -1, -1)
+        ]
+    )
     return c * (-1.0) ** np.arange(n, -1, -1), c
 
 

@@ -76,9 +76,13 @@ class Handling(Shown):
         k = self.quantities["understeer_gradient_deg_per_g"]
         kind = "understeers" if k.value > 0 else "oversteers" if k.value < 0 else "is neutral"
         speed = next(
-            (f", {n.replace('_', ' ')} {self.quantities[n].value:.1f} m/s"
-             for n in ("critical_speed", "characteristic_speed") if n in self.quantities), ""
-        )  # fmt: skip
+            (
+                f", {n.replace('_', ' ')} {self.quantities[n].value:.1f} m/s"
+                for n in ("critical_speed", "characteristic_speed")
+                if n in self.quantities
+            ),
+            "",
+        )
         bound = "" if k.bound is None else f" ± {k.bound:.2g}"
         said = f"the rover {kind}: K_us {k.value:.2g}{bound} deg/g{speed}"
         if self.tied:

@@ -104,9 +104,15 @@ def _late(x: Array, structure: ModelStructure, delay: str | None, rate: float) -
 
 
 def _outputs(
-    structure: ModelStructure, h0: Array, h1: Array, a: Array, b: Array, u: Array, rate: float,
+    structure: ModelStructure,
+    h0: Array,
+    h1: Array,
+    a: Array,
+    b: Array,
+    u: Array,
+    rate: float,
     filters: Mapping[str, LowPass],
-) -> dict[str, Array]:  # fmt: skip
+) -> dict[str, Array]:
     with np.errstate(over="ignore", invalid="ignore"):
         x = _states(a, b, u, rate)
         y = x @ (h0 + h1 @ a).T + u @ (h1 @ b).T
@@ -178,9 +184,14 @@ def _bias_responses(
 
 
 def _solved(
-    structure: ModelStructure, run: Recording, used: Sequence[str], grid: Array, model: dict[str, Array],
-    unit: list[dict[str, Array]], speed: float,
-) -> Verification:  # fmt: skip
+    structure: ModelStructure,
+    run: Recording,
+    used: Sequence[str],
+    grid: Array,
+    model: dict[str, Array],
+    unit: list[dict[str, Array]],
+    speed: float,
+) -> Verification:
     signals = {c: run.manoeuvre(c) for c in used}
     rows, errors = [], []
     for k, c in enumerate(used):
@@ -199,7 +210,9 @@ def _solved(
         overlays.append(Overlay(c, unit_name, signals[c].t, measured, measured - left))
     n = len(unit)
     return Verification(
-        run.name, speed, tuple(overlays),
+        run.name,
+        speed,
+        tuple(overlays),
         dict(zip(structure.states, map(float, bias[:n]), strict=True)),
         dict(zip(used, map(float, bias[n:]), strict=True)),
-    )  # fmt: skip
+    )

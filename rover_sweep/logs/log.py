@@ -78,8 +78,15 @@ def source_of(path: Path) -> tuple[str, str]:
 def vehicle_of(firmware: str) -> str:
     """The kind of vehicle that a firmware's banner names, "" where it names none."""
     banner = firmware.lower()
-    kinds = {"rover": "rover", "copter": "copter", "plane": "plane", "sub": "submarine",
-             "tracker": "antenna tracker", "blimp": "blimp", "heli": "helicopter"}  # fmt: skip
+    kinds = {
+        "rover": "rover",
+        "copter": "copter",
+        "plane": "plane",
+        "sub": "submarine",
+        "tracker": "antenna tracker",
+        "blimp": "blimp",
+        "heli": "helicopter",
+    }
     return next((kind for word, kind in kinds.items() if word in banner), "")
 
 
@@ -210,10 +217,7 @@ def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> di
     """speed (forward) and vy (left) [m/s] from velocity north and east [m/s] and heading psi [rad]."""
     speed = vn * np.cos(psi) - ve * np.sin(psi)
     left = -vn * np.sin(psi) - ve * np.cos(psi)
-    return {
-        "speed": Signal(t, speed, "m/s", source),
-        "vy": Signal(t, left, "m/s", source),
-    }
+    return {"speed": Signal(t, speed, "m/s", source), "vy": Signal(t, left, "m/s", source)}
 
 
 def joined_steering(fine: Signal, coarse: Signal | None) -> Signal:

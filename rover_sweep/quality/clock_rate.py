@@ -34,8 +34,10 @@ def stretched_by_angles(found: Relations) -> Iterator[Note]:
     if not all(REACH[0] < x < REACH[1] for x in (heading, roll)) or abs(heading - 1) < SLOPE:
         return
     if abs(roll / heading - 1) < AGREE:
-        yield stretched(1 / heading, f"heading and roll angle change {heading:.3g} and {roll:.3g} times as "
-                        "fast as r and p say")  # fmt: skip
+        yield stretched(
+            1 / heading,
+            f"heading and roll angle change {heading:.3g} and {roll:.3g} times as fast as r and p say",
+        )
 
 
 def _by_heading(heading: float, force: Relation | None) -> Iterator[Note]:
@@ -48,8 +50,11 @@ def stretched_by_applet(t: Array, clock: Array) -> Iterator[Note]:
     """A fault where the applet's own clock (n,) s of a run runs otherwise than the log's t (n,) s."""
     ratio = _slope(clock, t) if t.size >= FEWEST and np.ptp(clock) > SHORTEST else 1.0
     if abs(ratio - 1) > APPLET_OFF:
-        yield stretched(ratio, f"{np.ptp(clock):.4g} s of the applet's clock (SWEP.T) take {np.ptp(t):.4g} s "
-                        "of the log's (TimeUS)")  # fmt: skip
+        yield stretched(
+            ratio,
+            f"{np.ptp(clock):.4g} s of the applet's clock (SWEP.T) take {np.ptp(t):.4g} s "
+            "of the log's (TimeUS)",
+        )
 
 
 def stretched_by_arrival(t: Array, arrival: Array, heading: Relation | None) -> Iterator[Note]:
@@ -61,8 +66,10 @@ def stretched_by_arrival(t: Array, arrival: Array, heading: Relation | None) -> 
     ratio = _slope(arrival, t) if t.size >= FEWEST and np.ptp(arrival) > LONG else 1.0
     refuted = heading is not None and abs(heading.ratio * ratio - 1) > abs(heading.ratio - 1)
     if abs(ratio - 1) > ARRIVAL_OFF and REACH[0] < ratio < REACH[1] and not refuted:
-        yield stretched(ratio, f"messages of {np.ptp(t):.4g} s of the vehicle's clock arrived within "
-                        f"{np.ptp(arrival):.4g} s")  # fmt: skip
+        yield stretched(
+            ratio,
+            f"messages of {np.ptp(t):.4g} s of the vehicle's clock arrived within {np.ptp(arrival):.4g} s",
+        )
 
 
 def _slope(x: Array, y: Array) -> float:

@@ -86,9 +86,13 @@ def _vehicle(
         lines = folder / "settings.param"
         lines.write_text("".join(f"{n} {v:.10g}\n" for n, v in settings.items()), encoding="ascii")
         return launcher.start_ardurover(
-            launcher.find_ardurover(ardurover), home, variant=variant, seed=seed, scripts=[player],
+            launcher.find_ardurover(ardurover),
+            home,
+            variant=variant,
+            seed=seed,
+            scripts=[player],
             defaults=[shipped("identification"), lines],
-        )  # fmt: skip
+        )
     except launcher.LaunchError as error:
         raise LinkError(str(error)) from error
 

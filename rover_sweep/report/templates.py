@@ -16,9 +16,13 @@ def environment(*folders: str) -> Environment:
     """Templates of these folders of the package, and the parts that all pages share (page_parts.html.j2)."""
     loader = ChoiceLoader([PackageLoader("rover_sweep", folder) for folder in ("report", *folders)])
     found = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
         finalize=_finalized,
-    )  # fmt: skip
+    )
     found.filters["number"] = number
     return found
 

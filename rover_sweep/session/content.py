@@ -8,18 +8,7 @@ from typing import Any, Literal, get_args
 
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
-from rover_sweep.session.entry import (
-    FLAG,
-    LIST,
-    NAME,
-    NUMBER,
-    OBJECT,
-    TEXT,
-    WHOLE,
-    Entry,
-    checked,
-    one_of,
-)
+from rover_sweep.session.entry import FLAG, LIST, NAME, NUMBER, OBJECT, TEXT, WHOLE, Entry, checked, one_of
 
 FORMAT = "rover-sweep session 2"
 
@@ -27,8 +16,11 @@ FORMAT = "rover-sweep session 2"
 State = Literal["begun", "done", "stopped", "cut"]
 Span = tuple[float, float]
 _KINDS: Mapping[str, type[Manoeuvre]] = {
-    "sweep": Sweep, "bias_sweep": BiasSweep, "doublet": Doublet, "multisine": Multisine,
-}  # fmt: skip
+    "sweep": Sweep,
+    "bias_sweep": BiasSweep,
+    "doublet": Doublet,
+    "multisine": Multisine,
+}
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,9 @@ NAME = Kind("a name without a folder", _is_name)
 WHOLE = Kind("a whole number", lambda x: type(x) is int and abs(x) < 2**64)
 FLAG = Kind("true or false", lambda x: isinstance(x, bool))
 NUMBER = Kind(
-    "a finite number", lambda x: type(x) in (int, float) and abs(x) <= sys.float_info.max  # NaN is not
-)  # fmt: skip
+    "a finite number",
+    lambda x: type(x) in (int, float) and abs(x) <= sys.float_info.max,  # NaN is not
+)
 
 
 def one_of(words: tuple[str, ...]) -> Kind:

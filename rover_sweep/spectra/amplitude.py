@@ -159,9 +159,17 @@ def _band(
     most = tightest.within(low, high) if tightest else np.inf
     amplitude = min(wanted, most)
     return BandAmplitude(
-        low, high, response, coherence, noise, wanted, amplitude, _reached(noise, driven, amplitude),
-        cap=tightest.words if tightest and wanted > most else "", drowned=factor >= MOST,
-    )  # fmt: skip
+        low,
+        high,
+        response,
+        coherence,
+        noise,
+        wanted,
+        amplitude,
+        _reached(noise, driven, amplitude),
+        cap=tightest.words if tightest and wanted > most else "",
+        drowned=factor >= MOST,
+    )
 
 
 def _proposal(

@@ -144,9 +144,14 @@ def bearable_windows(
 
 
 def _averaged(
-    length: float, sums: Complex, count: int, w: Array, inputs: Sequence[str], outputs: Sequence[str],
+    length: float,
+    sums: Complex,
+    count: int,
+    w: Array,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
     averages: float,
-) -> InputSpectra:  # fmt: skip
+) -> InputSpectra:
     scale = 2.0 / length / count * np.where(w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
     g = (scale[:, None, None] * sums).astype(complex)
     n = len(inputs)

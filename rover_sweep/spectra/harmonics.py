@@ -97,10 +97,15 @@ class Harmonics(Shown):
     def table(self) -> ShortTable:
         """A row a channel, dB; a star where a level stands above the noise."""
         rows = tuple(
-            (c.channel, f"{c.db(c.excited):.1f} re 1 {c.unit}", f"{c.second:.1f}{'*' * c.sees_second}",
-             f"{c.third:.1f}{'*' * c.sees_third}", f"{c.noise:.1f}")
+            (
+                c.channel,
+                f"{c.db(c.excited):.1f} re 1 {c.unit}",
+                f"{c.second:.1f}{'*' * c.sees_second}",
+                f"{c.third:.1f}{'*' * c.sees_third}",
+                f"{c.noise:.1f}",
+            )
             for c in self.channels
-        )  # fmt: skip
+        )
         headings = ("channel", "excited, dB", "2nd (even lines)", "3rd (odd lines)", "noise")
         note = "2nd, 3rd, noise: dB from the excited lines; * above the noise with less than 0.1 % chance"
         return ShortTable(f"harmonics of {self.run}", headings, rows, (note,))

@@ -84,9 +84,13 @@ class CoarseTransformer:
 
 
 def fresh_noise(
-    spectra: NoiseSpectra, t: Array, w_top: float, count: int, integrated: Sequence[bool],
+    spectra: NoiseSpectra,
+    t: Array,
+    w_top: float,
+    count: int,
+    integrated: Sequence[bool],
     rng: np.random.Generator,
-) -> Array:  # fmt: skip
+) -> Array:
     """Gaussian noise (count, n_outputs, n_t) on the uniform clock t [s] with these spectra up to w_top.
 
     integrated: which outputs are wanted as their integral. The noise repeats after twice the record, with

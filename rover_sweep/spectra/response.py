@@ -152,9 +152,18 @@ def composite_response(
     rise = 1j * w if output in RISING else np.ones_like(w, dtype=complex)
     error = np.nanmin([s.random_error for s in spectra], axis=0)
     return FrequencyResponse(
-        input, output, f"{RISING.get(output, unit)} per {per}", w, gxy / gxx * rise, coherence, error,
-        gxx, gyy * np.abs(rise) ** 2, tuple(s.length for s in spectra), band or usable_band(w, coherence),
-    )  # fmt: skip
+        input,
+        output,
+        f"{RISING.get(output, unit)} per {per}",
+        w,
+        gxy / gxx * rise,
+        coherence,
+        error,
+        gxx,
+        gyy * np.abs(rise) ** 2,
+        tuple(s.length for s in spectra),
+        band or usable_band(w, coherence),
+    )
 
 
 def composite(spectra: Sequence[WindowSpectra]) -> tuple[Array, Array, Complex]:

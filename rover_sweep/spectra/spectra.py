@@ -126,9 +126,14 @@ class Transformer:
     """
 
     def __init__(
-        self, start: float, end: float, lengths: Sequence[float], w: Array,
-        even: bool = False, w_max: float | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        start: float,
+        end: float,
+        lengths: Sequence[float],
+        w: Array,
+        even: bool = False,
+        w_max: float | None = None,
+    ) -> None:
         self.w, self.even, self.w_max = w, even, w_max or float(w[-1])
         self.windows = [(window_starts(start, end, length), length) for length in lengths]
         self._kernels: list[tuple[Array, Exponentials | EvenExponentials]] = []

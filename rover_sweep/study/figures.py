@@ -24,15 +24,17 @@ def figures(study: Study) -> Iterator[Picture]:
     yield Picture(
         "figure-2", "recordings", "Figure 2: the sweep and what the rover did.", partial(history, sweep)
     )
-    seen = replace(study.paper.group, responses={
-        o: replace(f, band=study.coherent[o]) for o, f in study.paper.group.responses.items()
-    })  # fmt: skip
+    seen = replace(
+        study.paper.group,
+        responses={o: replace(f, band=study.coherent[o]) for o, f in study.paper.group.responses.items()},
+    )
     yield Picture(
-        "figure-3", "responses",
+        "figure-3",
+        "responses",
         f"Figure 3: identified frequency responses at {study.paper.group.speed:.2f} m/s on asphalt. "
         "Orange: where the coherence is at least 0.6.",
         partial(measured_responses, seen),
-    )  # fmt: skip
+    )
     for practice, name in ((study.paper, "figure-6"), (study.known, "figure-6-filters-known")):
         caption = f"Figure 6: the models over the measured responses; {practice.words}."
         yield Picture(name, "models", caption, partial(modelled_responses, practice.group, _models(practice)))

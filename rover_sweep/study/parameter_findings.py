@@ -143,8 +143,9 @@ def structure(study: Study) -> Finding:
     printed = {n for n, p in rows.items() if not p.free}
     lumped, table_4 = study.paper.fit("lumped"), study.counterfactuals.as_table_4
     ours = {e.name for e in lumped.estimates if not e.free and e.name in rows}
-    worst, worst_4 = (max((e for e in f.estimates if e.free), key=lambda e: e.cr_percent or 0.0)
-                      for f in (lumped, table_4))  # fmt: skip
+    worst, worst_4 = (
+        max((e for e in f.estimates if e.free), key=lambda e: e.cr_percent or 0.0) for f in (lumped, table_4)
+    )
     text = (
         f"Dropped here: {_symbols(ours)}; in print: {_symbols(printed)}; by both: "
         f"{_symbols(ours & printed)}. The largest bound left is {number(worst.cr_percent, 2)} % "
@@ -235,5 +236,12 @@ def speed_limit(study: Study) -> Finding:
 
 CRITICAL = (5.6, 7.0)  # m/s, of the printed parameters
 FOUND: tuple[Callable[[Study], Finding], ...] = (
-    inertia, stiffness, delays, roll, structure, bands, yaw_rate, speed_limit,
-)  # fmt: skip
+    inertia,
+    stiffness,
+    delays,
+    roll,
+    structure,
+    bands,
+    yaw_rate,
+    speed_limit,
+)

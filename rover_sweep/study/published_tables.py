@@ -33,13 +33,15 @@ def parameters(study: Study, model: str) -> Table:
     units = {e.name: e.unit for e in study.paper.fit(model).estimates}
     rows = tuple(
         (
-            Cell(symbol(name), "strong"), Cell(unit(units[name])),
-            *_printed(p), *_found(study.paper, model, name, bounds=True),
+            Cell(symbol(name), "strong"),
+            Cell(unit(units[name])),
+            *_printed(p),
+            *_found(study.paper, model, name, bounds=True),
             *(c for p in _others(study) for c in _found(p, model, name, bounds=False)),
             Cell(number(_true(study, model, name), 3), "muted"),
         )
         for name, p in printed.items()
-    )  # fmt: skip
+    )
     others = [p.title for p in _others(study)]
     headings = (
         "",

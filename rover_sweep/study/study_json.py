@@ -64,14 +64,19 @@ def _model(practice: Practice, model: str) -> dict[str, Any]:
     fit, costs = practice.fit(model), practice.result.models[model].costs
     return {
         "parameters": {
-            e.name: {"value": e.value, "unit": e.unit, "free": e.free, "cr_percent": e.cr_percent,
-                     "insensitivity_percent": e.insensitivity_percent}
+            e.name: {
+                "value": e.value,
+                "unit": e.unit,
+                "free": e.free,
+                "cr_percent": e.cr_percent,
+                "insensitivity_percent": e.insensitivity_percent,
+            }
             for e in fit.estimates
         },
         "cost": {**costs, "average": fit.average, "fitted": list(fit.costs)},
         "verification": {c: _verification(practice, model, c) for c in CHECKS},
         "critical_speed_m_s": _critical_speed(fit),
-    }  # fmt: skip
+    }
 
 
 def _critical_speed(fit: FitResult) -> float | None:

@@ -57,8 +57,14 @@ def drive(
     autopilot = firmware or Firmware()
     start = STILL + SETTLING
     end = start + manoeuvre.duration
-    rows = _rows(rover, autopilot, seed, end + AFTER, _throttle(rover, speed),
-                 lambda t: float(manoeuvre.wave(t - start)))  # fmt: skip
+    rows = _rows(
+        rover,
+        autopilot,
+        seed,
+        end + AFTER,
+        _throttle(rover, speed),
+        lambda t: float(manoeuvre.wave(t - start)),
+    )
     recording = Recording(
         name,
         _channels(rows),
@@ -79,9 +85,13 @@ def _throttle(rover: PlantParameters, speed: float) -> float:
 
 
 def _rows(
-    rover: PlantParameters, firmware: Firmware, seed: int, duration: float, throttle: float,
+    rover: PlantParameters,
+    firmware: Firmware,
+    seed: int,
+    duration: float,
+    throttle: float,
     wave: Callable[[float], float],
-) -> Array:  # fmt: skip
+) -> Array:
     """(n, 12): t, pwm, throttle, gyro x and z, accel y, roll, yaw, velocity north and east; FRD, NED."""
     plant = Plant(rover, seed)
     sensors = Sensors(rover, seed, PHYSICS_HZ, firmware.gyro_filter_hz, firmware.accel_filter_hz)

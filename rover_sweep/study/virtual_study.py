@@ -98,10 +98,15 @@ def study(seed: int = 1, progress: Progress | None = None) -> Study:
     truth = _truth(runs, known_geometry)
     coherent = {o: usable_band(f.w, f.coherence) for o, f in known.group.responses.items()}
     return Study(
-        seed, runs, known_geometry, practices, truth,
-        lumped(known_geometry, truth, known.group.speed), coherent,
+        seed,
+        runs,
+        known_geometry,
+        practices,
+        truth,
+        lumped(known_geometry, truth, known.group.speed),
+        coherent,
         _counterfactuals(runs, known_geometry, practices),
-    )  # fmt: skip
+    )
 
 
 _KNOWN = "the sensors' known filters in the models' outputs"
@@ -136,11 +141,16 @@ def _filtered(run: Recording, filters: Mapping[str, LowPass]) -> Recording:
 
 def _truth(runs: Runs, known: Geometry) -> ModelStructure:
     rover = runs.asphalt
-    return roll_yaw(known, tied=False).with_values({
-        "Cf": rover.front_cornering_stiffness, "Cr": rover.rear_cornering_stiffness,
-        "Izz": rover.yaw_inertia, "k_phi": rover.roll_stiffness, "b_phi": rover.roll_damping,
-        "tau": true_delay(runs),
-    })  # fmt: skip
+    return roll_yaw(known, tied=False).with_values(
+        {
+            "Cf": rover.front_cornering_stiffness,
+            "Cr": rover.rear_cornering_stiffness,
+            "Izz": rover.yaw_inertia,
+            "k_phi": rover.roll_stiffness,
+            "b_phi": rover.roll_damping,
+            "tau": true_delay(runs),
+        }
+    )
 
 
 def true_delay(runs: Runs) -> float:

@@ -175,9 +175,14 @@ class SweepApp(SessionApp):
 
 def _theme(palette: Palette) -> Theme:
     return Theme(
-        palette.name, primary=palette.ink, foreground=palette.ink, background=palette.ground,
-        surface=palette.ground, panel=palette.ground, dark=palette is DARK,
-    )  # fmt: skip
+        palette.name,
+        primary=palette.ink,
+        foreground=palette.ink,
+        background=palette.ground,
+        surface=palette.ground,
+        panel=palette.ground,
+        dark=palette is DARK,
+    )
 
 
 def show(source: Source, setup: Setup | None = None, view: str = "connect") -> None:

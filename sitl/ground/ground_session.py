@@ -32,12 +32,7 @@ class GroundLink:
     """A session on one peer; `receive` and `send` are called once a main loop."""
 
     def __init__(
-        self,
-        rover: Rover,
-        peer: Peer,
-        logs: LogTransfer,
-        files: FileTransfer,
-        reboot: Callable[[], None],
+        self, rover: Rover, peer: Peer, logs: LogTransfer, files: FileTransfer, reboot: Callable[[], None]
     ) -> None:
         self.rover, self.peer, self.logs, self.files = rover, peer, logs, files
         self._mav = mavlink.MAVLink(

@@ -126,8 +126,9 @@ def test_json_is_the_file(data, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "identification.json").read_text())
 
 
-@pytest.mark.parametrize(("command", "options"), [
-    ("identify", ["--vehicle", "rover.toml", "--out", "out"]), ("coherence", [])])  # fmt: skip
+@pytest.mark.parametrize(
+    ("command", "options"), [("identify", ["--vehicle", "rover.toml", "--out", "out"]), ("coherence", [])]
+)
 def test_useless_recordings_get_one_sentence(
     foreign_recordings, data, tmp_path, monkeypatch, capsys, command, options
 ):

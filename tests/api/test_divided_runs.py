@@ -21,8 +21,12 @@ def names(runs: tuple[Recording, ...]) -> list[str]:
 
 
 def test_a_sweep_about_an_offset_is_not_mixed_with_straight_ones_and_that_is_said() -> None:
-    runs = [recording("bent", "bias_sweep"), recording("a", "sweep"), recording("b", "multisine"),
-            recording("d", "doublet")]  # fmt: skip
+    runs = [
+        recording("bent", "bias_sweep"),
+        recording("a", "sweep"),
+        recording("b", "multisine"),
+        recording("d", "doublet"),
+    ]
     fitted, checks = divided(runs)
     assert (names(fitted), names(checks)) == (["a", "b"], ["d"])
     (note,) = fitted[0].notes

@@ -26,8 +26,15 @@ SEEN, SAMPLE = 0.02, 0.005  # s between two SERVO_OUTPUT_RAW, between two sample
 FINE = 5  # steps of the servo in a sample
 
 
-def rover(b: float = 0.0, e: float = 0.0, c3: float = 0.0, w: float = 0.0, lag: float = 0.022,
-          rate: float = 8.0, trim: float = 1500.0) -> PlantParameters:  # fmt: skip
+def rover(
+    b: float = 0.0,
+    e: float = 0.0,
+    c3: float = 0.0,
+    w: float = 0.0,
+    lag: float = 0.022,
+    rate: float = 8.0,
+    trim: float = 1500.0,
+) -> PlantParameters:
     """The nominal rover with these effects of the steering."""
     effects = {
         "steering_backlash": {"b": b},
@@ -61,9 +68,13 @@ def slope_by_hand(parameters: PlantParameters, reach: float) -> float:
 
 
 def seen_by_imu(
-    parameters: PlantParameters, levels: tuple[float, ...], rng: np.random.Generator,
-    as_rate: bool = False, clock: float = 0.0, ahead: float = 0.0,
-) -> tuple[Command, Wheel]:  # fmt: skip
+    parameters: PlantParameters,
+    levels: tuple[float, ...],
+    rng: np.random.Generator,
+    as_rate: bool = False,
+    clock: float = 0.0,
+    ahead: float = 0.0,
+) -> tuple[Command, Wheel]:
     """A ramp and steps; the wheel's clock `ahead` s before the rover's, known to `clock` s."""
     t, pwm, end = _outputs((ramp(levels[-1], 1), steps(levels)), rng)
     servo, now, j = Servo(parameters), 0.0, 0

@@ -18,9 +18,13 @@ def test_intervals_hold_the_truth(w: float):
     parameters = rover(b=0.012, e=0.06, c3=2.0, w=w, trim=1508.0)
     rng = np.random.default_rng(11)
     truth = {
-        "rad_per_us": slope_by_hand(parameters, 292.0), "trim_us": 1508.0, "backlash": 0.012,
-        "asymmetry": 0.06, "nonlinearity": 2.0, "deadband": w,
-    }  # fmt: skip
+        "rad_per_us": slope_by_hand(parameters, 292.0),
+        "trim_us": 1508.0,
+        "backlash": 0.012,
+        "asymmetry": 0.06,
+        "nonlinearity": 2.0,
+        "deadband": w,
+    }
     held = dict.fromkeys(truth, 0)
     for _ in range(DRAWS):
         result = by_hand(read_by_hand(parameters, LEVELS, rng), 1500.0)
@@ -40,8 +44,14 @@ def test_exact_angles_give_the_exact_numbers():
     exact = read_by_hand(parameters, LEVELS, np.random.default_rng(0))
     noise = np.radians(0.5) * np.random.default_rng(0).standard_normal(exact.pwm.size)
     result = by_hand(Readings(exact.pwm, exact.angle - noise, 1500.0), 1500.0)
-    for name, value in (("trim_us", 1490), ("backlash", 0.02), ("asymmetry", -0.08), ("deadband", 0.01),
-                        ("nonlinearity", 3.0), ("centre", 0.00095)):  # fmt: skip
+    for name, value in (
+        ("trim_us", 1490),
+        ("backlash", 0.02),
+        ("asymmetry", -0.08),
+        ("deadband", 0.01),
+        ("nonlinearity", 3.0),
+        ("centre", 0.00095),
+    ):
         number = result.get(name)
         assert number is not None and number.value == pytest.approx(value, rel=0.02)
 

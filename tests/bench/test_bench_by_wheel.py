@@ -15,8 +15,15 @@ from rover_sweep.errors import DataRefused
 
 LEVELS = (120.0, 250.0)
 PARAMETERS = rover(b=0.012, e=0.05, c3=3.0, w=0.006, lag=0.035, rate=3.0)
-TRUTH = {"centre": 0.00095, "backlash": 0.012, "asymmetry": 0.05, "nonlinearity": 3.0, "deadband": 0.006,
-         "servo_lag": 0.035, "servo_rate_limit": 3.0}  # fmt: skip
+TRUTH = {
+    "centre": 0.00095,
+    "backlash": 0.012,
+    "asymmetry": 0.05,
+    "nonlinearity": 3.0,
+    "deadband": 0.006,
+    "servo_lag": 0.035,
+    "servo_rate_limit": 3.0,
+}
 
 
 def values(result: BenchResult) -> dict[str, float]:

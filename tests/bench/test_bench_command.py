@@ -61,14 +61,35 @@ def test_a_wheel_imu_finds_what_the_rover_was_made_with(
     wheel, out = tmp_path / "imu.csv", tmp_path / "bench"
     url = on_blocks("--wheel", str(wheel))
     common = ["--vehicle", str(vehicle_toml), "--json"]
-    code = run(["bench", "--connect", url, "--wheel-imu", str(wheel), "--wheel-clock", "vehicle", "--yes",
-                "--steps", "100,250", "--out", str(out), *common])  # fmt: skip
+    code = run(
+        [
+            "bench",
+            "--connect",
+            url,
+            "--wheel-imu",
+            str(wheel),
+            "--wheel-clock",
+            "vehicle",
+            "--yes",
+            "--steps",
+            "100,250",
+            "--out",
+            str(out),
+            *common,
+        ]
+    )
     told = capsys.readouterr()
     assert code == 0, told.err
     assert "JUMP" in told.err and "RC_OVERRIDE_TIME" in told.err
     numbers = {number["name"]: number for number in json.loads(told.out)["numbers"]}
-    truth = {"rad_per_us": 0.00095, "asymmetry": 0.05, "backlash": 0.012, "servo_lag": 0.035,
-             "servo_rate_limit": 3.0, "servo_delay": 0.015}  # fmt: skip
+    truth = {
+        "rad_per_us": 0.00095,
+        "asymmetry": 0.05,
+        "backlash": 0.012,
+        "servo_lag": 0.035,
+        "servo_rate_limit": 3.0,
+        "servo_delay": 0.015,
+    }
     for name, value in truth.items():
         number = numbers[name]
         assert name == "servo_delay" or value == pytest.approx(number["value"], rel=0.03), name
@@ -200,11 +221,17 @@ def test_nobody_at_the_terminal_means_nothing_moves(
     assert "nobody can answer" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [
-    (), ("--connect", "tcp:127.0.0.1:1"), ("--connect", "tcp:127.0.0.1:1", "--hand", "--wheel-imu", "x.csv"),
-    ("--connect", "tcp:127.0.0.1:1", "--from", "x"), ("--from", "x"),
-    ("--connect", "tcp:127.0.0.1:1", "--hand", "--yes", "--steps", "1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (),
+        ("--connect", "tcp:127.0.0.1:1"),
+        ("--connect", "tcp:127.0.0.1:1", "--hand", "--wheel-imu", "x.csv"),
+        ("--connect", "tcp:127.0.0.1:1", "--from", "x"),
+        ("--from", "x"),
+        ("--connect", "tcp:127.0.0.1:1", "--hand", "--yes", "--steps", "1"),
+    ],
+)
 def test_what_makes_no_sense_is_a_usage_error(
     vehicle_toml: Path, tmp_path: Path, arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ):

@@ -52,9 +52,12 @@ def test_what_a_bench_wrote_is_evaluated(folder: BenchFolder, vehicle_toml: Path
     ],
 )
 def test_a_value_that_no_bench_writes_is_named(
-    folder: BenchFolder, vehicle_toml: Path, wrong: dict[str, Any], words: str,
+    folder: BenchFolder,
+    vehicle_toml: Path,
+    wrong: dict[str, Any],
+    words: str,
     capsys: pytest.CaptureFixture[str],
-):  # fmt: skip
+):
     path = folder.path / "bench.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | wrong))
     before = path.read_bytes()

@@ -39,10 +39,14 @@ Draw = tuple[BenchResult, dict[str, float]]
 def drawn(rng: np.random.Generator, trim: float) -> tuple[PlantParameters, dict[str, float]]:
     """(a rover, its numbers by the names of a bench)."""
     truth = {
-        "backlash": rng.uniform(0.002, 0.02), "asymmetry": rng.uniform(-0.1, 0.1),
-        "nonlinearity": rng.uniform(-3, 3), "deadband": rng.choice([0.0, rng.uniform(0.003, 0.015)]),
-        "servo_lag": rng.uniform(0.015, 0.06), "servo_rate_limit": rng.uniform(2.0, 6.0), "trim_us": trim,
-    }  # fmt: skip
+        "backlash": rng.uniform(0.002, 0.02),
+        "asymmetry": rng.uniform(-0.1, 0.1),
+        "nonlinearity": rng.uniform(-3, 3),
+        "deadband": rng.choice([0.0, rng.uniform(0.003, 0.015)]),
+        "servo_lag": rng.uniform(0.015, 0.06),
+        "servo_rate_limit": rng.uniform(2.0, 6.0),
+        "trim_us": trim,
+    }
     names = ("backlash", "asymmetry", "nonlinearity", "deadband", "servo_lag", "servo_rate_limit", "trim_us")
     return rover(*(float(truth[name]) for name in names)), truth
 

@@ -81,14 +81,16 @@ def truth_of(rover: PlantParameters) -> dict[str, float]:
     """{name of a number of the bench: what the plant was made with}."""
     effects = rover.effects
     return {
-        "rad_per_us": rover.rad_per_us, "trim_us": rover.steering_trim_us,
+        "rad_per_us": rover.rad_per_us,
+        "trim_us": rover.steering_trim_us,
         "asymmetry": effects.get("steering_asymmetry", {}).get("e", 0.0),
         "nonlinearity": effects.get("steering_nonlinearity", {}).get("c3", 0.0),
         "deadband": effects.get("steering_deadband", {}).get("w", 0.0),
         "backlash": effects.get("steering_backlash", {}).get("b", 0.0),
-        "servo_lag": rover.servo_lag, "servo_rate_limit": rover.servo_rate_limit,
+        "servo_lag": rover.servo_lag,
+        "servo_rate_limit": rover.servo_rate_limit,
         "servo_delay": rover.servo_delay,
-    }  # type: ignore[dict-item]  # fmt: skip
+    }  # type: ignore[dict-item]
 
 
 def report(result: BenchResult, truth: dict[str, float]) -> None:
@@ -98,8 +100,10 @@ def report(result: BenchResult, truth: dict[str, float]) -> None:
         true = truth.get(number.name, nan)
         slack = LOOP if number.name == "servo_delay" else 0.0
         held = "" if np.isnan(true) else "held" if number.low - slack <= true <= number.high else "NOT HELD"
-        print(f"  {number.name:17} {number.value:10.5g}  {number.low:10.5g} to {number.high:10.5g}  "
-              f"{number.unit:8} truth {true:8.5g}  {held}")  # fmt: skip
+        print(
+            f"  {number.name:17} {number.value:10.5g}  {number.low:10.5g} to {number.high:10.5g}  "
+            f"{number.unit:8} truth {true:8.5g}  {held}"
+        )
 
 
 def by_imu(rover: Running, folder: Path, wheel: Path) -> BenchResult:
@@ -136,8 +140,9 @@ def main() -> None:
         if options.variant is None:
             variant.write_text(VARIANT, encoding="ascii")
         binary, wheel = find_ardurover(options.ardurover), folder / "wheel.csv"
-        with start_ardurover(binary, folder / "vehicle", variant=variant, wheel=wheel,
-                             defaults=[shipped("identification")]) as rover:  # fmt: skip
+        with start_ardurover(
+            binary, folder / "vehicle", variant=variant, wheel=wheel, defaults=[shipped("identification")]
+        ) as rover:
             for bench in (by_imu, by_hand):
                 report(bench(rover, folder, wheel), truth_of(load_variant(variant)))
     print(f"{time.monotonic() - begun:.0f} s in all")

@@ -56,12 +56,15 @@ def _coverage(draws: list[Draw], k: int, name: str) -> Coverage:
     plain = bound / np.sqrt(2) * np.sqrt([d.variance for d in draws])
     return Coverage(
         name,
-        100 * float(np.std(error)), 100 * float(np.mean(error)),
+        100 * float(np.std(error)),
+        100 * float(np.mean(error)),
         100 * float(np.mean([i.low <= truth <= i.high for i in intervals])),
         100 * float(np.mean([i.sd for i in intervals])) / truth,
-        100 * float(np.mean(np.abs(error) <= NORMAL_90 * bound)), 100 * float(np.mean(bound)),
-        100 * float(np.mean(np.abs(error) <= NORMAL_90 * plain)), 100 * float(np.mean(plain)),
-    )  # fmt: skip
+        100 * float(np.mean(np.abs(error) <= NORMAL_90 * bound)),
+        100 * float(np.mean(bound)),
+        100 * float(np.mean(np.abs(error) <= NORMAL_90 * plain)),
+        100 * float(np.mean(plain)),
+    )
 
 
 def main() -> None:

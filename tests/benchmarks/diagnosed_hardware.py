@@ -74,10 +74,11 @@ def _read(path: Path, name: str) -> rs.Runs:
 def row(name: str, found: rs.FullDiagnosis) -> tuple[str, ...]:
     """One line of the table; held out: medians over the runs."""
     named = "; ".join(
-        f"{f.effect} " + ", ".join(f"{v.name} {number(v.value, 3)}" for v in f.parameters)
+        f"{f.effect} "
+        + ", ".join(f"{v.name} {number(v.value, 3)}" for v in f.parameters)
         + (f" (or {', '.join(f.look_alikes)})" if f.look_alikes else "")
         for f in found.findings
-    )  # fmt: skip
+    )
     shown = found.held_out
 
     def middle(values: list[float]) -> str:
@@ -115,9 +116,13 @@ def diagnosed(name: str, parts: tuple[rs.Runs, rs.Runs]) -> tuple[tuple[str, ...
     baseline = "roll-yaw" if name == P1 else "bicycle"
     found = rs.diagnose(used, fresh, baseline=baseline, time_limit=TIME_LIMIT)
     words = [f"{name}: {m.sentence}" for m in found.mismatch] + [f"{name}: {found.sentence}"]
-    words += [f"{name}: {f.effect}: share of the held-out error " + ", ".join(
-        number(100 * h.share_removed, 2) + " %" for h in f.held_out if h.share_removed is not None
-    ) for f in found.findings]  # fmt: skip
+    words += [
+        f"{name}: {f.effect}: share of the held-out error "
+        + ", ".join(
+            number(100 * h.share_removed, 2) + " %" for h in f.held_out if h.share_removed is not None
+        )
+        for f in found.findings
+    ]
     if name == P1:
         words.append(a_y_of(found, used, fresh))
     return row(name, found), [*words, f"{name}: what could be wrong: {WRONG[name]}"]

@@ -69,9 +69,12 @@ def by_run(url: str, folder: Path):  # type: ignore[no-untyped-def]
     """`run`, without a terminal."""
     words = ("run", "--connect", url, "--vehicle", str(ROVER_FILE), "--out", str(folder / "out"), *PLAN, *OWN)
     with subprocess.Popen(
-        command(*words), env={**os.environ, **environment(folder)}, stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL, start_new_session=True,
-    ) as program:  # fmt: skip
+        command(*words),
+        env={**os.environ, **environment(folder)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    ) as program:
         try:
             yield program
         finally:
@@ -124,9 +127,13 @@ def trial(number: int, start: Callable, chance: random.Random) -> Trial:  # type
         sent = [frame for frame, whole in Framer().feed(received) if whole]
         missing = len(sent) - _kept(folder / "out", sent)
         return Trial(
-            after, len(sent), min(max(missing, 0), _LAST_READ), max(missing - _LAST_READ, 0),
-            _state(folder / "out"), _resumed(number, folder),
-        )  # fmt: skip
+            after,
+            len(sent),
+            min(max(missing, 0), _LAST_READ),
+            max(missing - _LAST_READ, 0),
+            _state(folder / "out"),
+            _resumed(number, folder),
+        )
 
 
 def rover(folder: Path) -> launcher.Running:
@@ -172,8 +179,13 @@ def _state(out: Path) -> str:
     if not out.is_dir():
         return "no folder yet"
     with suppress(Exception):
-        told = subprocess.run(command("status", str(out)), env={**os.environ, "PYTHONPATH": str(ROOT)},
-                              capture_output=True, text=True, timeout=60)  # fmt: skip
+        told = subprocess.run(
+            command("status", str(out)),
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
         states = ",".join(run.state for run in read(out).runs)
         if told.returncode == 0:
             return states or "nothing driven"
@@ -188,8 +200,13 @@ def _resumed(number: int, folder: Path) -> str:
         return ""
     with rover(folder / "again") as running:
         words = ("resume", str(out), "--connect", running.connection, *OWN[:4])
-        done = subprocess.run(command(*words), env={**os.environ, **environment(folder)}, capture_output=True,
-                              text=True, timeout=180)  # fmt: skip
+        done = subprocess.run(
+            command(*words),
+            env={**os.environ, **environment(folder)},
+            capture_output=True,
+            text=True,
+            timeout=180,
+        )
     left = len(read(out).to_drive)
     return "whole" if left == 0 else f"exit {done.returncode}, {left} left: {done.stderr.strip()[-200:]}"
 
@@ -200,8 +217,11 @@ def trials(name: str, count: int, start: Callable, seed: int) -> list[Trial]:  #
     for number in range(count):
         t = trial(number, start, chance)
         found.append(t)
-        print(f"{name} {number:3d} after {t.after:4.1f} s: {t.received:6d} received, {t.held} in its hands, "
-              f"{t.lost} lost; {t.state} {t.resumed}", flush=True)  # fmt: skip
+        print(
+            f"{name} {number:3d} after {t.after:4.1f} s: {t.received:6d} received, {t.held} in its hands, "
+            f"{t.lost} lost; {t.state} {t.resumed}",
+            flush=True,
+        )
     return found
 
 

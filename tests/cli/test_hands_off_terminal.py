@@ -65,8 +65,18 @@ def test_a_hostile_vehicle_s_parameters_in_a_file(hostile: str, told: Tell, tmp_
 
 
 def test_a_hostile_vehicle_that_is_driven(hostile: str, told: Tell, tmp_path: Path) -> None:
-    done = told("run", "--connect", hostile, "--out", str(tmp_path / "out"), "--vehicle", ROVER,
-                "--doublet", "150", *DRIVEN)  # fmt: skip
+    done = told(
+        "run",
+        "--connect",
+        hostile,
+        "--out",
+        str(tmp_path / "out"),
+        "--vehicle",
+        ROVER,
+        "--doublet",
+        "150",
+        *DRIVEN,
+    )
     assert done.code == 0, done.err
     said = done.out + done.err
     assert not raw(said) and "SWP \\x1b[2J\\x1b]52;c;aGk=\\x07" in said and "[red]" in said

@@ -15,8 +15,19 @@ from rover_sweep.cli import main
 from rover_sweep.data.vehicle_file import example, load
 
 ROVER = str(Path(__file__).parents[1] / "data" / "rover.toml")
-SWING = ["inertia", "--mass", "2.66+-0.005", "--length", "1.2+-0.003", "--spacing", "0.3+-0.001",
-         "--swings", "20", "--times", "47.5,47.3,47.6"]  # fmt: skip
+SWING = [
+    "inertia",
+    "--mass",
+    "2.66+-0.005",
+    "--length",
+    "1.2+-0.003",
+    "--spacing",
+    "0.3+-0.001",
+    "--swings",
+    "20",
+    "--times",
+    "47.5,47.3,47.6",
+]
 
 
 def program(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -121,8 +132,12 @@ def test_errors_become_exit_codes(
 def test_output_to_a_closed_pipe_is_no_error() -> None:
     done = subprocess.run(
         f"{sys.executable} -m rover_sweep.cli.main vehicle --example | head -c 1; exit ${{PIPESTATUS[0]}}",
-        shell=True, executable="/bin/bash", capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        shell=True,
+        executable="/bin/bash",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (done.returncode, done.stdout, done.stderr) == (0, "#", "")
 
 

@@ -135,9 +135,14 @@ NOBODY = ("--connect", "tcp:127.0.0.1:1")
     ],
 )
 def test_mistakes_are_one_sentence(
-    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...],
-    content: bytes | None, code: int, said: str,
-) -> None:  # fmt: skip
+    told: Tell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    content: bytes | None,
+    code: int,
+    said: str,
+) -> None:
     monkeypatch.chdir(tmp_path)
     if content is not None:
         Path("f.param").write_bytes(content)

@@ -21,8 +21,17 @@ def test_runs_are_driven_judged_fetched_and_identified(
     done = told(*command)
     assert done.code == 0, done.err
     lines = done.err.splitlines()
-    order = ["this program arms the rover", "connected to", "sweep1: sweep", "run 1 start sweep",
-             "sweep1: keep", "sweep2: sweep", "sweep2: keep", "doublet: done", "log fetched"]  # fmt: skip
+    order = [
+        "this program arms the rover",
+        "connected to",
+        "sweep1: sweep",
+        "run 1 start sweep",
+        "sweep1: keep",
+        "sweep2: sweep",
+        "sweep2: keep",
+        "doublet: done",
+        "log fetched",
+    ]
     places = [next(i for i, line in enumerate(lines) if words in line) for words in order]
     assert places == sorted(places)
     told_of = [line for line in lines if line.startswith("  telemetry: ")]
@@ -55,8 +64,18 @@ def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
                 raise KeyboardInterrupt
 
     monkeypatch.setattr(PlainDisplay, "show", interrupted)
-    done = told("run", "--connect", ready.connection, "--vehicle", ROVER, "--out", str(tmp_path / "x"),
-                "--json", *SHORT, *DRIVEN)  # fmt: skip
+    done = told(
+        "run",
+        "--connect",
+        ready.connection,
+        "--vehicle",
+        ROVER,
+        "--out",
+        str(tmp_path / "x"),
+        "--json",
+        *SHORT,
+        *DRIVEN,
+    )
     assert done.code == 0, done.err
     assert "sweep2 interrupted: the rover was let go" in done.err and "it is disarmed" in done.err
     assert "doublet" not in [p.stem for p in (tmp_path / "x").glob("*.tlog")]

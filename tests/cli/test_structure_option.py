@@ -37,9 +37,13 @@ def test_a_structure_stands_beside_the_models(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.linalg.eigvals(moved["A"]), structure.poles(4.0))
 
 
-@pytest.mark.parametrize(("old", "new", "words"), [
-    ("a*C/Izz", "a*Cx/Izz", "G row 2 column 1: 'a*Cx/Izz' names 'Cx', which is no parameter"),
-    ('"bicycle-of-a-file"', '"bicycle"', "another model named 'bicycle'")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("a*C/Izz", "a*Cx/Izz", "G row 2 column 1: 'a*Cx/Izz' names 'Cx', which is no parameter"),
+        ('"bicycle-of-a-file"', '"bicycle"', "another model named 'bicycle'"),
+    ],
+)
 def test_mistakes_in_a_file_end_with_a_sentence(
     old: str, new: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -49,10 +53,14 @@ def test_mistakes_in_a_file_end_with_a_sentence(
     assert words in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("more", "words"), [
-    (["--structure", "absent.toml"], "absent.toml cannot be read"),
-    (["--condition-on", "wind"], "run1 has no 'wind' to condition on; recorded there: speed, throttle"),
-    (["--condition-on", "r"], "r is the steering or follows it")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--structure", "absent.toml"], "absent.toml cannot be read"),
+        (["--condition-on", "wind"], "run1 has no 'wind' to condition on; recorded there: speed, throttle"),
+        (["--condition-on", "r"], "r is the steering or follows it"),
+    ],
+)
 def test_what_is_not_there_ends_with_a_sentence(
     more: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,8 +22,18 @@ def diagnose(folder: Path, task: dict[str, Any], target: Path) -> str:
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     runs = [str(folder / name) for name in task["runs"]]
     held_out = [part for name in task["hold_out"] for part in ("--hold-out", str(folder / name))]
-    command = ["diagnose", *runs, *held_out, "--vehicle", str(folder / "rover.toml"),
-               "--baseline", task["baseline"], "--out", str(target), "--json"]  # fmt: skip
+    command = [
+        "diagnose",
+        *runs,
+        *held_out,
+        "--vehicle",
+        str(folder / "rover.toml"),
+        "--baseline",
+        task["baseline"],
+        "--out",
+        str(target),
+        "--json",
+    ]
     if task.get("without"):
         command += ["--without", ",".join(task["without"])]
     said = io.StringIO()
@@ -43,8 +53,10 @@ def diagnose(folder: Path, task: dict[str, Any], target: Path) -> str:
 
 def summary(answer: dict[str, Any]) -> str:
     """The answer in a line: verdict and names, look-alikes in brackets, the reason where there is none."""
-    names = [f"{one['effect']} ({', '.join(one['look_alikes'])})" if one["look_alikes"] else one["effect"]
-             for one in answer["findings"]]  # fmt: skip
+    names = [
+        f"{one['effect']} ({', '.join(one['look_alikes'])})" if one["look_alikes"] else one["effect"]
+        for one in answer["findings"]
+    ]
     unknown = ["+ unknown"] if answer["unknown"] else []
     reason = [answer["reason"]] if "reason" in answer else []
     return " ".join([answer["verdict"], *names, *unknown, *reason])

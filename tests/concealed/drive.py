@@ -72,10 +72,19 @@ def draw_plan(rng: Rng, rover: Rover) -> tuple[Drive, ...]:
     drives = []
     for k, (name, kind, amplitude, v) in enumerate(rows):
         drive = Drive(
-            name, kind, float(amplitude), float(v), float(headings[k]), k + 1,  # type: ignore[arg-type]
-            parked=rng.uniform(1.0, 2.0), still=rng.uniform(4.0, 5.0), run_up=rng.uniform(4.5, 5.5),
-            straight=rng.uniform(3.5, 4.5), still_after=rng.uniform(6.0, 8.0), boot=float(boot),
-        )  # fmt: skip
+            name,
+            kind,
+            float(amplitude),
+            float(v),
+            float(headings[k]),
+            k + 1,  # type: ignore[arg-type]
+            parked=rng.uniform(1.0, 2.0),
+            still=rng.uniform(4.0, 5.0),
+            run_up=rng.uniform(4.5, 5.5),
+            straight=rng.uniform(3.5, 4.5),
+            still_after=rng.uniform(6.0, 8.0),
+            boot=float(boot),
+        )
         drives.append(drive)
         boot += drive.length + rng.uniform(20.0, 40.0)
     return tuple(drives)
@@ -109,8 +118,17 @@ def states(drive: Drive, t: Array) -> NDArray[np.int64]:
     """State of the applet at log times t [s]: 0 idle, 1 still, 2 waiting, 3 straight .. 9 still after."""
     w = drive.start + drive.straight
     if drive.kind == "sweep":
-        edges = [drive.parked, drive.parked + drive.still, drive.start, w, w + FADE, w + FADE + DWELL,
-                 w + FADE + DWELL + T_REC, w + drive.wave_length, drive.stop]  # fmt: skip
+        edges = [
+            drive.parked,
+            drive.parked + drive.still,
+            drive.start,
+            w,
+            w + FADE,
+            w + FADE + DWELL,
+            w + FADE + DWELL + T_REC,
+            w + drive.wave_length,
+            drive.stop,
+        ]
         names = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
     else:
         edges = [drive.parked, drive.parked + drive.still, drive.start, w, w + drive.wave_length, drive.stop]

@@ -13,10 +13,25 @@ HEAD = b"\xa3\x95"
 
 # Format characters as in ArduPilot's LogStructure.h; c, C, e hold hundredths, L 1e-7 degrees.
 PACKED = {
-    "b": "<i1", "B": "<u1", "M": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4",
-    "Q": "<u8", "f": "<f4", "d": "<f8",
-    "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4",
-}  # fmt: skip
+    "b": "<i1",
+    "B": "<u1",
+    "M": "<u1",
+    "h": "<i2",
+    "H": "<u2",
+    "i": "<i4",
+    "I": "<u4",
+    "Q": "<u8",
+    "f": "<f4",
+    "d": "<f8",
+    "n": "S4",
+    "N": "S16",
+    "Z": "S64",
+    "c": "<i2",
+    "C": "<u2",
+    "e": "<i4",
+    "E": "<u4",
+    "L": "<i4",
+}
 SCALE = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
 
 
@@ -57,16 +72,14 @@ LAYOUTS = {
     for layout in (
         Layout(72, "ATT", "QffffffB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,AEKF"),
         Layout(44, "XKF1", "QBccCfffffffccce", "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD,dPD,PN,PE,PD,GX,GY,GZ,OH"),
-        Layout(163, "IMU", "QBffffffIIfBBHH",
-               "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"),
+        Layout(163, "IMU", "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"),
         Layout(32, "PARM", "QNff", "TimeUS,Name,Value,Default"),
-        Layout(94, "GPS", "QBBIHBcLLeffffB",
-               "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U"),
+        Layout(
+            94, "GPS", "QBBIHBcLLeffffB", "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U"
+        ),
         Layout(59, "MSG", "QZ", "TimeUS,Message"),
-        Layout(60, "RCIN", "QHHHHHHHHHHHHHH",
-               "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10,C11,C12,C13,C14"),
-        Layout(62, "RCOU", "QHHHHHHHHHHHHHH",
-               "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10,C11,C12,C13,C14"),
+        Layout(60, "RCIN", "QHHHHHHHHHHHHHH", "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10,C11,C12,C13,C14"),
+        Layout(62, "RCOU", "QHHHHHHHHHHHHHH", "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10,C11,C12,C13,C14"),
         Layout(181, "EV", "QB", "TimeUS,Id"),
         Layout(186, "ARM", "QBIBB", "TimeUS,ArmState,ArmChecks,Forced,Method"),
         Layout(122, "MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn"),
@@ -74,7 +87,7 @@ LAYOUTS = {
         Layout(177, "DSF", "QIHIIII", "TimeUS,Dp,Blk,Bytes,FMn,FMx,FAv"),
         Layout(250, "SWEP", "QBBfffff", "TimeUS,Run,St,T,Cmd,Out,VN,VE"),
     )
-}  # fmt: skip
+}
 
 
 def _declarations() -> bytes:

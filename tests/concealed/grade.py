@@ -11,9 +11,18 @@ import numpy as np
 from tests.concealed.effects import table
 
 Mark = Literal[
-    "exact", "look-alike", "wrong", "missed", "none", "false alarm", "both", "one", "unknown", "nearest",
+    "exact",
+    "look-alike",
+    "wrong",
+    "missed",
+    "none",
+    "false alarm",
+    "both",
+    "one",
+    "unknown",
+    "nearest",
     "failed",
-]  # fmt: skip
+]
 INSTANTS = ("t", "psi0")  # parameters whose size is no scale for their error
 
 
@@ -47,9 +56,18 @@ def grade(name: str, truth: Mapping[str, Any], answer: Mapping[str, Any], second
     sets = [len(one["look_alikes"]) + 1 for one in findings]
     errors, covered = _parameters(truth["effects"], findings)
     return Graded(
-        name, truth["kind"], tuple(hidden), tuple(named), _mark(truth["kind"], hidden, findings, answer),
-        answer["verdict"], tuple(sets), tuple(errors), tuple(covered), _share(answer), seconds,
-    )  # fmt: skip
+        name,
+        truth["kind"],
+        tuple(hidden),
+        tuple(named),
+        _mark(truth["kind"], hidden, findings, answer),
+        answer["verdict"],
+        tuple(sets),
+        tuple(errors),
+        tuple(covered),
+        _share(answer),
+        seconds,
+    )
 
 
 def _mark(kind: str, hidden: list[str], findings: list[Mapping[str, Any]], answer: Mapping[str, Any]) -> Mark:
@@ -135,8 +153,11 @@ def _one_effect(
 ) -> tuple[list[float], list[bool]]:
     """Relative error of the parameters (of a mix of like units together), and coverage of each."""
     names = [name for name in true if name in found and name not in INSTANTS and np.isfinite(true[name])]
-    inside = [found[name]["low"] <= true[name] <= found[name]["high"] for name in names
-              if found[name].get("low") is not None and found[name].get("high") is not None]  # fmt: skip
+    inside = [
+        found[name]["low"] <= true[name] <= found[name]["high"]
+        for name in names
+        if found[name].get("low") is not None and found[name].get("high") is not None
+    ]
     errors = [_error(name, found[name]["value"], true[name]) for name in names if true[name] != 0]
     if set(names) >= {"x", "z"}:  # an offset in a plane: one length
         gap = np.hypot(*(found[name]["value"] - true[name] for name in ("x", "z")))

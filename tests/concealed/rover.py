@@ -93,13 +93,22 @@ def _any_rover(rng: Rng) -> Rover:
     w_roll = rng.uniform(14.0, 23.0) * np.sqrt(0.39 / base)
     about_axis = ixx + ms * h * h
     return Rover(
-        m=m, ms=ms, a=a, b=base - a, h=h, izz=m * base**2 * rng.uniform(0.15, 0.2), ixx=ixx,
+        m=m,
+        ms=ms,
+        a=a,
+        b=base - a,
+        h=h,
+        izz=m * base**2 * rng.uniform(0.15, 0.2),
+        ixx=ixx,
         k_phi=about_axis * w_roll**2 + ms * GRAVITY * h,
         b_phi=2 * rng.uniform(0.25, 0.5) * w_roll * about_axis,
-        cf=stiffness * (1 + uneven), cr=stiffness * (1 - uneven),
-        rad_per_us=rng.uniform(0.0008, 0.0011), imu_x=rng.uniform(-0.12, 0.12) * base,
-        imu_z=h + rng.uniform(-0.1, 0.1) * base, friction=rng.uniform(1.05, 1.25),
-    )  # fmt: skip
+        cf=stiffness * (1 + uneven),
+        cr=stiffness * (1 - uneven),
+        rad_per_us=rng.uniform(0.0008, 0.0011),
+        imu_x=rng.uniform(-0.12, 0.12) * base,
+        imu_z=h + rng.uniform(-0.1, 0.1) * base,
+        friction=rng.uniform(1.05, 1.25),
+    )
 
 
 def cruise_speed(rover: Rover, factor: float) -> float:
@@ -116,15 +125,23 @@ def draw_nuisance(rng: Rng) -> Nuisance:
     lag, delay = rng.uniform(0.010, 0.040), rng.uniform(0.008, 0.040)
     shrink = min(1.0, 0.068 / (lag + delay))
     return Nuisance(
-        servo_lag=lag * shrink, delay=delay * shrink, trim=_normal(rng, 0.002, 0.005),
-        gyro_lag=rng.uniform(0.0, 0.003), accel_lag=rng.uniform(0.0, 0.003), ekf_lag=rng.uniform(0.0, 0.003),
-        speed_scale=1 + _normal(rng, 0.0075, 0.015), ay_bias=_normal(rng, 0.12, 0.3),
+        servo_lag=lag * shrink,
+        delay=delay * shrink,
+        trim=_normal(rng, 0.002, 0.005),
+        gyro_lag=rng.uniform(0.0, 0.003),
+        accel_lag=rng.uniform(0.0, 0.003),
+        ekf_lag=rng.uniform(0.0, 0.003),
+        speed_scale=1 + _normal(rng, 0.0075, 0.015),
+        ay_bias=_normal(rng, 0.12, 0.3),
         gyro_bias=(_normal(rng, 0.002, 0.005), _normal(rng, 0.002, 0.005)),
-        heading_error=_normal(rng, 0.01, 0.025), file_cg=_normal(rng, 0.006, 0.010),
-        file_h=1 + _normal(rng, 0.06, 0.10), file_ixx=1 + _normal(rng, 0.09, 0.15),
-        file_izz=1 + _normal(rng, 0.06, 0.12), file_mass=1 + _normal(rng, 0.004, 0.01),
+        heading_error=_normal(rng, 0.01, 0.025),
+        file_cg=_normal(rng, 0.006, 0.010),
+        file_h=1 + _normal(rng, 0.06, 0.10),
+        file_ixx=1 + _normal(rng, 0.09, 0.15),
+        file_izz=1 + _normal(rng, 0.06, 0.12),
+        file_mass=1 + _normal(rng, 0.004, 0.01),
         file_steering=1 + _normal(rng, 0.018, 0.03),
-    )  # fmt: skip
+    )
 
 
 def vehicle_file(rover: Rover, off: Nuisance, imu_offset: tuple[float, float]) -> str:

@@ -36,8 +36,15 @@ class Roughness:
 
 def draw_roughness(rng: Rng) -> Roughness:
     u = rng.uniform
-    return Roughness(u(0.007, 0.012), u(0.008, 0.018), u(0.02, 0.05), u(0.1, 0.2), u(0.006, 0.012),
-                     u(0.008, 0.02), u(0.002, 0.004))  # fmt: skip
+    return Roughness(
+        u(0.007, 0.012),
+        u(0.008, 0.018),
+        u(0.02, 0.05),
+        u(0.1, 0.2),
+        u(0.006, 0.012),
+        u(0.008, 0.02),
+        u(0.002, 0.004),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +75,13 @@ def move(
     speed = speed_wanted(drive, t)
     weight = rover.m * GRAVITY
     push = np.column_stack(
-        [rough.side * weight / 2 * coloured(rng, n, 50.0), rough.side * weight / 2 * coloured(rng, n, 50.0),
-         rough.roll * weight * rover.h * coloured(rng, n, 40.0), rough.throttle * coloured(rng, n, 2.0)]
-    )  # fmt: skip
+        [
+            rough.side * weight / 2 * coloured(rng, n, 50.0),
+            rough.side * weight / 2 * coloured(rng, n, 50.0),
+            rough.roll * weight * rover.h * coloured(rng, n, 40.0),
+            rough.throttle * coloured(rng, n, 2.0),
+        ]
+    )
     push *= np.where(speed > 0, 1.0, 0.0)[:, None]
     motor = rng.uniform(0.4, 0.7)
     q = motion.vector({**_rover_numbers(rover), **_effect_numbers(rover, hidden, drive), "motor_lag": motor})
@@ -90,7 +101,8 @@ def _effect_numbers(rover: Rover, hidden: Hidden, drive: Drive) -> dict[str, flo
     base = rover.a + rover.b
     side = rover.m * GRAVITY * base
     return {
-        "cf": total * ratio / (1 + ratio), "cr": total / (1 + ratio),
+        "cf": total * ratio / (1 + ratio),
+        "cr": total / (1 + ratio),
         "sigma": part(hidden, "tyre_relaxation", "sigma", 0.0),
         "mu": part(hidden, "tyre_saturation", "mu", 0.0),
         "load_transfer": part(hidden, "load_transfer", "k", 0.0),
@@ -106,7 +118,7 @@ def _effect_numbers(rover: Rover, hidden: Hidden, drive: Drive) -> dict[str, flo
         "flex_gain": part(hidden, "flexing_chassis", "flex", 0.0) * rover.m * base,
         "wind": part(hidden, "side_wind", "wind", 0.0) * side / 10,
         "wind_heading": part(hidden, "side_wind", "heading", 0.0),
-    }  # fmt: skip
+    }
 
 
 def change_instant(drive: Drive, fraction: float) -> float:
@@ -134,9 +146,13 @@ def road_wheel(rover: Rover, off: Nuisance, t: Array, steering: Steering, hidden
     lag = part(hidden, "servo_lag", "T", off.servo_lag)
     second = min(0.2 * lag, 0.008)
     d = motion.servo(
-        u, lag - second, second,
-        part(hidden, "servo_rate_limit", "R", 1e9), part(hidden, "steering_deadband", "w", 0.0),
-        part(hidden, "steering_backlash", "b", 0.0), part(hidden, "steering_nonlinearity", "c3", 0.0),
+        u,
+        lag - second,
+        second,
+        part(hidden, "servo_rate_limit", "R", 1e9),
+        part(hidden, "steering_deadband", "w", 0.0),
+        part(hidden, "steering_backlash", "b", 0.0),
+        part(hidden, "steering_nonlinearity", "c3", 0.0),
         part(hidden, "steering_asymmetry", "e", 0.0),
-    )  # fmt: skip
+    )
     return np.asarray(d) - part(hidden, "steering_trim", "u0", off.trim)

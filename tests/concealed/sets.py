@@ -86,8 +86,12 @@ def _names(kind: Kind, effect: str | None, rng: Rng, known: tuple[str, ...]) -> 
 
 def _same_place(one: str, other: str) -> bool:
     """Pairs that no plan could tell from one effect: two of the same look-alike family."""
-    families = [{"servo_lag", "transport_delay", "clock_offset"}, {"steering_deadband", "steering_backlash"},
-                {"tyre_saturation", "load_transfer"}, {"velocity_lag", "clock_offset"}]  # fmt: skip
+    families = [
+        {"servo_lag", "transport_delay", "clock_offset"},
+        {"steering_deadband", "steering_backlash"},
+        {"tyre_saturation", "load_transfer"},
+        {"velocity_lag", "clock_offset"},
+    ]
     return any({one, other} <= family for family in families)
 
 
@@ -142,10 +146,19 @@ def write_set(case: Case, folder: Path, truth: Path) -> None:
 
 def truth_of(case: Case) -> dict[str, Any]:
     """What was concealed, and the rover with its mismatches."""
-    effects = [{"effect": one.id, "parameters": dict(one.parameters), "detail": dict(one.detail),
-                "run": one.run} for one in case.hidden]  # fmt: skip
-    return {"seed": list(case.seed), "kind": case.kind, "effects": effects, "baseline": case.baseline,
-            "rover": vars(case.rover), "nuisance": vars(case.off), "filters": list(case.filters)}  # fmt: skip
+    effects = [
+        {"effect": one.id, "parameters": dict(one.parameters), "detail": dict(one.detail), "run": one.run}
+        for one in case.hidden
+    ]
+    return {
+        "seed": list(case.seed),
+        "kind": case.kind,
+        "effects": effects,
+        "baseline": case.baseline,
+        "rover": vars(case.rover),
+        "nuisance": vars(case.off),
+        "filters": list(case.filters),
+    }
 
 
 def kinds(count: int, seed: int, kind: Kind | Literal["all"], effect: str | None = None) -> list[Kind]:

@@ -34,14 +34,25 @@ QUIET = Roughness(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 FREE = 30.0  # sd of a parameter that the fit finds, relative
 # One row a nuisance: what moves, in which proportion, and its spread, relative to the first one's value.
 NUISANCES: tuple[tuple[str, dict[str, float], float], ...] = (
-    ("rover", {"cf": 1, "cr": 1}, FREE), ("rover", {"cf": 1, "cr": -1}, 0.06),
+    ("rover", {"cf": 1, "cr": 1}, FREE),
+    ("rover", {"cf": 1, "cr": -1}, 0.06),
     ("rover", {"a": 1, "b": -1}, 0.03),
-    ("rover", {"izz": 1}, FREE), ("rover", {"k_phi": 1}, FREE), ("rover", {"b_phi": 1}, FREE),
-    ("rover", {"rad_per_us": 1}, 0.03), ("rover", {"h": 1}, 0.08), ("rover", {"ixx": 1}, 0.12),
-    ("off", {"servo_lag": 1}, 0.4), ("off", {"delay": 1}, 0.4), ("off", {"trim": 1}, 2.0),
-    ("off", {"gyro_lag": 1}, 1.0), ("off", {"accel_lag": 1}, 1.0), ("off", {"ekf_lag": 1}, 1.0),
-    ("off", {"speed_scale": 1}, 0.01), ("off", {"ay_bias": 1}, FREE), ("off", {"heading_error": 1}, FREE),
-)  # fmt: skip
+    ("rover", {"izz": 1}, FREE),
+    ("rover", {"k_phi": 1}, FREE),
+    ("rover", {"b_phi": 1}, FREE),
+    ("rover", {"rad_per_us": 1}, 0.03),
+    ("rover", {"h": 1}, 0.08),
+    ("rover", {"ixx": 1}, 0.12),
+    ("off", {"servo_lag": 1}, 0.4),
+    ("off", {"delay": 1}, 0.4),
+    ("off", {"trim": 1}, 2.0),
+    ("off", {"gyro_lag": 1}, 1.0),
+    ("off", {"accel_lag": 1}, 1.0),
+    ("off", {"ekf_lag": 1}, 1.0),
+    ("off", {"speed_scale": 1}, 0.01),
+    ("off", {"ay_bias": 1}, FREE),
+    ("off", {"heading_error": 1}, FREE),
+)
 
 
 def outputs(case: Case, noise_seed: int | None = None) -> list[Array]:

@@ -40,15 +40,26 @@ def _line(text: str, hits: int, total: int) -> None:
 
 RULES: dict[str, list[tuple[str, tuple[str, ...]]]] = {
     "none": [("false alarm", ("false alarm",)), ("nothing named", ("none",))],
-    "single": [("exact", ("exact",)),
-               ("exact or look-alike", ("exact", "look-alike")), ("wrong name", ("wrong",)),
-               ("nothing or unknown said", ("missed",))],
+    "single": [
+        ("exact", ("exact",)),
+        ("exact or look-alike", ("exact", "look-alike")),
+        ("wrong name", ("wrong",)),
+        ("nothing or unknown said", ("missed",)),
+    ],
     "double": [("both", ("both",)), ("at least one", ("both", "one")), ("wrong name", ("wrong",))],
-    "deleted": [("unknown or look-alike", ("unknown", "look-alike")), ("unknown", ("unknown",)),
-                ("wrong name", ("wrong",)), ("nothing said", ("missed",))],
-    "unknown": [("unknown or nearest equivalent", ("unknown", "nearest")), ("unknown", ("unknown",)),
-                ("wrong name", ("wrong",)), ("nothing said", ("missed",))],
-}  # fmt: skip
+    "deleted": [
+        ("unknown or look-alike", ("unknown", "look-alike")),
+        ("unknown", ("unknown",)),
+        ("wrong name", ("wrong",)),
+        ("nothing said", ("missed",)),
+    ],
+    "unknown": [
+        ("unknown or nearest equivalent", ("unknown", "nearest")),
+        ("unknown", ("unknown",)),
+        ("wrong name", ("wrong",)),
+        ("nothing said", ("missed",)),
+    ],
+}
 
 
 def _rates(graded: Sequence[Graded]) -> None:

@@ -16,8 +16,14 @@ def finding(
     effect: str, *alike: str, value: float = 1.0, low: float = 0.9, high: float = 1.2
 ) -> dict[str, Any]:
     parameters = {"b": {"value": value, "unit": "rad", "low": low, "high": high}}
-    return {"effect": effect, "look_alikes": list(alike), "parameters": parameters, "evidence": {},
-            "held_out": {"run": "run4", "share_removed": 0.8}, "next_run": ""}  # fmt: skip
+    return {
+        "effect": effect,
+        "look_alikes": list(alike),
+        "parameters": parameters,
+        "evidence": {},
+        "held_out": {"run": "run4", "share_removed": 0.8},
+        "next_run": "",
+    }
 
 
 def mark(kind: str, hidden: tuple[str, ...], *found: dict[str, Any], unknown: Any = None) -> str:
@@ -29,19 +35,22 @@ def mark(kind: str, hidden: tuple[str, ...], *found: dict[str, Any], unknown: An
 BACKLASH, RELAXATION = finding("steering_backlash"), finding("tyre_relaxation")
 
 
-@pytest.mark.parametrize(("expected", "hidden", "found"), [
-    ("exact", ("steering_backlash",), (BACKLASH,)),
-    ("exact", ("steering_backlash",), (finding("steering_backlash", "steering_deadband"),)),
-    ("look-alike", ("steering_backlash",), (finding("steering_deadband"),)),
-    ("look-alike", ("cross_slope",), (finding("imu_tilt", "cross_slope"),)),
-    ("wrong", ("steering_backlash",), (BACKLASH, RELAXATION)),
-    ("wrong", ("steering_backlash",), (finding("steering_backlash", "a", "b", "c"),)),
-    ("wrong", ("steering_backlash",), (RELAXATION,)),
-    ("wrong", ("steering_backlash",), (BACKLASH, finding("steering_deadband"))),
-    ("missed", ("steering_backlash",), ()),
-    ("missed", ("tyre_slip", "roll_dof"), (finding("tyre_slip"),)),
-    ("exact", ("tyre_slip", "roll_dof"), (finding("roll_dof"), finding("tyre_slip"))),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("expected", "hidden", "found"),
+    [
+        ("exact", ("steering_backlash",), (BACKLASH,)),
+        ("exact", ("steering_backlash",), (finding("steering_backlash", "steering_deadband"),)),
+        ("look-alike", ("steering_backlash",), (finding("steering_deadband"),)),
+        ("look-alike", ("cross_slope",), (finding("imu_tilt", "cross_slope"),)),
+        ("wrong", ("steering_backlash",), (BACKLASH, RELAXATION)),
+        ("wrong", ("steering_backlash",), (finding("steering_backlash", "a", "b", "c"),)),
+        ("wrong", ("steering_backlash",), (RELAXATION,)),
+        ("wrong", ("steering_backlash",), (BACKLASH, finding("steering_deadband"))),
+        ("missed", ("steering_backlash",), ()),
+        ("missed", ("tyre_slip", "roll_dof"), (finding("tyre_slip"),)),
+        ("exact", ("tyre_slip", "roll_dof"), (finding("roll_dof"), finding("tyre_slip"))),
+    ],
+)
 def test_one_effect(expected: str, hidden: tuple[str, ...], found: tuple[dict[str, Any], ...]) -> None:
     assert mark("single", hidden, *found) == expected
 
@@ -67,15 +76,23 @@ def test_other_kinds() -> None:
 
 def test_parameters_and_share_are_judged_where_the_name_is_right() -> None:
     truth = {"kind": "single", "effects": [{"effect": "steering_backlash", "parameters": {"b": 0.8}}]}
-    answer = {"verdict": "explained", "findings": [BACKLASH], "unknown": None,
-                  "held_out": [{"run": "run4", "share_removed": 0.8}]}  # fmt: skip
+    answer = {
+        "verdict": "explained",
+        "findings": [BACKLASH],
+        "unknown": None,
+        "held_out": [{"run": "run4", "share_removed": 0.8}],
+    }
     one = grade("0001", truth, answer, 1.0)
     assert one.errors == (pytest.approx(0.25),) and one.covered == (False,) and one.share == 0.8
     mix = {"kind": "single", "effects": [{"effect": "imu_offset", "parameters": {"x": 0.03, "z": 0.04}}]}
-    off = {**BACKLASH, "effect": "imu_offset", "parameters": {
-        "x": {"value": 0.03, "unit": "m", "low": 0.0, "high": 0.1},
-        "z": {"value": 0.05, "unit": "m", "low": 0.0, "high": 0.1},
-    }}  # fmt: skip
+    off = {
+        **BACKLASH,
+        "effect": "imu_offset",
+        "parameters": {
+            "x": {"value": 0.03, "unit": "m", "low": 0.0, "high": 0.1},
+            "z": {"value": 0.05, "unit": "m", "low": 0.0, "high": 0.1},
+        },
+    }
     judged = grade("0001", mix, {**answer, "findings": [off]}, 1.0)
     assert judged.errors == (pytest.approx(0.2),) and judged.covered == (True, True)
 

@@ -33,8 +33,10 @@ def test_runs_read_like_field_logs(written: tuple[Case, Path, Path]) -> None:
         assert not run.notes
         assert all(abs(run[name].rate - 100) < 1 for name in ("r", "p", "ay", "vy", "speed", "phi", "psi"))
         assert {name: f.cutoff_hz for name, f in run.filters.items()} == {
-            "r": case.filters[0], "p": case.filters[0], "ay": case.filters[1],
-        }  # fmt: skip
+            "r": case.filters[0],
+            "p": case.filters[0],
+            "ay": case.filters[1],
+        }
         assert len(run.standstill) == 2 and len(run.straight) == 2
         assert 0.93 * drive.speed < run.mean_speed < 1.03 * drive.speed  # turned wheels take some
         gaps = np.diff(run.manoeuvre("pwm").t)
@@ -60,8 +62,13 @@ def test_a_left_turn_is_a_left_turn_in_every_signal(written: tuple[Case, Path, P
 def test_truth_is_not_beside_the_runs(written: tuple[Case, Path, Path]) -> None:
     _, folder, truth = written
     assert {path.name for path in folder.iterdir()} == {
-        "run1.BIN", "run2.BIN", "run3.BIN", "run4.BIN", "rover.toml", "task.json",
-    }  # fmt: skip
+        "run1.BIN",
+        "run2.BIN",
+        "run3.BIN",
+        "run4.BIN",
+        "rover.toml",
+        "task.json",
+    }
     assert json.loads(truth.read_text())["effects"] == []
     with pytest.raises(ValueError, match="beside"):
         write_set(draw_case(3, 1, "none"), folder, folder / "truth.json")
@@ -86,10 +93,17 @@ def test_the_generator_shares_no_code_with_what_it_tests() -> None:
     here = Path(__file__).parent
     for path in here.glob("*.py"):
         if not path.name.startswith("test_") and path.name not in ASKING:
-            names = [node.module or "" for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-                     if isinstance(node, ast.ImportFrom)]  # fmt: skip
-            names += [alias.name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-                      if isinstance(node, ast.Import) for alias in node.names]  # fmt: skip
+            names = [
+                node.module or ""
+                for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                if isinstance(node, ast.ImportFrom)
+            ]
+            names += [
+                alias.name
+                for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                if isinstance(node, ast.Import)
+                for alias in node.names
+            ]
             assert not [
                 name for name in names if name.split(".")[0] in ("rover_sweep", "sitl", "firmware_params")
             ]
@@ -106,10 +120,25 @@ def test_identify_finds_the_true_rover_where_nothing_is_concealed(
 ) -> None:
     """Through the command a user has; the vehicle file is off by the nuisances, so 20 % can be asked."""
     case, folder, _ = written
-    command = [sys.executable, "-m", "rover_sweep.cli.main", "identify", str(folder / "run1.BIN"),
-               str(folder / "run2.BIN"), "--verify", str(folder / "run4.BIN"), "--vehicle",
-               str(folder / "rover.toml"), "--models", "roll-yaw", "--bootstrap", "0", "--out", str(tmp_path),
-               "--json"]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "rover_sweep.cli.main",
+        "identify",
+        str(folder / "run1.BIN"),
+        str(folder / "run2.BIN"),
+        "--verify",
+        str(folder / "run4.BIN"),
+        "--vehicle",
+        str(folder / "rover.toml"),
+        "--models",
+        "roll-yaw",
+        "--bootstrap",
+        "0",
+        "--out",
+        str(tmp_path),
+        "--json",
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     model = json.loads(done.stdout)["models"]["roll-yaw"]

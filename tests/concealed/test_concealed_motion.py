@@ -20,16 +20,30 @@ CASE = draw_case(11, 1, "none")
 ROVER, OFF = CASE.rover, CASE.off
 # Values at which an effect is not there: 0, infinite, or what the rover has anyway.
 ABSENT = {
-    "servo_lag": {"T": OFF.servo_lag}, "servo_rate_limit": {"R": 1e9}, "steering_deadband": {"w": 0.0},
-    "steering_backlash": {"b": 0.0}, "steering_nonlinearity": {"c3": 0.0}, "steering_asymmetry": {"e": 0.0},
-    "steering_trim": {"u0": OFF.trim}, "transport_delay": {"T": OFF.delay}, "clock_offset": {"T": 0.0},
-    "tyre_relaxation": {"sigma": 0.0}, "load_transfer": {"k": 0.0},
-    "front_rear_stiffness": {"ratio": ROVER.cf / ROVER.cr}, "roll_steer": {"e": 0.0},
-    "suspension_friction": {"T": 0.0}, "speed_variation": {"D": 0.0}, "imu_offset": {"x": 0.0, "z": 0.0},
-    "imu_tilt": {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}, "velocity_lag": {"T": 0.0},
-    "sensor_filter": {"gyro_hz": np.inf, "accel_hz": np.inf}, "cross_slope": {"b": 0.0, "psi0": 1.0},
-    "locked_differential": {"scrub": 0.0}, "flexing_chassis": {"flex": 0.0}, "side_wind": {"wind": 0.0},
-}  # fmt: skip
+    "servo_lag": {"T": OFF.servo_lag},
+    "servo_rate_limit": {"R": 1e9},
+    "steering_deadband": {"w": 0.0},
+    "steering_backlash": {"b": 0.0},
+    "steering_nonlinearity": {"c3": 0.0},
+    "steering_asymmetry": {"e": 0.0},
+    "steering_trim": {"u0": OFF.trim},
+    "transport_delay": {"T": OFF.delay},
+    "clock_offset": {"T": 0.0},
+    "tyre_relaxation": {"sigma": 0.0},
+    "load_transfer": {"k": 0.0},
+    "front_rear_stiffness": {"ratio": ROVER.cf / ROVER.cr},
+    "roll_steer": {"e": 0.0},
+    "suspension_friction": {"T": 0.0},
+    "speed_variation": {"D": 0.0},
+    "imu_offset": {"x": 0.0, "z": 0.0},
+    "imu_tilt": {"roll": 0.0, "pitch": 0.0, "yaw": 0.0},
+    "velocity_lag": {"T": 0.0},
+    "sensor_filter": {"gyro_hz": np.inf, "accel_hz": np.inf},
+    "cross_slope": {"b": 0.0, "psi0": 1.0},
+    "locked_differential": {"scrub": 0.0},
+    "flexing_chassis": {"flex": 0.0},
+    "side_wind": {"wind": 0.0},
+}
 
 
 def circle(rover: Rover, delta: float, speed: float) -> np.ndarray:

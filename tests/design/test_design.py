@@ -153,7 +153,7 @@ FAULTS: dict[str, tuple[Sweep, float, dict[str, float], str]] = {
     "too fast": (TOO_FAST, 2.0, {"loop_rate": 400.0}, "too fast for the chain"),
     "gyro filter": (GOOD_SWEEP, 2.0, {"gyro_filter": 4.0}, "INS_GYRO_FILTER 4 Hz lags"),
     "accel filter": (GOOD_SWEEP, 2.0, {"accel_filter": 5.0}, "INS_ACCEL_FILTER 5 Hz lags"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", FAULTS)

@@ -29,9 +29,17 @@ attitude_error = 0.0
 gyro_bias = [0.0, 0.0, 0.0]
 """  # the nominal simulated rover on a road without a pebble, with sensors that do not hiss
 ORDINARY = {
-    "lag": 0.02, "lag_shape": 0.0, "delay": 0.02, "vy_lag": 0.0, "ln_C": log(35.0), "ln_Izz": log(0.075),
-    "ln_ratio": 0.1, "ln_k_phi": log(11.5), "ln_b_phi": log(0.34), "ln_L_eff": log(0.4),
-}  # fmt: skip
+    "lag": 0.02,
+    "lag_shape": 0.0,
+    "delay": 0.02,
+    "vy_lag": 0.0,
+    "ln_C": log(35.0),
+    "ln_Izz": log(0.075),
+    "ln_ratio": 0.1,
+    "ln_k_phi": log(11.5),
+    "ln_b_phi": log(0.34),
+    "ln_L_eff": log(0.4),
+}
 SIZES = {
     "clock_offset": {"delay": -0.04},
     "imu_tilt": {"bias_ay": 0.6, "imu_tilt.pitch": 0.1, "imu_tilt.yaw": 0.1},
@@ -56,7 +64,7 @@ def model(*effects: str, baseline: str = "roll-yaw", **x: float) -> AugmentedMod
     filters = {c: LowPass(20.0, "test") for c in ("r", "p", "ay")}
     return AugmentedModel(
         baseline, geometry_of(VEHICLE), effects, found | x, SPEED, filters, VEHICLE.steering(), wait=0.005
-    )  # fmt: skip
+    )
 
 
 def on_smooth_ground(variant: str, folder: Path) -> Path:

@@ -22,8 +22,11 @@ from rover_sweep.manoeuvre.sweep import Sweep
 ROVER = Geometry(2.7, 0.20, 0.20, sprung_mass=2.4, h=0.05, roll_inertia=0.012, yaw_inertia=0.08)
 MODEL = Model("roll-yaw", ROVER, Tolerances())
 X = {c.name: c.start for c in MODEL.free} | {
-    "ln_C": log(35.0), "ln_Izz": log(0.08), "ln_k_phi": log(10.0), "ln_b_phi": log(0.4),
-}  # fmt: skip
+    "ln_C": log(35.0),
+    "ln_Izz": log(0.08),
+    "ln_k_phi": log(10.0),
+    "ln_b_phi": log(0.4),
+}
 NOISE = {"r": 0.01, "ay": 0.15, "p": 0.03, "vy": 0.01}
 PLAN = ((0.10, 2.2), (0.20, 2.2), (0.12, 1.4))  # rad of steering, m/s
 Planted = Callable[[Experiment], Mapping[str, Array]]
@@ -38,10 +41,20 @@ def sweeps(seed: int, plan: Sequence[tuple[float, float]] = PLAN) -> list[Experi
         steer = amplitude * law.wave(t) / law.amplitude
         taper = np.clip(np.minimum(t, t[-1] - t), 0.0, 1.0)
         run = Experiment(
-            f"run{k + 1}", "sweep", t, steer, np.full(t.size, speed), np.zeros(t.size),
-            dict.fromkeys(NOISE, t), {}, {}, 0.5 - 0.5 * np.cos(np.pi * taper), dict.fromkeys(NOISE, 100.0),
-            has_heading=True, steer_rate=50.0,
-        )  # fmt: skip
+            f"run{k + 1}",
+            "sweep",
+            t,
+            steer,
+            np.full(t.size, speed),
+            np.zeros(t.size),
+            dict.fromkeys(NOISE, t),
+            {},
+            {},
+            0.5 - 0.5 * np.cos(np.pi * taper),
+            dict.fromkeys(NOISE, 100.0),
+            has_heading=True,
+            steer_rate=50.0,
+        )
         measured = logged(run, MODEL.structure, X, Sensors.of(run))
         heading = 0.3 + np.cumsum(measured["r"]) / RATE
         out.append(replace(run, measured=measured, heading=heading))

@@ -51,16 +51,22 @@ def test_the_diagnosed_rover_drives_run_4_as_it_was_and_the_nominal_does_not(
     if ground == "smooth":
         variant = on_smooth_ground(variant.read_text(), tmp_path)
     nominal = "nominal" if ground == "rough" else str(tmp_path / "smooth.toml")
-    variants = {"nominal": [nominal], "with its lengths and masses": [nominal, "--rover-file", str(VEHICLE)],
-                "diagnosed": [str(variant)]}  # fmt: skip
+    variants = {
+        "nominal": [nominal],
+        "with its lengths and masses": [nominal, "--rover-file", str(VEHICLE)],
+        "diagnosed": [str(variant)],
+    }
     found = {}
     for name, words in variants.items():
         out = tmp_path / f"{name}.BIN"
         assert run(["redrive", RUN4, "--vehicle", "plant", "--variant", *words, "--out", str(out)]) == 0
         found[name] = errors(out)
     with capsys.disabled():
-        print("", *(f"{ground}, {n}: r {e['r']:.4f} rad/s, a_y {e['ay']:.3f} m/s^2"
-                    for n, e in found.items()), sep="\n")  # fmt: skip
+        print(
+            "",
+            *(f"{ground}, {n}: r {e['r']:.4f} rad/s, a_y {e['ay']:.3f} m/s^2" for n, e in found.items()),
+            sep="\n",
+        )
     for channel, room in ROOM[ground].items():
         assert found["diagnosed"][channel] < room * min(
             e[channel] for n, e in found.items() if n != "diagnosed"

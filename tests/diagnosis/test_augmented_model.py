@@ -32,10 +32,22 @@ from rover_sweep.report.export.source_text import matlab_text, python_text
 from rover_sweep.report.wording.strict_json import dumps
 
 DERIVATIVES = {
-    "Y_v": -60.0, "Y_p": 0.4, "Y_r": -0.3, "Y_phi": -25.0, "Y_delta": 27.0, "L_v": -230.0, "L_p": -12.0,
-    "L_r": -1.0, "L_phi": -560.0, "L_delta": 100.0, "N_v": -12.0, "N_p": 0.01, "N_r": -38.0, "N_phi": 0.3,
+    "Y_v": -60.0,
+    "Y_p": 0.4,
+    "Y_r": -0.3,
+    "Y_phi": -25.0,
+    "Y_delta": 27.0,
+    "L_v": -230.0,
+    "L_p": -12.0,
+    "L_r": -1.0,
+    "L_phi": -560.0,
+    "L_delta": 100.0,
+    "N_v": -12.0,
+    "N_p": 0.01,
+    "N_r": -38.0,
+    "N_phi": 0.3,
     "N_delta": 96.0,
-}  # fmt: skip
+}
 TINY = 0.004  # rad: small enough for the nonlinear simulation to be linear
 CASES = {
     "plain": linear_only(),
@@ -159,8 +171,13 @@ def test_numbers_that_no_fit_ends_with_are_named(
         assert said in told.err and not told.out and len(told.err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("changed", [lambda m: replace(m, x={**m.x, "ln_C": float("nan")}),
-                                     lambda m: replace(m, rover=replace(m.rover, a=0.0))])  # fmt: skip
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda m: replace(m, x={**m.x, "ln_C": float("nan")}),
+        lambda m: replace(m, rover=replace(m.rover, a=0.0)),
+    ],
+)
 def test_a_saved_diagnosis_is_looked_at_as_well(
     changed: Callable[[AugmentedModel], AugmentedModel], tmp_path: Path
 ) -> None:

@@ -30,15 +30,27 @@ from sitl.redrive.open_loop import redrive
 CHANNELS = ("r", "ay", "p", "vy")
 # {effect: (channel it is judged by, largest share of it that the plant may do otherwise)}
 JUDGED = {
-    "servo_lag": ("r", 0.1), "transport_delay": ("r", 0.1), "servo_rate_limit": ("r", 0.2),
-    "steering_deadband": ("r", 0.1), "steering_backlash": ("r", 0.1), "steering_nonlinearity": ("r", 0.1),
-    "steering_asymmetry": ("r", 0.1), "steering_trim": ("r", 0.1), "tyre_relaxation": ("r", 0.1),
-    "front_rear_stiffness": ("r", 0.1), "roll_steer": ("r", 0.1), "imu_offset": ("ay", 0.1),
-    "imu_tilt": ("p", 0.1), "sensor_filter": ("r", 0.1), "velocity_lag": ("vy", 0.1),
-    "surface_change": ("vy", 0.1), "tyre_saturation": ("vy", 0.2), "load_transfer": ("vy", 0.2),
+    "servo_lag": ("r", 0.1),
+    "transport_delay": ("r", 0.1),
+    "servo_rate_limit": ("r", 0.2),
+    "steering_deadband": ("r", 0.1),
+    "steering_backlash": ("r", 0.1),
+    "steering_nonlinearity": ("r", 0.1),
+    "steering_asymmetry": ("r", 0.1),
+    "steering_trim": ("r", 0.1),
+    "tyre_relaxation": ("r", 0.1),
+    "front_rear_stiffness": ("r", 0.1),
+    "roll_steer": ("r", 0.1),
+    "imu_offset": ("ay", 0.1),
+    "imu_tilt": ("p", 0.1),
+    "sensor_filter": ("r", 0.1),
+    "velocity_lag": ("vy", 0.1),
+    "surface_change": ("vy", 0.1),
+    "tyre_saturation": ("vy", 0.2),
+    "load_transfer": ("vy", 0.2),
     "cross_slope": ("ay", 0.2),  # the plant leans when it starts, the model begins upright
     "suspension_friction": ("p", 0.45),  # dry friction is rounded otherwise about rest
-}  # fmt: skip
+}
 INSTANT = 6.5  # s after the start of the manoeuvre
 
 

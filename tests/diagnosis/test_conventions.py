@@ -39,10 +39,15 @@ sampling = "step"
 filters = {gyro_hz = 20, accel_hz = 20}
 """
 DRESS = {  # of the second file: column, factor from SI and ISO
-    "t": ("ms", 1e3), "r": ("gz", -180 / np.pi), "p": ("gx", 180 / np.pi), "ay": ("ay", -1 / 9.80665),
-    "vy": ("right", -1 / 0.3048), "speed": ("forward", 3.6), "psi": ("yaw", -180 / np.pi),
+    "t": ("ms", 1e3),
+    "r": ("gz", -180 / np.pi),
+    "p": ("gx", 180 / np.pi),
+    "ay": ("ay", -1 / 9.80665),
+    "vy": ("right", -1 / 0.3048),
+    "speed": ("forward", 3.6),
+    "psi": ("yaw", -180 / np.pi),
     "delta": ("to the right", -180 / np.pi),
-}  # fmt: skip
+}
 
 
 def write(path: Path, table: dict[str, np.ndarray]) -> str:
@@ -57,10 +62,20 @@ def found(runs: list[str], columns: str, folder: Path) -> dict[str, dict[str, fl
     """{effect: {parameter: value}} of a diagnosis of tables."""
     (folder / "columns.toml").write_text(columns)
     out = folder / "out"
-    code = run(["diagnose", *runs, "--columns", str(folder / "columns.toml"),
-                "--vehicle", str(SET / "rover.toml"),
-                "--only", "tyre_relaxation,servo_lag,transport_delay,imu_offset,front_rear_stiffness",
-                "--out", str(out)])  # fmt: skip
+    code = run(
+        [
+            "diagnose",
+            *runs,
+            "--columns",
+            str(folder / "columns.toml"),
+            "--vehicle",
+            str(SET / "rover.toml"),
+            "--only",
+            "tyre_relaxation,servo_lag,transport_delay,imu_offset,front_rear_stiffness",
+            "--out",
+            str(out),
+        ]
+    )
     assert code == 0
     findings = json.loads((out / "diagnosis.json").read_text())["findings"]
     return {f["effect"]: {n: p["value"] for n, p in f["parameters"].items()} for f in findings}

@@ -25,9 +25,17 @@ def driven() -> Experiment:
     steer = -0.00095 * np.asarray(law.wave(t))
     speed = 2.4 + 0.1 * np.sin(0.5 * t)
     return Experiment(
-        "run1", "sweep", t, steer, speed, 0.3 + 0.02 * t, dict.fromkeys(("r", "ay", "p", "vy"), t), {}, {},
+        "run1",
+        "sweep",
+        t,
+        steer,
+        speed,
+        0.3 + 0.02 * t,
+        dict.fromkeys(("r", "ay", "p", "vy"), t),
+        {},
+        {},
         np.ones(t.size),
-    )  # fmt: skip
+    )
 
 
 RUN = driven()

@@ -20,8 +20,20 @@ ROVER = Geometry(2.76, 0.196, 0.187, 2.49, 0.058, 0.0146, 0.075)
 def test_a_trim_and_a_rate_limit_are_named_beside_derivatives(tmp_path: Path) -> None:
     runs = [str(SET / f"run{k}.BIN") for k in (1, 2, 3)]
     out = tmp_path / "out"
-    code = run(["diagnose", *runs, "--hold-out", str(SET / "run4.BIN"), "--baseline", "lumped",
-                "--vehicle", str(SET / "rover.toml"), "--out", str(out)])  # fmt: skip
+    code = run(
+        [
+            "diagnose",
+            *runs,
+            "--hold-out",
+            str(SET / "run4.BIN"),
+            "--baseline",
+            "lumped",
+            "--vehicle",
+            str(SET / "rover.toml"),
+            "--out",
+            str(out),
+        ]
+    )
     answer = json.loads((out / "diagnosis.json").read_text())
     assert code == 0 and answer["baseline"] == "lumped"
     assert {f["effect"] for f in answer["findings"]} == {"steering_trim", "servo_rate_limit"}
@@ -37,8 +49,12 @@ def test_the_first_derivatives_move_as_the_model_that_they_are_made_of_at_any_sp
     stiffness = 1.5 * ROVER.mass * 9.81
     about = 0.0146 + 2.49 * 0.058**2
     k_phi = about * (2 * np.pi * 3.5) ** 2 + 2.49 * 9.81 * 0.058
-    x = {"ln_C": np.log(stiffness), "ln_Izz": np.log(0.075), "ln_k_phi": np.log(k_phi),
-         "ln_b_phi": np.log(0.4 * about * 2 * np.pi * 3.5)}  # fmt: skip
+    x = {
+        "ln_C": np.log(stiffness),
+        "ln_Izz": np.log(0.075),
+        "ln_k_phi": np.log(k_phi),
+        "ln_b_phi": np.log(0.4 * about * 2 * np.pi * 3.5),
+    }
     q = slots(Structure(ROVER, True, roll), x)
     whole = single_track(steer, speed, np.ones(t.size), zero, zero, zero, q, roll, False, 0.005)
     first = {c.name: c.start for c in lumped_baseline.derivatives(ROVER, roll)}

@@ -35,8 +35,20 @@ def test_a_kinematic_simulation_lacks_tyres_and_roll(tmp_path):
     nominal, out = DATA / "ardurover-4.6.3" / "nominal", tmp_path / "out"
     runs = [str(nominal / f"run{k}.BIN") for k in (1, 2, 3)]
     simulation = str(DATA / "ardurover-4.6.3" / "stock" / "run1.BIN")
-    code = run(["diagnose", *runs, "--simulation", simulation, "--hold-out", str(nominal / "run4.BIN"),
-                "--vehicle", str(DATA / "rover.toml"), "--out", str(out)])  # fmt: skip
+    code = run(
+        [
+            "diagnose",
+            *runs,
+            "--simulation",
+            simulation,
+            "--hold-out",
+            str(nominal / "run4.BIN"),
+            "--vehicle",
+            str(DATA / "rover.toml"),
+            "--out",
+            str(out),
+        ]
+    )
     answer = json.loads((out / "diagnosis.json").read_text())
     found = {f["effect"]: f for f in answer["findings"]}
     assert code == 0 and set(found) == {"tyre_slip", "roll_dof"}

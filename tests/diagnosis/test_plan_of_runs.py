@@ -68,9 +68,11 @@ def yaw_rate_cosines(runs: Sequence[PlannedRun]) -> dict[str, float]:
     unit = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
     place = {e: members[0] for e, members in stacked.members.items()}
     pairs = (
-        ("transport_delay", "servo_lag"), ("tyre_relaxation", "transport_delay"),
-        ("tyre_saturation", "load_transfer"), ("steering_deadband", "steering_backlash"),
-    )  # fmt: skip
+        ("transport_delay", "servo_lag"),
+        ("tyre_relaxation", "transport_delay"),
+        ("tyre_saturation", "load_transfer"),
+        ("steering_deadband", "steering_backlash"),
+    )
     return {one: float(unit[:, place[one]] @ unit[:, place[two]]) for one, two in pairs}
 
 
@@ -122,8 +124,15 @@ def test_a_repeat_tells_noise_from_distortion_and_so_does_a_periodic_wave(usual:
 
 def test_blocks_show_the_steering_and_nothing_else(usual: Planner) -> None:
     shown = {s.effect: float(np.linalg.norm(s.rows)) for s in usual._shown[BLOCKS].effects}
-    steering = ("servo_rate_limit", "steering_deadband", "steering_backlash", "steering_asymmetry",
-                "steering_nonlinearity", "servo_lag", "transport_delay")  # fmt: skip
+    steering = (
+        "servo_rate_limit",
+        "steering_deadband",
+        "steering_backlash",
+        "steering_asymmetry",
+        "steering_nonlinearity",
+        "servo_lag",
+        "transport_delay",
+    )
     assert all(shown[e] > 10.0 for e in steering)
     assert all(
         size < 1e-6 for e, size in shown.items() if e not in (*steering, "clock_offset", "steering_trim")
@@ -183,9 +192,13 @@ def test_a_plan_proposes_what_settles_the_open_points(monkeypatch: pytest.Monkey
     monkeypatch.setattr("rover_sweep.diagnosis.plans.plan.candidates", lambda *_: [*short, *short[:1]])
     told: list[float] = []
     found = plan(
-        (PlannedRun("sweep", 60.0, 2.4),), ROVER, SCALE, LIMITS, ("servo_rate_limit",),
+        (PlannedRun("sweep", 60.0, 2.4),),
+        ROVER,
+        SCALE,
+        LIMITS,
+        ("servo_rate_limit",),
         progress=lambda what, share: told.append(share),
-    )  # fmt: skip
+    )
     assert [u.effect for u in found.cannot_see] == ["servo_rate_limit"] and not found.detectable
     assert 1 <= len(found.proposal) == len(found.settles) <= 3
     assert "servo_rate_limit" in found.settles[0] and "noise from distortion" in " ".join(found.settles)

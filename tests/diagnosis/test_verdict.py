@@ -15,14 +15,17 @@ def finding(*shares: float | None) -> Finding:
     return Finding("steering_backlash", (), (value,), {}, held, "", "backlash, b = .01 rad", "")
 
 
-@pytest.mark.parametrize(("findings", "left", "variance", "verdict"), [
-    ((), None, 1.1, "none"),
-    ((), None, 3.0, "none"),
-    ((), UNKNOWN, 3.0, "unexplained"),
-    ((finding(),), None, 1.1, "explained"),
-    ((finding(),), None, 3.0, "partly explained"),
-    ((finding(),), UNKNOWN, 3.0, "partly explained"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("findings", "left", "variance", "verdict"),
+    [
+        ((), None, 1.1, "none"),
+        ((), None, 3.0, "none"),
+        ((), UNKNOWN, 3.0, "unexplained"),
+        ((finding(),), None, 1.1, "explained"),
+        ((finding(),), None, 3.0, "partly explained"),
+        ((finding(),), UNKNOWN, 3.0, "partly explained"),
+    ],
+)
 def test_explained_is_at_the_noise_floor(
     findings: tuple[Finding, ...], left: Unknown | None, variance: float, verdict: str
 ) -> None:

@@ -44,15 +44,13 @@ BEFORE_AFTER = (
 BACKLASH = Finding(
     effect="steering_backlash",
     look_alikes=("steering_deadband",),
-    parameters=(
-        EffectValue("b", "rad", 0.0083, 0.0071, 0.0094, "half the gap of the play"),
-    ),
+    parameters=(EffectValue("b", "rad", 0.0083, 0.0071, 0.0094, "half the gap of the play"),),
     evidence={"gain": 412.0, "threshold": 21.4, "cosine:steering_deadband": 0.953},
     held_out=BEFORE_AFTER,
     next_run="a servo test on blocks: 40 us at 0.5 rad/s, wheels off the ground",
     sentence="the steering has play of 0.017 rad from end to end (0.95 deg at the road wheels)",
     equation="d = play(u, b): d' = u' while |u - d| = b, else d' = 0",
-)  # fmt: skip
+)
 RELAXATION = Finding(
     effect="tyre_relaxation",
     look_alikes=(),
@@ -64,13 +62,24 @@ RELAXATION = Finding(
     equation="(sigma/V) F' + F = F0",
 )
 MISMATCHES = (
-    Mismatch("r", (0.5, 3.1), "120 us", 6.3,
-             "the yaw rate lacks 6.3 noise floors between 0.5 and 3.1 rad/s, most at 120 us",
-             Profile("amplitude", "us", (120.0, 240.0), (6.3, 2.9))),
+    Mismatch(
+        "r",
+        (0.5, 3.1),
+        "120 us",
+        6.3,
+        "the yaw rate lacks 6.3 noise floors between 0.5 and 3.1 rad/s, most at 120 us",
+        Profile("amplitude", "us", (120.0, 240.0), (6.3, 2.9)),
+    ),
     Mismatch("ay", (4.0, 14.0), "throughout", 4.1, "a_y differs by 4.1 noise floors between 4 and 14 rad/s"),
-    Mismatch("r", (1.0, 9.0), "left turns", 2.2, "left turns differ more than right ones",
-             Profile("turn", "", ("left", "right"), (2.2, 1.1))),
-)  # fmt: skip
+    Mismatch(
+        "r",
+        (1.0, 9.0),
+        "left turns",
+        2.2,
+        "left turns differ more than right ones",
+        Profile("turn", "", ("left", "right"), (2.2, 1.1)),
+    ),
+)
 OVERLAYS = tuple(
     overlay(run, channel, run == "run4") for run in ("run4", "run1") for channel in ("r", "ay", "p")
 )
@@ -79,9 +88,15 @@ UNSEEN = (
     Unseen("cross_slope", "the runs have one heading"),
 )
 SCORES = {
-    "steering_backlash": 412.0, "steering_deadband": 391.0, "servo_lag": 88.0, "transport_delay": 84.0,
-    "tyre_relaxation": 55.0, "tyre_saturation": 3.1, "imu_offset": 1.2, "cross_slope": 0.0,
-}  # fmt: skip
+    "steering_backlash": 412.0,
+    "steering_deadband": 391.0,
+    "servo_lag": 88.0,
+    "transport_delay": 84.0,
+    "tyre_relaxation": 55.0,
+    "tyre_saturation": 3.1,
+    "imu_offset": 1.2,
+    "cross_slope": 0.0,
+}
 EXPLAINED = Diagnosis(
     verdict="explained",
     sentence="play in the steering of half a gap b = 0.0083 rad explains what the roll-yaw model misses",
@@ -110,8 +125,12 @@ PARTLY = Diagnosis(
     mismatch=MISMATCHES[:2],
     findings=(BACKLASH, RELAXATION),
     unknown=Unknown(
-        "p", "phi and p", 2.4, "the roll rate keeps 2.4 noise floors that the roll state predicts",
-        "-0.31 phi^3", 0.62,
+        "p",
+        "phi and p",
+        2.4,
+        "the roll rate keeps 2.4 noise floors that the roll state predicts",
+        "-0.31 phi^3",
+        0.62,
     ),
     scores=SCORES,
     overlays=OVERLAYS[:3],
@@ -119,7 +138,7 @@ PARTLY = Diagnosis(
     seconds=21.0,
     runs=("run1", "run2", "run3"),
     held_out_runs=("run4",),
-)  # fmt: skip
+)
 UNEXPLAINED = Diagnosis(
     verdict="unexplained",
     sentence="the yaw rate has a residual of 5 noise floors that no candidate explains",

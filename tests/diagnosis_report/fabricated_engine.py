@@ -33,11 +33,22 @@ class Engine:
     given: dict[str, Any] = field(default_factory=dict)
 
     def diagnose(
-        self, runs: Any, rover: Any, settings: Any, held_out: Any = (), simulated: Any = (),
-        progress: Any = None, stop: Any = None,
-    ) -> Diagnosis:  # fmt: skip
-        self.given = {"runs": runs, "rover": rover, "settings": settings, "held_out": held_out,
-                      "simulated": simulated}  # fmt: skip
+        self,
+        runs: Any,
+        rover: Any,
+        settings: Any,
+        held_out: Any = (),
+        simulated: Any = (),
+        progress: Any = None,
+        stop: Any = None,
+    ) -> Diagnosis:
+        self.given = {
+            "runs": runs,
+            "rover": rover,
+            "settings": settings,
+            "held_out": held_out,
+            "simulated": simulated,
+        }
         if progress:
             progress("scoring the candidates", 0.5)
         self.before(stop)
@@ -46,10 +57,25 @@ class Engine:
         return self.answer
 
     def make_plan(
-        self, runs: Any, rover: Any, rad_per_us: float, limits: Any, wanted: Any = (), spread: Any = None,
-        driven: Any = None, progress: Any = None, settled: Any = None,
-    ) -> Plan:  # fmt: skip
-        self.given = {"runs": runs, "rover": rover, "rad_per_us": rad_per_us, "limits": limits,
-                      "wanted": wanted, "spread": spread, "driven": driven}  # fmt: skip
+        self,
+        runs: Any,
+        rover: Any,
+        rad_per_us: float,
+        limits: Any,
+        wanted: Any = (),
+        spread: Any = None,
+        driven: Any = None,
+        progress: Any = None,
+        settled: Any = None,
+    ) -> Plan:
+        self.given = {
+            "runs": runs,
+            "rover": rover,
+            "rad_per_us": rad_per_us,
+            "limits": limits,
+            "wanted": wanted,
+            "spread": spread,
+            "driven": driven,
+        }
         progress("simulating a sweep", 0.5)
         return self.plan

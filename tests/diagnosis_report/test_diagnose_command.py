@@ -61,8 +61,19 @@ def test_what_is_missing_is_said_where_nothing_was_held_out(engine: Engine, aske
 
 
 def test_options_become_settings(engine: Engine, asked: Tell) -> None:
-    asked(SWEEP, "--baseline", "bicycle", "--only", "servo_lag,tyre_relaxation", "--without", "servo_lag",
-          "--time-limit", "12", "--seed", "7")  # fmt: skip
+    asked(
+        SWEEP,
+        "--baseline",
+        "bicycle",
+        "--only",
+        "servo_lag,tyre_relaxation",
+        "--without",
+        "servo_lag",
+        "--time-limit",
+        "12",
+        "--seed",
+        "7",
+    )
     settings = engine.given["settings"]
     assert (settings.baseline, settings.time_limit, settings.seed) == ("bicycle", 12.0, 7)
     assert settings.candidates(("roll_steer", "servo_lag", "tyre_relaxation")) == ("tyre_relaxation",)
@@ -96,13 +107,16 @@ def test_an_identified_model_is_the_baseline(engine: Engine, asked: Tell, tmp_pa
     assert engine.given["settings"].parameters == {"C": 32.0, "Izz": 0.071, "V": 2.4}
 
 
-@pytest.mark.parametrize(("changes", "more", "words"), [
-    ({}, ("--baseline", "lumped"), "has no model 'lumped'; it has roll-yaw, bicycle"),
-    ({}, ("--baseline", "bicycle"), "C of its bicycle model could not be identified"),
-    ({"recommended": None}, (), "has no model None"),
-    ({"format": "something"}, (), "is no identification.json"),
-    ({}, ("--simulation", str(SWEEP)), "--model and --simulation are two simulations"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("changes", "more", "words"),
+    [
+        ({}, ("--baseline", "lumped"), "has no model 'lumped'; it has roll-yaw, bicycle"),
+        ({}, ("--baseline", "bicycle"), "C of its bicycle model could not be identified"),
+        ({"recommended": None}, (), "has no model None"),
+        ({"format": "something"}, (), "is no identification.json"),
+        ({}, ("--simulation", str(SWEEP)), "--model and --simulation are two simulations"),
+    ],
+)
 def test_a_model_that_cannot_be_used_ends_with_a_sentence(
     changes: dict[str, Any], more: tuple[str, ...], words: str, engine: Engine, asked: Tell, tmp_path: Path
 ) -> None:
@@ -110,20 +124,23 @@ def test_a_model_that_cannot_be_used_ends_with_a_sentence(
     assert code == 2 and words in err and not engine.given
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (("--only", "tyre_relax"), "there is no effect 'tyre_relax'; did you mean tyre_relaxation?"),
-    (("--only", ""), "'' names nothing"),
-    (("--only", "roll_dof,tyre_slip"), "can be missing from the roll-yaw baseline"),
-    (("--only", "roll_steer", "--baseline", "kinematic"), "nothing of roll_steer can be missing"),
-    (("--time-limit", "nan"), "the time limit is nan s; give a time above 0"),
-    (("--time-limit", "inf"), "the time limit is inf s; give a time above 0"),
-    (("--only", "foo"), "there is no effect 'foo'; there are "),
-    (("--hold-out", NOMINAL), "is a folder; give the path of a .BIN, .tlog or .csv in it"),
-    (("--only", "servo_lag", "--without", "servo_lag"), "no candidate is left"),
-    (("--hold-out", SWEEP), "run1 is both identified from and verified on"),
-    (("--baseline", "tricycle"), "'tricycle' is not one of"),
-    (("--hold-out", "absent.BIN"), "absent.BIN"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--only", "tyre_relax"), "there is no effect 'tyre_relax'; did you mean tyre_relaxation?"),
+        (("--only", ""), "'' names nothing"),
+        (("--only", "roll_dof,tyre_slip"), "can be missing from the roll-yaw baseline"),
+        (("--only", "roll_steer", "--baseline", "kinematic"), "nothing of roll_steer can be missing"),
+        (("--time-limit", "nan"), "the time limit is nan s; give a time above 0"),
+        (("--time-limit", "inf"), "the time limit is inf s; give a time above 0"),
+        (("--only", "foo"), "there is no effect 'foo'; there are "),
+        (("--hold-out", NOMINAL), "is a folder; give the path of a .BIN, .tlog or .csv in it"),
+        (("--only", "servo_lag", "--without", "servo_lag"), "no candidate is left"),
+        (("--hold-out", SWEEP), "run1 is both identified from and verified on"),
+        (("--baseline", "tricycle"), "'tricycle' is not one of"),
+        (("--hold-out", "absent.BIN"), "absent.BIN"),
+    ],
+)
 def test_mistakes_end_with_a_sentence(
     arguments: tuple[Any, ...], words: str, engine: Engine, asked: Tell
 ) -> None:

@@ -18,18 +18,28 @@ MAYBE = (int, float, type(None))
 FIT = {"j_rms": NUMBER, "tic": NUMBER}
 SCHEMA: dict[str, Any] = {
     "verdict": {"none", "explained", "partly explained", "unexplained", "refused"},
-    "mismatch": [{
-        "channel": {"r", "ay", "p", "vy"}, "band_rad_s": [NUMBER], "condition": str,
-        "residual_over_noise": NUMBER, "sentence": str,
-    }],
-    "findings": [{
-        "effect": str, "look_alikes": [str], "evidence": (dict, NUMBER), "next_run": str,
-        "parameters": (dict, {"value": NUMBER, "unit": str, "low": MAYBE, "high": MAYBE}),
-        "held_out": (None, {"run": str, "before": FIT, "after": FIT, "share_removed": MAYBE}),
-    }],
+    "mismatch": [
+        {
+            "channel": {"r", "ay", "p", "vy"},
+            "band_rad_s": [NUMBER],
+            "condition": str,
+            "residual_over_noise": NUMBER,
+            "sentence": str,
+        }
+    ],
+    "findings": [
+        {
+            "effect": str,
+            "look_alikes": [str],
+            "evidence": (dict, NUMBER),
+            "next_run": str,
+            "parameters": (dict, {"value": NUMBER, "unit": str, "low": MAYBE, "high": MAYBE}),
+            "held_out": (None, {"run": str, "before": FIT, "after": FIT, "share_removed": MAYBE}),
+        }
+    ],
     "unknown": (None, {"channel": str, "depends_on": str, "residual_over_noise": NUMBER, "sentence": str}),
     "cannot_see": [{"effect": str, "why": str}],
-}  # fmt: skip
+}
 
 
 def check(value: Any, schema: Any, where: str) -> None:
@@ -79,8 +89,12 @@ def test_the_schema_of_this_test_can_fail() -> None:
 def test_the_numbers_are_those_of_the_diagnosis() -> None:
     finding = written(EXPLAINED)["findings"][0]
     assert finding["parameters"]["b"] == {
-        "value": 0.0083, "unit": "rad", "low": 0.0071, "high": 0.0094, "meaning": "half the gap of the play"
-    }  # fmt: skip
+        "value": 0.0083,
+        "unit": "rad",
+        "low": 0.0071,
+        "high": 0.0094,
+        "meaning": "half the gap of the play",
+    }
     assert finding["evidence"] == {"gain": 412.0, "threshold": 21.4, "cosine:steering_deadband": 0.953}
     assert [h["run"] for h in finding["held_out_all"]] == ["run4", "run5"]
     open_ended = written(PARTLY)["findings"][1]["parameters"]["sigma"]

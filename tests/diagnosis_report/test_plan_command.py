@@ -32,10 +32,13 @@ def test_runs_thought_of_are_asked_about(engine: Engine, told: Tell) -> None:
     code, out, _ = told("plan", *VEHICLE, *sweeps, *others)
     assert code == 0 and out.startswith("These runs cannot tell tyre relaxation from a delay")
     assert engine.given["runs"] == (
-        PlannedRun("sweep", 150.0, 2.4, repeat=2), PlannedRun("sweep", 240.0, 2.4, 90.0),
-        PlannedRun("doublet", 150.0, 1.6), PlannedRun("bias_sweep", 100.0, 2.4, None, -150.0),
-        PlannedRun("multisine", 200.0, 2.0), PlannedRun("servo_test", 90.0, 0.0),
-    )  # fmt: skip
+        PlannedRun("sweep", 150.0, 2.4, repeat=2),
+        PlannedRun("sweep", 240.0, 2.4, 90.0),
+        PlannedRun("doublet", 150.0, 1.6),
+        PlannedRun("bias_sweep", 100.0, 2.4, None, -150.0),
+        PlannedRun("multisine", 200.0, 2.0),
+        PlannedRun("servo_test", 90.0, 0.0),
+    )
     assert engine.given["rad_per_us"] == pytest.approx(0.00095)
     assert engine.given["limits"].ay == pytest.approx(0.8 * 0.9 * 9.81)
 
@@ -64,34 +67,45 @@ def test_json_has_everything(engine: Engine, told: Tell) -> None:
     document = json.loads(told("plan", *VEHICLE, "--sweep", "150@2.4", "--want", "servo_lag", "--json").out)
     assert engine.given["wanted"] == ("servo_lag",)
     assert document["detectable"]["steering_backlash"] == {
-        "parameter": "b", "unit": "rad", "size": 0.0021, "material": 0.003
-    }  # fmt: skip
+        "parameter": "b",
+        "unit": "rad",
+        "size": 0.0021,
+        "material": 0.003,
+    }
     assert document["not_told_apart"][0] == {
-        "first": "tyre_relaxation", "second": "transport_delay", "cosine": 0.991
-    }  # fmt: skip
+        "first": "tyre_relaxation",
+        "second": "transport_delay",
+        "cosine": 0.991,
+    }
     assert document["proposal"][1]["bias_us"] == 150.0
     assert document["settles"][1] == "sweep about a bias: tells noise from distortion"
     assert document["notes"] == ["no run is proposed beyond 3.9 m/s^2 of lateral acceleration"]
     assert document["cannot_see"] == [{"effect": "cross_slope", "why": "one heading"}]
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (("--sweep", "150"), "'150' has no speed; write it as 150@2.4"),
-    (("--sweep", "-150@2.4"), "negative amplitude"),
-    (("--sweep", "1,5@2.4"), "decimal comma"),
-    (("--sweep", "nan@2.4"), "is no run; write it as 150@2.4"),
-    (("--sweep", "150@inf"), "is no run; write it as 150@2.4"),
-    (("--bias-sweep", "300+300@2.4"), "1..500 us, bias included"),
-    (("--servo-test", "-90"), "1<=x<=500"),
-    (("--servo-test", "90@2.4"), "not a valid number"),
-    (("--bias-sweep", "150@2.4"), "has no bias; write it as 100+150@2.4"),
-    (("--sweep", "100+50@2.4"), "which is for --bias-sweep; write it as 150@2.4"),
-    (("--sweep", "900@2.4"), "1..500 us"),
-    (("--doublet", "150@0"), "a speed up to 30 m/s"),
-    (("--want", "tyre_slip"), "no run can show tyre_slip beside the roll-yaw model that the plan is about"),
-    (("--want", "roll_dof,speed_variation"), "no run can show roll_dof, speed_variation beside"),
-    (("--want", "servo"), "there is no effect 'servo'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--sweep", "150"), "'150' has no speed; write it as 150@2.4"),
+        (("--sweep", "-150@2.4"), "negative amplitude"),
+        (("--sweep", "1,5@2.4"), "decimal comma"),
+        (("--sweep", "nan@2.4"), "is no run; write it as 150@2.4"),
+        (("--sweep", "150@inf"), "is no run; write it as 150@2.4"),
+        (("--bias-sweep", "300+300@2.4"), "1..500 us, bias included"),
+        (("--servo-test", "-90"), "1<=x<=500"),
+        (("--servo-test", "90@2.4"), "not a valid number"),
+        (("--bias-sweep", "150@2.4"), "has no bias; write it as 100+150@2.4"),
+        (("--sweep", "100+50@2.4"), "which is for --bias-sweep; write it as 150@2.4"),
+        (("--sweep", "900@2.4"), "1..500 us"),
+        (("--doublet", "150@0"), "a speed up to 30 m/s"),
+        (
+            ("--want", "tyre_slip"),
+            "no run can show tyre_slip beside the roll-yaw model that the plan is about",
+        ),
+        (("--want", "roll_dof,speed_variation"), "no run can show roll_dof, speed_variation beside"),
+        (("--want", "servo"), "there is no effect 'servo'"),
+    ],
+)
 def test_mistakes_end_with_a_sentence(
     arguments: tuple[str, ...], words: str, engine: Engine, told: Tell
 ) -> None:

@@ -13,13 +13,7 @@ from sitl.autopilot.lua_host import LuaHost, Vector
 
 LOW, MIDDLE, HIGH = 0, 1, 2
 STEERING_CHANNEL, TRIM = 0, 1500
-VEHICLE = {
-    "SERVO1_TRIM": TRIM,
-    "SERVO1_MIN": 1100,
-    "SERVO1_MAX": 1900,
-    "RCMAP_ROLL": 1,
-    "RC1_TRIM": 1500,
-}
+VEHICLE = {"SERVO1_TRIM": TRIM, "SERVO1_MIN": 1100, "SERVO1_MAX": 1900, "RCMAP_ROLL": 1, "RC1_TRIM": 1500}
 KINDS: dict[str, dict[str, float]] = {
     "sweep": {"type": 0},
     "doublet": {"type": 1, "pulse": 2, "count": 5},

@@ -30,7 +30,11 @@ def spinning(bench: Bench) -> None:
     bench.rates = (0.0, 0.0, 10.0)
 
 
-LIMITS = ((rolled, "roll 60.0 > 30 deg"), (rolling, "roll rate 229.2 > 200 deg/s"), (spinning, "yaw rate 573.0 > 150 deg/s"))  # fmt: skip  # noqa: E501
+LIMITS = (
+    (rolled, "roll 60.0 > 30 deg"),
+    (rolling, "roll rate 229.2 > 200 deg/s"),
+    (spinning, "yaw rate 573.0 > 150 deg/s"),
+)
 
 
 def thrown_while_moving(spoil: Callable[[Bench], None], source: str) -> Bench:

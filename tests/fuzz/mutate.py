@@ -10,9 +10,16 @@ from random import Random
 from fastcrc import crc16
 
 SEPARATORS = (
-    (b",", b";"), (b".", b","), (b"\n", b"\r"), (b",", b"\t"), (b"=", b":"), (b'"', b""), (b"\n", b"\n\n"),
-    (b" ", b"\xc2\xa0"), (b"\n", b'"\n'),
-)  # fmt: skip
+    (b",", b";"),
+    (b".", b","),
+    (b"\n", b"\r"),
+    (b",", b"\t"),
+    (b"=", b":"),
+    (b'"', b""),
+    (b"\n", b"\n\n"),
+    (b" ", b"\xc2\xa0"),
+    (b"\n", b'"\n'),
+)
 Mutator = Callable[[bytearray, Random], bytearray]
 
 ODD_FLOATS = (float("nan"), float("inf"), float("-inf"), 1e38, -1e38, 1e-42, -0.0, 1e10, -9e9)
@@ -21,10 +28,31 @@ NAMES = (b"IMU\0", b"FMT\0", b"PARM", b"MSG\0", b"\x1b[2J", b"XKF1")
 LABELS = (b"", b"X", b"I", b"TimeMS", b"Value", b"\x1b")
 ESC = "\x1b[2J\x1b]52;c;aGk=\x07\x9b31m\u202e[/bold][red]"
 NUMERALS = (
-    "9" * 5000, "9" * 400,
-    "1e999", "-1e400", "nan", "inf", "-inf", "0x", "1_0", "1e-400", "²", "٣", "", "true", "[]",
-    "{}", '"x"', "1,5", "-0", "1e308", "0." + "0" * 5000 + "1", "null", "1979-05-27", "99999999999999999999",
-)  # fmt: skip
+    "9" * 5000,
+    "9" * 400,
+    "1e999",
+    "-1e400",
+    "nan",
+    "inf",
+    "-inf",
+    "0x",
+    "1_0",
+    "1e-400",
+    "²",
+    "٣",
+    "",
+    "true",
+    "[]",
+    "{}",
+    '"x"',
+    "1,5",
+    "-0",
+    "1e308",
+    "0." + "0" * 5000 + "1",
+    "null",
+    "1979-05-27",
+    "99999999999999999999",
+)
 
 
 def damaged(data: bytes, random: Random, mutators: Sequence[Mutator]) -> bytes:
@@ -246,15 +274,26 @@ def chunks(data: bytearray, random: Random) -> bytearray:
 
     codec, at = Codec(1, 1), random.choice(_frames(data) or [(0, 0)])[0]
     texts = [
-        make("STATUSTEXT", severity=6, text=random.randbytes(50), id=random.randrange(1, 65536),
-             chunk_seq=random.randrange(256))
+        make(
+            "STATUSTEXT",
+            severity=6,
+            text=random.randbytes(50),
+            id=random.randrange(1, 65536),
+            chunk_seq=random.randrange(256),
+        )
         for _ in range(random.choice((1, 20, 200)))
-    ]  # fmt: skip
+    ]
     texts += [
-        make("PARAM_VALUE", param_id=random.randbytes(16), param_value=random.choice(ODD_FLOATS),
-             param_type=9, param_count=65535, param_index=k)
+        make(
+            "PARAM_VALUE",
+            param_id=random.randbytes(16),
+            param_value=random.choice(ODD_FLOATS),
+            param_type=9,
+            param_count=65535,
+            param_index=k,
+        )
         for k in range(random.choice((0, 20)))
-    ]  # fmt: skip
+    ]
     return data[:at] + b"".join(codec.pack(text) for text in texts) + data[at:]
 
 

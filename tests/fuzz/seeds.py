@@ -30,9 +30,16 @@ TRIM, RAD_PER_US, SPEED = 1500.0, 0.001, 2.4
 BEFORE = 2.0  # s of standing before the run
 SLOW = 5  # samples of the gyro between those of what is logged slowly
 PARAMETERS = {
-    "SERVO1_FUNCTION": 26.0, "SERVO1_MIN": 1100.0, "SERVO1_MAX": 1900.0, "INS_GYRO_FILTER": 0.0,
-    "INS_ACCEL_FILTER": 0.0, "SCHED_LOOP_RATE": 100.0, "SWP_AMP": 120.0, "SWP_WMIN": 1.0, "SWP_TREC": 25.0,
-}  # fmt: skip
+    "SERVO1_FUNCTION": 26.0,
+    "SERVO1_MIN": 1100.0,
+    "SERVO1_MAX": 1900.0,
+    "INS_GYRO_FILTER": 0.0,
+    "INS_ACCEL_FILTER": 0.0,
+    "SCHED_LOOP_RATE": 100.0,
+    "SWP_AMP": 120.0,
+    "SWP_WMIN": 1.0,
+    "SWP_TREC": 25.0,
+}
 BANNER = "ArduRover V4.6.3 (3fc7011a)"
 STATES = ((0.0, 3), (3.0, 4), (5.0, 5), (7.0, 6), (32.0, 7), (34.0, 8))  # (s of the override, state)
 
@@ -70,9 +77,15 @@ def drive(length: float) -> Drive:
     r = -run["r"].x[inside]
     psi = np.cumsum(r) / RATE
     return Drive(
-        t + BEFORE, TRIM - held / RAD_PER_US, r, run["p"].x[inside], -run["ay"].x[inside],
-        -run["vy"].x[inside], psi, state,
-    )  # fmt: skip
+        t + BEFORE,
+        TRIM - held / RAD_PER_US,
+        r,
+        run["p"].x[inside],
+        -run["ay"].x[inside],
+        -run["vy"].x[inside],
+        psi,
+        state,
+    )
 
 
 def flash(length: float = np.inf) -> bytes:
@@ -121,26 +134,70 @@ def frames(length: float = np.inf) -> list[tuple[int, bytes]]:
         )
 
     for n, (name, value) in enumerate(PARAMETERS.items()):
-        said(0.0, "PARAM_VALUE", param_id=name.encode(), param_value=value, param_type=9,
-             param_count=len(PARAMETERS), param_index=n)  # fmt: skip
+        said(
+            0.0,
+            "PARAM_VALUE",
+            param_id=name.encode(),
+            param_value=value,
+            param_type=9,
+            param_count=len(PARAMETERS),
+            param_index=n,
+        )
     said(0.0, "STATUSTEXT", severity=6, text=BANNER.encode())
     rows = zip(*(x.tolist() for x in (d.t, d.pwm, d.r, d.p, d.ay, d.vy, d.psi, d.state)), strict=True)
     for k, (t, pwm, r, p, ay, vy, psi, state) in enumerate(rows):
         ms, us = round(1e3 * t), round(1e6 * t)
-        said(t, "ATTITUDE", time_boot_ms=ms, roll=0.0, pitch=0.0, yaw=psi, rollspeed=p, pitchspeed=0.0,
-             yawspeed=r)  # fmt: skip
-        said(t, "RAW_IMU", time_usec=us, xacc=0, yacc=_short(ay / 9.80665e-3), zacc=-1000,
-             xgyro=_short(1e3 * p), ygyro=0, zgyro=_short(1e3 * r), xmag=0, ymag=0, zmag=0)  # fmt: skip
-        said(t, "SERVO_OUTPUT_RAW", time_usec=us, port=0, servo1_raw=round(pwm), servo2_raw=0,
-             servo3_raw=1600, **{f"servo{i}_raw": 0 for i in range(4, 9)})  # fmt: skip
+        said(
+            t,
+            "ATTITUDE",
+            time_boot_ms=ms,
+            roll=0.0,
+            pitch=0.0,
+            yaw=psi,
+            rollspeed=p,
+            pitchspeed=0.0,
+            yawspeed=r,
+        )
+        said(
+            t,
+            "RAW_IMU",
+            time_usec=us,
+            xacc=0,
+            yacc=_short(ay / 9.80665e-3),
+            zacc=-1000,
+            xgyro=_short(1e3 * p),
+            ygyro=0,
+            zgyro=_short(1e3 * r),
+            xmag=0,
+            ymag=0,
+            zmag=0,
+        )
+        said(
+            t,
+            "SERVO_OUTPUT_RAW",
+            time_usec=us,
+            port=0,
+            servo1_raw=round(pwm),
+            servo2_raw=0,
+            servo3_raw=1600,
+            **{f"servo{i}_raw": 0 for i in range(4, 9)},
+        )
         if k % SLOW == 0:
             vn, ve = _north_east(psi, vy)
             said(t, "LOCAL_POSITION_NED", time_boot_ms=ms, x=0.0, y=0.0, z=0.0, vx=vn, vy=ve, vz=0.0)
             said(t, "NAMED_VALUE_FLOAT", time_boot_ms=ms, name=b"SWP_ST", value=float(state))
             said(t, "NAMED_VALUE_FLOAT", time_boot_ms=ms, name=b"SWP_RUN", value=1.0)
         if k % 50 == 0:
-            said(t, "HEARTBEAT", type=10, autopilot=3, base_mode=128, custom_mode=0, system_status=4,
-                 mavlink_version=3)  # fmt: skip
+            said(
+                t,
+                "HEARTBEAT",
+                type=10,
+                autopilot=3,
+                base_mode=128,
+                custom_mode=0,
+                system_status=4,
+                mavlink_version=3,
+            )
     said(t, "STATUSTEXT", severity=6, text=b"SWP: run 1 done")
     return found
 

@@ -22,8 +22,11 @@ SPEED = 2.5  # m/s
 ACRO_RATE = 90.0  # deg/s at full stick
 CRUISE_THROTTLE = 52.0  # percent that give SPEED on the nominal plant
 SETTINGS = {
-    "ACRO_TURN_RATE": ACRO_RATE, "CRUISE_SPEED": SPEED, "CRUISE_THROTTLE": CRUISE_THROTTLE, "SCR_ENABLE": 0,
-}  # fmt: skip
+    "ACRO_TURN_RATE": ACRO_RATE,
+    "CRUISE_SPEED": SPEED,
+    "CRUISE_THROTTLE": CRUISE_THROTTLE,
+    "SCR_ENABLE": 0,
+}
 STRAIGHT = 6.0  # s, to reach the speed before a profile
 READY_S = 120.0
 

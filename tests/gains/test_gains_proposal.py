@@ -85,8 +85,10 @@ def test_a_slow_gyro_filter_costs_gain(document: Any, proposal: Proposal):
 def test_the_parameter_file_reads_back_with_a_reason_on_every_line(proposal: Proposal):
     lines = parse(param_text(proposal))
     gains = proposal.proposed.gains.parameters
-    assert {p.name: p.value for p in lines} == {n: gains[n] for n in ("ATC_STR_RAT_FF", "ATC_STR_RAT_P",
-            "ATC_STR_RAT_I", "ATC_STR_RAT_D", "ATC_STR_RAT_IMAX")}  # fmt: skip
+    assert {p.name: p.value for p in lines} == {
+        n: gains[n]
+        for n in ("ATC_STR_RAT_FF", "ATC_STR_RAT_P", "ATC_STR_RAT_I", "ATC_STR_RAT_D", "ATC_STR_RAT_IMAX")
+    }
     assert all(p.reason for p in lines)
     assert "2.50 m/s" in param_text(proposal)
 

@@ -130,9 +130,16 @@ def test_peak_lateral_acceleration_is_that_of_the_sweep(run):
     assert peak_lateral_acceleration(run) == pytest.approx(1.77, rel=0.1)
 
 
-@pytest.mark.parametrize(("speed", "friction", "words"), [
-    (2.4, 0.9, ()), (2.4, 0.2, ("friction limit",)), (5.0, 5.0, ("critical speed",)),
-    (5.5, None, ("critical speed", "friction limit")), (4.3, 5.0, ())])  # fmt: skip
+@pytest.mark.parametrize(
+    ("speed", "friction", "words"),
+    [
+        (2.4, 0.9, ()),
+        (2.4, 0.2, ("friction limit",)),
+        (5.0, 5.0, ("critical speed",)),
+        (5.5, None, ("critical speed", "friction limit")),
+        (4.3, 5.0, ()),
+    ],
+)
 def test_warnings(run, speed, friction, words):
     """Speeds against the published bicycle's 5.56 m/s, of which 80 % are 4.45."""
     x = run["speed"].x / 2.4

@@ -45,8 +45,10 @@ def test_poles_of_table_3():
     assert np.max(poles.imag) == pytest.approx(2.98, rel=5e-3)
 
 
-@pytest.mark.parametrize(("name", "cr", "i"), [
-    ("k_phi", 3.63, 1.78), ("b_phi", 8.15, 3.80), ("Izz", 4.64, 2.18), ("C", 0.82, 0.40)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "cr", "i"),
+    [("k_phi", 3.63, 1.78), ("b_phi", 8.15, 3.80), ("Izz", 4.64, 2.18), ("C", 0.82, 0.40)],
+)
 def test_roll_yaw_accuracy(name: str, cr: float, i: float):
     structure = without_gravity_in_ay(roll_yaw(PAPER).with_values(TABLE_3))
     bounds, insensitivities = accuracy(structure, [at_coherence_one(structure, PUBLISHED)])
@@ -55,9 +57,13 @@ def test_roll_yaw_accuracy(name: str, cr: float, i: float):
     assert insensitivities[k] == pytest.approx(i, rel=0.02)
 
 
-@pytest.mark.parametrize(("bands", "cr", "i"), [
-    ({k: PUBLISHED[k] for k in ("r", "ay", "vydot")}, (2.5, 5.7, 4.1), (1.2, 2.2, 1.6)),
-    ({"r": (0.2, 15.0), "ay": (0.2, 15.0)}, (7.9, 16.3, 8.1), (2.4, 5.3, 3.7))])  # fmt: skip
+@pytest.mark.parametrize(
+    ("bands", "cr", "i"),
+    [
+        ({k: PUBLISHED[k] for k in ("r", "ay", "vydot")}, (2.5, 5.7, 4.1), (1.2, 2.2, 1.6)),
+        ({"r": (0.2, 15.0), "ay": (0.2, 15.0)}, (7.9, 16.3, 8.1), (2.4, 5.3, 3.7)),
+    ],
+)
 def test_bicycle_accuracy(bands: dict, cr: tuple, i: tuple):
     structure = bicycle(PAPER).with_values(TABLE_2)
     bounds, insensitivities = accuracy(structure, [at_coherence_one(structure, bands)])

@@ -52,8 +52,9 @@ def begun(structure: ModelStructure, conditions: list[Condition]) -> FitResult:
     return fit(structure, conditions, drawn_starts(structure))
 
 
-@pytest.mark.parametrize(("text", "true", "name"), [
-    (SWAPPED, {"T1": 0.1, "T2": 0.5}, "T1"), (SQUARED, {"k": 2.0}, "k")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "true", "name"), [(SWAPPED, {"T1": 0.1, "T2": 0.5}, "T1"), (SQUARED, {"k": 2.0}, "k")]
+)
 def test_two_equal_minima_are_told(text: str, true: dict[str, float], name: str):
     structure = structure_from_text(text)
     found = begun(structure, answer(structure, **true))

@@ -165,8 +165,11 @@ def test_what_is_no_recording_is_refused_in_a_sentence(
 
 def test_what_cannot_be_played_is_refused_in_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("t,r\n")
-    for path, words in ((tmp_path / "run.csv", "cannot be played"), (tmp_path / "none.tlog", "no such file"),
-                        (tmp_path, "is a folder")):  # fmt: skip
+    for path, words in (
+        (tmp_path / "run.csv", "cannot be played"),
+        (tmp_path / "none.tlog", "no such file"),
+        (tmp_path, "is a folder"),
+    ):
         with pytest.raises(UsageError, match=words):
             PlayedSource(path)
 

@@ -166,8 +166,8 @@ def test_a_dead_yaw_rate_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(1e6, 'every 1e.04 s; is that in us'), (1e3, "every 10 s; is that in ms"), (1e-3, "every 1e-05 s")],
-)  # fmt: skip
+    [(1e6, "every 1e.04 s; is that in us"), (1e3, "every 10 s; is that in ms"), (1e-3, "every 1e-05 s")],
+)
 def test_time_in_another_unit_is_refused(factor: float, said: str) -> None:
     log, _ = drive([SWEEP])
     signals = {n: replace(s, t=s.t * factor) for n, s in log.signals.items()}

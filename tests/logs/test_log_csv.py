@@ -48,7 +48,12 @@ def rows(**columns: object) -> str:
     return "\n".join([",".join(cells), *lines])
 
 
-BASIC: dict[str, Any] = {"time": "t", "delta": {"column": "steer", "scale": 0.3}, "r": {"column": "rate", "unit": "deg/s"}, "speed": "v"}  # fmt: skip  # noqa: E501
+BASIC: dict[str, Any] = {
+    "time": "t",
+    "delta": {"column": "steer", "scale": 0.3},
+    "r": {"column": "rate", "unit": "deg/s"},
+    "speed": "v",
+}
 
 
 def test_units_scales_and_axes(tmp_path: Path) -> None:
@@ -137,7 +142,15 @@ def test_missing_entries_are_named(tmp_path: Path) -> None:
 
 
 def test_a_real_small_car_driven_by_hand() -> None:
-    columns = {"time": "t", "delta": {"column": "steer", "scale": 0.35}, "r": "yaw_rate", "ay": "ay", "vy": "vy", "speed": "vx", "trial": "trial"}  # fmt: skip  # noqa: E501
+    columns = {
+        "time": "t",
+        "delta": {"column": "steer", "scale": 0.35},
+        "r": "yaw_rate",
+        "ay": "ay",
+        "vy": "vy",
+        "speed": "vx",
+        "trial": "trial",
+    }
     runs = read_runs(foreign("cars/dart_free_driving_2024.csv"), column_map=columns)
     assert len(runs) == 4
     for run in runs:

@@ -132,7 +132,10 @@ def test_a_pair_must_be_of_one_drive(tmp_path: Path) -> None:
     assert "no vehicle time in common" in refusal(f"{NOMINAL / 'run4.BIN'}+{DEFAULTS / 'run1.tlog'}")
 
 
-@pytest.mark.parametrize("source", ["nowhere.BIN", "a.BIN+b.tlog", str(Path(__file__)), f"{NOMINAL / 'run1.BIN'}+{NOMINAL / 'run2.BIN'}"])  # fmt: skip  # noqa: E501
+@pytest.mark.parametrize(
+    "source",
+    ["nowhere.BIN", "a.BIN+b.tlog", str(Path(__file__)), f"{NOMINAL / 'run1.BIN'}+{NOMINAL / 'run2.BIN'}"],
+)
 def test_wrong_sources_are_the_users_mistake(source: str) -> None:
     with pytest.raises(UsageError):
         read_runs(source)

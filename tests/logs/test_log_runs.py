@@ -77,9 +77,18 @@ def test_states_of_the_applet_bound_the_run() -> None:
 
 def test_two_runs_in_one_log_keep_apart() -> None:
     log, (one, two) = drive([SWEEP, DOUBLET], pause=4.0)
-    first = applet_rows(log.steering[0].t, 1, [(one, 3), (one + 3, 4), (one + 7, 6), (one + 37, 7), (one + 39, 8), (one + 42, 0)])  # fmt: skip  # noqa: E501
+    first = applet_rows(
+        log.steering[0].t,
+        1,
+        [(one, 3), (one + 3, 4), (one + 7, 6), (one + 37, 7), (one + 39, 8), (one + 42, 0)],
+    )
     second = applet_rows(log.steering[0].t, 2, [(two, 3), (two + 3, 6), (two + 11, 8), (two + 14, 0)])
-    rows = AppletRows(*(np.concatenate(c) for c in zip(*((a.t, a.run, a.state, a.clock) for a in (first, second)), strict=True)))  # fmt: skip  # noqa: E501
+    rows = AppletRows(
+        *(
+            np.concatenate(c)
+            for c in zip(*((a.t, a.run, a.state, a.clock) for a in (first, second)), strict=True)
+        )
+    )
     runs = find_runs(replace(log, applet=rows))
     assert [(r.name, r.kind) for r in runs] == [("made run 1", "sweep"), ("made run 2", "doublet")]
     assert runs[0].span[1] <= runs[1].span[0]

@@ -131,7 +131,7 @@ PAIR_2 = f"{DEFAULTS / 'run2.tlog'}+{DEFAULTS / 'run2.BIN'}"
         (str(STOCK / "run2.BIN"), "doublet", 150, 3.9, "SWEP.Out at the main loop"),
         (str(STOCK / "run2.tlog"), "doublet", 150, 3.9, "SERVO_OUTPUT_RAW.servo1_raw"),
     ],
-)  # fmt: skip
+)
 def test_every_run_is_told(source: str, kind: str, amplitude: float, speed: float, steering: str) -> None:
     recording = run(source)
     pwm = recording.manoeuvre("pwm")

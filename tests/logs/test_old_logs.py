@@ -71,11 +71,17 @@ def test_sensors_without_time_are_refused_with_the_reason(tmp_path: Path) -> Non
         read_runs(str(path))
 
 
-@pytest.mark.parametrize("columns", [
-    (b"TimeUS,Message", b"Message,TimeUS"), (b"TimeUS,Name,Value", b"Value,Name,TimeUS"),
-    (b"TimeUS,Name,Value", b"Name,TimeUS,Value"), (b"TimeUS,I,GyrX,GyrZ,AccY", b"GyrX,AccY,I,TimeUS,GyrZ"),
-    (b"TimeUS,Run,St,Cmd,Out,T", b"T,Out,Cmd,St,Run,TimeUS"), (b"TimeUS,C1,C3", b"C1,TimeUS,C3"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "columns",
+    [
+        (b"TimeUS,Message", b"Message,TimeUS"),
+        (b"TimeUS,Name,Value", b"Value,Name,TimeUS"),
+        (b"TimeUS,Name,Value", b"Name,TimeUS,Value"),
+        (b"TimeUS,I,GyrX,GyrZ,AccY", b"GyrX,AccY,I,TimeUS,GyrZ"),
+        (b"TimeUS,Run,St,Cmd,Out,T", b"T,Out,Cmd,St,Run,TimeUS"),
+        (b"TimeUS,C1,C3", b"C1,TimeUS,C3"),
+    ],
+)
 def test_shuffled_columns_end_in_an_answer_or_a_sentence(
     columns: tuple[bytes, bytes], tmp_path: Path
 ) -> None:

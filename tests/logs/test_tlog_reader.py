@@ -30,7 +30,10 @@ def test_every_value_is_the_one_that_pymavlink_reads() -> None:
         rows = ours.messages[name].rows
         assert len(rows) == len(theirs[name]) > 30
         for field in rows.dtype.names or ():
-            np.testing.assert_array_equal(rows[field], [np.float32(m[field]) if rows[field].dtype == np.float32 else m[field] for m in theirs[name]])  # fmt: skip  # noqa: E501
+            np.testing.assert_array_equal(
+                rows[field],
+                [np.float32(m[field]) if rows[field].dtype == np.float32 else m[field] for m in theirs[name]],
+            )
     assert ours.bad_bytes == ours.damaged == 0
 
 

@@ -12,9 +12,28 @@ import numpy as np
 from rover_sweep.data.recording import Array, Recording
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
-FORMATS = {"a": "64s", "b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "f": "f", "d": "d",
-           "n": "4s", "N": "16s", "Z": "64s", "c": "h", "C": "H", "e": "i", "E": "I", "L": "i", "M": "B",
-           "q": "q", "Q": "Q"}  # fmt: skip
+FORMATS = {
+    "a": "64s",
+    "b": "b",
+    "B": "B",
+    "h": "h",
+    "H": "H",
+    "i": "i",
+    "I": "I",
+    "f": "f",
+    "d": "d",
+    "n": "4s",
+    "N": "16s",
+    "Z": "64s",
+    "c": "h",
+    "C": "H",
+    "e": "i",
+    "E": "I",
+    "L": "i",
+    "M": "B",
+    "q": "q",
+    "Q": "Q",
+}
 FMT, HEAD = 128, b"\xa3\x95"
 Change = Callable[[Array], Array]
 Field = tuple[str, str]
@@ -50,9 +69,7 @@ def rewritten(path: Path, out: Path, changes: Mapping[Field, Callable[[float], f
 
 def _messages(data: bytes | bytearray) -> Iterator[tuple[int, str, dict[str, tuple[int, str]]]]:
     """(offset, name, {column: (offset in the message, struct code)}) of every message but FMT."""
-    known: dict[int, tuple[int, str, dict[str, tuple[int, str]]]] = {
-        FMT: (89, "FMT", {}),
-    }
+    known: dict[int, tuple[int, str, dict[str, tuple[int, str]]]] = {FMT: (89, "FMT", {})}
     at = 0
     while at + 3 <= len(data):
         kind = data[at + 2]

@@ -106,7 +106,7 @@ MISTAKES = {
     "decimal comma": (MINIMAL.replace("2.66", "2,66"), "write decimals with a point: mass = 2,66"),
     "unit after number": (MINIMAL.replace("2.66", "2.66 kg"), "write the number alone"),
     "empty": ("", "mass is missing"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", MISTAKES)

@@ -140,7 +140,9 @@ def test_an_instant_counts_from_the_start_of_its_run(data: Path, tmp_path: Path)
 
 def test_a_variant_comes_back_from_its_text(tmp_path: Path) -> None:
     source, copy = tmp_path / "a.toml", tmp_path / "b.toml"
-    source.write_text('base = "paper"\n[effects]\nimu_offset = { x = 0.1 }\n'
-                      'clock_offset = { T = 0.1, stream = "velocity" }\n')  # fmt: skip
+    source.write_text(
+        'base = "paper"\n[effects]\nimu_offset = { x = 0.1 }\n'
+        'clock_offset = { T = 0.1, stream = "velocity" }\n'
+    )
     copy.write_text(variant_text(load_variant(source)))
     assert load_variant(copy) == load_variant(source)

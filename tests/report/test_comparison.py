@@ -41,9 +41,18 @@ def rows(table: Table | None) -> dict[str, list[str]]:
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0711937, "0.07119"), (31.0, "31.00"), (0, "0"), (126.41, "126.4"), (-748.077, "-748.1"),
-     (1e-7, "1.000e-07"), (2.5e6, "2.500e+06"), (None, "–"), (float("inf"), "–")],
-)  # fmt: skip
+    [
+        (0.0711937, "0.07119"),
+        (31.0, "31.00"),
+        (0, "0"),
+        (126.41, "126.4"),
+        (-748.077, "-748.1"),
+        (1e-7, "1.000e-07"),
+        (2.5e6, "2.500e+06"),
+        (None, "–"),
+        (float("inf"), "–"),
+    ],
+)
 def test_numbers_have_four_significant_digits(value: float | None, text: str) -> None:
     assert number(value) == text
 
@@ -59,9 +68,13 @@ def test_parameter_table_is_the_paper_s_table_3(nominal: Any) -> None:
     table = rows(parameter_table(nominal.result, "roll-yaw"))
     e = nominal.result.models["roll-yaw"].fit["C"]
     assert table["Cf = Cr"] == [
-        "cornering stiffness, each axle", number(e.value), "N/rad", "free",
-        percent(e.cr_percent), percent(e.insensitivity_percent),
-    ]  # fmt: skip
+        "cornering stiffness, each axle",
+        number(e.value),
+        "N/rad",
+        "free",
+        percent(e.cr_percent),
+        percent(e.insensitivity_percent),
+    ]
     assert table["m_s"] == ["sprung mass", "2.400", "kg", "fixed", "–", "–"]
     assert table["V_x"][1] == number(nominal.result.speed)
 
@@ -190,8 +203,17 @@ def terminal(case: Any, width: int, verbose: bool = False) -> str:
 @pytest.mark.parametrize("width", [80, 100])
 def test_the_terminal_shows_all_tables_within_its_width(nominal: Any, width: int) -> None:
     text = terminal(nominal, width, verbose=True)
-    for words in ("Runs", "Bicycle model", "Roll-yaw model", "Lumped model", "Model structure reduction",
-                  "Cost J", "Verification on run4", "Yaw inertia", "If the sensors' filters"):  # fmt: skip
+    for words in (
+        "Runs",
+        "Bicycle model",
+        "Roll-yaw model",
+        "Lumped model",
+        "Model structure reduction",
+        "Cost J",
+        "Verification on run4",
+        "Yaw inertia",
+        "If the sensors' filters",
+    ):
         assert words in text
     assert max(len(row) for row in text.splitlines()) <= width
     assert "…" not in text and not re.search(r"^\s*%", text, re.MULTILINE)

@@ -131,9 +131,13 @@ def test_command_takes_the_recommended_model_and_the_format_of_the_suffix(
     ],
 )
 def test_command_says_what_is_wrong(
-    reports: dict[str, Path], folder: str, options: list[str], code: int, words: str,
+    reports: dict[str, Path],
+    folder: str,
+    options: list[str],
+    code: int,
+    words: str,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     assert run(["export", str(reports[folder]), *options]) == code
     captured = capsys.readouterr()
     assert words in captured.err and captured.out == ""

@@ -37,8 +37,13 @@ def test_there_is_one_for_each_run_the_responses_the_models_and_the_verification
     pictures: dict[str, Picture],
 ) -> None:
     assert set(pictures) == {
-        "history-run1", "history-run2", "history-run4", "responses", "models", "verification-run4",
-    }  # fmt: skip
+        "history-run1",
+        "history-run2",
+        "history-run4",
+        "responses",
+        "models",
+        "verification-run4",
+    }
 
 
 def test_model_lines_are_the_models_with_the_sensors_filters(

@@ -22,11 +22,19 @@ def names(folder: Path) -> set[str]:
 
 def test_folder_holds_document_page_pictures_and_models(reports: dict[str, Path], nominal: Any) -> None:
     assert names(reports["nominal"]) == {
-        "identification.json", "report.html", "pictures/verification-run4.png", "pictures/models.png",
-        "pictures/responses.png", "pictures/history-run1.png", "pictures/history-run2.png",
-        "pictures/history-run4.png", "models/kinematic.json", "models/bicycle.json", "models/roll-yaw.json",
+        "identification.json",
+        "report.html",
+        "pictures/verification-run4.png",
+        "pictures/models.png",
+        "pictures/responses.png",
+        "pictures/history-run1.png",
+        "pictures/history-run2.png",
+        "pictures/history-run4.png",
+        "models/kinematic.json",
+        "models/bicycle.json",
+        "models/roll-yaw.json",
         "models/lumped.json",
-    }  # fmt: skip
+    }
     told = json.loads((reports["nominal"] / "identification.json").read_text(encoding="utf-8"))
     assert told == json.loads(json.dumps(identification_document(*nominal)))
 

@@ -159,14 +159,23 @@ def test_a_value_that_no_session_writes_is_named_and_nothing_changed(
     assert path.read_text() == text
 
 
-@pytest.mark.parametrize("command", [
-    ("status",), ("status", "--json"), ("identify", "--out", "report"), ("diagnose", "--out", "report"),
-    ("session", "--out"), ("resume", "--connect", "tcp:127.0.0.1:1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("status",),
+        ("status", "--json"),
+        ("identify", "--out", "report"),
+        ("diagnose", "--out", "report"),
+        ("session", "--out"),
+        ("resume", "--connect", "tcp:127.0.0.1:1"),
+    ],
+)
 def test_every_command_that_reads_a_session_refuses_an_unknown_state(
-    tmp_path: Path, command: tuple[str, ...], capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    command: tuple[str, ...],
+    capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     monkeypatch.chdir(tmp_path)
     with contextlib.closing(Session.open(tmp_path)) as session:
         session.begun(PLAN[0], tmp_path / "sweep1.tlog", arming=False)

@@ -122,11 +122,15 @@ def test_no_window_crosses_a_seam():
     assert h[0] == pytest.approx(h[1], rel=1e-9)
 
 
-@pytest.mark.parametrize(("poor", "expected"), [
-    ([], (1.3, 20.0)),
-    ([20, 21], (1.3, 20.0)),  # a local drop between good sides
-    (list(range(15, 28)), (1.3, 3.5)),  # too wide to be a local drop
-    (list(range(40)), None)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("poor", "expected"),
+    [
+        ([], (1.3, 20.0)),
+        ([20, 21], (1.3, 20.0)),  # a local drop between good sides
+        (list(range(15, 28)), (1.3, 3.5)),  # too wide to be a local drop
+        (list(range(40)), None),
+    ],
+)
 def test_usable_band(poor: list[int], expected: tuple[float, float] | None):
     coherence = np.full(40, 0.9)
     coherence[poor] = 0.45

@@ -50,7 +50,8 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "connect": (),
     "connect-typing": ("u",),
     "connect-failed": (
-        "enter", [Ended(Connect(URL), "cannot open tcp:127.0.0.1:5760: Connection refused; does it run?")],
+        "enter",
+        [Ended(Connect(URL), "cannot open tcp:127.0.0.1:5760: Connection refused; does it run?")],
     ),
     "preflight": _READY,
     "preflight-by-hand": (*_READY, "down", "down", "down", "down", "down", "down", "down"),
@@ -73,39 +74,70 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "verdict-keep": (*_DRIVEN, [*finished()[:-1], Judged(_KEEP)]),
     "verdict-stopped": (
         *_DRIVEN,
-        [e.RunFinished("sweep1", False, "roll 31.0 > 30 deg", TLOG, (4.0, 20.0), 1, ()), Ended(drive())], "5",
+        [e.RunFinished("sweep1", False, "roll 31.0 > 30 deg", TLOG, (4.0, 20.0), 1, ()), Ended(drive())],
+        "5",
     ),
     "log": (*_DRIVEN, finished(), "6"),
     "results": (*_DRIVEN, finished(), "7"),
     "results-done": (*_DRIVEN, finished(), "7"),
     "results-gains": (*_DRIVEN, finished(), "7"),
-}  # fmt: skip
+}
 
 OWN_SCENES: Mapping[str, tuple[Step, ...]] = {"run-consent": (*_READY, "3", "g")}
 
 JOBS = (
-    Job("identify", ("identify", "session", "--out", "session/report"), Path("session/report"), "done",
-        ("report: session/report/report.html",), seconds=15.2, page=Path("session/report/report.html"),
-        summary=("use the roll-yaw model: J_ave 6.2: hardly distinguishable from the data (guideline <= 50)",
-                 "roll-yaw (recommended): C 30.4 N/rad, Izz 0.0684 kg m^2, tau 0.0438 s")),
-    Job("diagnose", ("diagnose", "session", "--out", "session/diagnosis"), Path("session/diagnosis"),
-        lines=("reading session",), seconds=4.0),
-)  # fmt: skip
+    Job(
+        "identify",
+        ("identify", "session", "--out", "session/report"),
+        Path("session/report"),
+        "done",
+        ("report: session/report/report.html",),
+        seconds=15.2,
+        page=Path("session/report/report.html"),
+        summary=(
+            "use the roll-yaw model: J_ave 6.2: hardly distinguishable from the data (guideline <= 50)",
+            "roll-yaw (recommended): C 30.4 N/rad, Izz 0.0684 kg m^2, tau 0.0438 s",
+        ),
+    ),
+    Job(
+        "diagnose",
+        ("diagnose", "session", "--out", "session/diagnosis"),
+        Path("session/diagnosis"),
+        lines=("reading session",),
+        seconds=4.0,
+    ),
+)
 
 GAINS = Job(
-    "gains", ("gains", "session/report"), Path("session/gains.param"), "done",
-    ("Gains for 2.23 m/s, good from 1.48 to 3.34 m/s (roll-yaw model, good).", "",
-     "                                            now            proposed  ",
-     *(f"{name:<28}{now:>19}{proposed:>20}  " for name, now, proposed in (
-         ("ATC_STR_RAT_FF", "0.2", "0.977"), ("ATC_STR_RAT_P", "0.2", "0.371"),
-         ("ATC_STR_RAT_I", "0.2", "1.655"), ("ATC_STR_RAT_D", "0", "0"),
-         ("ATC_STR_RAT_IMAX", "1", "0.75"), ("gain margin", "22.8 dB", "16.7 dB"),
-         ("phase margin", "99 deg", "98 deg"), ("bandwidth of r / target", "0.196 rad/s", "26.1 rad/s"),
-         ("step of 34 deg/s: rise", "never", "0.222 s"), ("  overshoot", "0.0 %", "5.0 %"))),
-     "note: at 2.23 m/s the steering reaches its stops at 119 deg/s, below the 120 deg/s that the firmware "
-     "lets through: lower ATC_STR_RAT_MAX", "parameters written to session/gains.param"),
+    "gains",
+    ("gains", "session/report"),
+    Path("session/gains.param"),
+    "done",
+    (
+        "Gains for 2.23 m/s, good from 1.48 to 3.34 m/s (roll-yaw model, good).",
+        "",
+        "                                            now            proposed  ",
+        *(
+            f"{name:<28}{now:>19}{proposed:>20}  "
+            for name, now, proposed in (
+                ("ATC_STR_RAT_FF", "0.2", "0.977"),
+                ("ATC_STR_RAT_P", "0.2", "0.371"),
+                ("ATC_STR_RAT_I", "0.2", "1.655"),
+                ("ATC_STR_RAT_D", "0", "0"),
+                ("ATC_STR_RAT_IMAX", "1", "0.75"),
+                ("gain margin", "22.8 dB", "16.7 dB"),
+                ("phase margin", "99 deg", "98 deg"),
+                ("bandwidth of r / target", "0.196 rad/s", "26.1 rad/s"),
+                ("step of 34 deg/s: rise", "never", "0.222 s"),
+                ("  overshoot", "0.0 %", "5.0 %"),
+            )
+        ),
+        "note: at 2.23 m/s the steering reaches its stops at 119 deg/s, below the 120 deg/s that the "
+        "firmware lets through: lower ATC_STR_RAT_MAX",
+        "parameters written to session/gains.param",
+    ),
     seconds=8.0,
-)  # fmt: skip
+)
 WORKED_OUT = {"results": JOBS, "results-done": JOBS[:1], "results-gains": (*JOBS[:1], GAINS)}
 
 

@@ -46,22 +46,41 @@ class ScriptedSource:
 
 CHECKS = (
     Check("firmware", "good", "ArduRover 4.6.3 (3fc7011a)"),
-    Check("applet", "bad", "it does not run", "The applet is not on the rover.",
-          Remedy("bring the applet onto the rover and restart its scripts")),
-    Check("parameters", "bad", "3 of 31 differ: SCR_ENABLE 0, LOG_BITMASK 65535, LOG_DISARMED 0",
-          "SCR_ENABLE, LOG_BITMASK and LOG_DISARMED are not what an identification wants.",
-          Remedy("set 3 parameters", reboot=True)),
+    Check(
+        "applet",
+        "bad",
+        "it does not run",
+        "The applet is not on the rover.",
+        Remedy("bring the applet onto the rover and restart its scripts"),
+    ),
+    Check(
+        "parameters",
+        "bad",
+        "3 of 31 differ: SCR_ENABLE 0, LOG_BITMASK 65535, LOG_DISARMED 0",
+        "SCR_ENABLE, LOG_BITMASK and LOG_DISARMED are not what an identification wants.",
+        Remedy("set 3 parameters", reboot=True),
+    ),
     Check("loop_rate", "good", "400 Hz"),
     Check("ekf", "good", "velocity and position from GPS"),
     Check("gps", "good", "3D fix, 14 satellites"),
-    Check("battery", "doubtful", "11.1 V, 34 %", "34 % are left, and the plan takes 3 minutes.",
-          Remedy("put in a full battery", by_hand=True)),
+    Check(
+        "battery",
+        "doubtful",
+        "11.1 V, 34 %",
+        "34 % are left, and the plan takes 3 minutes.",
+        Remedy("put in a full battery", by_hand=True),
+    ),
     Check("rc", "good", "heard"),
-    Check("switch", "bad", "HIGH, 1950 us", "Switch 6 is high: a run would start at once.",
-          Remedy("throw switch 6 low", by_hand=True)),
+    Check(
+        "switch",
+        "bad",
+        "HIGH, 1950 us",
+        "Switch 6 is high: a run would start at once.",
+        Remedy("throw switch 6 low", by_hand=True),
+    ),
     Check("disk", "good", "52 GB free"),
     Check("mode", "unknown", "not heard of"),
-)  # fmt: skip
+)
 
 VERDICT = Verdict(
     "sweep1",
@@ -86,20 +105,47 @@ def snapshot(t: float, **changed: object) -> Snapshot:
     """A rover that steers to and fro, at t s."""
     steering = 140 * math.sin(2.2 * t)
     now = Snapshot(
-        t=t, armed=True, mode=0, pwm=1500 + steering, r=-0.006 * steering, p=0.05 * math.cos(2.2 * t),
-        ay=-0.014 * steering, phi=0.0006 * steering, speed=2.37, state=6, state_name="manoeuvre",
-        frequency=2.2, progress=0.45, switch=1950.0, volts=11.8, remaining=0.72, satellites=14, fix=3,
-        ekf=True, received=310.0, recorded=1_234_000,
-    )  # fmt: skip
+        t=t,
+        armed=True,
+        mode=0,
+        pwm=1500 + steering,
+        r=-0.006 * steering,
+        p=0.05 * math.cos(2.2 * t),
+        ay=-0.014 * steering,
+        phi=0.0006 * steering,
+        speed=2.37,
+        state=6,
+        state_name="manoeuvre",
+        frequency=2.2,
+        progress=0.45,
+        switch=1950.0,
+        volts=11.8,
+        remaining=0.72,
+        satellites=14,
+        fix=3,
+        ekf=True,
+        received=310.0,
+        recorded=1_234_000,
+    )
     return replace(now, **changed)  # type: ignore[arg-type]
 
 
 def connected() -> list[Told]:
     """Connected, looked at."""
     still = snapshot(
-        1.0, armed=False, state=0, state_name="idle", pwm=1500.0, r=0.0, ay=0.0, phi=0.0, speed=0.0,
-        switch=1000.0, progress=math.nan, frequency=math.nan,
-    )  # fmt: skip
+        1.0,
+        armed=False,
+        state=0,
+        state_name="idle",
+        pwm=1500.0,
+        r=0.0,
+        ay=0.0,
+        phi=0.0,
+        speed=0.0,
+        switch=1000.0,
+        progress=math.nan,
+        frequency=math.nan,
+    )
     return [e.Connected(URL, ROVER), Ended(Connect(URL)), still, Checked(CHECKS)]
 
 

@@ -32,9 +32,13 @@ class Terminal:
         self._master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
         self.program = subprocess.Popen(
-            command, stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
+            command,
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
             env={**os.environ, **environment, "TERM": "xterm-256color", "COLORTERM": "truecolor"},
-        )  # fmt: skip
+        )
         os.close(slave)
         self._said = bytearray()
         self._reader = threading.Thread(target=self._read, daemon=True)

@@ -115,7 +115,10 @@ def test_a_session_by_keys_alone(
     asyncio.run(session())
     content = read_session(folder)
     assert [(run.name, run.state) for run in content.runs] == [
-        *(("sweep1", "stopped"),) * 2, ("sweep1", "done"), ("sweep2", "done"), ("doublet1", "done"),
-    ]  # fmt: skip
+        *(("sweep1", "stopped"),) * 2,
+        ("sweep1", "done"),
+        ("sweep2", "done"),
+        ("doublet1", "done"),
+    ]
     assert [log.runs for log in content.logs] == [("sweep1-3", "sweep2", "doublet1")]
     assert (folder / "report" / "identification.json").is_file() and (folder / "gains.param").is_file()

@@ -129,6 +129,13 @@ def test_a_verdict_of_before_that_cannot_be_shown_is_left_out(tmp_path: Path) ->
         return records(Content(runs=(driven,)), tmp_path)[0].verdict
 
     assert verdict() == Verdict("sweep1", "keep", "keep", (Band("r", 1, 2, 0.9, "good"),), 150.0)
-    for wrong in ({"advice": "burn"}, {"advice": []}, {"amplitude": "x"}, {"amplitude": float("nan")},
-                  {"bands": 3}, {"bands": [band | {"low": "x"}]}, {"per_band": [1]}):  # fmt: skip
+    for wrong in (
+        {"advice": "burn"},
+        {"advice": []},
+        {"amplitude": "x"},
+        {"amplitude": float("nan")},
+        {"bands": 3},
+        {"bands": [band | {"low": "x"}]},
+        {"per_band": [1]},
+    ):
         assert verdict(**wrong) is None

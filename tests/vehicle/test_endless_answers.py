@@ -66,8 +66,9 @@ def listing(link_of: list[Endless]) -> Callable[[int], Any]:
         data = b"".join(f"F{count}-{k}.BIN\t{'²' if k else 7}\0".encode() for k in range(10))
         head = struct.pack("<HBBBBBxI", sequence + 1, 0, 128, len(data), opcode, 0, 0)
         payload = list((head + data).ljust(251, b"\0"))
-        return make("FILE_TRANSFER_PROTOCOL", target_network=0, target_system=0, target_component=0,
-                    payload=payload)  # fmt: skip
+        return make(
+            "FILE_TRANSFER_PROTOCOL", target_network=0, target_system=0, target_component=0, payload=payload
+        )
 
     return answer
 
@@ -105,6 +106,8 @@ def test_what_a_screen_knows_of_a_vehicle_stays_bounded() -> None:
     shown = Telemetry()
     for k in range(30_000):  # a clock that stands still, and never the same name
         name = f"P{k}".encode()
-        shown.message(make("PARAM_VALUE", param_id=name, param_value=1.0, param_type=9, param_count=1,
-                           param_index=0), 1.0)  # fmt: skip
+        shown.message(
+            make("PARAM_VALUE", param_id=name, param_value=1.0, param_type=9, param_count=1, param_index=0),
+            1.0,
+        )
     assert len(shown.parameters) == 5000 and shown.snapshot().received == 20_000

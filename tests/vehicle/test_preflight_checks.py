@@ -45,13 +45,22 @@ def seen(changed: dict[str, float] | None = None, **values: Any) -> Seen:
     has = HAS | (changed or {})
     fast = {name: hz for name, hz in IDENTIFICATION_RATES.items() if hz >= 10}
     whole = Seen(
-        survey_of(has), has, 25.0, False, 0,
+        survey_of(has),
+        has,
+        25.0,
+        False,
+        0,
         tuple(Stream(name, hz, hz) for name, hz in IDENTIFICATION_RATES.items()),
         tuple(StreamQuality(name, int(2 * hz), hz, 1.0, 1300 / hz, 0.0, hz) for name, hz in fast.items()),
-        Clock(2.0, 1.0, 0.004, 1e-5, 1e-3, 0.2), Battery(12.4, 0.9), Gps(3, 10, 0.8), Estimator(831, 0.1),
-        {n: 1000 if n == 6 else 1500 for n in range(1, 9)}, True, disk=(20_000_000_000, "today"),
+        Clock(2.0, 1.0, 0.004, 1e-5, 1e-3, 0.2),
+        Battery(12.4, 0.9),
+        Gps(3, 10, 0.8),
+        Estimator(831, 0.1),
+        {n: 1000 if n == 6 else 1500 for n in range(1, 9)},
+        True,
+        disk=(20_000_000_000, "today"),
         link=LinkQuality(5.0, 900, latency=0.04),
-    )  # fmt: skip
+    )
     return replace(whole, **values)
 
 

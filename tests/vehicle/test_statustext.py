@@ -63,10 +63,13 @@ def test_control_characters_become_visible(number: int) -> None:
     assert joined(chunk(hostile, number)) == ["\\x1b]52;c;cm0=\\x07\\x0d\\x08\\x0a\ufffd31m[red]"]
 
 
-@pytest.mark.parametrize(("message", "field"), [
-    (m.MAVLink_param_value_message(b"A\x1b[2J", 1.0, 9, 1, 0), "param_id"),
-    (m.MAVLink_named_value_float_message(1, b"A\x1b[2J", 1.0), "name"),
-    (m.MAVLink_named_value_int_message(1, b"A\x1b[2J", 1), "name"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("message", "field"),
+    [
+        (m.MAVLink_param_value_message(b"A\x1b[2J", 1.0, 9, 1, 0), "param_id"),
+        (m.MAVLink_named_value_float_message(1, b"A\x1b[2J", 1.0), "name"),
+        (m.MAVLink_named_value_int_message(1, b"A\x1b[2J", 1), "name"),
+    ],
+)
 def test_names_are_printable(message: Message, field: str) -> None:
     assert getattr(CODEC.decode(CODEC.pack(message)), field) == "A\\x1b[2J"

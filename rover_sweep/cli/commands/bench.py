@@ -30,28 +30,64 @@ STEPS = (50.0, 100.0, 150.0)
 @click.command()
 @click.option("--connect", metavar="URL", help=URL_HELP)
 @access_options
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file, read and written (default: rover.toml here).")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Vehicle file, read and written (default: rover.toml here).",
+)
 @click.option("--hand", is_flag=True, help="Angles of the wheel are read by hand and typed.")
-@click.option("--wheel-imu", metavar="FILE|URL",
-              help="An IMU on the wheel: CSV of its logger, or URL of a vehicle on it.")  # fmt: skip
-@click.option("--wheel-clock", type=click.Choice(["own", "vehicle"]), default=None,
-              help="Whose clock the CSV is on; a delay needs the vehicle's. [default: own]")  # fmt: skip
-@click.option("--steps", type=NumbersType(), default=",".join(f"{s:g}" for s in STEPS), show_default=True,
-              help="Sizes in us from the servo's trim, each to both sides.")  # fmt: skip
+@click.option(
+    "--wheel-imu",
+    metavar="FILE|URL",
+    help="An IMU on the wheel: CSV of its logger, or URL of a vehicle on it.",
+)
+@click.option(
+    "--wheel-clock",
+    type=click.Choice(["own", "vehicle"]),
+    default=None,
+    help="Whose clock the CSV is on; a delay needs the vehicle's. [default: own]",
+)
+@click.option(
+    "--steps",
+    type=NumbersType(),
+    default=",".join(f"{s:g}" for s in STEPS),
+    show_default=True,
+    help="Sizes in us from the servo's trim, each to both sides.",
+)
 @click.option("--ramp", is_flag=True, help="With --hand: a slow ramp as well, to look at the wheels.")
-@click.option("--from", "from_folder", type=click.Path(file_okay=False), metavar="DIR",
-              help="Evaluate a bench that was recorded; nothing is connected.")  # fmt: skip
-@click.option("--out", type=click.Path(file_okay=False), metavar="DIR",
-              help="Folder for the recording. [default: bench, else bench-2, ...]")  # fmt: skip
+@click.option(
+    "--from",
+    "from_folder",
+    type=click.Path(file_okay=False),
+    metavar="DIR",
+    help="Evaluate a bench that was recorded; nothing is connected.",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False),
+    metavar="DIR",
+    help="Folder for the recording. [default: bench, else bench-2, ...]",
+)
 @click.option("--no-write", is_flag=True, help="Leave the vehicle file as it is.")
 @click.option("--yes", "unasked", is_flag=True, help="Do not ask; only a simulated rover allows it.")
 @click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
 def bench(
-    connect: str | None, access: Access, vehicle_file: str | None, hand: bool, wheel_imu: str | None,
-    wheel_clock: str | None, steps: tuple[float, ...], ramp: bool, from_folder: str | None,
-    out: str | None, no_write: bool, unasked: bool, as_json: bool,
-) -> None:  # fmt: skip
+    connect: str | None,
+    access: Access,
+    vehicle_file: str | None,
+    hand: bool,
+    wheel_imu: str | None,
+    wheel_clock: str | None,
+    steps: tuple[float, ...],
+    ramp: bool,
+    from_folder: str | None,
+    out: str | None,
+    no_write: bool,
+    unasked: bool,
+    as_json: bool,
+) -> None:
     """Measure the steering on blocks: gain, both sides, curve, play, band, lag, rate limit.
 
     The rover stands with its front wheels off the ground, DISARMED, in MANUAL, radio on and throttle stick at
@@ -176,7 +212,10 @@ def _print_json(result: BenchResult, written: dict[str, Measured], folder: Bench
 
     numbers = [{key: plain(value) for key, value in asdict(number).items()} for number in result.numbers]
     content = {
-        **asdict(result), "numbers": numbers, "folder": str(folder.path), "vehicle_file": str(path),
+        **asdict(result),
+        "numbers": numbers,
+        "folder": str(folder.path),
+        "vehicle_file": str(path),
         "written": {key: asdict(number) for key, number in written.items()},
-    }  # fmt: skip
+    }
     echo_json(json.dumps(content, indent=2))

@@ -23,10 +23,19 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 @reading_options
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file, for the friction and the sign of the steering.")  # fmt: skip
-@click.option("--servo", type=NumberRange(0, min_open=True), metavar="S",
-              help="Your servo's time for 60 deg by its data sheet [s].")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Vehicle file, for the friction and the sign of the steering.",
+)
+@click.option(
+    "--servo",
+    type=NumberRange(0, min_open=True),
+    metavar="S",
+    help="Your servo's time for 60 deg by its data sheet [s].",
+)
 @click.option("--json", "as_json", is_flag=True, help="The verdicts as JSON on stdout.")
 def coherence(
     runs: tuple[str, ...],
@@ -136,11 +145,15 @@ def _show_amplitudes(unit: str, proposal: AmplitudeProposal) -> None:
     headings = ("rad/s", "needed by", "coherence", f"amplitude, {unit}", "then", "limit")
     rows = [
         (
-            f"{b.low:.2g} - {b.high:.3g}", b.response, f"{b.coherence:.2f}",
-            f"{'>= ' if b.drowned else ''}{b.amplitude:{form}}", f"{b.reached:.2f}", b.cap,
+            f"{b.low:.2g} - {b.high:.3g}",
+            b.response,
+            f"{b.coherence:.2f}",
+            f"{'>= ' if b.drowned else ''}{b.amplitude:{form}}",
+            f"{b.reached:.2f}",
+            b.cap,
         )
         for b in proposal.bands
-    ]  # fmt: skip
+    ]
     console.print(_table(headings, rows))
 
 

@@ -43,21 +43,23 @@ POSITIVE = NumberRange(0, min_open=True)
     show_default=True,
     help="Sweep: runs identified together.",
 )
-@click.option("--periods", type=click.IntRange(2, 20), default=3, show_default=True,
-              help="Multisine: periods in T_rec.")  # fmt: skip
-@click.option("--bias", type=float, default=100.0, show_default=True,
-              help="Bias sweep: steering offset about which it steers, us.")  # fmt: skip
+@click.option(
+    "--periods", type=click.IntRange(2, 20), default=3, show_default=True, help="Multisine: periods in T_rec."
+)
+@click.option(
+    "--bias",
+    type=float,
+    default=100.0,
+    show_default=True,
+    help="Bias sweep: steering offset about which it steers, us.",
+)
 @click.option("--pulse", type=POSITIVE, default=1.0, show_default=True, help="Doublet: length of a step, s.")
 @click.option(
     "--pause", type=NumberRange(0), default=2.0, show_default=True, help="Doublet: pause after each, s."
 )
 @click.option("--count", type=click.IntRange(1, 50), default=2, show_default=True, help="Doublet: how many.")
 @click.option(
-    "--straight",
-    type=NumberRange(0),
-    default=3.0,
-    show_default=True,
-    help="Straight before and after, s.",
+    "--straight", type=NumberRange(0), default=3.0, show_default=True, help="Straight before and after, s."
 )
 @click.option(
     "--vehicle",
@@ -70,11 +72,7 @@ POSITIVE = NumberRange(0, min_open=True)
     "--servo", type=NumberRange(0.01, 2), help="Your servo's time for 60 deg, s, from its data sheet."
 )
 @click.option(
-    "--loop-rate",
-    type=NumberRange(10, 2000),
-    default=50.0,
-    show_default=True,
-    help="SCHED_LOOP_RATE, Hz.",
+    "--loop-rate", type=NumberRange(10, 2000), default=50.0, show_default=True, help="SCHED_LOOP_RATE, Hz."
 )
 @click.option("--gyro-filter", type=POSITIVE, default=4.0, show_default=True, help="INS_GYRO_FILTER, Hz.")
 @click.option("--accel-filter", type=POSITIVE, default=10.0, show_default=True, help="INS_ACCEL_FILTER, Hz.")

@@ -20,32 +20,77 @@ BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
 
 @click.command()
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file (default: the session's, or rover.toml here).")  # fmt: skip
-@click.option("--baseline", type=click.Choice(BASELINES),
-              help="The model that something may be left out of (default: roll-yaw).")  # fmt: skip
-@click.option("--model", "model_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="An identified model as the baseline: the identification.json of a report.")  # fmt: skip
-@click.option("--simulation", "simulated", multiple=True, metavar="RUN",
-              help="A recording of a simulation that was driven as the RUNs; may be repeated.")  # fmt: skip
-@click.option("--hold-out", "held_out", multiple=True, metavar="RUN",
-              help="A run that fit and choice must not see; may be repeated (else: doublets).")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Vehicle file (default: the session's, or rover.toml here).",
+)
+@click.option(
+    "--baseline",
+    type=click.Choice(BASELINES),
+    help="The model that something may be left out of (default: roll-yaw).",
+)
+@click.option(
+    "--model",
+    "model_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="An identified model as the baseline: the identification.json of a report.",
+)
+@click.option(
+    "--simulation",
+    "simulated",
+    multiple=True,
+    metavar="RUN",
+    help="A recording of a simulation that was driven as the RUNs; may be repeated.",
+)
+@click.option(
+    "--hold-out",
+    "held_out",
+    multiple=True,
+    metavar="RUN",
+    help="A run that fit and choice must not see; may be repeated (else: doublets).",
+)
 @click.option("--only", type=EFFECTS, default=(), help="The only candidates to try.")
 @click.option("--without", type=EFFECTS, default=(), help="Candidates to leave out.")
-@click.option("--time-limit", type=click.FloatRange(1), metavar="S",
-              help="End after this time with what was found until then.")  # fmt: skip
+@click.option(
+    "--time-limit",
+    type=click.FloatRange(1),
+    metavar="S",
+    help="End after this time with what was found until then.",
+)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the bootstrap.")
 @reading_options
-@click.option("--out", required=True, type=click.Path(file_okay=False), metavar="DIR",
-              help="Folder of the report; made if it is not there.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True,
-              help="diagnosis.json on stdout; the tables then go to stderr.")  # fmt: skip
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(file_okay=False),
+    metavar="DIR",
+    help="Folder of the report; made if it is not there.",
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="diagnosis.json on stdout; the tables then go to stderr."
+)
 def diagnose(
-    runs: tuple[str, ...], vehicle_file: str | None, baseline: Baseline | None, model_file: str | None,
-    simulated: tuple[str, ...], held_out: tuple[str, ...], only: tuple[str, ...], without: tuple[str, ...],
-    time_limit: float | None, seed: int, columns: str | None, gyro_filter: float | None,
-    accel_filter: float | None, system: int | None, out: str, as_json: bool,
-) -> None:  # fmt: skip
+    runs: tuple[str, ...],
+    vehicle_file: str | None,
+    baseline: Baseline | None,
+    model_file: str | None,
+    simulated: tuple[str, ...],
+    held_out: tuple[str, ...],
+    only: tuple[str, ...],
+    without: tuple[str, ...],
+    time_limit: float | None,
+    seed: int,
+    columns: str | None,
+    gyro_filter: float | None,
+    accel_filter: float | None,
+    system: int | None,
+    out: str,
+    as_json: bool,
+) -> None:
     """Say what the model leaves out of the recorded RUNs: where, what, how much, and on what evidence.
 
     RUN is a .BIN, a .tlog, a .csv (with --columns), log.BIN+log.tlog, or a session's folder. Two

@@ -20,43 +20,107 @@ if TYPE_CHECKING:
 
 
 @click.command(name="dry-run")
-@click.option("--out", type=click.Path(file_okay=False), metavar="DIR",
-              help="Folder for all that comes of it. [default: dry-run, else dry-run-2, ...]")  # fmt: skip
-@click.option("--vehicle", "simulator", default="embedded", show_default=True,
-              type=click.Choice(SIMULATORS),
-              help="The embedded rover, or the real firmware in SITL before the same physics.")  # fmt: skip
-@click.option("--ardurover", type=click.Path(dir_okay=False), metavar="FILE",
-              help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).")  # fmt: skip
-@click.option("--connect", metavar="URL",
-              help="A vehicle that runs already: tcp:HOST:PORT, udp:HOST:PORT or a serial port.")  # fmt: skip
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False),
+    metavar="DIR",
+    help="Folder for all that comes of it. [default: dry-run, else dry-run-2, ...]",
+)
+@click.option(
+    "--vehicle",
+    "simulator",
+    default="embedded",
+    show_default=True,
+    type=click.Choice(SIMULATORS),
+    help="The embedded rover, or the real firmware in SITL before the same physics.",
+)
+@click.option(
+    "--ardurover",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
+)
+@click.option(
+    "--connect",
+    metavar="URL",
+    help="A vehicle that runs already: tcp:HOST:PORT, udp:HOST:PORT or a serial port.",
+)
 @access_options
-@click.option("--arm-and-drive", is_flag=True,
-              help="With --connect: let this program arm and drive that vehicle.")  # fmt: skip
-@click.option("--rover-file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="rover.toml of the vehicle behind --connect.")  # fmt: skip
-@click.option("--variant", default="nominal", show_default=True, metavar="NAME|FILE",
-              help=f"Physics of the simulated rover: {', '.join(variants())}, or a TOML file.")  # fmt: skip
-@click.option("--amplitude", type=NumberRange(0, min_open=True), default=120.0, show_default=True,
-              metavar="US",
-              help="Amplitude of the first sweep, up to 200 us; the second has twice that.")  # fmt: skip
+@click.option(
+    "--arm-and-drive", is_flag=True, help="With --connect: let this program arm and drive that vehicle."
+)
+@click.option(
+    "--rover-file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="rover.toml of the vehicle behind --connect.",
+)
+@click.option(
+    "--variant",
+    default="nominal",
+    show_default=True,
+    metavar="NAME|FILE",
+    help=f"Physics of the simulated rover: {', '.join(variants())}, or a TOML file.",
+)
+@click.option(
+    "--amplitude",
+    type=NumberRange(0, min_open=True),
+    default=120.0,
+    show_default=True,
+    metavar="US",
+    help="Amplitude of the first sweep, up to 200 us; the second has twice that.",
+)
 @click.option("--wmin", type=NumberRange(0, min_open=True), default=0.3, show_default=True, metavar="RAD/S")
 @click.option("--wmax", type=NumberRange(0, min_open=True), default=25.0, show_default=True, metavar="RAD/S")
-@click.option("--trec", type=NumberRange(0, min_open=True), default=55.0, show_default=True,
-              metavar="S", help="Length of the law between the two.")  # fmt: skip
-@click.option("--multisine", "multisines", type=ManoeuvreType(Multisine), multiple=True,
-              help="A further run: peak in us, rad/s, s; shows 2nd and 3rd harmonics at once.")  # fmt: skip
-@click.option("--bias-sweep", "bias_sweeps", type=ManoeuvreType(BiasSweep), multiple=True,
-              help="A further run: a sweep about a steering offset in us, e.g. 80,100.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True,
-              help="Of noise and road; the timing of messages still varies from run to run.")  # fmt: skip
+@click.option(
+    "--trec",
+    type=NumberRange(0, min_open=True),
+    default=55.0,
+    show_default=True,
+    metavar="S",
+    help="Length of the law between the two.",
+)
+@click.option(
+    "--multisine",
+    "multisines",
+    type=ManoeuvreType(Multisine),
+    multiple=True,
+    help="A further run: peak in us, rad/s, s; shows 2nd and 3rd harmonics at once.",
+)
+@click.option(
+    "--bias-sweep",
+    "bias_sweeps",
+    type=ManoeuvreType(BiasSweep),
+    multiple=True,
+    help="A further run: a sweep about a steering offset in us, e.g. 80,100.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="Of noise and road; the timing of messages still varies from run to run.",
+)
 @output_options
 def dry_run(
-    out: str | None, simulator: str, ardurover: str | None, connect: str | None, access: Access,
-    arm_and_drive: bool, rover_file: str | None, variant: str, amplitude: float, wmin: float, wmax: float,
+    out: str | None,
+    simulator: str,
+    ardurover: str | None,
+    connect: str | None,
+    access: Access,
+    arm_and_drive: bool,
+    rover_file: str | None,
+    variant: str,
+    amplitude: float,
+    wmin: float,
+    wmax: float,
     trec: float,
-    multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...], seed: int,
-    as_json: bool, verbose: bool,
-) -> None:  # fmt: skip
+    multisines: tuple[Multisine, ...],
+    bias_sweeps: tuple[BiasSweep, ...],
+    seed: int,
+    as_json: bool,
+    verbose: bool,
+) -> None:
     """Do the whole job on a simulated rover: no hardware, about half a minute.
 
     Starts the embedded rover, talks MAVLink to it over a loopback socket, uploads the sweep, arms,

@@ -19,14 +19,27 @@ JUDGED_GOOD = ("good", "acceptable", "none", "explained")
 
 @click.command(short_help="A model for MATLAB, python-control, the simulated rover, or as JSON.")
 @click.argument("place", metavar="DIR|FILE", type=click.Path())
-@click.option("--model", "name", metavar="NAME",
-              help="bicycle, roll-yaw, lumped or kinematic; the recommended one if not said.")  # fmt: skip
-@click.option("--format", "form", type=click.Choice(["json", "matlab", "python", "mat"]),
-              help="By the suffix of FILE if not said; json without a FILE.")  # fmt: skip
-@click.option("--speed", type=NumberRange(0.1, 50), metavar="M/S",
-              help="Another speed than that of the runs (not for the lumped model).")  # fmt: skip
-@click.option("--plant", is_flag=True,
-              help="A diagnosis' model as a simulated rover: the file that --variant takes.")  # fmt: skip
+@click.option(
+    "--model",
+    "name",
+    metavar="NAME",
+    help="bicycle, roll-yaw, lumped or kinematic; the recommended one if not said.",
+)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["json", "matlab", "python", "mat"]),
+    help="By the suffix of FILE if not said; json without a FILE.",
+)
+@click.option(
+    "--speed",
+    type=NumberRange(0.1, 50),
+    metavar="M/S",
+    help="Another speed than that of the runs (not for the lumped model).",
+)
+@click.option(
+    "--plant", is_flag=True, help="A diagnosis' model as a simulated rover: the file that --variant takes."
+)
 @click.option("-o", "--output", metavar="FILE", default="-", help="Where to write; stdout if not said.")
 def export(
     place: str, name: str | None, form: str | None, speed: float | None, plant: bool, output: str

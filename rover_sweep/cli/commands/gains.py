@@ -21,15 +21,25 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Steering gains for the autopilot out of an identified model.")
 @click.argument("place", metavar="IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path())
-@click.option("--speed", type=NumberRange(0.1, 50), metavar="M/S",
-              help="Speed they are for; that of the runs if not said.")  # fmt: skip
+@click.option(
+    "--speed",
+    type=NumberRange(0.1, 50),
+    metavar="M/S",
+    help="Speed they are for; that of the runs if not said.",
+)
 @click.option(
     "--model", "name", metavar="NAME", help="roll-yaw, bicycle or kinematic; the recommended one if not said."
 )
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file with rad_per_us, where the identification has none.")  # fmt: skip
-@click.option("--now", type=click.Path(dir_okay=False), metavar="FILE.param|LOG.BIN",
-              help="What the vehicle flies now.")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Vehicle file with rad_per_us, where the identification has none.",
+)
+@click.option(
+    "--now", type=click.Path(dir_okay=False), metavar="FILE.param|LOG.BIN", help="What the vehicle flies now."
+)
 @click.option(
     "--connect", "url", metavar="URL", help="The same, read from the vehicle; nothing is changed on it."
 )
@@ -39,9 +49,16 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Everything as JSON on stdout.")
 def gains(
-    place: str, speed: float | None, name: str | None, vehicle_file: str | None, now: str | None,
-    url: str | None, access: Access, out: str | None, as_json: bool,
-) -> None:  # fmt: skip
+    place: str,
+    speed: float | None,
+    name: str | None,
+    vehicle_file: str | None,
+    now: str | None,
+    url: str | None,
+    access: Access,
+    out: str | None,
+    as_json: bool,
+) -> None:
     """Compute ATC_STR_RAT_FF, P, I, D and IMAX from the report of `identify`, `run` or `diagnose`.
 
     With gain and phase margins, the step they will show, the speeds at which they hold, and the same for what

@@ -29,39 +29,103 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
 
 @click.command()
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file (default: the session's, or rover.toml here).")  # fmt: skip
-@click.option("--verify", "verify_runs", multiple=True, metavar="RUN",
-              help="A run that the fit must not see, such as a doublet; may be repeated.")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Vehicle file (default: the session's, or rover.toml here).",
+)
+@click.option(
+    "--verify",
+    "verify_runs",
+    multiple=True,
+    metavar="RUN",
+    help="A run that the fit must not see, such as a doublet; may be repeated.",
+)
 @click.option("--models", type=ChoicesType(MODELS), default=",".join(MODELS), show_default=True)
-@click.option("--fit", "fitted", type=ChoicesType(OUTPUTS), default="r,ay,p", show_default=True,
-              help="Responses that the fit uses; all four are reported.")  # fmt: skip
-@click.option("--structure", "structures", type=click.Path(dir_okay=False), multiple=True, metavar="FILE",
-              help="A structure of your own (TOML), fitted beside the models; may be repeated.")  # fmt: skip
-@click.option("--condition-on", "condition_on", multiple=True, metavar="CHANNEL",
-              help="What else moves the rover, e.g. throttle: taken out of the responses.")  # fmt: skip
+@click.option(
+    "--fit",
+    "fitted",
+    type=ChoicesType(OUTPUTS),
+    default="r,ay,p",
+    show_default=True,
+    help="Responses that the fit uses; all four are reported.",
+)
+@click.option(
+    "--structure",
+    "structures",
+    type=click.Path(dir_okay=False),
+    multiple=True,
+    metavar="FILE",
+    help="A structure of your own (TOML), fitted beside the models; may be repeated.",
+)
+@click.option(
+    "--condition-on",
+    "condition_on",
+    multiple=True,
+    metavar="CHANNEL",
+    help="What else moves the rover, e.g. throttle: taken out of the responses.",
+)
 @click.option("--untied", is_flag=True, help="Free Cf and Cr each, in place of one C for both axles.")
 @click.option("--no-reduction", is_flag=True, help="Keep every free parameter, told by the data or not.")
-@click.option("--keep", multiple=True, metavar="NAME",
-              help="A parameter that the structure reduction leaves free, e.g. Ixx or Y_phi.")  # fmt: skip
-@click.option("--band", "bands", type=BandType(), multiple=True,
-              help="Usable band of a response in place of the one found from its coherence.")  # fmt: skip
+@click.option(
+    "--keep",
+    multiple=True,
+    metavar="NAME",
+    help="A parameter that the structure reduction leaves free, e.g. Ixx or Y_phi.",
+)
+@click.option(
+    "--band",
+    "bands",
+    type=BandType(),
+    multiple=True,
+    help="Usable band of a response in place of the one found from its coherence.",
+)
 @click.option("--wmin", type=NumberRange(0, min_open=True), metavar="RAD/S", help="Lowest swept frequency.")
 @click.option("--wmax", type=NumberRange(0, min_open=True), metavar="RAD/S", help="Highest swept frequency.")
 @click.option("--windows", type=NumbersType(), metavar="S,S,...", help="Window lengths, s.")
-@click.option("--bootstrap", type=click.IntRange(min=0), default=200, show_default=True, metavar="N",
-              help="Replicates for the 90 % intervals of the parameters; 0: no intervals.")  # fmt: skip
+@click.option(
+    "--bootstrap",
+    type=click.IntRange(min=0),
+    default=200,
+    show_default=True,
+    metavar="N",
+    help="Replicates for the 90 % intervals of the parameters; 0: no intervals.",
+)
 @reading_options
-@click.option("--out", required=True, type=click.Path(file_okay=False), metavar="DIR",
-              help="Folder of the report; made if it is not there.")  # fmt: skip
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(file_okay=False),
+    metavar="DIR",
+    help="Folder of the report; made if it is not there.",
+)
 @output_options
 def identify(
-    runs: tuple[str, ...], vehicle_file: str | None, verify_runs: tuple[str, ...], models: tuple[str, ...],
-    fitted: tuple[str, ...], untied: bool, no_reduction: bool, keep: tuple[str, ...], bands: tuple[Any, ...],
-    wmin: float | None, wmax: float | None, windows: tuple[float, ...] | None, columns: str | None,
-    gyro_filter: float | None, accel_filter: float | None, system: int | None, out: str, as_json: bool,
-    verbose: bool, structures: tuple[str, ...], condition_on: tuple[str, ...], bootstrap: int,
-) -> None:  # fmt: skip
+    runs: tuple[str, ...],
+    vehicle_file: str | None,
+    verify_runs: tuple[str, ...],
+    models: tuple[str, ...],
+    fitted: tuple[str, ...],
+    untied: bool,
+    no_reduction: bool,
+    keep: tuple[str, ...],
+    bands: tuple[Any, ...],
+    wmin: float | None,
+    wmax: float | None,
+    windows: tuple[float, ...] | None,
+    columns: str | None,
+    gyro_filter: float | None,
+    accel_filter: float | None,
+    system: int | None,
+    out: str,
+    as_json: bool,
+    verbose: bool,
+    structures: tuple[str, ...],
+    condition_on: tuple[str, ...],
+    bootstrap: int,
+) -> None:
     """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
 
     RUN is a .BIN, a .tlog, a .csv (with --columns), a pair of both logs of one drive as
@@ -85,10 +149,17 @@ def identify(
     checks = load(verify_runs, vehicle, reading, runs) if verify_runs else doublets
     refuse_overlap(sweeps, checks)
     settings = Settings(
-        models, fitted, not untied, _swept(wmin, wmax), dict(bands), windows,
-        reduction=not no_reduction, keep=parameter_names(keep),
-        condition_on=tuple(dict.fromkeys(condition_on)), bootstrap=bootstrap,
-    )  # fmt: skip
+        models,
+        fitted,
+        not untied,
+        _swept(wmin, wmax),
+        dict(bands),
+        windows,
+        reduction=not no_reduction,
+        keep=parameter_names(keep),
+        condition_on=tuple(dict.fromkeys(condition_on)),
+        bootstrap=bootstrap,
+    )
     show_identified(sweeps, checks, (vehicle, path), settings, Path(out), as_json, verbose, structures=own)
 
 

@@ -79,26 +79,46 @@ def _run_option(name: str, kind: str, words: str) -> Any:
 
 
 @click.command()
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file (default: rover.toml here).")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Vehicle file (default: rover.toml here).",
+)
 @click.option("--have", multiple=True, metavar="RUN", help="A run that was driven; may be repeated.")
 @_run_option("--sweep", "sweep", "A sweep of this peak and speed, us and m/s")
 @_run_option("--doublet", "doublet", "A doublet")
 @_run_option("--bias-sweep", "bias_sweep", "A sweep about a steering bias, as 100+150@2.4")
 @_run_option("--multisine", "multisine", "An odd/even multisine, which shows harmonics")
-@click.option("--servo-test", "servo_test", multiple=True, type=NumberRange(1, MOST_US), metavar="US",
-              help="The wheel's angle measured on blocks while a sweep of this peak runs.")  # fmt: skip
+@click.option(
+    "--servo-test",
+    "servo_test",
+    multiple=True,
+    type=NumberRange(1, MOST_US),
+    metavar="US",
+    help="The wheel's angle measured on blocks while a sweep of this peak runs.",
+)
 @click.option(
     "--want", type=EFFECTS, default=(), help="Only these effects must be found and told from all others."
 )
 @reading_options
 @click.option("--json", "as_json", is_flag=True, help="The plan as JSON on stdout.")
 def plan(
-    vehicle_file: str | None, have: tuple[str, ...], sweep: tuple[PlannedRun, ...],
-    doublet: tuple[PlannedRun, ...], bias_sweep: tuple[PlannedRun, ...], multisine: tuple[PlannedRun, ...],
-    servo_test: tuple[float, ...], want: tuple[str, ...], columns: str | None,
-    gyro_filter: float | None, accel_filter: float | None, system: int | None, as_json: bool,
-) -> None:  # fmt: skip
+    vehicle_file: str | None,
+    have: tuple[str, ...],
+    sweep: tuple[PlannedRun, ...],
+    doublet: tuple[PlannedRun, ...],
+    bias_sweep: tuple[PlannedRun, ...],
+    multisine: tuple[PlannedRun, ...],
+    servo_test: tuple[float, ...],
+    want: tuple[str, ...],
+    columns: str | None,
+    gyro_filter: float | None,
+    accel_filter: float | None,
+    system: int | None,
+    as_json: bool,
+) -> None:
     """Say which effects a set of runs tells apart, and propose the fewest runs that do.
 
     \b

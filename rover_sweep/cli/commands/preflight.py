@@ -28,18 +28,37 @@ _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yell
 
 @click.command()
 @connect_option
-@click.option("--fix", "names", multiple=True, metavar="NAME",
-              help="Put this check right, e.g. --fix parameters. May be repeated.")  # fmt: skip
-@click.option("--w-max", type=NumberRange(0, min_open=True), metavar="RAD/S",
-              help="Top of the sweep to come. [default: the applet's]")  # fmt: skip
-@click.option("--out", type=click.Path(file_okay=False), default=".", metavar="DIR",
-              help="Folder of the recordings to come; here if not said.")  # fmt: skip
+@click.option(
+    "--fix",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="Put this check right, e.g. --fix parameters. May be repeated.",
+)
+@click.option(
+    "--w-max",
+    type=NumberRange(0, min_open=True),
+    metavar="RAD/S",
+    help="Top of the sweep to come. [default: the applet's]",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False),
+    default=".",
+    metavar="DIR",
+    help="Folder of the recordings to come; here if not said.",
+)
 @click.option("--yes", is_flag=True, help="Do not ask before something is changed or the rover rebooted.")
 @json_option
 def preflight(
-    connect: str, access: Access, names: tuple[str, ...], w_max: float | None, out: str, yes: bool,
+    connect: str,
+    access: Access,
+    names: tuple[str, ...],
+    w_max: float | None,
+    out: str,
+    yes: bool,
     as_json: bool,
-) -> int:  # fmt: skip
+) -> int:
     """Look at everything that must be right before a run: firmware, applet, parameters, rates, filters,
     streams, clock, log, disk, battery, GPS, EKF, radio, switch, mode.
 

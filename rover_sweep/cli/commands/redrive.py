@@ -24,20 +24,42 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 @click.command()
 @click.argument("log", metavar="LOG")
-@click.option("--vehicle", "simulator", default="plant", show_default=True,
-              type=click.Choice(("plant", "embedded", "ardurover")),
-              help="The physics alone, the embedded rover, or the real firmware in SITL before the same "
-              "physics.")  # fmt: skip
-@click.option("--variant", default="nominal", show_default=True, metavar="NAME|FILE",
-              help="Physics of the simulated rover: a name as in dry-run, or a TOML file; its table "
-              "[effects] switches physics on that is not nominal.")  # fmt: skip
-@click.option("--rover-file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="rover.toml, whose masses, lengths and steering replace the variant's.")  # fmt: skip
-@click.option("--ardurover", type=click.Path(dir_okay=False), metavar="FILE",
-              help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "simulator",
+    default="plant",
+    show_default=True,
+    type=click.Choice(("plant", "embedded", "ardurover")),
+    help="The physics alone, the embedded rover, or the real firmware in SITL before the same physics.",
+)
+@click.option(
+    "--variant",
+    default="nominal",
+    show_default=True,
+    metavar="NAME|FILE",
+    help="Physics of the simulated rover: a name as in dry-run, or a TOML file; its table "
+    "[effects] switches physics on that is not nominal.",
+)
+@click.option(
+    "--rover-file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="rover.toml, whose masses, lengths and steering replace the variant's.",
+)
+@click.option(
+    "--ardurover",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of noise and road.")
-@click.option("--out", type=click.Path(dir_okay=False), metavar="FILE", required=True,
-              help="The recording to write (.BIN).")  # fmt: skip
+@click.option(
+    "--out",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    required=True,
+    help="The recording to write (.BIN).",
+)
 def redrive(
     log: str, simulator: str, variant: str, rover_file: str | None, ardurover: str | None, seed: int, out: str
 ) -> None:

@@ -17,10 +17,20 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("log", type=click.Path(), metavar="LOG")
-@click.option("--speed", type=NumberRange(0, min_open=True), metavar="X",
-              help="Times real time; 1 on the screen, as fast as it goes as text.")  # fmt: skip
-@click.option("--from", "start", type=NumberRange(0), default=0.0, metavar="S",
-              help="Begin this many seconds after the recording's start.")  # fmt: skip
+@click.option(
+    "--speed",
+    type=NumberRange(0, min_open=True),
+    metavar="X",
+    help="Times real time; 1 on the screen, as fast as it goes as text.",
+)
+@click.option(
+    "--from",
+    "start",
+    type=NumberRange(0),
+    default=0.0,
+    metavar="S",
+    help="Begin this many seconds after the recording's start.",
+)
 @click.option("--text", is_flag=True, help="Plain lines; so it is without a terminal.")
 def replay(log: str, speed: float | None, start: float, text: bool) -> None:
     """Play a .tlog or .BIN: what the screen showed when it was driven, the runs in it and their verdicts.

@@ -27,19 +27,42 @@ _PILOT_PATIENCE = 900.0  # s, as `run` waits for the pilot
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @connect_option
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file (default: the session's, or rover.toml here).")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Vehicle file (default: the session's, or rover.toml here).",
+)
 @click.option("--arm", is_flag=True, help="Let this program arm and disarm the rover.")
-@click.option("--throttle", type=click.IntRange(1000, 2000), metavar="US",
-              help="With --arm: let this program drive, with this throttle PWM.")  # fmt: skip
-@click.option("--throw-switch", is_flag=False, flag_value="override", type=click.Choice(TRIGGERS),
-              default="pilot", help="Let this program throw the applet's switch, as in `run`.")  # fmt: skip
+@click.option(
+    "--throttle",
+    type=click.IntRange(1000, 2000),
+    metavar="US",
+    help="With --arm: let this program drive, with this throttle PWM.",
+)
+@click.option(
+    "--throw-switch",
+    is_flag=False,
+    flag_value="override",
+    type=click.Choice(TRIGGERS),
+    default="pilot",
+    help="Let this program throw the applet's switch, as in `run`.",
+)
 @click.option("--no-log", is_flag=True, help="Leave the rover's log on its card.")
 @output_options
 def resume(
-    folder: Path, connect: str, access: Access, vehicle_file: str | None, arm: bool, throttle: int | None,
-    throw_switch: Trigger, no_log: bool, as_json: bool, verbose: bool,
-) -> None:  # fmt: skip
+    folder: Path,
+    connect: str,
+    access: Access,
+    vehicle_file: str | None,
+    arm: bool,
+    throttle: int | None,
+    throw_switch: Trigger,
+    no_log: bool,
+    as_json: bool,
+    verbose: bool,
+) -> None:
     """Drive what is still to drive of the session in FOLDER, and identify from all of it.
 
     The applet's limits are those that the session was begun with. Who arms, drives and throws the switch

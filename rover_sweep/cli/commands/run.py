@@ -40,37 +40,90 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disar
 @click.command()
 @click.option("--connect", metavar="URL", help=URL_HELP)
 @access_options
-@click.option("--vehicle", metavar="FILE|embedded|ardurover",
-              help="Vehicle file (default: rover.toml here); or a simulated rover to start.")  # fmt: skip
-@click.option("--sweep", "sweeps", type=ManoeuvreType(Sweep), multiple=True,
-              help="In us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.")  # fmt: skip
-@click.option("--doublet", "doublets", type=ManoeuvreType(Doublet), multiple=True,
-              help="In us and s; the models are verified on it. May be repeated.")  # fmt: skip
-@click.option("--multisine", "multisines", type=ManoeuvreType(Multisine), multiple=True,
-              help="Peak in us, rad/s, s; shows 2nd and 3rd harmonics at once. May be repeated.")  # fmt: skip
-@click.option("--bias-sweep", "bias_sweeps", type=ManoeuvreType(BiasSweep), multiple=True,
-              help="A sweep about a steering offset in us, e.g. 80,100. May be repeated.")  # fmt: skip
-@click.option("--limit", "limits", type=LimitType(), multiple=True,
-              help="A limit of the applet, e.g. v_max=3; the rover's own if not said.")  # fmt: skip
+@click.option(
+    "--vehicle",
+    metavar="FILE|embedded|ardurover",
+    help="Vehicle file (default: rover.toml here); or a simulated rover to start.",
+)
+@click.option(
+    "--sweep",
+    "sweeps",
+    type=ManoeuvreType(Sweep),
+    multiple=True,
+    help="In us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.",
+)
+@click.option(
+    "--doublet",
+    "doublets",
+    type=ManoeuvreType(Doublet),
+    multiple=True,
+    help="In us and s; the models are verified on it. May be repeated.",
+)
+@click.option(
+    "--multisine",
+    "multisines",
+    type=ManoeuvreType(Multisine),
+    multiple=True,
+    help="Peak in us, rad/s, s; shows 2nd and 3rd harmonics at once. May be repeated.",
+)
+@click.option(
+    "--bias-sweep",
+    "bias_sweeps",
+    type=ManoeuvreType(BiasSweep),
+    multiple=True,
+    help="A sweep about a steering offset in us, e.g. 80,100. May be repeated.",
+)
+@click.option(
+    "--limit",
+    "limits",
+    type=LimitType(),
+    multiple=True,
+    help="A limit of the applet, e.g. v_max=3; the rover's own if not said.",
+)
 @click.option("--arm", is_flag=True, help="Let this program arm and disarm the rover.")
-@click.option("--throttle", type=click.IntRange(1000, 2000), metavar="US",
-              help="With --arm: let this program drive, with this throttle PWM.")  # fmt: skip
-@click.option("--throw-switch", is_flag=False, flag_value="override", type=click.Choice(TRIGGERS),
-              help="Let this program throw the applet's switch, by RC override if nothing is said, or by "
-                   "MAV_CMD_DO_AUX_FUNCTION; pilot: it does not.")  # fmt: skip
-@click.option("--no-log", is_flag=True,
-              help="Leave the rover's log on its card; identify from telemetry.")  # fmt: skip
+@click.option(
+    "--throttle",
+    type=click.IntRange(1000, 2000),
+    metavar="US",
+    help="With --arm: let this program drive, with this throttle PWM.",
+)
+@click.option(
+    "--throw-switch",
+    is_flag=False,
+    flag_value="override",
+    type=click.Choice(TRIGGERS),
+    help="Let this program throw the applet's switch, by RC override if nothing is said, or by "
+    "MAV_CMD_DO_AUX_FUNCTION; pilot: it does not.",
+)
+@click.option("--no-log", is_flag=True, help="Leave the rover's log on its card; identify from telemetry.")
 @click.option("--diagnose", is_flag=True, help="Say at the end what the model leaves out of the runs.")
 @simulation_options
-@click.option("--out", type=click.Path(file_okay=False), metavar="DIR",
-              help="Folder for recordings and report. [default: run, else run-2, ...]")  # fmt: skip
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False),
+    metavar="DIR",
+    help="Folder for recordings and report. [default: run, else run-2, ...]",
+)
 @output_options
 def run(
-    connect: str | None, access: Access, vehicle: str | None, sweeps: tuple[Sweep, ...],
-    doublets: tuple[Doublet, ...], multisines: tuple[Multisine, ...], bias_sweeps: tuple[BiasSweep, ...],
-    limits: tuple[tuple[str, float], ...], arm: bool, throttle: int | None, throw_switch: Trigger | None,
-    no_log: bool, diagnose: bool, out: str | None, as_json: bool, verbose: bool, **simulated: Any,
-) -> None:  # fmt: skip
+    connect: str | None,
+    access: Access,
+    vehicle: str | None,
+    sweeps: tuple[Sweep, ...],
+    doublets: tuple[Doublet, ...],
+    multisines: tuple[Multisine, ...],
+    bias_sweeps: tuple[BiasSweep, ...],
+    limits: tuple[tuple[str, float], ...],
+    arm: bool,
+    throttle: int | None,
+    throw_switch: Trigger | None,
+    no_log: bool,
+    diagnose: bool,
+    out: str | None,
+    as_json: bool,
+    verbose: bool,
+    **simulated: Any,
+) -> None:
     """Drive sweeps and doublets on a rover, record them, say whether they are good, and identify from them.
 
     The pilot arms, drives and throws the switch (RC6_OPTION 300); this program sets the applet's

@@ -17,26 +17,50 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm and to throw the switch, as `r
 
 
 @click.command()
-@click.option("--connect", "url", default="", metavar="URL",
-              help="Put first in the list; as for `run`.")  # fmt: skip
+@click.option("--connect", "url", default="", metavar="URL", help="Put first in the list; as for `run`.")
 @access_options
-@click.option("--vehicle", "vehicle_file", type=click.Path(dir_okay=False), metavar="FILE",
-              help="Vehicle file (default: the session's own, else rover.toml here).")  # fmt: skip
-@click.option("--out", type=click.Path(file_okay=False), default="session", show_default=True,
-              metavar="FOLDER",
-              help="Folder of the session; one that is there is taken up again.")  # fmt: skip
-@click.option("--limit", "limits", type=LimitType(), multiple=True,
-              help="A limit of the applet, e.g. v_max=3; the rover's own if not said.")  # fmt: skip
+@click.option(
+    "--vehicle",
+    "vehicle_file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Vehicle file (default: the session's own, else rover.toml here).",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False),
+    default="session",
+    show_default=True,
+    metavar="FOLDER",
+    help="Folder of the session; one that is there is taken up again.",
+)
+@click.option(
+    "--limit",
+    "limits",
+    type=LimitType(),
+    multiple=True,
+    help="A limit of the applet, e.g. v_max=3; the rover's own if not said.",
+)
 @click.option(
     "--arm", is_flag=True, help="Let this program arm and disarm the rover; it asks before each run."
 )
-@click.option("--throttle", type=click.IntRange(1000, 2000), metavar="US",
-              help="With --arm: let this program drive, with this throttle PWM.")  # fmt: skip
+@click.option(
+    "--throttle",
+    type=click.IntRange(1000, 2000),
+    metavar="US",
+    help="With --arm: let this program drive, with this throttle PWM.",
+)
 @click.option("--throw-switch", is_flag=True, help="Let this program throw the applet's switch; it asks.")
 def session(
-    url: str, access: Access, vehicle_file: str | None, out: str, limits: tuple[tuple[str, float], ...],
-    arm: bool, throttle: int | None, throw_switch: bool,
-) -> None:  # fmt: skip
+    url: str,
+    access: Access,
+    vehicle_file: str | None,
+    out: str,
+    limits: tuple[tuple[str, float], ...],
+    arm: bool,
+    throttle: int | None,
+    throw_switch: bool,
+) -> None:
     """Connect, check, plan, drive, judge, identify and diagnose on one screen, by single keys.
 
     The pilot arms, drives and throws the switch, unless --arm, --throttle or --throw-switch say that this
@@ -63,9 +87,17 @@ def session(
     source = VehicleSource(folder, path, access=access)
     kept = source.session
     setup = Setup(
-        settings, url, folder, path, vehicle, memory_file(), rows(kept.content),
-        records(kept.content, folder), logs(kept.content, folder), lambda plan: kept.plan(planned(plan)),
-    )  # fmt: skip
+        settings,
+        url,
+        folder,
+        path,
+        vehicle,
+        memory_file(),
+        rows(kept.content),
+        records(kept.content, folder),
+        logs(kept.content, folder),
+        lambda plan: kept.plan(planned(plan)),
+    )
     show(source, setup)
 
 

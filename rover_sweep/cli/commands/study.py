@@ -10,8 +10,13 @@ STYLES = {"came out": "green", "came out in part": "cyan", "did not come out": "
 
 
 @click.command()
-@click.option("--out", required=True, type=click.Path(file_okay=False), metavar="DIR",
-              help="Folder for tables, figures and page; made if it is not there.")  # fmt: skip
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(file_okay=False),
+    metavar="DIR",
+    help="Folder for tables, figures and page; made if it is not there.",
+)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of noise and road.")
 @click.option("--json", "as_json", is_flag=True, help="study.json on stdout; the tables then go to stderr.")
 def study(out: str, seed: int, as_json: bool) -> None:

@@ -14,10 +14,7 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.run.controls import Trigger
 
 TRIGGERS = ("override", "aux", "pilot")
-_SWITCHING = {
-    "override": "throws the switch",
-    "aux": "throws the switch by command",
-}
+_SWITCHING = {"override": "throws the switch", "aux": "throws the switch by command"}
 
 
 @dataclass(frozen=True)
@@ -63,8 +60,9 @@ def announce(plan: Plan, folder: Path) -> None:
     console = narration()
     console.print(
         f"{len(plan.runs)} runs, {seconds:.0f} s of steering in all, into {folder}; {words}",
-        markup=False, soft_wrap=True,
-    )  # fmt: skip
+        markup=False,
+        soft_wrap=True,
+    )
 
 
 def diagnosed_session(session: SessionFinished, rover: tuple[Vehicle, Path]) -> None:

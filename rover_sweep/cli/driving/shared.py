@@ -25,9 +25,14 @@ _NOTHING = "nothing was recorded"
 
 
 def driven(
-    events: Events, folder: Path, *, talk: bool = False, go_on: bool = False, answer: Answer | None = None,
+    events: Events,
+    folder: Path,
+    *,
+    talk: bool = False,
+    go_on: bool = False,
+    answer: Answer | None = None,
     logs: bool = True,
-) -> SessionFinished:  # fmt: skip
+) -> SessionFinished:
     """Shows the events to the end of the session.
 
     logs: whether the vehicle's logs are fetched at its end. answer is called after each event was shown, and

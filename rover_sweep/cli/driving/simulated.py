@@ -43,17 +43,37 @@ _DEFAULTS = {"physics": "plant", "variant": "nominal", "seed": 1}
 def simulation_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """--physics, --ardurover, --variant, --seed and --rover-file, of a rover that is simulated."""
     for decorate in (
-        click.option("--rover-file", type=click.Path(dir_okay=False), metavar="FILE",
-                     help="Simulated: a vehicle file instead of the one that its physics make."),
-        click.option("--seed", type=click.IntRange(min=0), default=_DEFAULTS["seed"],
-                     help="Simulated: of noise and road. [default: 1]"),
-        click.option("--variant", default=_DEFAULTS["variant"], metavar="NAME|FILE",
-                     help=f"Simulated: {', '.join(variants())}, or a TOML file. [default: nominal]"),
-        click.option("--ardurover", type=click.Path(dir_okay=False), metavar="FILE",
-                     help="ArduRover's SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH)."),
-        click.option("--physics", type=click.Choice(("plant", "own")), default=_DEFAULTS["physics"],
-                     help="Behind the firmware: our plant, or the firmware's own rover. [default: plant]"),
-    ):  # fmt: skip
+        click.option(
+            "--rover-file",
+            type=click.Path(dir_okay=False),
+            metavar="FILE",
+            help="Simulated: a vehicle file instead of the one that its physics make.",
+        ),
+        click.option(
+            "--seed",
+            type=click.IntRange(min=0),
+            default=_DEFAULTS["seed"],
+            help="Simulated: of noise and road. [default: 1]",
+        ),
+        click.option(
+            "--variant",
+            default=_DEFAULTS["variant"],
+            metavar="NAME|FILE",
+            help=f"Simulated: {', '.join(variants())}, or a TOML file. [default: nominal]",
+        ),
+        click.option(
+            "--ardurover",
+            type=click.Path(dir_okay=False),
+            metavar="FILE",
+            help="ArduRover's SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
+        ),
+        click.option(
+            "--physics",
+            type=click.Choice(("plant", "own")),
+            default=_DEFAULTS["physics"],
+            help="Behind the firmware: our plant, or the firmware's own rover. [default: plant]",
+        ),
+    ):
         command = decorate(command)
     return command
 
@@ -78,9 +98,16 @@ def refuse_without_simulation(connect: str | None, options: Mapping[str, Any]) -
 
 
 def on_simulated(
-    job: Job, simulator: str, out: str | None, *, physics: str, ardurover: str | None, variant: str,
-    seed: int, rover_file: str | None,
-) -> tuple[tuple[Vehicle, Path], SessionFinished, Numbers | None]:  # fmt: skip
+    job: Job,
+    simulator: str,
+    out: str | None,
+    *,
+    physics: str,
+    ardurover: str | None,
+    variant: str,
+    seed: int,
+    rover_file: str | None,
+) -> tuple[tuple[Vehicle, Path], SessionFinished, Numbers | None]:
     """(vehicle file, session, what shows the rover's own numbers) after the job on a simulated rover."""
     from rover_sweep.cli.driving.shared import driven
     from rover_sweep.cli.types.folders import session_folder
@@ -92,8 +119,10 @@ def on_simulated(
         "ardurover" if simulator == "ardurover" else "embedded",
         Path(ardurover) if ardurover else None,
         "own" if physics == "own" else "plant",
-        variant, seed, prepared=False,
-    )  # fmt: skip
+        variant,
+        seed,
+        prepared=False,
+    )
     plan = _plan(job, simulation)
     text = None if rover_file else firmware_rover_text() if physics == "own" else rover_text(variant)
     folder = session_folder(out, "run", also=() if rover_file else ("rover.toml",))

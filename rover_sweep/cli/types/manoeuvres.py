@@ -9,14 +9,24 @@ import click
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 
-_SWEEP = {"amplitude": "amplitude", "wmin": "w_min", "wmax": "w_max", "trec": "t_rec", "fade": "fade",
-          "dwell": "dwell", "straight": "straight"}  # fmt: skip
+_SWEEP = {
+    "amplitude": "amplitude",
+    "wmin": "w_min",
+    "wmax": "w_max",
+    "trec": "t_rec",
+    "fade": "fade",
+    "dwell": "dwell",
+    "straight": "straight",
+}
 _DOUBLET = {name: name for name in ("amplitude", "pulse", "pause", "count", "straight")}
 _MULTISINE = dict(list(_SWEEP.items())[:4]) | {"periods": "periods"} | dict(list(_SWEEP.items())[4:])
 _BIAS_SWEEP = {"amplitude": "amplitude", "bias": "bias"} | _SWEEP
 _KEYS: dict[type[Manoeuvre], tuple[dict[str, str], int]] = {  # names in order, how many are shown in --help
-    Sweep: (_SWEEP, 4), Doublet: (_DOUBLET, 3), Multisine: (_MULTISINE, 5), BiasSweep: (_BIAS_SWEEP, 5),
-}  # fmt: skip
+    Sweep: (_SWEEP, 4),
+    Doublet: (_DOUBLET, 3),
+    Multisine: (_MULTISINE, 5),
+    BiasSweep: (_BIAS_SWEEP, 5),
+}
 _WHOLE = ("count", "periods")
 LIMITS = ("pwm_max", "roll_max", "p_max", "r_max", "v_min", "v_max", "still", "gcs")
 

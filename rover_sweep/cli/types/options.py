@@ -130,15 +130,31 @@ def filter_overrides(gyro: float | None, accel: float | None) -> dict[str, float
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """--columns, --system, --gyro-filter and --accel-filter."""
     for decorate in (
-        click.option("--accel-filter", type=NumberRange(0), metavar="HZ",
-                     help="INS_ACCEL_FILTER of the drive, where the log does not hold it (0: off)."),
-        click.option("--gyro-filter", type=NumberRange(0), metavar="HZ",
-                     help="INS_GYRO_FILTER of the drive, where the log does not hold it (0: off)."),
-        click.option("--system", type=click.IntRange(1, 255), metavar="N",
-                     help="MAVLink system id of the vehicle, in a .tlog that holds several."),
-        click.option("--columns", type=click.Path(dir_okay=False), metavar="FILE",
-                     help="Column map of .csv recordings (TOML)."),
-    ):  # fmt: skip
+        click.option(
+            "--accel-filter",
+            type=NumberRange(0),
+            metavar="HZ",
+            help="INS_ACCEL_FILTER of the drive, where the log does not hold it (0: off).",
+        ),
+        click.option(
+            "--gyro-filter",
+            type=NumberRange(0),
+            metavar="HZ",
+            help="INS_GYRO_FILTER of the drive, where the log does not hold it (0: off).",
+        ),
+        click.option(
+            "--system",
+            type=click.IntRange(1, 255),
+            metavar="N",
+            help="MAVLink system id of the vehicle, in a .tlog that holds several.",
+        ),
+        click.option(
+            "--columns",
+            type=click.Path(dir_okay=False),
+            metavar="FILE",
+            help="Column map of .csv recordings (TOML).",
+        ),
+    ):
         command = decorate(command)
     return command
 
@@ -146,10 +162,17 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """--json and --verbose, of the commands that identify."""
     for decorate in (
-        click.option("--verbose", is_flag=True,
-                     help="Show the steps of the structure reduction and the fits without filters as well."),
-        click.option("--json", "as_json", is_flag=True,
-                     help="identification.json on stdout; the tables then go to stderr."),
-    ):  # fmt: skip
+        click.option(
+            "--verbose",
+            is_flag=True,
+            help="Show the steps of the structure reduction and the fits without filters as well.",
+        ),
+        click.option(
+            "--json",
+            "as_json",
+            is_flag=True,
+            help="identification.json on stdout; the tables then go to stderr.",
+        ),
+    ):
         command = decorate(command)
     return command

@@ -29,8 +29,9 @@ def connect_option(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def via_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """--via, the library that talks to the vehicle; meaning: what it does for the command."""
-    return click.option("--via", type=click.Choice(["mavlink", "mavsdk"]), default="mavlink",
-                        show_default=True, help=meaning)  # fmt: skip
+    return click.option(
+        "--via", type=click.Choice(["mavlink", "mavsdk"]), default="mavlink", show_default=True, help=meaning
+    )
 
 
 @contextmanager

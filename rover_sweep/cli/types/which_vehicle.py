@@ -17,12 +17,20 @@ from rover_sweep.errors import UsageError
 if TYPE_CHECKING:
     from rover_sweep.vehicle.link.access import Access, Heard
 
-_SYSTEM = click.option("--system", type=click.IntRange(1, 255), metavar="N",
-                       help="MAVLink system id of the vehicle, where several are heard.")  # fmt: skip
+_SYSTEM = click.option(
+    "--system",
+    type=click.IntRange(1, 255),
+    metavar="N",
+    help="MAVLink system id of the vehicle, where several are heard.",
+)
 
-_KEY = click.option("--signing-key", type=click.Path(dir_okay=False), metavar="FILE",
-                    help="MAVLink signing key: 32 bytes, 64 hex digits, or else a passphrase, whose SHA-256 "
-                         "is the key (as in Mission Planner).")  # fmt: skip
+_KEY = click.option(
+    "--signing-key",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="MAVLink signing key: 32 bytes, 64 hex digits, or else a passphrase, whose SHA-256 "
+    "is the key (as in Mission Planner).",
+)
 
 
 def access_options(command: Callable[..., Any]) -> Callable[..., Any]:

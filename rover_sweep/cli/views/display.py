@@ -138,8 +138,12 @@ class TerminalDisplay(PlainDisplay):
         if self._fetching is None:
             self._live.start()
             self._fetching = self._progress.add_task("", total=event.total)
-        self._progress.update(self._fetching, completed=event.done, total=event.total,
-                              description=f"fetching log {event.number}")  # fmt: skip
+        self._progress.update(
+            self._fetching,
+            completed=event.done,
+            total=event.total,
+            description=f"fetching log {event.number}",
+        )
 
     def _line(self, text: str) -> None:
         from rich.console import Group

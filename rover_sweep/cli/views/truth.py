@@ -25,12 +25,15 @@ def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
     true = truth(rover)
     rows = tuple(
         (
-            Cell(symbol(e.name)), Cell(unit(e.unit)), Cell(number(true[e.name])), Cell(number(e.value)),
+            Cell(symbol(e.name)),
+            Cell(unit(e.unit)),
+            Cell(number(true[e.name])),
+            Cell(number(e.value)),
             Cell(change(100 * (e.value / true[e.name] - 1)), "strong"),
         )
         for e in models[name].fit.estimates
         if e.free and true.get(e.name)
-    )  # fmt: skip
+    )
     note = "Cf = Cr: mean of both axles, at zero slip. τ: lag and delay of the servo."
     if rover.effects:
         note += f" Beyond what the models have: {', '.join(rover.effects)}."
@@ -42,7 +45,13 @@ def truth(rover: PlantParameters) -> dict[str, float]:
     """The plant's numbers by the models' names, SI units."""
     front, rear = rover.front_cornering_stiffness, rover.rear_cornering_stiffness
     return {
-        "C": (front + rear) / 2, "Cf": front, "Cr": rear, "Izz": rover.yaw_inertia,
-        "Ixx": rover.roll_inertia, "h": rover.cg_height_above_roll_centre, "k_phi": rover.roll_stiffness,
-        "b_phi": rover.roll_damping, "tau": rover.servo_lag + rover.servo_delay,
-    }  # fmt: skip
+        "C": (front + rear) / 2,
+        "Cf": front,
+        "Cr": rear,
+        "Izz": rover.yaw_inertia,
+        "Ixx": rover.roll_inertia,
+        "h": rover.cg_height_above_roll_centre,
+        "k_phi": rover.roll_stiffness,
+        "b_phi": rover.roll_damping,
+        "tau": rover.servo_lag + rover.servo_delay,
+    }

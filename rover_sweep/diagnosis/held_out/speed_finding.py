@@ -45,20 +45,28 @@ def speed_finding(found: SpeedLoss, whole: Modelled, unused: Sequence[Fresh]) ->
     )
     shown = tuple(_held_out(fresh, without, with_it, found.noise) for fresh in unused)
     return Finding(
-        ID, (), (value,), {"gain": found.gain, "threshold": found.threshold}, shown, effect.next_run, told,
+        ID,
+        (),
+        (value,),
+        {"gain": found.gain, "threshold": found.threshold},
+        shown,
+        effect.next_run,
+        told,
         effect.equation,
-    )  # fmt: skip
+    )
 
 
 def unknown_loss(found: SpeedLoss) -> Unknown:
     """The same loss where the effect is not among the candidates."""
     times = float(np.sqrt(found.gain / found.threshold))
     return Unknown(
-        "V", "a_y", times,
+        "V",
+        "a_y",
+        times,
         f"up to {100 * found.drop:.1f} % of the speed goes with a_y, beyond what the turned wheels take; no "
         "candidate explains it",
         "V' ~ a_y^2",
-    )  # fmt: skip
+    )
 
 
 def _held_out(fresh: Fresh, without: DrivenAt, with_it: DrivenAt, noise: float) -> HeldOut:

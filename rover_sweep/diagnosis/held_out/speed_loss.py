@@ -170,6 +170,12 @@ def _judged(
     drop = max(loss * float(np.max(_through(d.square, lag))) / float(np.mean(d.speed)) for d in drives)
     left = np.concatenate(_left(table[best], loss))
     return SpeedLoss(
-        loss, float(low), float(high), lag, float(none - costs[best]) / noise,
-        float(np.quantile(gains, 1.0 - FALSE_ALARMS)), drop, float(np.var(left)),
-    )  # fmt: skip
+        loss,
+        float(low),
+        float(high),
+        lag,
+        float(none - costs[best]) / noise,
+        float(np.quantile(gains, 1.0 - FALSE_ALARMS)),
+        drop,
+        float(np.var(left)),
+    )

@@ -117,9 +117,20 @@ def overlays(
             noise = floor.rms(c, 0.1, min(12.0, 0.4 * run.rates[c]))
             mean1, mean2 = np.mean(y - one[c]), np.mean(y - two[c])
             out.append(
-                Overlay(run.name, c, fresh, run.begin + run.t[k], y[k], one[c][k] + mean1, two[c][k] + mean2,
-                        noise, w, left_before, left_after)
-            )  # fmt: skip
+                Overlay(
+                    run.name,
+                    c,
+                    fresh,
+                    run.begin + run.t[k],
+                    y[k],
+                    one[c][k] + mean1,
+                    two[c][k] + mean2,
+                    noise,
+                    w,
+                    left_before,
+                    left_after,
+                )
+            )
     return tuple(out)
 
 

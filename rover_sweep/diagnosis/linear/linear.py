@@ -18,16 +18,47 @@ from rover_sweep.identification.structure.state_space import Matrices, ModelStru
 SHORTEST = 1e-5  # s, below which a lag is none
 CONSTANT = {"cross_slope", "surface_change", "clock_offset", "speed_variation"}
 NONLINEAR = {
-    "servo_rate_limit", "steering_deadband", "steering_backlash", "steering_nonlinearity",
-    "steering_asymmetry", "tyre_saturation", "load_transfer", "suspension_friction",
-}  # fmt: skip
+    "servo_rate_limit",
+    "steering_deadband",
+    "steering_backlash",
+    "steering_nonlinearity",
+    "steering_asymmetry",
+    "tyre_saturation",
+    "load_transfer",
+    "suspension_friction",
+}
 UNITS = {
-    "m": "kg", "ms": "kg", "h": "m", "Ixx": "kg m^2", "Izz": "kg m^2", "Ixz": "kg m^2", "a": "m", "b": "m",
-    "Cf": "N/rad", "Cr": "N/rad", "k_phi": "N m/rad", "b_phi": "N m s/rad", "g": "m/s^2", "sigma": "m",
-    "e_roll": "rad/rad", "imu_x": "m", "imu_z": "m", "L_eff": "m", "gain": "-", "lag": "s", "lag_shape": "-",
-    "vy_lag": "s", "vy_gain": "-", "pitch": "rad", "yaw": "rad", "tau": "s",
-    "late_r": "s", "late_ay": "s", "late_vydot": "s", "late_p": "s",
-}  # fmt: skip
+    "m": "kg",
+    "ms": "kg",
+    "h": "m",
+    "Ixx": "kg m^2",
+    "Izz": "kg m^2",
+    "Ixz": "kg m^2",
+    "a": "m",
+    "b": "m",
+    "Cf": "N/rad",
+    "Cr": "N/rad",
+    "k_phi": "N m/rad",
+    "b_phi": "N m s/rad",
+    "g": "m/s^2",
+    "sigma": "m",
+    "e_roll": "rad/rad",
+    "imu_x": "m",
+    "imu_z": "m",
+    "L_eff": "m",
+    "gain": "-",
+    "lag": "s",
+    "lag_shape": "-",
+    "vy_lag": "s",
+    "vy_gain": "-",
+    "pitch": "rad",
+    "yaw": "rad",
+    "tau": "s",
+    "late_r": "s",
+    "late_ay": "s",
+    "late_vydot": "s",
+    "late_p": "s",
+}
 ROVER = ("m", "Izz", "Ixz", "a", "b", "Cf", "Cr", "g", "imu_x")
 ROLLING = ("ms", "h", "Ixx", "k_phi", "b_phi", "imu_z")
 LATE = ("late_r", "late_ay", "late_vydot", "late_p")
@@ -101,11 +132,16 @@ def _values(model: AugmentedModel) -> dict[str, float]:
     if model.lumped:
         own, rolling = (*(name for name in DERIVATIVES if name in n), "g", "imu_x"), ("imu_z",)
     every = n | {
-        "gain": 1.0 + x("scale"), "lag": x("lag"), "lag_shape": x("lag_shape"),
-        "vy_lag": x("vy_lag"), "vy_gain": x("vy_gain"),
-        "pitch": x("imu_tilt.pitch"), "yaw": x("imu_tilt.yaw"),
-        "tau": delay, **late,
-    }  # fmt: skip
+        "gain": 1.0 + x("scale"),
+        "lag": x("lag"),
+        "lag_shape": x("lag_shape"),
+        "vy_lag": x("vy_lag"),
+        "vy_gain": x("vy_gain"),
+        "pitch": x("imu_tilt.pitch"),
+        "yaw": x("imu_tilt.yaw"),
+        "tau": delay,
+        **late,
+    }
     names = [*own, *(rolling if roll else ()), "gain", "tau"]
     names += [
         o for o in OPTIONAL if abs(every.get(o, 0.0)) > SHORTEST and (roll or o not in ("e_roll", "late_p"))

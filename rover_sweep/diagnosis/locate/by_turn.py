@@ -142,11 +142,19 @@ def _of_the_motion(run: Experiment) -> dict[str, Array]:
     rate = np.gradient(turn, 1 / RATE)
     turn, rate = (x / max(float(np.std(x)), 1e-9) for x in (turn, rate))
     return {
-        "rest": np.ones(turn.size), "turn": turn, "rate": rate,
-        "integral": run.heading - np.mean(run.heading), "turn^3": turn**3, "turn^2 rate": turn**2 * rate,
-        "turn rate^2": turn * rate**2, "rate^3": rate**3, "abs turn": np.abs(turn), "abs rate": np.abs(rate),
-        "side": np.tanh(turn / BREAK), "way": np.tanh(rate / BREAK),
-    }  # fmt: skip
+        "rest": np.ones(turn.size),
+        "turn": turn,
+        "rate": rate,
+        "integral": run.heading - np.mean(run.heading),
+        "turn^3": turn**3,
+        "turn^2 rate": turn**2 * rate,
+        "turn rate^2": turn * rate**2,
+        "rate^3": rate**3,
+        "abs turn": np.abs(turn),
+        "abs rate": np.abs(rate),
+        "side": np.tanh(turn / BREAK),
+        "way": np.tanh(rate / BREAK),
+    }
 
 
 def _by_octant(problem: Problem, rows: Array, channel: str) -> Profile:

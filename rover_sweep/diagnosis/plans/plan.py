@@ -39,9 +39,14 @@ def plan(
     with what is being done and the share done, 0..1. settled: {effect: why it is no longer looked for}.
     """
     planner = Planner(
-        rover, rad_per_us, wanted, spread or Tolerances(), driven or {},
-        progress or (lambda what, share: None), settled or {},
-    )  # fmt: skip
+        rover,
+        rad_per_us,
+        wanted,
+        spread or Tolerances(),
+        driven or {},
+        progress or (lambda what, share: None),
+        settled or {},
+    )
     now = tuple(runs)
     base = now or first_set(rover, rad_per_us, limits)
     more = candidates(base, rover, rad_per_us, limits)
@@ -57,10 +62,16 @@ def plan(
     shown, runs_shown = (seen, now) if now else (best, chosen)
     drives, chosen = len(chosen), _counted(chosen)
     return Plan(
-        now, planner.sizes(runs_shown, shown), shown.apart, planner.unseen(runs_shown, shown), chosen,
-        _settled(planner, now, chosen), best.apart, answer(now, len(planner.asked), seen, best, drives),
+        now,
+        planner.sizes(runs_shown, shown),
+        shown.apart,
+        planner.unseen(runs_shown, shown),
+        chosen,
+        _settled(planner, now, chosen),
+        best.apart,
+        answer(now, len(planner.asked), seen, best, drives),
         notes([r for r in now if not r.name and not allowed(r, rover, rad_per_us, limits)], limits),
-    )  # fmt: skip
+    )
 
 
 def _counted(runs: Sequence[PlannedRun]) -> tuple[PlannedRun, ...]:

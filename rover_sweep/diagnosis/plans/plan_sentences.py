@@ -124,10 +124,12 @@ def _new(run: PlannedRun, rest: Sequence[PlannedRun]) -> str:
 
 def _like(one: PlannedRun, two: PlannedRun) -> bool:
     return (
-        one.kind == two.kind and abs(one.speed - two.speed) <= SAME * two.speed
+        one.kind == two.kind
+        and abs(one.speed - two.speed) <= SAME * two.speed
         and abs(one.amplitude_us - two.amplitude_us) <= SAME * two.amplitude_us
-        and abs(one.bias_us - two.bias_us) <= SAME * one.amplitude_us and one.heading in (None, two.heading)
-    )  # fmt: skip
+        and abs(one.bias_us - two.bias_us) <= SAME * one.amplitude_us
+        and one.heading in (None, two.heading)
+    )
 
 
 def _by_word(pair: tuple[str, str], new: str) -> str:

@@ -19,9 +19,13 @@ USUAL_SPEED, USUAL_AMPLITUDE = 2.4, 240.0  # m/s, us: where a plan begins for wh
 COMFORT = 0.75  # of the lateral acceleration allowed, for a first set
 OTHER_SPEEDS = (0.6, 1.4)  # of the speed that is driven
 NAMES = {
-    "sweep": "sweep", "doublet": "doublet", "bias_sweep": "sweep about a bias",
-    "multisine": "odd/even multisine", "servo_test": "servo test on blocks", "other": "drive",
-}  # fmt: skip
+    "sweep": "sweep",
+    "doublet": "doublet",
+    "bias_sweep": "sweep about a bias",
+    "multisine": "odd/even multisine",
+    "servo_test": "servo test on blocks",
+    "other": "drive",
+}
 
 
 def law(run: PlannedRun) -> Sweep | Doublet | Multisine:
@@ -44,9 +48,21 @@ def as_experiment(run: PlannedRun, rover: Geometry, rad_per_us: float, channels:
     turned = np.cumsum(run.speed * np.tan(steer) / rover.wheelbase) / RATE
     heading = turned - np.radians(run.heading or 0.0)
     return Experiment(
-        words(run), run.kind, t, steer, speed, heading, dict.fromkeys(channels, np.zeros(t.size)), {}, {},
-        tapered(t.size), dict.fromkeys(channels, LOGGED), True, False, STEERED,
-    )  # fmt: skip
+        words(run),
+        run.kind,
+        t,
+        steer,
+        speed,
+        heading,
+        dict.fromkeys(channels, np.zeros(t.size)),
+        {},
+        {},
+        tapered(t.size),
+        dict.fromkeys(channels, LOGGED),
+        True,
+        False,
+        STEERED,
+    )
 
 
 def words(run: PlannedRun) -> str:

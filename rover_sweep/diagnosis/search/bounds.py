@@ -51,10 +51,12 @@ def unknown_beyond(beyond: Beyond, withdrawn: tuple[str, ...]) -> Unknown:
     """The answer: what is wanted, and that it explains more than what would have been named."""
     what = WORDS[beyond.coordinate]
     return Unknown(
-        beyond.channel, what, beyond.ratio,
+        beyond.channel,
+        what,
+        beyond.ratio,
         f"the recordings want {what} beyond what is ordinary, which explains more than "
         f"{' and '.join(withdrawn)} would; no candidate explains it",
-    )  # fmt: skip
+    )
 
 
 def _at_the_limit(fitted: Fitted) -> Iterator[Coordinate]:

@@ -153,11 +153,7 @@ def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, floa
 
 
 def round_of(
-    runs: Sequence[Experiment],
-    model: Model,
-    start: Mapping[str, float],
-    options: Options,
-    near: bool = False,
+    runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options, near: bool = False
 ) -> Round:
     """One round: the model fitted, in the metric of what every rover has, and each candidate tried."""
     options.progress("fitting the model", 0.0)

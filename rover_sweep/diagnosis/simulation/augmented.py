@@ -114,9 +114,16 @@ def augmented(
     lengths = [run.span[1] - run.span[0] for run in runs]
     speed = sum(run.mean_speed * s for run, s in zip(runs, lengths, strict=True)) / sum(lengths)
     return AugmentedModel(
-        model.baseline, model.rover, model.effects, dict(x), speed, dict(runs[0].filters),
-        wait=_wait(runs[0]), happened_in=model.happened_in, happened_at=at,
-    )  # fmt: skip
+        model.baseline,
+        model.rover,
+        model.effects,
+        dict(x),
+        speed,
+        dict(runs[0].filters),
+        wait=_wait(runs[0]),
+        happened_in=model.happened_in,
+        happened_at=at,
+    )
 
 
 def _wait(run: Recording) -> float:

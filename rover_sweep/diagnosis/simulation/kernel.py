@@ -16,9 +16,27 @@ import numpy as np
 from numba import njit
 
 SLOTS = (
-    "m", "ms", "h", "Ixx", "Izz", "Ixz", "a", "b", "Cf", "Cr", "k_phi", "b_phi", "g",
-    "inv_mu", "sigma", "k_load", "e_roll", "T_roll", "ln_width", "bend",
-)  # fmt: skip
+    "m",
+    "ms",
+    "h",
+    "Ixx",
+    "Izz",
+    "Ixz",
+    "a",
+    "b",
+    "Cf",
+    "Cr",
+    "k_phi",
+    "b_phi",
+    "g",
+    "inv_mu",
+    "sigma",
+    "k_load",
+    "e_roll",
+    "T_roll",
+    "ln_width",
+    "bend",
+)
 SLOT = {name: k for k, name in enumerate(SLOTS)}
 SGN_WIDTH = 0.01  # rad/s, within which dry friction is smooth, times exp(ln_width)
 FASTEST = 300.0  # 1/s, of the tyre's relaxation: shorter ones are as good as none

@@ -128,9 +128,15 @@ def _without_slip(
     across = base["V"] * r
     y = roll_only(across, r_dot, zero, q, STEP) if structure.roll else np.zeros((r.size, 3))
     return base | {
-        "v": zero, "r": r, "r_dot": r_dot, "across": across, "phi": y[:, 0], "p": y[:, 1], "p_dot": y[:, 2],
+        "v": zero,
+        "r": r,
+        "r_dot": r_dot,
+        "across": across,
+        "phi": y[:, 0],
+        "p": y[:, 1],
+        "p_dot": y[:, 2],
         "weight": _weight(structure, base, x),
-    }  # fmt: skip
+    }
 
 
 def slots(structure: Structure, x: Values) -> Array:
@@ -140,13 +146,21 @@ def slots(structure: Structure, x: Values) -> Array:
     stiffness, split = exp(x.get("ln_C", 0.0)), 0.5 * x.get("ln_ratio", 0.0)
     h = (rover.h or 0.0) * exp(x.get("ln_h", 0.0))
     numbers = {
-        "m": rover.mass, "ms": rover.sprung_mass or 0.0, "h": h,
-        "Ixx": (rover.roll_inertia or 0.0) * exp(x.get("ln_Ixx", 0.0)), "Izz": exp(x.get("ln_Izz", 0.0)),
-        "Ixz": rover.roll_yaw_inertia, "a": rover.a + da, "b": rover.b - da,
-        "Cf": stiffness * exp(split), "Cr": stiffness * exp(-split),
-        "k_phi": exp(x.get("ln_k_phi", 0.0)), "b_phi": exp(x.get("ln_b_phi", 0.0)), "g": GRAVITY,
+        "m": rover.mass,
+        "ms": rover.sprung_mass or 0.0,
+        "h": h,
+        "Ixx": (rover.roll_inertia or 0.0) * exp(x.get("ln_Ixx", 0.0)),
+        "Izz": exp(x.get("ln_Izz", 0.0)),
+        "Ixz": rover.roll_yaw_inertia,
+        "a": rover.a + da,
+        "b": rover.b - da,
+        "Cf": stiffness * exp(split),
+        "Cr": stiffness * exp(-split),
+        "k_phi": exp(x.get("ln_k_phi", 0.0)),
+        "b_phi": exp(x.get("ln_b_phi", 0.0)),
+        "g": GRAVITY,
         "bend": x.get("bend", 0.0),
-    }  # fmt: skip
+    }
     for effect in structure.of("vehicle"):
         q = effect.coordinates(x)
         numbers |= {slot: q[name] for name, slot in effect.slots.items()}
@@ -161,11 +175,15 @@ def sensed(run: Experiment, structure: Structure, x: Values, moved: Mapping[str,
     out = {
         "r": moved["r"],
         "p": moved["p"],
-        "ay": moved["across"] - moved["weight"] + ahead * moved["r_dot"] - above * moved["p_dot"]
-        + GRAVITY * np.sin(moved["phi"]) + x.get("bias_ay", 0.0),
+        "ay": moved["across"]
+        - moved["weight"]
+        + ahead * moved["r_dot"]
+        - above * moved["p_dot"]
+        + GRAVITY * np.sin(moved["phi"])
+        + x.get("bias_ay", 0.0),
         "vy": _lagged_velocity(moved, moved["v"] + ahead * moved["r"] - above * moved["p"], x)
         * (1.0 + x.get("vy_gain", 0.0)),
-    }  # fmt: skip
+    }
     for effect in structure.of("sensor"):
         if effect.act:
             out = effect.act(out, moved, effect.coordinates(x))

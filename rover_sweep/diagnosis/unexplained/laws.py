@@ -45,17 +45,35 @@ def laws() -> tuple[Law, ...]:
         *(_law("side force", on, "force", _of_force(0, f)) for on, f in _SIDE.items()),
         *(_law("yaw moment", on, "force", _of_force(1, f)) for on, f in _YAW.items()),
         *(_law("roll moment", on, "force", _of_force(2, f)) for on, f in _ROLL.items()),
-        *(_law(f"sensor of {c}", on, "sensor", _of_sensor(c, f)) for c in CHANNELS
-          for on, f in {**_SENSOR, **_CROSSED.get(c, {})}.items()),
-    )  # fmt: skip
+        *(
+            _law(f"sensor of {c}", on, "sensor", _of_sensor(c, f))
+            for c in CHANNELS
+            for on, f in {**_SENSOR, **_CROSSED.get(c, {})}.items()
+        ),
+    )
 
 
 def _law(place: str, on: str, stage: Stage, act: Callable[..., Any]) -> Law:
     amount = EffectParameter("amount", "-", AMOUNT, -np.inf, np.inf, "of the function, SI")
-    return Law(place, on, Effect(
-        id=f"{place} {on}", title=on, equation=on, source="model-error model", parameters=(amount,),
-        stage=stage, shows="", apart="", needs="", excites="", next_run="", act=act, iterate=stage == "force",
-    ))  # fmt: skip
+    return Law(
+        place,
+        on,
+        Effect(
+            id=f"{place} {on}",
+            title=on,
+            equation=on,
+            source="model-error model",
+            parameters=(amount,),
+            stage=stage,
+            shows="",
+            apart="",
+            needs="",
+            excites="",
+            next_run="",
+            act=act,
+            iterate=stage == "force",
+        ),
+    )
 
 
 def _of_steering(f: Callable[[Array], Array]) -> Callable[..., Array]:

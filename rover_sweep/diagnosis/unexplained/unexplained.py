@@ -109,9 +109,11 @@ def _loud(last: Round, seen: _Seen, loud: dict[str, float]) -> Unknown:
     chosen, gain = _sketch(last, seen)
     if gain < PREDICTED:
         return Unknown(
-            channel, "nothing that was tried", ratio,
+            channel,
+            "nothing that was tried",
+            ratio,
             f"{still}; no candidate explains it, and no simple function of the state predicts it",
-        )  # fmt: skip
+        )
     on = ", ".join(dict.fromkeys(law.on for law in chosen))
     sentence = f"{still}; it follows {on}, and no candidate explains it"
     return Unknown(channel, on, ratio, sentence, " + ".join(law.words for law in chosen), gain)

@@ -121,9 +121,9 @@ class _Surroundings:
 
     def __init__(self, structure: ModelStructure, parts: Sequence[tuple[Condition, Replicates]]) -> None:
         self.structure, self.parts = structure, parts
-        self.start, self.lower, self.upper = np.array(
-            [(p.value, p.lower, p.upper) for p in structure.free], dtype=float
-        ).reshape(-1, 3).T  # fmt: skip
+        self.start, self.lower, self.upper = (
+            np.array([(p.value, p.lower, p.upper) for p in structure.free], dtype=float).reshape(-1, 3).T
+        )
         self.log = logarithmic(structure)
         self.slope = self._slopes(np.zeros(self.start.size))
         bends = [self._bends(e) for e in np.eye(self.start.size)]
@@ -147,9 +147,7 @@ class _Surroundings:
     def _slopes(self, x: Array) -> list[Complex]:
         """d ln H / dx (n_free, n_w) of each response."""
         structure, scale = self.at(x), np.where(self.log, self.theta(x), 1.0)
-        return [
-            (structure.log_sensitivity(r.w, c.speed, r.output) * scale).T for c, r in self.parts
-        ]  # fmt: skip
+        return [(structure.log_sensitivity(r.w, c.speed, r.output) * scale).T for c, r in self.parts]
 
     def _bends(self, direction: Array) -> list[Complex]:
         h = 1e-4 * direction * np.where(self.log, 1.0, np.abs(self.start) + 1e-3)

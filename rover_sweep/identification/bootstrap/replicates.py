@@ -17,14 +17,7 @@ from rover_sweep.identification.fit import Condition, restricted
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.spectra.noise import CoarseTransformer, ResidualSpectra, fresh_noise
-from rover_sweep.spectra.response import (
-    RISING,
-    Band,
-    FrequencyResponse,
-    composite,
-    transformed,
-    usable_band,
-)
+from rover_sweep.spectra.response import RISING, Band, FrequencyResponse, composite, transformed, usable_band
 from rover_sweep.spectra.spectra import Complex, Transformer, WindowSpectra, effective_averages
 
 MARGIN = 1.15  # noise is made up to this times the highest frequency, and a few bins of the shortest window
@@ -64,9 +57,13 @@ class RunReplicator:
         outputs = [d.output for d in condition.data]
         answers, residuals = self._answers(structure, condition, outputs)
         noise = fresh_noise(
-            self.residual_spectra(residuals), self.coarse.t, self.w_top, count,
-            [o == "p" for o in outputs], rng,
-        )  # fmt: skip
+            self.residual_spectra(residuals),
+            self.coarse.t,
+            self.w_top,
+            count,
+            [o == "p" for o in outputs],
+            rng,
+        )
         made = self.coarse(noise.reshape(-1, noise.shape[-1]))
         shape = (count, len(outputs), self.w.size)
         model = [np.array(parts).swapaxes(0, 1) for parts in zip(*map(self.transform, answers), strict=True)]
@@ -142,9 +139,13 @@ class GroupReplicator:
         xx = np.broadcast_to(scale * sum(p[0] for p in parts), yy.shape)
         xy = np.asarray(scale * sum(p[2] for p in parts), dtype=np.complex128)
         return WindowSpectra(
-            length, np.broadcast_to(self.w, yy.shape).ravel(), xx.ravel(), yy.ravel(), xy.ravel(),
+            length,
+            np.broadcast_to(self.w, yy.shape).ravel(),
+            xx.ravel(),
+            yy.ravel(),
+            xy.ravel(),
             averages=self.averages[i],
-        )  # fmt: skip
+        )
 
     def _replicates(self, output: str, structure: ModelStructure, h: Complex, coherence: Array) -> Replicates:
         rise = 1j * self.w if output in RISING else 1.0

@@ -35,8 +35,11 @@ def bicycle(geometry: Geometry, tied: bool = True) -> ModelStructure:
 
 def stiffness_parameters(start: float, tied: bool) -> tuple[Parameter, ...]:
     """C for both axles, or Cf and Cr, N/rad per axle (both tyres)."""
-    names = (("C", "cornering stiffness, each axle"),) if tied else (
-        ("Cf", "cornering stiffness, front axle"), ("Cr", "cornering stiffness, rear axle"))  # fmt: skip
+    names = (
+        (("C", "cornering stiffness, each axle"),)
+        if tied
+        else (("Cf", "cornering stiffness, front axle"), ("Cr", "cornering stiffness, rear axle"))
+    )
     return tuple(Parameter(n, "N/rad", start, True, start / 300, start * 300, m) for n, m in names)
 
 

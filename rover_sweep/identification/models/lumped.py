@@ -11,8 +11,13 @@ from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
 
 ROWS = {"Y": ("m/s^2", "side force per mass"), "L": ("rad/s^2", "rolling"), "N": ("rad/s^2", "yawing")}
-COLUMNS = {"v": ("m/s", "lateral velocity"), "p": ("rad/s", "roll rate"), "r": ("rad/s", "yaw rate"),
-           "phi": ("rad", "roll angle"), "delta": ("rad", "steering")}  # fmt: skip
+COLUMNS = {
+    "v": ("m/s", "lateral velocity"),
+    "p": ("rad/s", "roll rate"),
+    "r": ("rad/s", "yaw rate"),
+    "phi": ("rad", "roll angle"),
+    "delta": ("rad", "steering"),
+}
 
 
 def lumped(geometry: Geometry, start: ModelStructure, speed: float) -> ModelStructure:

@@ -101,9 +101,18 @@ class _Reader:
         if build is None or self.problems:
             return None
         structure = ModelStructure(
-            name, states, outputs, parameters, build, str(self.data.get("reference", "a user's file")),
-            inputs, late_in, late_out, self._units(), text,
-        )  # fmt: skip
+            name,
+            states,
+            outputs,
+            parameters,
+            build,
+            str(self.data.get("reference", "a user's file")),
+            inputs,
+            late_in,
+            late_out,
+            self._units(),
+            text,
+        )
         self.problems += _trial(structure)
         return None if self.problems else structure
 

@@ -22,9 +22,20 @@ from rover_sweep.vehicle.link.streams import StreamQuality, judge
 from rover_sweep.vehicle.run.follow import Follower
 
 JUDGED = ("ATTITUDE", "RAW_IMU", "SERVO_OUTPUT_RAW")
-READ = ("HEARTBEAT", "ATTITUDE", "RAW_IMU", "LOCAL_POSITION_NED", "SERVO_OUTPUT_RAW", "RC_CHANNELS",
-        "SYS_STATUS", "GPS_RAW_INT", "EKF_STATUS_REPORT", "NAMED_VALUE_FLOAT", "PARAM_VALUE",
-        "STATUSTEXT")  # fmt: skip
+READ = (
+    "HEARTBEAT",
+    "ATTITUDE",
+    "RAW_IMU",
+    "LOCAL_POSITION_NED",
+    "SERVO_OUTPUT_RAW",
+    "RC_CHANNELS",
+    "SYS_STATUS",
+    "GPS_RAW_INT",
+    "EKF_STATUS_REPORT",
+    "NAMED_VALUE_FLOAT",
+    "PARAM_VALUE",
+    "STATUSTEXT",
+)
 
 
 class TlogTrack:

@@ -22,9 +22,12 @@ CURVING = 0.3  # mean yaw rate over its standard deviation, from which a run is 
 UNSTEADY = 0.25  # standard deviation of the speed over its mean
 # What the reading of a recording says of a run that has to be driven again (logs.completeness, logs.judge).
 NOT_WHOLE = (
-    "The recording ends before", "The recording has a hole", "The recording begins after",
-    "The applet stopped this run", "Steering is at its end stop",
-)  # fmt: skip
+    "The recording ends before",
+    "The recording has a hole",
+    "The recording begins after",
+    "The applet stopped this run",
+    "Steering is at its end stop",
+)
 
 Responses = Mapping[str, FrequencyResponse]
 Said = tuple[Advice, str]

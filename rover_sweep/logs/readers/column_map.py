@@ -27,8 +27,18 @@ from typing import Any
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_toml
 
-UNITS = {"pwm": "us", "delta": "rad", "r": "rad/s", "p": "rad/s", "ay": "m/s^2", "vy": "m/s",
-         "speed": "m/s", "phi": "rad", "psi": "rad", "throttle": "us"}  # fmt: skip
+UNITS = {
+    "pwm": "us",
+    "delta": "rad",
+    "r": "rad/s",
+    "p": "rad/s",
+    "ay": "m/s^2",
+    "vy": "m/s",
+    "speed": "m/s",
+    "phi": "rad",
+    "psi": "rad",
+    "throttle": "us",
+}
 OPTIONS = {"time", "trial", "runs", "leave_out", "axes", "sampling", "filters"}
 # Unit of a channel -> the units that it may be given in, and their factors
 FACTORS: Mapping[str, Mapping[str, float]] = {

@@ -135,9 +135,14 @@ def _log(name: str, numbers: Mapping[str, Array], columns: ColumnMap, source: tu
         if f and c in signals
     }
     return Log(
-        name=name, signals=signals, steering=steering, filters=filters, notes=tuple(notes),
-        sources=(source,), whole=columns.whole,
-    )  # fmt: skip
+        name=name,
+        signals=signals,
+        steering=steering,
+        filters=filters,
+        notes=tuple(notes),
+        sources=(source,),
+        whole=columns.whole,
+    )
 
 
 def _time_notes(time: Array) -> Iterator[Note]:

@@ -15,10 +15,17 @@ from rover_sweep.logs.log import Log
 # Beyond the full scale of every sensor in use (gyro 34.9 rad/s, accelerometer 16 or 30 g), of a servo's
 # pulse, of a rover on wheels: (lowest, highest) in the channel's unit.
 POSSIBLE: Mapping[str, tuple[float, float]] = {
-    "r": (-40.0, 40.0), "p": (-40.0, 40.0), "ay": (-400.0, 400.0), "vy": (-100.0, 100.0),
-    "speed": (-100.0, 100.0), "phi": (-2 * np.pi, 2 * np.pi), "psi": (-np.inf, np.inf),
-    "throttle": (500.0, 2500.0), "pwm": (500.0, 2500.0), "delta": (-np.pi / 2, np.pi / 2),
-}  # fmt: skip
+    "r": (-40.0, 40.0),
+    "p": (-40.0, 40.0),
+    "ay": (-400.0, 400.0),
+    "vy": (-100.0, 100.0),
+    "speed": (-100.0, 100.0),
+    "phi": (-2 * np.pi, 2 * np.pi),
+    "psi": (-np.inf, np.inf),
+    "throttle": (500.0, 2500.0),
+    "pwm": (500.0, 2500.0),
+    "delta": (-np.pi / 2, np.pi / 2),
+}
 OUTPUTS = ("pwm", "throttle")  # 0 us is an output that is switched off
 OTHER_UNIT = dict.fromkeys(("r", "p"), " (deg/s for rad/s?)") | {"ay": " (mg or cm/s^2 for m/s^2?)"}
 IMPOSSIBLE_LIMIT = 0.01  # share of a channel's samples above which what is left is not to be trusted either

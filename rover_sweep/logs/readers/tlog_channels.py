@@ -46,8 +46,20 @@ WANTED = frozenset(
     )
 )
 ARDUPILOT = 3  # MAV_AUTOPILOT; below, the vehicles of MAV_TYPE
-KINDS = {10: "rover", 11: "boat", 12: "submarine", 5: "antenna tracker", 1: "plane", 7: "blimp",
-         2: "copter", 3: "copter", 4: "helicopter", 13: "copter", 14: "copter", 15: "copter"}  # fmt: skip
+KINDS = {
+    10: "rover",
+    11: "boat",
+    12: "submarine",
+    5: "antenna tracker",
+    1: "plane",
+    7: "blimp",
+    2: "copter",
+    3: "copter",
+    4: "helicopter",
+    13: "copter",
+    14: "copter",
+    15: "copter",
+}
 EVERY_STEP_SEEN = 100.0  # Hz: a faster stream catches each step of the staircase (Lua runs at 84 Hz)
 MILLI_G = 9.80665e-3
 STEERING_FIRST = 1

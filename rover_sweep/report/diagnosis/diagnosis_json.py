@@ -56,9 +56,7 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
             "seconds": round(found.seconds, 2),
             "runs": found.runs,
             "held_out_runs": found.held_out_runs,
-            "recordings": [
-                {"role": role, **recording_document(run)} for role, run in origin.recordings
-            ],
+            "recordings": [{"role": role, **recording_document(run)} for role, run in origin.recordings],
             "settings": origin.settings,
             "vehicle": _vehicle(origin),
             "conventions": {"axes": AXES, "units": UNITS},
@@ -66,7 +64,7 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
             "command": origin.provenance.command or None,
             "made": origin.provenance.made or None,
         }
-    )  # fmt: skip
+    )
 
 
 def most_telling(held_out: Sequence[HeldOut], overlays: Sequence[Overlay]) -> HeldOut | None:
@@ -80,14 +78,19 @@ def most_telling(held_out: Sequence[HeldOut], overlays: Sequence[Overlay]) -> He
 
 def _mismatch(m: Mismatch) -> dict[str, Any]:
     out = {
-        "channel": m.channel, "band_rad_s": m.band, "condition": m.condition,
-        "residual_over_noise": m.residual_over_noise, "sentence": m.sentence,
-    }  # fmt: skip
+        "channel": m.channel,
+        "band_rad_s": m.band,
+        "condition": m.condition,
+        "residual_over_noise": m.residual_over_noise,
+        "sentence": m.sentence,
+    }
     if m.profile:
         out["profile"] = {
-            "over": m.profile.over, "unit": m.profile.unit, "x": m.profile.x,
+            "over": m.profile.over,
+            "unit": m.profile.unit,
+            "x": m.profile.x,
             "residual_over_noise": m.profile.ratio,
-        }  # fmt: skip
+        }
     return out
 
 
@@ -111,12 +114,7 @@ def _value(v: EffectValue) -> dict[str, Any]:
 
 
 def _held_out(h: HeldOut) -> dict[str, Any]:
-    return {
-        "run": h.run,
-        "before": _fit(h.before),
-        "after": _fit(h.after),
-        "share_removed": h.share_removed,
-    }
+    return {"run": h.run, "before": _fit(h.before), "after": _fit(h.after), "share_removed": h.share_removed}
 
 
 def _fit(fit: Fit) -> dict[str, Any]:
@@ -127,9 +125,13 @@ def _unknown(u: Unknown | None) -> dict[str, Any] | None:
     if u is None:
         return None
     return {
-        "channel": u.channel, "depends_on": u.depends_on, "residual_over_noise": u.residual_over_noise,
-        "sentence": u.sentence, "law": u.law or None, "law_gain": u.law_gain,
-    }  # fmt: skip
+        "channel": u.channel,
+        "depends_on": u.depends_on,
+        "residual_over_noise": u.residual_over_noise,
+        "sentence": u.sentence,
+        "law": u.law or None,
+        "law_gain": u.law_gain,
+    }
 
 
 def _vehicle(origin: DiagnosisOrigin) -> dict[str, Any]:

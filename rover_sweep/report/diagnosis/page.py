@@ -27,8 +27,12 @@ from rover_sweep.report.wording.effect_names import channel, sentence
 
 WORTH = "The whole model, against the same without this effect"
 TONES = {
-    "none": "good", "explained": "good", "partly explained": "warn", "unexplained": "warn", "refused": "bad",
-}  # fmt: skip
+    "none": "good",
+    "explained": "good",
+    "partly explained": "warn",
+    "unexplained": "warn",
+    "refused": "bad",
+}
 
 
 def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Drawn) -> str:

@@ -17,9 +17,13 @@ from rover_sweep.report.wording.number_format import number, unit
 from rover_sweep.report.wording.strict_json import plain
 
 KINDS = {
-    "sweep": "sweep", "doublet": "doublet", "bias_sweep": "sweep about a bias",
-    "multisine": "odd/even multisine", "servo_test": "servo test on blocks", "other": "other drive",
-}  # fmt: skip
+    "sweep": "sweep",
+    "doublet": "doublet",
+    "bias_sweep": "sweep about a bias",
+    "multisine": "odd/even multisine",
+    "servo_test": "servo test on blocks",
+    "other": "other drive",
+}
 FORMAT_VERSION = 1
 SIZES = "found in: half of such sets of runs would show that much. counts from: below it, a nuisance."
 
@@ -41,7 +45,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "not_told_apart_with_the_proposal": [asdict(pair) for pair in plan.proposed_apart],
             "units": "amplitude_us, bias_us: us; speed: m/s, 0 on blocks; heading: deg clockwise from north",
         }
-    )  # fmt: skip
+    )
 
 
 def plan_summary(plan: Plan) -> Group:
@@ -98,9 +102,12 @@ def size_table(plan: Plan) -> Table:
 def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
     late = size.size is None or (size.material is not None and size.size > size.material)
     return (
-        Cell(effect), Cell(size.parameter), Cell(number(size.size, 2), "warn" if late else ""),
-        Cell(number(size.material, 2)), Cell(unit(size.unit)),
-    )  # fmt: skip
+        Cell(effect),
+        Cell(size.parameter),
+        Cell(number(size.size, 2), "warn" if late else ""),
+        Cell(number(size.material, 2)),
+        Cell(unit(size.unit)),
+    )
 
 
 def pair_table(pairs: Sequence[Apart], heading: str) -> Table:

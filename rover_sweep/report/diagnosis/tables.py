@@ -19,12 +19,7 @@ FLOOR = (
 def mismatch_table(found: Diagnosis) -> Table:
     """Channel, band, condition and size of each place."""
     rows = tuple(
-        (
-            Cell(channel(m.channel)),
-            Cell(m.condition),
-            Cell(_band(m.band)),
-            _size(m.residual_over_noise),
-        )
+        (Cell(channel(m.channel)), Cell(m.condition), Cell(_band(m.band)), _size(m.residual_over_noise))
         for m in found.mismatch
     )
     headings = ("", "where", "rad/s", "residual / noise")
@@ -139,11 +134,14 @@ def falsified_table(found: Diagnosis) -> Table | None:
         return None
     rows = tuple(
         (
-            Cell(symbol(f.name)), Cell(number(f.before, 3)), Cell(number(f.after, 3)), Cell(unit(f.unit)),
+            Cell(symbol(f.name)),
+            Cell(number(f.before, 3)),
+            Cell(number(f.after, 3)),
+            Cell(unit(f.unit)),
             Cell(change(100 * (f.before / f.after - 1)) if f.after else "–"),
         )
         for f in found.falsified
-    )  # fmt: skip
+    )
     headings = ("parameter", "without the effect", "with it", "unit", "had been off by, %")
     return Table("Parameters that the missing effect had falsified", headings, rows)
 

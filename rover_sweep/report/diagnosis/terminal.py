@@ -26,9 +26,12 @@ from rover_sweep.report.wording.number_format import number
 WIDTH = 80
 ROOM = 24  # characters of a run's name that leave the numbers beside it whole
 STYLES = {
-    "none": "bold green", "explained": "bold", "partly explained": "bold", "unexplained": "bold yellow",
+    "none": "bold green",
+    "explained": "bold",
+    "partly explained": "bold",
+    "unexplained": "bold yellow",
     "refused": "bold red",
-}  # fmt: skip
+}
 
 
 def summary(found: Diagnosis) -> Group:
@@ -74,12 +77,7 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
 def _explained(f: Finding) -> Group:
     """The finding's sentence, what it cannot be told from, and the run that would settle it."""
     lines: list[RenderableType] = [Text(f.effect, "bold")]
-    words = [
-        f.sentence,
-        evidence_words(f),
-        look_alike_words(f),
-        next_words(f),
-    ]
+    words = [f.sentence, evidence_words(f), look_alike_words(f), next_words(f)]
     lines += [_indented(sentence(text)) for text in words if text]
     return Group(*lines)
 

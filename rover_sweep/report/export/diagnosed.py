@@ -55,9 +55,11 @@ def _filters(model: AugmentedModel, outputs: tuple[str, ...]) -> dict[str, Any]:
                 n, d = _fraction(low_pass)
                 num, den = np.polymul(num, n), np.polymul(den, d)
             out[output] = {
-                "cutoff_hz": min(f.cutoff_hz for f in found), "num": num, "den": den,
+                "cutoff_hz": min(f.cutoff_hz for f in found),
+                "num": num,
+                "den": den,
                 "source": ", ".join(f.source for f in found if f.source),
-            }  # fmt: skip
+            }
     return out
 
 

@@ -49,7 +49,7 @@ def exported_model(
             "structure": structure.source or None,
             "steering": {"trim_us": steering[0], "rad_per_us": steering[1]} if steering else None,
         }
-    )  # fmt: skip
+    )
 
 
 def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:

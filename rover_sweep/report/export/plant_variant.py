@@ -17,8 +17,12 @@ NO_LIMIT = 100.0  # rad/s, of a servo whose rate limit did not show
 STIFF = 30.0  # times the weight on an axle per rad: next to no slip, for a model without any
 NEAR_NOTHING = 1e-9
 AS_NUMBERS = {"tyre_slip", "roll_dof", "front_rear_stiffness"}  # effects that are numbers of every plant
-SAME_NUMBER = {"servo_lag": "servo_lag", "transport_delay": "servo_delay", "velocity_lag": "velocity_lag",
-               "servo_rate_limit": "servo_rate_limit"}  # fmt: skip
+SAME_NUMBER = {
+    "servo_lag": "servo_lag",
+    "transport_delay": "servo_delay",
+    "velocity_lag": "velocity_lag",
+    "servo_rate_limit": "servo_rate_limit",
+}
 ABSENT = 1e5  # from which a limit or a cut-off is none
 
 Value = float | str | tuple[float, float, float]
@@ -120,9 +124,11 @@ def _axles(model: AugmentedModel, n: Mapping[str, float]) -> dict[str, Value]:
         weight = STIFF * n["m"] * n["g"] / (a + b)
         front, rear = weight * b, weight * a
     return {
-        "cg_to_front_axle": a, "cg_to_rear_axle": b,
-        "front_cornering_stiffness": front, "rear_cornering_stiffness": rear,
-    }  # fmt: skip
+        "cg_to_front_axle": a,
+        "cg_to_rear_axle": b,
+        "front_cornering_stiffness": front,
+        "rear_cornering_stiffness": rear,
+    }
 
 
 def _friction(model: AugmentedModel) -> float:

@@ -9,9 +9,16 @@ import numpy as np
 from rover_sweep.identification.structure.state_space import Matrices, ModelStructure
 
 UNITS = {
-    "delta": "rad", "throttle": "us",
-    "beta": "rad", "r": "rad/s", "V_y": "m/s", "p": "rad/s", "phi": "rad", "ay": "m/s^2", "vydot": "m/s^2",
-}  # fmt: skip
+    "delta": "rad",
+    "throttle": "us",
+    "beta": "rad",
+    "r": "rad/s",
+    "V_y": "m/s",
+    "p": "rad/s",
+    "phi": "rad",
+    "ay": "m/s^2",
+    "vydot": "m/s^2",
+}
 NOTE = (
     "M x' = F x + G delta(t - tau), y = H0 x + H1 x'; the same as x' = A x + B delta(t - tau), y = C x + D "
     "delta(t - tau). delta [rad] is the road-wheel angle, left positive; ISO axes (x forward, y left, z up). "
@@ -51,7 +58,13 @@ def matrices_of(mat: Matrices) -> dict[str, Any]:
     a = np.linalg.solve(mat.m, mat.f)
     b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
     return {
-        "A": a, "B": b, "C": mat.h0 + mat.h1 @ a, "D": mat.h1 @ b,
-        "M": mat.m.astype(float), "F": mat.f.astype(float), "G": mat.input_matrix.astype(float),
-        "H0": mat.h0.astype(float), "H1": mat.h1.astype(float),
-    }  # fmt: skip
+        "A": a,
+        "B": b,
+        "C": mat.h0 + mat.h1 @ a,
+        "D": mat.h1 @ b,
+        "M": mat.m.astype(float),
+        "F": mat.f.astype(float),
+        "G": mat.input_matrix.astype(float),
+        "H0": mat.h0.astype(float),
+        "H1": mat.h1.astype(float),
+    }

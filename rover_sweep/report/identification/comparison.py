@@ -85,11 +85,14 @@ def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
         return (Cell(symbol(e.name)), Cell(e.meaning), *value, Cell("free"), Cell("–"), Cell("–"))
     bound = " (at its bound)" if e.at_bound else ""
     return (
-        Cell(symbol(e.name), "strong"), Cell(e.meaning), Cell(number(e.value) + bound, "strong"),
-        Cell(unit(e.unit)), Cell(_interval(e)),
+        Cell(symbol(e.name), "strong"),
+        Cell(e.meaning),
+        Cell(number(e.value) + bound, "strong"),
+        Cell(unit(e.unit)),
+        Cell(_interval(e)),
         Cell(percent(e.cr_percent), _beyond(e.cr_percent, CR_GUIDE)),
         Cell(percent(e.insensitivity_percent), _beyond(e.insensitivity_percent, I_GUIDE)),
-    )  # fmt: skip
+    )
 
 
 def _interval(e: Estimate) -> str:
@@ -165,9 +168,9 @@ def _verification_table(models: Mapping[str, ModelResult], k: int) -> Table:
     for channel in ("r", "ay", "p"):
         found = [next((o for o in v.overlays if o.channel == channel), None) for v in verdicts.values()]
         if units := [o.unit for o in found if o]:
-            rows.append((
-                Cell(f"J_rms of {SHORT_NAMES[channel]}, {unit(units[0])}"), *(_channel_j(o) for o in found)
-            ))  # fmt: skip
+            rows.append(
+                (Cell(f"J_rms of {SHORT_NAMES[channel]}, {unit(units[0])}"), *(_channel_j(o) for o in found))
+            )
             rows.append((Cell(f"TIC of {SHORT_NAMES[channel]}"), *(_channel_tic(o) for o in found)))
     note = (
         "Equations (15) and (16) over r, a_y and p as far as the model has them, in deg/s, ft/s² and deg/s. "
@@ -266,11 +269,14 @@ def reduction_table(model: ModelResult) -> Table | None:
         return None
     rows = tuple(
         (
-            Cell(symbol(s.parameter)), Cell(s.reason), Cell(_outcome(s, model)),
-            Cell(f"{s.before:.2f}"), Cell(f"{s.after:.2f}"),
+            Cell(symbol(s.parameter)),
+            Cell(s.reason),
+            Cell(_outcome(s, model)),
+            Cell(f"{s.before:.2f}"),
+            Cell(f"{s.after:.2f}"),
         )
         for s in model.reduction
-    )  # fmt: skip
+    )
     headings = ("parameter", "tried because of", "", "J_ave before", "J_ave without")
     note = (
         "A parameter is dropped, or fixed at what the vehicle file says, when J_ave without it hardly rises "

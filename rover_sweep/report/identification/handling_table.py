@@ -13,13 +13,18 @@ from rover_sweep.report.wording.acceptance import TITLES, identified_runs
 from rover_sweep.report.wording.number_format import number, unit
 
 LABELS = {
-    "understeer_gradient": "understeer gradient K_us", "understeer_gradient_deg_per_g": "",
-    "static_margin": "static margin", "critical_speed": "critical speed",
-    "characteristic_speed": "characteristic speed", "yaw_rate_gain": "steady r/δ",
-    "lateral_acceleration_gain": "steady a_y/δ", "yaw_frequency": "yaw mode, frequency",
-    "yaw_damping": "yaw mode, damping", "roll_frequency": "roll mode, frequency",
+    "understeer_gradient": "understeer gradient K_us",
+    "understeer_gradient_deg_per_g": "",
+    "static_margin": "static margin",
+    "critical_speed": "critical speed",
+    "characteristic_speed": "characteristic speed",
+    "yaw_rate_gain": "steady r/δ",
+    "lateral_acceleration_gain": "steady a_y/δ",
+    "yaw_frequency": "yaw mode, frequency",
+    "yaw_damping": "yaw mode, damping",
+    "roll_frequency": "roll mode, frequency",
     "roll_damping": "roll mode, damping",
-}  # fmt: skip
+}
 
 
 def handling_table(result: Identification) -> Table | None:

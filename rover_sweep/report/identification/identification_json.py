@@ -55,7 +55,7 @@ def identification_document(result: Identification, provenance: Provenance) -> d
             "command": provenance.command or None,
             "made": provenance.made or None,
         }
-    )  # fmt: skip
+    )
 
 
 def inertia_document(result: Identification, provenance: Provenance) -> dict[str, Any]:
@@ -105,11 +105,14 @@ def _verdict(verdict: CoherenceVerdict) -> dict[str, Any]:
         "amplitude_factor": verdict.amplitude_factor,
         "coherence": {
             o.output: {
-                "band": o.band, "covered": o.covered, "lowest": o.lowest, "lowest_at_rad_s": o.lowest_at,
+                "band": o.band,
+                "covered": o.covered,
+                "lowest": o.lowest,
+                "lowest_at_rad_s": o.lowest_at,
             }
             for o in verdict.outputs
         },
-    }  # fmt: skip
+    }
 
 
 def recording_document(run: Recording) -> dict[str, Any]:

@@ -39,13 +39,18 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
         },
         "reduction": [
             {
-                "parameter": s.parameter, "reason": s.reason,
-                "average_before": s.before, "average_after": s.after, "dropped": s.dropped,
-                "unstable_without": s.unstable, "found": s.found, "fixed_at": s.value if s.dropped else None,
+                "parameter": s.parameter,
+                "reason": s.reason,
+                "average_before": s.before,
+                "average_after": s.after,
+                "dropped": s.dropped,
+                "unstable_without": s.unstable,
+                "found": s.found,
+                "fixed_at": s.value if s.dropped else None,
             }
             for s in model.reduction
         ],
-    }  # fmt: skip
+    }
 
 
 def parameters_document(fit: FitResult, reason: str | None = None) -> dict[str, Any]:
@@ -58,9 +63,11 @@ def parameters_document(fit: FitResult, reason: str | None = None) -> dict[str, 
 
 def _parameter(e: Estimate, reason: str | None) -> dict[str, Any]:
     numbers = {
-        "value": e.value, "cr_percent": e.cr_percent, "insensitivity_percent": e.insensitivity_percent,
+        "value": e.value,
+        "cr_percent": e.cr_percent,
+        "insensitivity_percent": e.insensitivity_percent,
         **_interval(e.interval),
-    }  # fmt: skip
+    }
     shown = dict.fromkeys(numbers) if reason else numbers
     out = {
         "value": shown["value"],
@@ -120,8 +127,10 @@ def _poles(fit: FitResult) -> list[dict[str, float]]:
     poles = sorted(fit.structure.poles(fit.speed), key=lambda s: (abs(s), s.imag))
     return [
         {
-            "re": float(s.real), "im": float(s.imag),
-            "frequency_rad_s": float(abs(s)), "damping": float(-s.real / abs(s)) if s else 0.0,
+            "re": float(s.real),
+            "im": float(s.imag),
+            "frequency_rad_s": float(abs(s)),
+            "damping": float(-s.real / abs(s)) if s else 0.0,
         }
         for s in poles
-    ]  # fmt: skip
+    ]

@@ -72,9 +72,11 @@ def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str
 def _model(result: Identification, name: str) -> dict[str, Any]:
     model, rejected = result.models[name], rejection(result, name)
     tables: list[Table | None] = [
-        parameter_table(result, name), reduction_table(model), variants_table(result, name),
+        parameter_table(result, name),
+        reduction_table(model),
+        variants_table(result, name),
         None if rejected or name == "kinematic" else poles_table(model),
-    ]  # fmt: skip
+    ]
     return {
         "name": name,
         "title": TITLES.get(name, name),

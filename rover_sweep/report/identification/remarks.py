@@ -117,7 +117,10 @@ def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
     refused = [text if name in text else f"{name}: {text}" for name, text in result.refused.items()]
     runs = (*identified_runs(result), *provenance.verify_runs)
     warnings = [f"{run.name}: {n.text}" for run in runs for n in run.notes if n.level == "warning"]
-    missing = () if provenance.verify_runs else (
-        "no run was given for the verification: drive a doublet and give it with --verify",)  # fmt: skip
+    missing = (
+        ()
+        if provenance.verify_runs
+        else ("no run was given for the verification: drive a doublet and give it with --verify",)
+    )
     limits = [note.text for note in handling_notes(result, provenance.verify_runs)]
     return tuple(dict.fromkeys([*repeat, *refused, *limits, *warnings, *missing]))

@@ -25,8 +25,13 @@ def history(run: Recording) -> Figure:
     rows += [row for row in ROWS if row[0] in run]
     figure = Figure(figsize=(WIDTH, 1.0 + 1.35 * len(rows)))
     grid = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
-    figure.subplots_adjust(left=0.095, right=0.91, top=1 - 0.32 / figure.get_figheight(),
-                           bottom=0.52 / figure.get_figheight(), hspace=0.14)  # fmt: skip
+    figure.subplots_adjust(
+        left=0.095,
+        right=0.91,
+        top=1 - 0.32 / figure.get_figheight(),
+        bottom=0.52 / figure.get_figheight(),
+        hspace=0.14,
+    )
     for axes, (channel, label, factor) in zip(grid, rows, strict=True):
         _row(axes, run, channel, label, factor)
     _angle_axis(grid[0], run)
@@ -40,8 +45,13 @@ def history(run: Recording) -> Figure:
 def _row(axes: Axes, run: Recording, channel: str, label: str, factor: float) -> None:
     start, end = run.span
     shown = run[channel].between(start - MARGIN, end + MARGIN)
-    axes.plot(shown.t - start, shown.x * factor, color=DATA, linewidth=0.9,
-              drawstyle="steps-post" if shown.hold else "default")  # fmt: skip
+    axes.plot(
+        shown.t - start,
+        shown.x * factor,
+        color=DATA,
+        linewidth=0.9,
+        drawstyle="steps-post" if shown.hold else "default",
+    )
     axes.set_ylabel(label)
     axes.yaxis.set_label_coords(-0.055, 0.5)
     _scale(axes, shown, run.manoeuvre(channel), factor)

@@ -18,9 +18,11 @@ FLOOR = "#555555"
 REST = "#9CC3DF"
 MANY = 25  # points, whose marks would hide the line
 OVER = {
-    "harmonic": "harmonic of the steering frequency", "amplitude": "largest steering angle",
-    "time": "time in the run", "run": "",
-}  # fmt: skip
+    "harmonic": "harmonic of the steering frequency",
+    "amplitude": "largest steering angle",
+    "time": "time in the run",
+    "run": "",
+}
 
 
 def drawable(m: Mismatch, overlays: Sequence[Overlay]) -> bool:

@@ -32,9 +32,16 @@ def overlays(channels: Sequence[Overlay], changed: bool = True) -> Figure:
     height = HEAD + FOOT + ROW * len(channels)
     figure = Figure(figsize=(WIDTH, height))
     rows = figure.add_gridspec(
-        len(channels), 3, width_ratios=(2.3, 1.45, 1.2), left=0.07, right=0.99, top=1 - HEAD / height,
-        bottom=FOOT / height, wspace=0.17, hspace=0.24,
-    )  # fmt: skip
+        len(channels),
+        3,
+        width_ratios=(2.3, 1.45, 1.2),
+        left=0.07,
+        right=0.99,
+        top=1 - HEAD / height,
+        bottom=FOOT / height,
+        wspace=0.17,
+        hspace=0.24,
+    )
     close_up = _close_up(channels, changed)
     for k, o in enumerate(channels):
         left = rows[k, 0].subgridspec(2, 1, height_ratios=(1.7, 1), hspace=0.1)

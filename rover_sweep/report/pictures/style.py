@@ -30,8 +30,12 @@ BAND = "#E69F00"
 OUTSIDE = "#ECECEC"
 QUIET = "#56B4E9"
 
-LABELS = {"r": "yaw rate r", "ay": "lateral acceleration $a_y$", "p": "roll rate p",
-          "vydot": r"lateral velocity rate $\dot V_y$"}  # fmt: skip
+LABELS = {
+    "r": "yaw rate r",
+    "ay": "lateral acceleration $a_y$",
+    "p": "roll rate p",
+    "vydot": r"lateral velocity rate $\dot V_y$",
+}
 
 RC: dict[Any, Any] = {
     "font.size": 10,

@@ -9,9 +9,11 @@ from rover_sweep.report.wording.number_format import SHORT_NAMES
 
 CHANNELS = {**SHORT_NAMES, "vy": "V_y"}
 LONG_CHANNELS = {
-    "r": "yaw rate r, deg/s", "ay": "lateral acc. $a_y$, m/s²", "p": "roll rate p, deg/s",
+    "r": "yaw rate r, deg/s",
+    "ay": "lateral acc. $a_y$, m/s²",
+    "p": "roll rate p, deg/s",
     "vy": "lateral velocity $V_y$, m/s",
-}  # fmt: skip
+}
 
 
 def title(effect: str) -> str:

@@ -12,9 +12,16 @@ OUTPUT_NAMES = {
 }
 SHORT_NAMES = {"r": "r", "ay": "a_y", "vydot": "V̇_y", "p": "p"}
 SYMBOLS = {
-    "C": "Cf = Cr", "tau": "τ", "k_phi": "k_φ", "b_phi": "b_φ", "Izz": "I_zz", "Ixx": "I_xx", "Ixz": "I_xz",
-    "ms": "m_s", "V": "V_x",
-}  # fmt: skip
+    "C": "Cf = Cr",
+    "tau": "τ",
+    "k_phi": "k_φ",
+    "b_phi": "b_φ",
+    "Izz": "I_zz",
+    "Ixx": "I_xx",
+    "Ixz": "I_xz",
+    "ms": "m_s",
+    "V": "V_x",
+}
 
 
 def number(value: float | None, digits: int = 4) -> str:

@@ -9,9 +9,21 @@ from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 
 # custom_mode of ArduRover (modes.h, Mode::Number, 4.5 and 4.6)
 MODES = {
-    0: "MANUAL", 1: "ACRO", 3: "STEERING", 4: "HOLD", 5: "LOITER", 6: "FOLLOW", 7: "SIMPLE", 8: "DOCK",
-    9: "CIRCLE", 10: "AUTO", 11: "RTL", 12: "SMART_RTL", 15: "GUIDED", 16: "STARTING",
-}  # fmt: skip
+    0: "MANUAL",
+    1: "ACRO",
+    3: "STEERING",
+    4: "HOLD",
+    5: "LOITER",
+    6: "FOLLOW",
+    7: "SIMPLE",
+    8: "DOCK",
+    9: "CIRCLE",
+    10: "AUTO",
+    11: "RTL",
+    12: "SMART_RTL",
+    15: "GUIDED",
+    16: "STARTING",
+}
 # GPS_FIX_TYPE (MAVLink common)
 FIXES = {0: "no GPS", 1: "no fix", 2: "2D fix", 3: "3D fix", 4: "DGPS", 5: "RTK float", 6: "RTK fixed"}
 # state of a check: (sign, word)
@@ -22,15 +34,26 @@ CHECKS = {
     "unknown": ("·", "unknown"),
 }
 APPLET = {
-    0: "idle", 1: "standstill recorded", 2: "waits for speed", 3: "straight, before", 4: "fades in",
-    5: "dwells at w_min", 6: "steers", 7: "fades out", 8: "straight, after",
-    9: "standstill recorded", 10: "stopped",
-}  # fmt: skip
+    0: "idle",
+    1: "standstill recorded",
+    2: "waits for speed",
+    3: "straight, before",
+    4: "fades in",
+    5: "dwells at w_min",
+    6: "steers",
+    7: "fades out",
+    8: "straight, after",
+    9: "standstill recorded",
+    10: "stopped",
+}
 ADVICE = {"keep": ("✓", "KEEP"), "repeat": ("↻", "REPEAT"), "discard": ("✗", "DISCARD")}
 OUTCOMES = {
-    "asked": ("·", "asked"), "running": ("▶", "under way"), "done": ("✓", "whole"),
-    "stopped": ("✗", "stopped"), "failed": ("✗", "failed"),
-}  # fmt: skip
+    "asked": ("·", "asked"),
+    "running": ("▶", "under way"),
+    "done": ("✓", "whole"),
+    "stopped": ("✗", "stopped"),
+    "failed": ("✗", "failed"),
+}
 RESPONSES = {"r": "yaw rate", "ay": "lateral acc.", "vydot": "side velocity", "p": "roll rate"}
 
 

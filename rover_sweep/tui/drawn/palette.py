@@ -41,13 +41,27 @@ class Palette:
 
 
 LIGHT = Palette(
-    "light", "#000000", "#ffffff", "#404040", "#005000", "#5c3a00", "#900000", "#00308f",
+    "light",
+    "#000000",
+    "#ffffff",
+    "#404040",
+    "#005000",
+    "#5c3a00",
+    "#900000",
+    "#00308f",
     ("#ffffff", "#900000"),
-)  # fmt: skip
+)
 DARK = Palette(
-    "dark", "#ffffff", "#000000", "#c8c8c8", "#5cff5c", "#ffd75f", "#ff9c9c", "#7fd7ff",
+    "dark",
+    "#ffffff",
+    "#000000",
+    "#c8c8c8",
+    "#5cff5c",
+    "#ffd75f",
+    "#ff9c9c",
+    "#7fd7ff",
     ("#ffffff", "#900000"),
-)  # fmt: skip
+)
 
 
 def contrast(one: str, other: str) -> float:

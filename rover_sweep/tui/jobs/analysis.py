@@ -49,9 +49,12 @@ async def followed(job: Job) -> AsyncGenerator[Job, None]:
     began = time.monotonic()
     program = (sys.executable, "-m", "rover_sweep.cli.main", *job.arguments)
     process = await asyncio.create_subprocess_exec(
-        *program, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE, preexec_fn=_step_back,
-    )  # fmt: skip
+        *program,
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        preexec_fn=_step_back,
+    )
     assert process.stdout is not None and process.stderr is not None
     output = asyncio.create_task(process.stdout.read())
     try:

@@ -23,9 +23,11 @@ def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> t
     """Each once, the likeliest first."""
     found: dict[str, str] = {}
     for urls, origin in (
-        ((given,) if given else (), "command line"), (remembered, "used before"),
-        (ports, "plugged in"), (USUAL, "usual"),
-    ):  # fmt: skip
+        ((given,) if given else (), "command line"),
+        (remembered, "used before"),
+        (ports, "plugged in"),
+        (USUAL, "usual"),
+    ):
         for url in urls:
             found.setdefault(url, origin)
     return tuple(Place(url, origin) for url, origin in found.items())

@@ -39,9 +39,14 @@ def planned(plan: tuple[Row, ...]) -> tuple[PlannedRun, ...]:
 def _record(run: DrivenRun, folder: Path) -> RunRecord:
     outcome = _OUTCOMES[run.state]
     return RunRecord(
-        run.name, run.manoeuvre or Sweep(), outcome, _reason(run, outcome), run.number,
-        folder / run.tlog, _verdict(run.verdict),
-    )  # fmt: skip
+        run.name,
+        run.manoeuvre or Sweep(),
+        outcome,
+        _reason(run, outcome),
+        run.number,
+        folder / run.tlog,
+        _verdict(run.verdict),
+    )
 
 
 def _reason(run: DrivenRun, outcome: Outcome) -> str:
@@ -59,11 +64,14 @@ def _verdict(said: Mapping[str, Any] | None) -> Verdict | None:
         if said["advice"] not in get_args(Advice) or not isfinite(amplitude or 0.0):
             return None
         return Verdict(
-            str(said["run"]), said["advice"], str(said["sentence"]),
-            tuple(_band(**band) for band in said.get("bands") or ()), amplitude,
+            str(said["run"]),
+            said["advice"],
+            str(said["sentence"]),
+            tuple(_band(**band) for band in said.get("bands") or ()),
+            amplitude,
             tuple((float(a), float(b), float(c)) for a, b, c in said.get("per_band") or ()),
             remarks=tuple(str(remark) for remark in said.get("remarks") or ()),
-        )  # fmt: skip
+        )
     except (KeyError, TypeError, ValueError, OverflowError):
         return None
 

@@ -16,8 +16,11 @@ from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 
 SPEED = 2.0  # m/s, of a row that nobody gave one
 _KINDS: dict[str, Callable[[], Manoeuvre]] = {
-    "sweep": Sweep, "doublet": Doublet, "multisine": Multisine, "bias_sweep": BiasSweep,
-}  # fmt: skip
+    "sweep": Sweep,
+    "doublet": Doublet,
+    "multisine": Multisine,
+    "bias_sweep": BiasSweep,
+}
 
 
 @dataclass(frozen=True)
@@ -50,18 +53,22 @@ class Field:
 _SPEED = Field("speed", "speed to hold", "m/s", 0.2, ".1f")
 _AMPLITUDE = Field("amplitude", "amplitude", "us", 10)
 _SWEPT = (
-    Field("w_min", "lowest frequency", "rad/s", 0.1, ".1f"), Field("w_max", "highest frequency", "rad/s", 1),
+    Field("w_min", "lowest frequency", "rad/s", 0.1, ".1f"),
+    Field("w_max", "highest frequency", "rad/s", 1),
     Field("t_rec", "length of the law", "s", 5),
-)  # fmt: skip
+)
 _FIELDS: Mapping[str, tuple[Field, ...]] = {
     "sweep": (_AMPLITUDE, _SPEED, *_SWEPT),
     "bias_sweep": (_AMPLITUDE, Field("bias", "offset", "us", 10), _SPEED, *_SWEPT),
     "multisine": (_AMPLITUDE, _SPEED, *_SWEPT, Field("periods", "periods", "", 1)),
     "doublet": (
-        _AMPLITUDE, _SPEED, Field("pulse", "length of a step", "s", 0.1, ".1f"),
-        Field("pause", "pause", "s", 0.5, ".1f"), Field("count", "how many", "", 1),
+        _AMPLITUDE,
+        _SPEED,
+        Field("pulse", "length of a step", "s", 0.1, ".1f"),
+        Field("pause", "pause", "s", 0.5, ".1f"),
+        Field("count", "how many", "", 1),
     ),
-}  # fmt: skip
+}
 
 FIRST = (
     Row(Sweep(), name="sweep1"),

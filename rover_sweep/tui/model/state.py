@@ -14,18 +14,7 @@ from types import MappingProxyType
 from typing import Literal, TypeVar
 
 from rover_sweep.live.snapshot import Snapshot, Verdict
-from rover_sweep.live.source import (
-    Began,
-    Checked,
-    Drive,
-    Ended,
-    Judged,
-    Lost,
-    Played,
-    Request,
-    Several,
-    Told,
-)
+from rover_sweep.live.source import Began, Checked, Drive, Ended, Judged, Lost, Played, Request, Several, Told
 from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.identity import Vehicle
@@ -210,10 +199,14 @@ def _moved(state: State, now: Snapshot) -> State:
     done = _wants(state, "low") and now.switch < 1200  # us, below which the firmware reads low
     done = done or (_wants(state, "high") and now.state > 0)
     return replace(
-        state, snapshot=now, history=history, applet=now.state, lost="",
+        state,
+        snapshot=now,
+        history=history,
+        applet=now.state,
+        lost="",
         aborting=state.aborting and (state.driving is not None or 0 < now.state < 10),
         wanted=None if done else state.wanted,
-    )  # fmt: skip
+    )
 
 
 def _wants(state: State, position: str) -> bool:
@@ -262,9 +255,12 @@ def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> S
             return _said(state, "warning", f"{event.name} ended, and nobody saw it begin")
         case e.RunFinished():
             new = replace(
-                state.runs[index], outcome="done" if event.completed else "stopped",
-                reason="" if event.completed else event.reason, number=event.number, tlog=event.tlog,
-            )  # fmt: skip
+                state.runs[index],
+                outcome="done" if event.completed else "stopped",
+                reason="" if event.completed else event.reason,
+                number=event.number,
+                tlog=event.tlog,
+            )
             if not event.completed:
                 state = _said(state, "error", f"{event.name} did not run to its end: {event.reason}")
         case e.Interrupted():

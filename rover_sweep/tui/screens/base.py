@@ -23,9 +23,19 @@ if TYPE_CHECKING:
 
 _AROUND = 5  # rows: views, status, message, keys
 _NAMES = {
-    "up": "↑", "down": "↓", "left": "←", "right": "→", "enter": "ENTER", "space": "SPACE", "escape": "ESC",
-    "plus": "+", "minus": "-", "tab": "TAB", "pageup": "PGUP", "pagedown": "PGDN",
-}  # fmt: skip
+    "up": "↑",
+    "down": "↓",
+    "left": "←",
+    "right": "→",
+    "enter": "ENTER",
+    "space": "SPACE",
+    "escape": "ESC",
+    "plus": "+",
+    "minus": "-",
+    "tab": "TAB",
+    "pageup": "PGUP",
+    "pagedown": "PGDN",
+}
 
 
 class SessionScreen(Screen[None]):

@@ -75,8 +75,11 @@ class EditRow(ModalScreen[Row | None]):
                 rows.filled(line, palette.inverse)
             else:
                 rows.add(line, style=palette.ink)
-        rows.blank().sentence(self._refusal or f"{self.row.manoeuvre.duration:.0f} s of steering",
-                              f"bold {palette.bad}" if self._refusal else palette.ink, most=3)  # fmt: skip
+        rows.blank().sentence(
+            self._refusal or f"{self.row.manoeuvre.duration:.0f} s of steering",
+            f"bold {palette.bad}" if self._refusal else palette.ink,
+            most=3,
+        )
         rows.blank().sentence("↑ ↓ choose   ← → less, more   or type the number", palette.ink)
         rows.sentence(f"ENTER keeps   {'Q' if under_way else 'ESC'} leaves it as it was", palette.ink)
         if under_way:

@@ -45,10 +45,12 @@ def status(state: State, palette: Palette, width: int) -> Text:
     armed = ("  ARMED ", palette.alarming) if now.armed else ("  disarmed ", palette.ink)
     text.append(*armed)
     text.append(f" {labels.mode(now.mode)}  switch {labels.switch(now.switch)}", palette.ink)
-    battery = joined((
-        f"{now.volts:.1f} V" if math.isfinite(now.volts) else "",
-        f"{100 * now.remaining:.0f} %" if math.isfinite(now.remaining) else "",
-    ))  # fmt: skip
+    battery = joined(
+        (
+            f"{now.volts:.1f} V" if math.isfinite(now.volts) else "",
+            f"{100 * now.remaining:.0f} %" if math.isfinite(now.remaining) else "",
+        )
+    )
     gps = f"{labels.FIXES.get(now.fix, 'GPS ?')} {now.satellites}"
     ekf = "EKF ok" if now.ekf else "EKF not ready"
     parts = [battery.replace("   ", " "), gps, ekf]

@@ -31,16 +31,20 @@ class LogScreen(SessionScreen):
 
     def picture(self, width: int, height: int) -> Text:
         rows, palette, state = Rows(self.palette, width, height), self.palette, self.state
-        rows.add(f" runs: {len(state.runs)}, of them whole: {sum(r.outcome == 'done' for r in state.runs)}",
-                 style=f"bold {palette.ink}")  # fmt: skip
+        rows.add(
+            f" runs: {len(state.runs)}, of them whole: {sum(r.outcome == 'done' for r in state.runs)}",
+            style=f"bold {palette.ink}",
+        )
         most = height // 2 - 2
         for run in state.runs[-most:]:
             rows.add(f" {run_line(run, width - 2)}", style=palette.ink)
         if state.fetching is not None:
             f = state.fetching
             share = f.done / f.total if f.total else 0.0
-            rows.add(f" log {f.number}: {bar(share, 30)} {labels.size(f.done)} of {labels.size(f.total)}",
-                     style=palette.ink)  # fmt: skip
+            rows.add(
+                f" log {f.number}: {bar(share, 30)} {labels.size(f.done)} of {labels.size(f.total)}",
+                style=palette.ink,
+            )
         if state.armed and not state.under_way and state.played is None:
             rows.sentence("The rover gives its logs once it is disarmed.", f"bold {palette.accent}")
         if state.logs:
@@ -77,5 +81,6 @@ def run_line(run: RunRecord, width: int) -> str:
     verdict = run.reason
     if run.verdict is not None:
         verdict = f"{labels.ADVICE[run.verdict.advice][0]} {said(run.verdict)}"
-    return cells((run.name, f"{sign} {outcome}", f"±{run.manoeuvre.amplitude:g} us", verdict),
-                 (13, 11, 8, width - 36))  # fmt: skip
+    return cells(
+        (run.name, f"{sign} {outcome}", f"±{run.manoeuvre.amplitude:g} us", verdict), (13, 11, 8, width - 36)
+    )

@@ -55,10 +55,18 @@ class PlanScreen(SessionScreen):
             row, space = plan[n], asked.spaces[n]
             ground = f"{space.length:.0f}x{space.width:.0f} m" if space else "?"
             line = cells(
-                ("▶" if n == self.chosen else "", row.name, _amplitude(row), f"{row.speed:.1f}",
-                 _frequencies(row), f"{row.manoeuvre.duration:.0f}", ground, driven(row, self.state.runs)),
+                (
+                    "▶" if n == self.chosen else "",
+                    row.name,
+                    _amplitude(row),
+                    f"{row.speed:.1f}",
+                    _frequencies(row),
+                    f"{row.manoeuvre.duration:.0f}",
+                    ground,
+                    driven(row, self.state.runs),
+                ),
                 sizes,
-            )  # fmt: skip
+            )
             if n == self.chosen:
                 rows.filled(line, palette.inverse)
             else:
@@ -85,8 +93,11 @@ class PlanScreen(SessionScreen):
         battery = f"; battery {100 * now.remaining:.0f} %" if now and math.isfinite(now.remaining) else ""
         if now and not battery and math.isfinite(now.volts):
             battery = f"; battery {now.volts:.1f} V"
-        rows.sentence(f"{len(session.plan)} runs, {labels.seconds(asked.seconds)} of steering; "
-                      f"{ground}{battery}", f"bold {palette.ink}", most=2)  # fmt: skip
+        rows.sentence(
+            f"{len(session.plan)} runs, {labels.seconds(asked.seconds)} of steering; {ground}{battery}",
+            f"bold {palette.ink}",
+            most=2,
+        )
 
     def _proposal(self, rows: Rows) -> None:
         palette, session = self.palette, self.session

@@ -65,8 +65,7 @@ class RunScreen(SessionScreen):
         speed = self.session.driving_speed
         at = f" at {speed:g} m/s" if math.isfinite(speed) else ""
         lasts = labels.seconds(run.manoeuvre.duration)
-        rows.add(f" {run.name}: {labels.manoeuvre(run.manoeuvre)}{at}, {lasts}",
-                 style=f"bold {palette.ink}")  # fmt: skip
+        rows.add(f" {run.name}: {labels.manoeuvre(run.manoeuvre)}{at}, {lasts}", style=f"bold {palette.ink}")
 
     def _to_do(self, rows: Rows) -> None:
         now = task(self.state, self.session.driving_speed)
@@ -90,8 +89,11 @@ class RunScreen(SessionScreen):
         width = max(10, rows.width - 64)
         frequency = number(now.frequency if now else math.nan, "5.1f")
         tone = "" if run is not None and isinstance(run.manoeuvre, Doublet) else f"{frequency} rad/s"
-        rows.add(f" applet {what:<19.19} {bar(progress, width)} {number(100 * progress, '3.0f')} %  "
-                 f"{tone:<12} {left}", style=self.palette.ink)  # fmt: skip
+        rows.add(
+            f" applet {what:<19.19} {bar(progress, width)} {number(100 * progress, '3.0f')} %  "
+            f"{tone:<12} {left}",
+            style=self.palette.ink,
+        )
 
     def _facts(self, rows: Rows) -> None:
         now = self.state.snapshot

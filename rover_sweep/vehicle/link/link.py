@@ -183,10 +183,7 @@ class Link:
                 return None
 
     def wait_for(
-        self,
-        kinds: str | tuple[str, ...],
-        timeout: float,
-        where: Callable[[Message], bool] | None = None,
+        self, kinds: str | tuple[str, ...], timeout: float, where: Callable[[Message], bool] | None = None
     ) -> Message | None:
         """The next message of these kinds (and for which `where` holds); None after `timeout` s."""
         wanted = (kinds,) if isinstance(kinds, str) else kinds

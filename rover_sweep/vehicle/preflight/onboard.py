@@ -8,13 +8,7 @@ from rover_sweep.vehicle.preflight.observed import Seen
 from rover_sweep.vehicle.setup.survey import Checked
 
 # Bits of Rover's LOG_BITMASK (Rover/defines.h, 4.6.3), and what is lost without them.
-_LOG_BITS = {
-    0: "attitude at loop rate",
-    2: "GPS",
-    7: "IMU at loop rate",
-    13: "steering",
-    14: "servo outputs",
-}
+_LOG_BITS = {0: "attitude at loop rate", 2: "GPS", 7: "IMU at loop rate", 13: "steering", 14: "servo outputs"}
 _FILE = 1  # bit of LOG_BACKEND_TYPE: files on the card
 _USUAL = 65535  # LOG_BITMASK as ArduPilot ships it
 _CARD = "how much room the card has cannot be asked over MAVLink: look at it at times"

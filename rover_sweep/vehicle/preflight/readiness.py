@@ -13,9 +13,22 @@ _WAIT = Remedy("wait under open sky, and look again", by_hand=True)
 _FIX = {0: "no GPS", 1: "no fix", 2: "2D", 3: "3D", 4: "DGPS", 5: "RTK float", 6: "RTK fixed"}
 _SATELLITES, _HDOP = 6, 2.0
 _LOW, _EMPTY = 0.3, 0.15  # of the battery, where the vehicle has no voltage of its own for it
-_MODES = {0: "MANUAL", 1: "ACRO", 3: "STEERING", 4: "HOLD", 5: "LOITER", 6: "FOLLOW", 7: "SIMPLE",
-          8: "DOCK", 9: "CIRCLE", 10: "AUTO", 11: "RTL", 12: "SMART_RTL", 15: "GUIDED",
-          16: "INITIALISING"}  # fmt: skip
+_MODES = {
+    0: "MANUAL",
+    1: "ACRO",
+    3: "STEERING",
+    4: "HOLD",
+    5: "LOITER",
+    6: "FOLLOW",
+    7: "SIMPLE",
+    8: "DOCK",
+    9: "CIRCLE",
+    10: "AUTO",
+    11: "RTL",
+    12: "SMART_RTL",
+    15: "GUIDED",
+    16: "INITIALISING",
+}
 
 
 def mode_name(mode: int) -> str:

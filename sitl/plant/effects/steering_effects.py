@@ -5,13 +5,7 @@ from __future__ import annotations
 from sitl.plant.effects_table import Effects, number
 
 IDS = frozenset(
-    {
-        "steering_backlash",
-        "steering_deadband",
-        "steering_nonlinearity",
-        "steering_asymmetry",
-        "steering_trim",
-    }
+    {"steering_backlash", "steering_deadband", "steering_nonlinearity", "steering_asymmetry", "steering_trim"}
 )
 
 
