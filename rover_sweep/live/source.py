@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from rover_sweep.live.snapshot import Snapshot, Verdict
-from rover_sweep.session.session import PlannedRun
+from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.link.access import Heard
 from rover_sweep.vehicle.preflight.item import Check
@@ -45,7 +45,7 @@ class Fix:
 class Drive:
     """One run, with what the settings allow. Nothing moves that they do not name."""
 
-    planned: PlannedRun
+    planned: SessionRun
     settings: RunSettings = field(default_factory=RunSettings)
 
 

@@ -24,8 +24,8 @@ _KINDS: Mapping[str, type[Manoeuvre]] = {
 
 
 @dataclass(frozen=True)
-class PlannedRun:
-    """One run of a session; name is that of its .tlog. speed [m/s]: the one to hold, where that is known."""
+class SessionRun:
+    """One run of a session's plan. name: of its .tlog; speed [m/s]: to hold, None where not known."""
 
     name: str
     manoeuvre: Manoeuvre
@@ -82,13 +82,13 @@ class Content:
     vehicle: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
-    plan: tuple[PlannedRun, ...] = ()
+    plan: tuple[SessionRun, ...] = ()
     runs: tuple[DrivenRun, ...] = ()
     logs: tuple[FetchedLog, ...] = ()
     logs_before: tuple[tuple[int, int, int], ...] | None = None
 
     @property
-    def to_drive(self) -> tuple[PlannedRun, ...]:
+    def to_drive(self) -> tuple[SessionRun, ...]:
         """The planned runs of which none came to its end, in the plan's order."""
         done = {(run.name, run.manoeuvre) for run in self.runs if run.state == "done"}
         return tuple(run for run in self.plan if (run.name, run.manoeuvre) not in done)
@@ -135,10 +135,10 @@ def _settings(top: Entry) -> Mapping[str, Any]:
     return told
 
 
-def _planned(entry: Entry) -> PlannedRun:
-    entry.only(_names(PlannedRun))
+def _planned(entry: Entry) -> SessionRun:
+    entry.only(_names(SessionRun))
     speed = entry.get("speed", NUMBER, null=True) if "speed" in entry else None
-    return PlannedRun(entry.get("name", NAME), _manoeuvre(entry), speed)
+    return SessionRun(entry.get("name", NAME), _manoeuvre(entry), speed)
 
 
 def _run(entry: Entry) -> DrivenRun:

@@ -18,7 +18,7 @@ from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.applet_values import parameters_of, refuse_undersampled
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
-from rover_sweep.session.session import Plan, PlannedRun, drive
+from rover_sweep.session.session import Plan, SessionRun, drive
 from rover_sweep.session.simulated_rover import THROTTLE_US, Simulation, Simulator, started
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.link.access import Access
@@ -71,7 +71,7 @@ class DryRun:
             *_numbered("sweep", self.sweeps),
             *_numbered("multisine", self.multisines),
             *_numbered("bias-sweep", self.bias_sweeps),
-            PlannedRun("doublet", self.doublet),
+            SessionRun("doublet", self.doublet),
         )
         limits = self.limits
         if self.url is None:
@@ -97,8 +97,8 @@ def dry_run(settings: DryRun, folder: Path, access: Access | None = None) -> Gen
         yield from drive(url, folder, plan, line, access=access)
 
 
-def _numbered(name: str, manoeuvres: Sequence[Manoeuvre]) -> Iterator[PlannedRun]:
-    return (PlannedRun(f"{name}{n}", manoeuvre) for n, manoeuvre in enumerate(manoeuvres, 1))
+def _numbered(name: str, manoeuvres: Sequence[Manoeuvre]) -> Iterator[SessionRun]:
+    return (SessionRun(f"{name}{n}", manoeuvre) for n, manoeuvre in enumerate(manoeuvres, 1))
 
 
 def _refuse_amplitude(amplitude: float) -> None:

@@ -18,7 +18,7 @@ from rover_sweep.session.content import (
     Content,
     DrivenRun,
     FetchedLog,
-    PlannedRun,
+    SessionRun,
     State,
     from_json,
     to_json,
@@ -74,7 +74,7 @@ class Session:
         return path if path.is_file() else None
 
     @property
-    def to_drive(self) -> tuple[PlannedRun, ...]:
+    def to_drive(self) -> tuple[SessionRun, ...]:
         """The planned runs of which none came to its end."""
         return self.content.to_drive
 
@@ -99,7 +99,7 @@ class Session:
 
     # ---- changes, each on disk before it returns -------------------------------------------------
 
-    def plan(self, runs: tuple[PlannedRun, ...]) -> None:
+    def plan(self, runs: tuple[SessionRun, ...]) -> None:
         """What is to be driven, in place of what was planned before. What was driven stays."""
         self._change(plan=tuple(runs))
 
@@ -124,7 +124,7 @@ class Session:
         if self.content.logs_before is None:
             self._change(logs_before=tuple(listed))
 
-    def begun(self, planned: PlannedRun, tlog: Path, arming: bool) -> None:
+    def begun(self, planned: SessionRun, tlog: Path, arming: bool) -> None:
         """A run begins, which is recorded into `tlog`. arming: this program arms the rover for it."""
         run = DrivenRun(planned.name, tlog.name, planned.manoeuvre, "begun", left_armed=arming)
         self._change_runs((*self.content.runs, run))

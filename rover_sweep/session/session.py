@@ -13,7 +13,7 @@ from pathlib import Path
 from firmware_params.param_files import WantedParameter, compare
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.manoeuvre.applet_values import refuse_undersampled
-from rover_sweep.session.content import FetchedLog, PlannedRun
+from rover_sweep.session.content import FetchedLog, SessionRun
 from rover_sweep.session.folder import Session
 from rover_sweep.session.left_armed import disarm_left_armed
 from rover_sweep.session.recordings import held
@@ -46,7 +46,7 @@ class Plan:
     needs it); checked: those that are only compared, a warning each. applet: file to bring onto a vehicle
     that does not run it. logs: fetch the .BIN logs."""
 
-    runs: tuple[PlannedRun, ...]
+    runs: tuple[SessionRun, ...]
     settings: RunSettings = field(default_factory=RunSettings)
     parameters: tuple[WantedParameter, ...] = ()
     checked: tuple[WantedParameter, ...] = ()
@@ -110,7 +110,7 @@ def _drive(
     yield SessionFinished(session.folder, tuple(finished), saved)
 
 
-def refuse_impossible(link: Link, runs: Sequence[PlannedRun], settings: RunSettings) -> None:
+def refuse_impossible(link: Link, runs: Sequence[SessionRun], settings: RunSettings) -> None:
     """UsageError before anything moves: for what the applet would refuse at the switch, or too fast for
     this rover's loop. LinkError where the applet does not run."""
     present = check_applet(link)
@@ -125,7 +125,7 @@ def refuse_impossible(link: Link, runs: Sequence[PlannedRun], settings: RunSetti
 
 
 def recorded_run(
-    link: Link, planned: PlannedRun, session: Session, settings: RunSettings
+    link: Link, planned: SessionRun, session: Session, settings: RunSettings
 ) -> Generator[Event, None, RunFinished | None]:
     """One run, told to the session before it begins and after it ended; None where it was interrupted.
 
@@ -162,7 +162,7 @@ def _left_armed(link: Link, settings: RunSettings) -> bool:
 
 
 def _run(
-    link: Link, planned: PlannedRun, session: Session, settings: RunSettings, finished: list[RunFinished]
+    link: Link, planned: SessionRun, session: Session, settings: RunSettings, finished: list[RunFinished]
 ) -> Generator[Event, None, bool]:
     """One run, added to `finished`; whether the session goes on to the next."""
     ended = yield from recorded_run(link, planned, session, settings)

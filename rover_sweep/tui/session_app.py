@@ -19,7 +19,7 @@ from textual.message import Message
 from textual.reactive import reactive
 
 from rover_sweep.live.source import Connect, Drive, Ended, Fix, Preflight, Request, Several, Source
-from rover_sweep.session.session import PlannedRun
+from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.drawn.question import Question
@@ -166,7 +166,7 @@ class SessionApp(App[None]):
     def _drive(self, row: Row) -> None:
         self._speed = row.speed
         self.setup.keep_plan(self.plan)  # the usual one too, which nobody has changed
-        self.ask(Drive(PlannedRun(row.name, row.manoeuvre, row.speed), self.setup.settings))
+        self.ask(Drive(SessionRun(row.name, row.manoeuvre, row.speed), self.setup.settings))
         self.turn_to("run", ("plan", "verdict"))
 
     def _first_left(self) -> int:

@@ -19,7 +19,7 @@ from firmware_params.applet_parameters import applet_path
 from firmware_params.param_files import read, shipped
 from rover_sweep.cli.driving.rover_numbers import firmware_rover_text, rover_text
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
-from rover_sweep.session.content import PlannedRun
+from rover_sweep.session.content import SessionRun
 from rover_sweep.session.session import Plan, drive
 from rover_sweep.session.simulated_rover import Physics, Simulation, pilot, started
 from rover_sweep.vehicle.events import (
@@ -36,8 +36,8 @@ from rover_sweep.vehicle.run.controls import Trigger
 from rover_sweep.vehicle.run.settings import RunSettings
 
 RUNS = (
-    PlannedRun("sweep1", Sweep(amplitude=150, w_min=1, w_max=20, t_rec=20)),
-    PlannedRun("doublet", Doublet(amplitude=150)),
+    SessionRun("sweep1", Sweep(amplitude=150, w_min=1, w_max=20, t_rec=20)),
+    SessionRun("doublet", Doublet(amplitude=150)),
 )
 LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0}
 _PARTS = {  # the part that ends with this event

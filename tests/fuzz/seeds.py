@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from rover_sweep.data.recording import Recording
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.session.content import PlannedRun
+from rover_sweep.session.content import SessionRun
 from rover_sweep.session.folder import DESCRIPTION, VEHICLE_FILE, Session
 from rover_sweep.vehicle.link.mavlink import Codec
 from tests.identification.synthetic import GEOMETRY, TRUE, driven
@@ -260,8 +260,8 @@ def session(folder: Path) -> dict[str, bytes]:
     """The files of a session's folder {name: content}; it is made in `folder`."""
     opened = Session.open(folder)
     (folder / VEHICLE_FILE).write_bytes(vehicle())
-    planned = PlannedRun("sweep1", SWEEP, SPEED)
-    opened.plan((planned, PlannedRun("sweep2", SWEEP)))
+    planned = SessionRun("sweep1", SWEEP, SPEED)
+    opened.plan((planned, SessionRun("sweep2", SWEEP)))
     opened.on({"firmware": BANNER, "uid": 7})
     opened.set({"connect": "tcp:127.0.0.1:5760"}, PARAMETERS)
     opened.logs_before(((1, 1000, 0),))

@@ -12,7 +12,7 @@ from firmware_params.param_files import read, shipped
 from rover_sweep.live.source import Connect, Ended, Request, Told
 from rover_sweep.live.vehicle.vehicle_source import VehicleSource
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
-from rover_sweep.session.session import PlannedRun
+from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle.run.settings import RunSettings
 
 Kind = TypeVar("Kind")
@@ -20,8 +20,8 @@ Kind = TypeVar("Kind")
 LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0, "still": 1.0}
 SETTINGS = RunSettings(arm=True, throttle_us=1710, trigger="override", extra=LIMITS)
 PLAN = (
-    PlannedRun("sweep1", Sweep(amplitude=120, w_min=2, w_max=20, t_rec=10, straight=1)),
-    PlannedRun("doublet", Doublet(count=1, straight=1)),
+    SessionRun("sweep1", Sweep(amplitude=120, w_min=2, w_max=20, t_rec=10, straight=1)),
+    SessionRun("doublet", Doublet(count=1, straight=1)),
 )
 # A rover that has what identification needs.
 READY = ("--applet", *(f"--parameter={p.name}={p.value:g}" for p in read(shipped("identification"))))

@@ -16,13 +16,13 @@ from rover_sweep.live.source import Drive, Ended, FetchLogs, Judged, Lost, Play
 from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.folder import read
-from rover_sweep.session.session import PlannedRun
+from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle.events import Connected, Interrupted, Notice, RunFinished, StateChanged
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.run.settings import RunSettings
 from sitl import launcher
 
-FAST = PlannedRun("sweep1", Sweep(amplitude=200, w_min=5, w_max=20, t_rec=30, straight=1))
+FAST = SessionRun("sweep1", Sweep(amplitude=200, w_min=5, w_max=20, t_rec=30, straight=1))
 TRIM = 1500
 
 
@@ -38,7 +38,7 @@ def steering(tlog: Path) -> tuple[np.ndarray, np.ndarray]:
     return rows["time_usec"] * 1e-6, rows["servo1_raw"].astype(float)
 
 
-def in_mid_sweep(asked: Asked, planned: PlannedRun, settings: RunSettings) -> float:
+def in_mid_sweep(asked: Asked, planned: SessionRun, settings: RunSettings) -> float:
     """Drive until the wave is on; the vehicle's time [s]."""
     asked.source.ask(Drive(planned, settings))
     asked.wait(StateChanged, lambda event: event.state == 6)

@@ -16,16 +16,16 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
-from rover_sweep.session.content import FetchedLog, PlannedRun
+from rover_sweep.session.content import FetchedLog, SessionRun
 from rover_sweep.session.folder import Session, is_session, read
 from rover_sweep.session.recordings import session_runs
 
 MISSING = object()
 PLAN = (
-    PlannedRun("sweep1", Sweep(amplitude=120), speed=2.4),
-    PlannedRun("bias", BiasSweep(amplitude=80, bias=-100)),
-    PlannedRun("multisine1", Multisine()),
-    PlannedRun("doublet", Doublet()),
+    SessionRun("sweep1", Sweep(amplitude=120), speed=2.4),
+    SessionRun("bias", BiasSweep(amplitude=80, bias=-100)),
+    SessionRun("multisine1", Multisine()),
+    SessionRun("doublet", Doublet()),
 )
 
 
@@ -56,7 +56,7 @@ def test_a_run_is_driven_again_where_the_plan_says_otherwise_than_it_was(tmp_pat
     session.begun(PLAN[0], tmp_path / "sweep1.tlog", arming=False)
     session.ended(tmp_path / "sweep1.tlog", "done", "", left_armed=False)
     assert session.to_drive == ()
-    larger = PlannedRun("sweep1", Sweep(amplitude=200))
+    larger = SessionRun("sweep1", Sweep(amplitude=200))
     session.plan((larger,))
     assert session.to_drive == (larger,)
     assert session.tlog("sweep1").name == "sweep1-2.tlog"  # the first has no file and is kept all the same
@@ -191,8 +191,8 @@ def test_every_command_that_reads_a_session_refuses_an_unknown_state(
 def test_names_are_shown_as_they_are(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Brackets are markup to the terminal's library."""
     with contextlib.closing(Session.open(tmp_path)) as session:
-        odd = PlannedRun("a[]b", Sweep())
-        session.plan((odd, PlannedRun("[bold]c", Sweep())))
+        odd = SessionRun("a[]b", Sweep())
+        session.plan((odd, SessionRun("[bold]c", Sweep())))
         session.begun(odd, tmp_path / "[bold]d.tlog", arming=False)
     assert run(["status", str(tmp_path)]) == 0
     told = capsys.readouterr().out

@@ -10,7 +10,7 @@ from pathlib import Path
 from rover_sweep.live.snapshot import Band, Snapshot, Verdict
 from rover_sweep.live.source import Checked, Connect, Drive, Ended, Judged, Request, Told
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
-from rover_sweep.session.session import PlannedRun
+from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.identity import Vehicle
 from rover_sweep.vehicle.preflight.item import Check, Remedy
@@ -151,7 +151,7 @@ def connected() -> list[Told]:
 
 def drive(name: str = "sweep1", settings: RunSettings | None = None) -> Drive:
     """A request."""
-    return Drive(PlannedRun(name, SWEEP, 2.0), settings or RunSettings())
+    return Drive(SessionRun(name, SWEEP, 2.0), settings or RunSettings())
 
 
 def under_way() -> list[Told]:

@@ -10,7 +10,7 @@ from scripted_source import ROVER, SWEEP, TLOG, snapshot
 
 from rover_sweep.live.snapshot import Band, Verdict
 from rover_sweep.live.source import Drive, Lost, Preflight
-from rover_sweep.session.content import Content, DrivenRun, FetchedLog, PlannedRun
+from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun
 from rover_sweep.tui.drawn.palette import LIGHT
 from rover_sweep.tui.jobs.analysis import Job
 from rover_sweep.tui.jobs.desk import Desk
@@ -23,7 +23,7 @@ from rover_sweep.tui.screens.plan import driven
 from rover_sweep.vehicle.events import Connected, Rebooting
 from rover_sweep.vehicle.run.settings import RunSettings
 
-DRIVE = Drive(PlannedRun("sweep1", SWEEP, 2.0), RunSettings())
+DRIVE = Drive(SessionRun("sweep1", SWEEP, 2.0), RunSettings())
 
 
 def done(kind: str, out: str) -> Job:

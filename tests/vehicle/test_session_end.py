@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 from rover_sweep.manoeuvre.sweep import Doublet
 from rover_sweep.session import session
 from rover_sweep.session.folder import Session
-from rover_sweep.session.session import Plan, PlannedRun, drive
+from rover_sweep.session.session import Plan, SessionRun, drive
 from rover_sweep.vehicle.events import (
     Interrupted,
     Notice,
@@ -26,7 +26,7 @@ from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.run.settings import RunSettings
 
 DRIVE = RunSettings(arm=True, throttle_us=1710, trigger="override", patience=20)
-TWO = (PlannedRun("one", Doublet()), PlannedRun("two", Doublet()))
+TWO = (SessionRun("one", Doublet()), SessionRun("two", Doublet()))
 
 
 @pytest.fixture(autouse=True)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.data.vehicle_file import Vehicle
-    from rover_sweep.session.session import PlannedRun
+    from rover_sweep.session.session import SessionRun
     from rover_sweep.vehicle.events import Event, SessionFinished
     from rover_sweep.vehicle.link.access import Access
     from rover_sweep.vehicle.run.controls import Trigger
@@ -194,17 +194,17 @@ def _planned(
     multisines: tuple[Multisine, ...],
     bias_sweeps: tuple[BiasSweep, ...],
     doublets: tuple[Doublet, ...],
-) -> tuple[PlannedRun, ...]:
+) -> tuple[SessionRun, ...]:
     """Named runs in the order in which they are driven; two sweeps and a doublet if there are none."""
-    from rover_sweep.session.session import PlannedRun
+    from rover_sweep.session.session import SessionRun
 
     if not (sweeps or multisines or bias_sweeps or doublets):
         sweeps, doublets = (Sweep(), Sweep()), (Doublet(),)
     return (
-        *(PlannedRun(f"sweep{n}", sweep) for n, sweep in enumerate(sweeps, 1)),
-        *(PlannedRun(f"multisine{n}", multisine) for n, multisine in enumerate(multisines, 1)),
-        *(PlannedRun(f"bias-sweep{n}", sweep) for n, sweep in enumerate(bias_sweeps, 1)),
-        *(PlannedRun(f"doublet{n}" if n > 1 else "doublet", d) for n, d in enumerate(doublets, 1)),
+        *(SessionRun(f"sweep{n}", sweep) for n, sweep in enumerate(sweeps, 1)),
+        *(SessionRun(f"multisine{n}", multisine) for n, multisine in enumerate(multisines, 1)),
+        *(SessionRun(f"bias-sweep{n}", sweep) for n, sweep in enumerate(bias_sweeps, 1)),
+        *(SessionRun(f"doublet{n}" if n > 1 else "doublet", d) for n, d in enumerate(doublets, 1)),
     )
 
 

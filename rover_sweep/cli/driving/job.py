@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rover_sweep.data.vehicle_file import Vehicle
-    from rover_sweep.session.session import Plan, PlannedRun
+    from rover_sweep.session.session import Plan, SessionRun
     from rover_sweep.vehicle.events import SessionFinished
     from rover_sweep.vehicle.run.controls import Trigger
 
@@ -22,7 +22,7 @@ class Job:
     """What is to be driven. limits: of the applet; trigger: who throws the switch, None as the rover's kind
     has it; logs: fetch the rover's log."""
 
-    runs: tuple[PlannedRun, ...]
+    runs: tuple[SessionRun, ...]
     limits: dict[str, float]
     trigger: Trigger | None
     logs: bool

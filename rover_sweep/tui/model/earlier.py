@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from rover_sweep.live.snapshot import Advice, Band, Verdict
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.session.content import Content, DrivenRun, PlannedRun
+from rover_sweep.session.content import Content, DrivenRun, SessionRun
 from rover_sweep.tui.model.plan_rows import SPEED, Row
 from rover_sweep.tui.model.state import Outcome, RunRecord
 
@@ -31,9 +31,9 @@ def rows(content: Content) -> tuple[Row, ...]:
     return tuple(Row(run.manoeuvre, run.speed or SPEED, run.name) for run in content.plan)
 
 
-def planned(plan: tuple[Row, ...]) -> tuple[PlannedRun, ...]:
+def planned(plan: tuple[Row, ...]) -> tuple[SessionRun, ...]:
     """The plan, to be kept in the folder."""
-    return tuple(PlannedRun(row.name, row.manoeuvre, row.speed) for row in plan)
+    return tuple(SessionRun(row.name, row.manoeuvre, row.speed) for row in plan)
 
 
 def _record(run: DrivenRun, folder: Path) -> RunRecord:
