@@ -1,4 +1,17 @@
-"""Fits of model structures to frequency responses: the cost of equation (11), Cramer-Rao, insensitivity."""
+"""Fits of model structures to frequency responses, with Cramer-Rao bounds and insensitivities.
+
+The accuracies follow from the curvature of the summed cost J at the optimum theta^ (equations 12 to 14 of
+the paper; Tischler & Remple 2012, chapter 12). The gradient is zero there, so with the residuals' Jacobian
+
+    J(theta^ + d) = J(theta^) + d^T H d / 2,   H = 2 Jac^T Jac
+
+where the second derivatives of the residuals are neglected, as Gauss-Newton does.
+Insensitivity: moving theta_i alone by d raises J by H_ii d^2/2, so I_i = 1/sqrt(H_ii) raises it by 1/2.
+Cramer-Rao: for independent residuals of variance s^2 no unbiased estimate has a smaller covariance than
+s^2 (Jac^T Jac)^-1 = 2 s^2 H^-1. Equation (13), CR_i = 2 sqrt((H^-1)_ii), amounts to s^2 = 2.
+(H^-1)_ii >= 1/H_ii, so CR_i >= 2 I_i, equal where theta_i is correlated with no other parameter. Both are
+divided by |theta_i|: the columns of Jac are scaled by theta.
+"""
 
 from __future__ import annotations
 
@@ -9,61 +22,22 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rover_sweep.data.intervals import Intervals
-from rover_sweep.data.recording import Array, LowPass
+from rover_sweep.data.recording import Array
 from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.identification.cost import Condition, costs, jacobian, residuals, restricted
 from rover_sweep.identification.starts import farthest
 from rover_sweep.identification.structure.state_space import ModelStructure, Parameter
-from rover_sweep.spectra.response import Band, FrequencyResponse
-from rover_sweep.spectra.spectra import Complex
 
-PHASE_WEIGHT = 0.01745  # W_p: 7.57 deg weigh as much as 1 dB (W_g = 1)
-POINTS = 20  # log-spaced points a response
-TOLERABLE = 200.0  # J beyond which nobody takes a fit for an answer (Tischler & Remple 2012)
-MARGIN = 1e-3  # rad/s, by which an integrator's computed pole may miss 0
-
-
-@dataclass(frozen=True, eq=False)
-class ResponseData:
-    """What the cost sees of one response: h (n,) complex per unit of input at w (n,), coherence (n,)."""
-
-    output: str
-    w: Array
-    h: Complex
-    coherence: Array
-    input: str = "delta"
-
-    @property
-    def label(self) -> str:
-        """The output, for the steering; "output/input" for another input."""
-        return self.output if self.input == "delta" else f"{self.output}/{self.input}"
-
-    @property
-    def weight(self) -> Array:
-        """W_gamma = [1.58 (1 - exp(-g2))]^2."""
-        return (1.58 * (1.0 - np.exp(-self.coherence))) ** 2
-
-
-@dataclass(frozen=True, eq=False)
-class Condition:
-    """Responses of runs at one speed [m/s], with the known low-passes of the sensors by output."""
-
-    speed: float
-    data: tuple[ResponseData, ...]
-    filters: Mapping[str, LowPass]
-
-
-def sampled(response: FrequencyResponse, band: Band, points: int = POINTS) -> ResponseData:
-    """`points` log-spaced points of a measured response within a band [rad/s]."""
-    w = np.geomspace(*band, points)
-    h, coherence = response.at(w)
-    return ResponseData(response.output, w, h, np.clip(coherence, 0.0, 1.0), response.input)
+TOLERABLE = 200.0  # J of a single response that is still tolerable (Tischler & Remple 2012, chapter 12)
+MARGIN = 1e-3  # rad/s: numerical error of a pole at 0
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A parameter after the fit. cr_percent, insensitivity_percent: equations (13), (14) in % of |value|.
+    """A parameter after the fit: value, lower and upper bound in `unit`.
 
-    interval: by the bootstrap, where it was asked for.
+    cr_percent, insensitivity_percent: equations (13) and (14) in % of |value|, None for a fixed parameter.
+    interval: bootstrap confidence interval, None unless requested.
     """
 
     name: str
@@ -79,7 +53,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FitResult(Shown):
-    """A fitted structure. costs: J of each response; average: J_ave; poles at the first condition's speed."""
+    """A fitted structure. costs: J of each response, equation (11); speed [m/s]: of the first condition."""
 
     structure: ModelStructure
     speed: float
@@ -88,13 +62,13 @@ class FitResult(Shown):
     spread: float
     """Largest relative difference of a parameter among starts that reached the same cost."""
     covariance: Array | None = None
-    """Of the free parameters (n_free, n_free), in their units: roots of the diagonal are the CR bounds."""
+    """4 H^-1 of the free parameters (n_free, n_free), in their units: CR_i^2 on the diagonal."""
     spread_in: str = ""
     """The parameter that differs most among those starts."""
     starts: int = 1
-    """How many starts it was fitted from."""
+    """Number of starting points of the fit."""
     rivals: tuple[float, ...] = ()
-    """J_ave of each start that ended at a higher cost, but low enough to pass for an answer."""
+    """J_ave of each start that ended in another local minimum with a cost low enough to be accepted."""
 
     @property
     def average(self) -> float:
@@ -121,39 +95,6 @@ class FitResult(Shown):
         )
 
 
-def residuals(structure: ModelStructure, condition: Condition) -> dict[str, Array]:
-    """Weighted residuals (2n,) per response, [dB errors, deg errors], whose squares sum to its J."""
-    out = {}
-    for data in condition.data:
-        model = structure.response(data.w, condition.speed, data.output, condition.filters, data.input)
-        ratio = data.h / model
-        scale = np.sqrt(20.0 / data.w.size * data.weight)
-        db = 20 * np.log10(np.abs(ratio))
-        deg = np.degrees(np.angle(ratio)) * np.sqrt(PHASE_WEIGHT)
-        out[data.label] = np.concatenate((scale * db, scale * deg))
-    return out
-
-
-def jacobian(structure: ModelStructure, condition: Condition) -> Array:
-    """d residuals / d theta (n_residuals, n_free), residuals in the order of `condition.data`."""
-    blocks = []
-    for data in condition.data:
-        s = structure.log_sensitivity(data.w, condition.speed, data.output, data.input)
-        scale = np.sqrt(20.0 / data.w.size * data.weight)[:, None]
-        deg = np.degrees(s.imag) * np.sqrt(PHASE_WEIGHT)
-        blocks += [-scale * s.real * 20 / np.log(10), -scale * deg]
-    return np.concatenate(blocks)
-
-
-def costs(structure: ModelStructure, conditions: Sequence[Condition]) -> dict[str, float]:
-    """J of each response of the structure, equation (11): the mean over several conditions."""
-    values: dict[str, list[float]] = {}
-    for condition in conditions:
-        for label, r in residuals(structure, restricted(condition, structure)).items():
-            values.setdefault(label, []).append(float(r @ r))
-    return {label: float(np.mean(j)) for label, j in values.items()}
-
-
 def accuracy(structure: ModelStructure, conditions: Sequence[Condition]) -> tuple[Array, Array]:
     """Cramer-Rao bounds and insensitivities (n_free,) in percent of |theta|, equations (12)-(14).
 
@@ -172,7 +113,7 @@ def accuracy(structure: ModelStructure, conditions: Sequence[Condition]) -> tupl
 
 
 def covariance(structure: ModelStructure, conditions: Sequence[Condition]) -> Array:
-    """4 H^-1 (n_free, n_free) in parameter units; infinite where the data leave a parameter open."""
+    """4 H^-1 (n_free, n_free) in parameter units; infinite where the data do not determine a parameter."""
     jac = np.concatenate([jacobian(structure, c) for c in conditions])
     scale = np.linalg.norm(jac, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -184,7 +125,7 @@ def covariance(structure: ModelStructure, conditions: Sequence[Condition]) -> Ar
 
 
 def _vector(structure: ModelStructure) -> tuple[Array, Array, Array, np.ndarray]:
-    """Start, bounds and a mask of the parameters that are fitted as logarithms (positive ones)."""
+    """Start, lower and upper bounds, mask of the positive parameters, all (n_free,); those as logarithms."""
     free = structure.free
     log = np.array([p.lower > 0 for p in free])
     start, low, high = np.array([(p.value, p.lower, p.upper) for p in free], dtype=float).T.copy()
@@ -200,12 +141,12 @@ def fit(
     tolerance: float = 1e-9,
     stable: bool = False,
 ) -> FitResult:
-    """The structure with its free parameters at the least sum of costs over all conditions.
+    """Minimises the sum of the costs (equation 11) over all conditions in the free parameters.
 
-    starts: further starting values by name; the best end is kept. `spread` says how far others that
-    reached the same cost lie from it, `rivals` which ended elsewhere. stable: from a stable start, do not
-    step to values with an unstable pole: in a response that is a lag with less delay, but no rover drives
-    a record with it.
+    starts: further starting points {parameter: value}; the lowest minimum is returned. tolerance: relative,
+    of cost and parameters. stable: from a stable start, never step to an unstable model. A frequency
+    response cannot separate a lag from an unstable pole with another delay, but the recorded rover was
+    stable.
     """
     usable = tuple(restricted(c, structure) for c in conditions)
     ends = [_descend(structure.with_values(s), usable, tolerance, stable) for s in ({}, *starts)]
@@ -220,7 +161,7 @@ def fit(
 
 
 def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread: float = 0.0) -> FitResult:
-    """Costs and accuracies of a structure at its present values."""
+    """Costs and accuracies of a structure at its present values. spread: passed on to the result."""
     usable = tuple(restricted(c, structure) for c in conditions)
     cr, insensitivity = accuracy(structure, usable)
     by_name = {p.name: (cr[i], insensitivity[i]) for i, p in enumerate(structure.free)}
@@ -232,8 +173,8 @@ def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread
     return FitResult(structure, usable[0].speed, estimates, costs(structure, usable), spread, spreads)
 
 
-def silent(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
-    """True when the structure at its present values gives no answer at all in one of the responses."""
+def has_zero_response(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
+    """True when one of the model's responses is zero at some frequency, at the present values."""
     return any(
         not np.all(np.abs(structure.response(d.w, c.speed, d.output, input=d.input)) > 0)
         for c in conditions
@@ -242,25 +183,13 @@ def silent(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
 
 
 def is_stable(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
-    """No pole right of the axis at any speed; one at 0, as in the paper's Table 4, is none."""
+    """True when no pole has a positive real part at any speed; a pole at 0 (Table 4) counts as stable."""
     poles = np.concatenate([structure.poles(c.speed) for c in conditions])
     return bool(np.max(poles.real) < MARGIN)
 
 
 def _at_bound(p: Parameter) -> bool:
     return p.free and (p.value <= p.lower * (1 + 1e-3) + 1e-9 or p.value >= p.upper * (1 - 1e-3))
-
-
-def restricted(condition: Condition, structure: ModelStructure) -> Condition:
-    """The condition with only those responses that the structure has; ValueError where there is none."""
-    """The responses that the structure has."""
-    kept = tuple(d for d in condition.data if d.output in structure.outputs and d.input in structure.inputs)
-    if not kept:
-        raise ValueError(
-            f"no response among {[d.label for d in condition.data]} is one of {structure.name}: "
-            f"{structure.outputs} to {structure.inputs}"
-        )
-    return Condition(condition.speed, kept, condition.filters)
 
 
 def _descend(

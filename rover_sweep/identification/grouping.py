@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.identification.fit import Condition, sampled
+from rover_sweep.identification.cost import Condition, sampled
 from rover_sweep.quality.coherence import input_responses, sign_is_wrong
 from rover_sweep.spectra.conditioned import entanglement, moving
 from rover_sweep.spectra.response import Band, FrequencyResponse

@@ -14,7 +14,8 @@ import numpy as np
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
-from rover_sweep.identification.fit import Condition, FitResult, fit
+from rover_sweep.identification.cost import Condition
+from rover_sweep.identification.fit import FitResult, fit
 from rover_sweep.identification.grouping import Settings, grouped
 from rover_sweep.identification.model_results import NotPossible, Work, model_result
 

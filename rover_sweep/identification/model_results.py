@@ -10,7 +10,8 @@ import numpy as np
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.result_table import ShortTable, Shown
-from rover_sweep.identification.fit import Condition, FitResult, costs, fit, is_stable
+from rover_sweep.identification.cost import Condition, costs
+from rover_sweep.identification.fit import FitResult, fit, is_stable
 from rover_sweep.identification.grouping import MODELS, Group, Settings
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.lumped import lumped

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rover_sweep.identification.fit import Condition, costs, fit, silent
+from rover_sweep.identification.cost import Condition, costs
+from rover_sweep.identification.fit import fit, has_zero_response
 from rover_sweep.identification.model_results import ModelResult, NotPossible, Work, fitted_result
 from rover_sweep.identification.starts import drawn_starts
 from rover_sweep.identification.structure.state_space import OUTPUTS, ModelStructure
@@ -55,6 +56,6 @@ def _answers(structure: ModelStructure, conditions: Sequence[Condition]) -> bool
     try:
         with np.errstate(all="ignore"):
             whole = list(costs(structure, conditions).values())
-            return bool(np.all(np.isfinite(whole))) and not silent(structure, conditions)
+            return bool(np.all(np.isfinite(whole))) and not has_zero_response(structure, conditions)
     except (ArithmeticError, np.linalg.LinAlgError):
         return False

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from rover_sweep.identification.fit import Condition, Estimate, FitResult, fit, is_stable, silent
+from rover_sweep.identification.cost import Condition
+from rover_sweep.identification.fit import Estimate, FitResult, fit, has_zero_response, is_stable
 
 INSENSITIVITY_LIMIT = 10.0  # percent
 CRAMER_RAO_LIMIT = 20.0  # percent
@@ -55,7 +56,7 @@ def reduce(
         estimate, reason = worst
         value = 0.0 if known is None else known[estimate.name]
         without = best.structure.fixed(estimate.name, value)
-        if silent(without, conditions):
+        if has_zero_response(without, conditions):
             kept.add(estimate.name)
             continue
         before = is_stable(best.structure, conditions)

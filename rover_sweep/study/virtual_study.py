@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import LowPass, Recording
-from rover_sweep.identification.fit import Condition, FitResult, ResponseData, fit
+from rover_sweep.identification.cost import Condition, ResponseData
+from rover_sweep.identification.fit import FitResult, fit
 from rover_sweep.identification.grouping import Group, Settings
 from rover_sweep.identification.models.lumped import lumped
 from rover_sweep.identification.models.roll_yaw import roll_yaw

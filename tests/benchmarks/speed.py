@@ -28,7 +28,8 @@ from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
-from rover_sweep.identification.fit import Condition, fit, residuals
+from rover_sweep.identification.cost import Condition, residuals
+from rover_sweep.identification.fit import fit
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.lumped import lumped

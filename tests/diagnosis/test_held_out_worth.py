@@ -14,7 +14,7 @@ from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import with_floor
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.identification.fit import ResponseData
+from rover_sweep.identification.cost import ResponseData
 
 BOTH = MODEL.with_effect("tyre_relaxation").with_effect("steering_trim")
 TRUE = {**X, "tyre_relaxation.sigma": 0.25, "trim": 0.02}

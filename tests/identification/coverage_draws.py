@@ -9,7 +9,8 @@ from synthetic import GEOMETRY, TRUE, driven
 from rover_sweep.data.intervals import Intervals
 from rover_sweep.data.recording import LowPass, Recording
 from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
-from rover_sweep.identification.fit import Condition, FitResult, fit
+from rover_sweep.identification.cost import Condition
+from rover_sweep.identification.fit import FitResult, fit
 from rover_sweep.identification.grouping import Settings, grouped
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.manoeuvre.sweep import Sweep

@@ -11,7 +11,8 @@ from rover_sweep.data.recording import Signal
 from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
 from rover_sweep.identification.bootstrap.forced_response import forced_response
 from rover_sweep.identification.bootstrap.refit import refitted
-from rover_sweep.identification.fit import fit, sampled
+from rover_sweep.identification.cost import sampled
+from rover_sweep.identification.fit import fit
 from rover_sweep.identification.grouping import Settings, grouped
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.roll_yaw import roll_yaw

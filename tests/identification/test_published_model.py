@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.identification.fit import Condition, ResponseData, accuracy
+from rover_sweep.identification.cost import Condition, ResponseData
+from rover_sweep.identification.fit import accuracy
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.identification.structure.state_space import Matrices, ModelStructure
@@ -87,7 +88,7 @@ def test_sensitivities_are_the_slopes_of_the_response(structure: ModelStructure,
 
 
 def test_the_cost_of_one_decibel_everywhere():
-    from rover_sweep.identification.fit import costs
+    from rover_sweep.identification.cost import costs
 
     structure = bicycle(PAPER).with_values(TABLE_2)
     condition = at_coherence_one(structure, {"r": (0.3, 25.0)})

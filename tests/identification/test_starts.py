@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE
 
-from rover_sweep.identification.fit import Condition, FitResult, ResponseData, fit
+from rover_sweep.identification.cost import Condition, ResponseData
+from rover_sweep.identification.fit import FitResult, fit
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.identification.starts import drawn_starts, near_starts
 from rover_sweep.identification.structure.state_space import ModelStructure

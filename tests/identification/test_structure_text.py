@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE
 
-from rover_sweep.identification.fit import Condition, ResponseData, fit
+from rover_sweep.identification.cost import Condition, ResponseData
+from rover_sweep.identification.fit import fit
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.identification.structure.expressions import parsed

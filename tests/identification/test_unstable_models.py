@@ -7,7 +7,8 @@ import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.identification.fit import Condition, FitResult, evaluated, sampled
+from rover_sweep.identification.cost import Condition, sampled
+from rover_sweep.identification.fit import FitResult, evaluated
 from rover_sweep.identification.models.lumped import lumped
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.identification.reduction import reduce

@@ -12,7 +12,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.diagnosis.simulation.experiment import Experiment
-from rover_sweep.identification.fit import PHASE_WEIGHT, ResponseData, sampled
+from rover_sweep.identification.cost import PHASE_WEIGHT, ResponseData, sampled
 from rover_sweep.quality.coherence import responses
 from rover_sweep.spectra.response import FrequencyResponse
 from rover_sweep.spectra.spectra import Complex

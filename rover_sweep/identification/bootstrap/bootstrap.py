@@ -19,7 +19,8 @@ from rover_sweep.data.intervals import LEVEL, Intervals
 from rover_sweep.data.recording import Array
 from rover_sweep.identification.bootstrap.refit import logarithmic, refitted
 from rover_sweep.identification.bootstrap.replicates import GroupReplicator
-from rover_sweep.identification.fit import Condition, FitResult, restricted
+from rover_sweep.identification.cost import Condition, restricted
+from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.structure.state_space import Parameter
 

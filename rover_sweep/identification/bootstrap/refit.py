@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array
 from rover_sweep.identification.bootstrap.replicates import Replicates
-from rover_sweep.identification.fit import PHASE_WEIGHT, POINTS, Condition
+from rover_sweep.identification.cost import PHASE_WEIGHT, POINTS, Condition
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.spectra.response import Band
 from rover_sweep.spectra.spectra import Complex

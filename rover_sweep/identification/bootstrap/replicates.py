@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.identification.bootstrap.forced_response import forced_response
-from rover_sweep.identification.fit import Condition, restricted
+from rover_sweep.identification.cost import Condition, restricted
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.spectra.noise import CoarseTransformer, ResidualSpectra, fresh_noise

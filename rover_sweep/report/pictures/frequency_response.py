@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from rover_sweep.data.recording import Array
-from rover_sweep.identification.fit import costs
+from rover_sweep.identification.cost import costs
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.pipeline import ModelResult
 from rover_sweep.report.pictures.style import (
