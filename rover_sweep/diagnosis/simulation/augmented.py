@@ -82,9 +82,10 @@ class AugmentedModel:
             place = {name: self.value(name) for name in ("imu_x", "imu_z")}
             return own | {"m": self.rover.mass, "g": GRAVITY} | place
 
-        from rover_sweep.diagnosis.simulation.simulator import SLOTS, slots
+        from rover_sweep.diagnosis.simulation.simulator import vehicle_numbers
 
-        found = dict(zip(SLOTS, map(float, slots(self.structure, self.x)), strict=True))
+        numbers = vehicle_numbers(self.structure, self.x)._asdict()
+        found = {name: float(value) for name, value in numbers.items()}
         found["imu_x"] = self.rover.imu_x + self.x.get("imu_x", 0.0)
         found["imu_z"] = self.rover.imu_z + self.x.get("imu_z", 0.0)
         if not self.structure.slip:

@@ -16,12 +16,15 @@ from numba import njit
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.simulation.kernel import PHI, P, R, V
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.identification.models.lumped import lumped as identified
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 
 ROWS = ("Y", "L", "N")
 COLUMNS = ("v", "p", "r", "phi", "delta")
+Y, L, N = range(3)
+BY_V, BY_P, BY_R, BY_PHI, BY_DELTA = range(5)
 PER_SPEED = ("v", "r")
 REACH = 10.0  # of a derivative's first value, or of a tenth of its row's middle one: what is free runs away
 STARTED_AT = 1.0  # m/s; the derivatives times the speed do not depend on it
@@ -75,13 +78,15 @@ def motion(delta: Array, speed: Array, pushed: Array, x: Mapping[str, float], dt
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _rates(x, out, d, speed, push, q):  # type: ignore[no-untyped-def]
-    v, r, phi, p = x[0], x[1], x[2], x[3]
+    v, r, phi, p = x[V], x[R], x[PHI], x[P]
     vs, rs = v / speed, r / speed
-    across = q[0, 0] * vs + q[0, 1] * p + q[0, 2] * rs + q[0, 3] * phi + q[0, 4] * d + push
-    out[0] = across - speed * r
-    out[1] = q[2, 0] * vs + q[2, 1] * p + q[2, 2] * rs + q[2, 3] * phi + q[2, 4] * d
-    out[2] = p
-    out[3] = q[1, 0] * vs + q[1, 1] * p + q[1, 2] * rs + q[1, 3] * phi + q[1, 4] * d
+    across = (
+        q[Y, BY_V] * vs + q[Y, BY_P] * p + q[Y, BY_R] * rs + q[Y, BY_PHI] * phi + q[Y, BY_DELTA] * d + push
+    )
+    out[V] = across - speed * r
+    out[R] = q[N, BY_V] * vs + q[N, BY_P] * p + q[N, BY_R] * rs + q[N, BY_PHI] * phi + q[N, BY_DELTA] * d
+    out[PHI] = p
+    out[P] = q[L, BY_V] * vs + q[L, BY_P] * p + q[L, BY_R] * rs + q[L, BY_PHI] * phi + q[L, BY_DELTA] * d
     return across
 
 
@@ -94,8 +99,8 @@ def _states(steer, speed, push, q, dt):  # type: ignore[no-untyped-def]
     k1, k2, k3, k4 = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
     for k in range(n):
         across = _rates(x, k1, steer[k], speed[k], push[k], q)
-        y[k, 0], y[k, 1], y[k, 2], y[k, 3] = x[0], x[1], x[2], x[3]
-        y[k, 4], y[k, 5], y[k, 6] = across, k1[1], k1[3]
+        y[k, 0], y[k, 1], y[k, 2], y[k, 3] = x[V], x[R], x[PHI], x[P]
+        y[k, 4], y[k, 5], y[k, 6] = across, k1[R], k1[P]
         if k + 1 == n:
             break
         d, v = 0.5 * (steer[k] + steer[k + 1]), 0.5 * (speed[k] + speed[k + 1])

@@ -16,7 +16,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import Effect
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.kernel import SLOT, SLOTS, roll_only, servo, single_track
+from rover_sweep.diagnosis.simulation.kernel import VehicleNumbers, roll_only, servo, single_track
 
 STEP = 1.0 / RATE
 PASSES = 3  # of a force that depends on the motion it makes
@@ -74,9 +74,9 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     """Motion {name: (n,)}: v, r, phi, p, across (v' + V r), r_dot, p_dot, delta, V, psi, t; ISO axes, SI."""
     delta = wheel_angle(run, structure, x)
     speed = run.speed * (1.0 + x.get("vscale", 0.0))
-    q, zero = slots(structure, x), np.zeros(delta.size)
+    q, zero = vehicle_numbers(structure, x), np.zeros(delta.size)
     base = {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": np.gradient(speed, STEP)}
-    base["ms_h"] = zero + q[SLOT["ms"]] * q[SLOT["h"]]  # kg m, of the sprung mass about the roll axis
+    base["ms_h"] = zero + q.ms * q.h  # kg m, of the sprung mass about the roll axis
     if structure.lumped:
         return _lumped(base, structure, x)
     grip = np.ones(delta.size)
@@ -91,7 +91,7 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     for _ in range(PASSES if any(e.iterate for e in forces) else 1):
         if forces and ("r" in found or not any(e.iterate for e in forces)):
             pushed = _pushed(forces, found, x, structure.rover.mass, zero)
-        y = single_track(delta, speed, grip, *pushed, q, structure.roll, q[SLOT["sigma"]] > 1e-6, STEP)
+        y = single_track(delta, speed, grip, *pushed, np.array(q), structure.roll, q.sigma > 1e-6, STEP)
         names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
         found = base | {name: y[:, k] for k, name in enumerate(names)}
     return found | {"weight": _weight(structure, found, x)}
@@ -118,7 +118,7 @@ def _pushed(
 
 
 def _without_slip(
-    base: dict[str, Array], structure: Structure, x: Values, q: Array, zero: Array
+    base: dict[str, Array], structure: Structure, x: Values, q: VehicleNumbers, zero: Array
 ) -> dict[str, Array]:
     """r = V tan(d)/L and no sideslip at the CG, as ArduPilot's own rover: a_y = V r."""
     rover = structure.rover
@@ -126,7 +126,7 @@ def _without_slip(
     r = base["V"] * np.tan(base["delta"]) / length
     r_dot = np.gradient(r, STEP)
     across = base["V"] * r
-    y = roll_only(across, r_dot, zero, q, STEP) if structure.roll else np.zeros((r.size, 3))
+    y = roll_only(across, r_dot, zero, np.array(q), STEP) if structure.roll else np.zeros((r.size, 3))
     return base | {
         "v": zero,
         "r": r,
@@ -139,32 +139,32 @@ def _without_slip(
     }
 
 
-def slots(structure: Structure, x: Values) -> Array:
-    """Numbers of the compiled kernel, in the order of its SLOTS."""
+def vehicle_numbers(structure: Structure, x: Values) -> VehicleNumbers:
+    """Numbers of the compiled kernel at the coordinates x."""
     rover = structure.rover
     da = x.get("da", 0.0)
     stiffness, split = exp(x.get("ln_C", 0.0)), 0.5 * x.get("ln_ratio", 0.0)
-    h = (rover.h or 0.0) * exp(x.get("ln_h", 0.0))
-    numbers = {
-        "m": rover.mass,
-        "ms": rover.sprung_mass or 0.0,
-        "h": h,
-        "Ixx": (rover.roll_inertia or 0.0) * exp(x.get("ln_Ixx", 0.0)),
-        "Izz": exp(x.get("ln_Izz", 0.0)),
-        "Ixz": rover.roll_yaw_inertia,
-        "a": rover.a + da,
-        "b": rover.b - da,
-        "Cf": stiffness * exp(split),
-        "Cr": stiffness * exp(-split),
-        "k_phi": exp(x.get("ln_k_phi", 0.0)),
-        "b_phi": exp(x.get("ln_b_phi", 0.0)),
-        "g": GRAVITY,
-        "bend": x.get("bend", 0.0),
-    }
+    numbers = VehicleNumbers(
+        m=rover.mass,
+        ms=rover.sprung_mass or 0.0,
+        h=(rover.h or 0.0) * exp(x.get("ln_h", 0.0)),
+        Ixx=(rover.roll_inertia or 0.0) * exp(x.get("ln_Ixx", 0.0)),
+        Izz=exp(x.get("ln_Izz", 0.0)),
+        Ixz=rover.roll_yaw_inertia,
+        a=rover.a + da,
+        b=rover.b - da,
+        Cf=stiffness * exp(split),
+        Cr=stiffness * exp(-split),
+        k_phi=exp(x.get("ln_k_phi", 0.0)),
+        b_phi=exp(x.get("ln_b_phi", 0.0)),
+        g=GRAVITY,
+        bend=x.get("bend", 0.0),
+    )
+    added: dict[str, float] = {}
     for effect in structure.of("vehicle"):
         q = effect.coordinates(x)
-        numbers |= {slot: q[name] for name, slot in effect.slots.items()}
-    return np.array([numbers.get(name, 0.0) for name in SLOTS])
+        added |= {slot: q[name] for name, slot in effect.slots.items()}
+    return numbers._replace(**added)
 
 
 def sensed(run: Experiment, structure: Structure, x: Values, moved: Mapping[str, Array]) -> dict[str, Array]:
