@@ -22,7 +22,7 @@ from tests.identification.synthetic import GEOMETRY, TRUE, driven
 from tests.logs.flash_writer import FlashWriter
 
 DATA = Path(__file__).parents[1] / "data"
-VARIANTS = Path(__file__).parents[2] / "sitl" / "variants"
+VARIANTS = Path(__file__).parents[2] / "sitl" / "plant" / "variants"
 SWEEP = Sweep(amplitude=120.0, w_min=1.0, w_max=25.0, t_rec=25.0)
 RATE = 50.0  # Hz
 SHORT = 12.0  # s of the run in the logs that cost little

@@ -90,7 +90,7 @@ def test_udp_that_spoke_first_hears_nobody_else() -> None:
 def test_pymavlink_is_known_to_one_module() -> None:
     folder = Path(rover_sweep.vehicle.__file__ or "").parent
     importing = re.compile(r"^\s*(from|import) pymavlink", re.MULTILINE)
-    assert [p.name for p in folder.glob("*.py") if importing.search(p.read_text())] == ["mavlink.py"]
+    assert [p.name for p in folder.rglob("*.py") if importing.search(p.read_text())] == ["mavlink.py"]
 
 
 @pytest.mark.parametrize("url", ["udp:0.0.0.0:²", "tcp:127.0.0.1:٣", f"tcp:a:{'9' * 5000}", "/dev/ttyS0,²"])
