@@ -15,7 +15,8 @@ from firmware_params.applet_parameters import AUX_FUNCTION, PREFIX, STATES
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.manoeuvre.configured import manoeuvre_of
 from rover_sweep.manoeuvre.sweep import Manoeuvre
-from rover_sweep.vehicle.link.mavlink import Message, constant, kind
+from rover_sweep.vehicle.estimator import has_position
+from rover_sweep.vehicle.link.mavlink import Message, kind
 
 STALE = 3.0  # s after which a fast signal that no longer comes is not known any more
 STALE_SLOW = 10.0  # s, for the battery, the satellites and the EKF's state
@@ -160,8 +161,7 @@ class Telemetry:
         self._keep(fix=m.fix_type)
 
     def _estimator(self, m: Message) -> None:
-        wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
-        self._keep(ekf=m.flags & wanted == wanted and not m.flags & constant("EKF_CONST_POS_MODE"))
+        self._keep(ekf=has_position(m.flags))
 
     def _named(self, m: Message) -> None:
         if m.name == "SWP_W":

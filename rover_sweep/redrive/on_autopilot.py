@@ -15,8 +15,9 @@ from typing import Any
 
 from firmware_params.param_files import shipped
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.link import Link, Refused
-from rover_sweep.vehicle.link.mavlink import constant
+from rover_sweep.vehicle.estimator import estimator_ready
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.run.controls import Channels, Controls, pump
 from rover_sweep.vehicle.run.right_to_move import Limits, RightToMove
 from sitl.plant.variant import PlantParameters
@@ -101,7 +102,7 @@ def _drive(link: Link, length: float) -> Iterator[str]:
     """Arm once the estimator is ready, and wait for the end of the course."""
     yield "waiting for the estimator"
     started = link.clock.now
-    while not _estimator_ready(link):
+    while not estimator_ready(link):
         if link.clock.now - started > _READY_S:
             raise LinkError(f"the simulated rover's estimator is not ready after {_READY_S:.0f} s")
         pump(link, 1.0)
@@ -138,13 +139,3 @@ def _await(link: Link, length: float) -> None:
         late = link.clock.now - started > length + _SLACK_S
         if late or time.monotonic() - wall > 3.0 * length + _SLACK_S:
             raise LinkError(f"the simulated rover did not end its drive of {length:.0f} s")
-
-
-def _estimator_ready(link: Link) -> bool:
-    """Whether velocity and absolute position are estimated (EKF_STATUS_REPORT)."""
-    report = link.request_message("EKF_STATUS_REPORT")
-    if report is None:
-        return False
-    flags = int(report.flags)
-    wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
-    return flags & wanted == wanted and not flags & constant("EKF_CONST_POS_MODE")

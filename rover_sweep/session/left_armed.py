@@ -10,9 +10,8 @@ from rover_sweep.vehicle.events import Event, Notice
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters.override_time import LAPSE, SHORT
 from rover_sweep.vehicle.parameters.read_write import read_present
-from rover_sweep.vehicle.run.controls import SCRIPTING_1
+from rover_sweep.vehicle.run.controls import ARM, AUX, FORCE, SCRIPTING_1
 
-_FORCE = 21196.0  # param2 of MAV_CMD_COMPONENT_ARM_DISARM: even while it moves
 _SAME_DRIVE = 600.0  # s of the vehicle's clock after which a rover that is armed is somebody else's doing
 
 
@@ -29,12 +28,12 @@ def still_ours(content: Content, now: float) -> bool:
 
 def let_go_late(link: Link, disarm: bool) -> Iterator[Event]:
     """Stop the applet, and disarm: only ever takes away what moves the rover."""
-    if link.command("MAV_CMD_DO_AUX_FUNCTION", float(SCRIPTING_1), 0.0) != 0:
+    if link.command(AUX, float(SCRIPTING_1), 0.0) != 0:
         yield Notice("warning", "the applet could not be stopped from here: throw the switch low")
     if not (disarm and link.armed):
         return
-    if link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0) != 0:
-        link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0, _FORCE)
+    if link.command(ARM, 0.0) != 0:
+        link.command(ARM, 0.0, FORCE)
     link.wait_for("HEARTBEAT", 3.0, lambda _: not link.armed)
     if link.armed:
         raise LinkError("the rover is armed and cannot be disarmed from here; disarm it by hand")

@@ -17,6 +17,7 @@ from rover_sweep.session.content import FetchedLog, SessionRun
 from rover_sweep.session.folder import Session
 from rover_sweep.session.left_armed import disarm_left_armed
 from rover_sweep.session.recordings import held
+from rover_sweep.vehicle.estimator import estimator_ready
 from rover_sweep.vehicle.events import (
     Connected,
     Event,
@@ -29,7 +30,6 @@ from rover_sweep.vehicle.events import (
 from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untried
 from rover_sweep.vehicle.link.access import Access
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.mavlink import constant
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, request_all, stop
 from rover_sweep.vehicle.link.transport import Line
 from rover_sweep.vehicle.logs.download import LogEntry, LogSaved, MavlinkLogs
@@ -199,7 +199,7 @@ def await_estimator(link: Link, patience: float = 90.0) -> Iterator[Event]:
     """Wait until the EKF uses GPS. The real firmware arms before that, some 20 s early in SITL, and
     speed and heading change their source in the middle of a run that began then."""
     start, told = link.clock.now, False
-    while not _estimator_ready(link):
+    while not estimator_ready(link):
         if link.clock.now - start > patience:
             yield Notice(
                 "warning", f"the EKF has no position after {patience:.0f} s; speeds are not to be trusted"
@@ -209,16 +209,6 @@ def await_estimator(link: Link, patience: float = 90.0) -> Iterator[Event]:
             yield Notice("info", "waiting for the EKF to use GPS")
             told = True
         pump(link, 1.0)
-
-
-def _estimator_ready(link: Link) -> bool:
-    """Whether velocity and absolute position are estimated (EKF_STATUS_REPORT)."""
-    report = link.request_message("EKF_STATUS_REPORT")
-    if report is None:
-        return False
-    flags = int(report.flags)
-    wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
-    return flags & wanted == wanted and not flags & constant("EKF_CONST_POS_MODE")
 
 
 def listed(logs: Sequence[LogEntry]) -> tuple[tuple[int, int, int], ...]:

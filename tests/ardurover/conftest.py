@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
 from sitl.launcher import ENVIRONMENT, LaunchError, find_ardurover
+
+sys.path.append(str(Path(__file__).parents[1] / "vehicle"))  # transport_replayed
 
 OLD = "ROVER_SWEEP_ARDUROVER_OLD"
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 from firmware_jobs import Job, whole_job
+from transport_replayed import ReplayedLine
 
 from rover_sweep.cli.views.truth import truth
 from rover_sweep.session.session import drive
 from rover_sweep.vehicle.events import LogSaved, ParameterSet, Rebooting, RunFinished
 from rover_sweep.vehicle.link.conversation import read_conversation
-from rover_sweep.vehicle.transport_replayed import ReplayedLine
 from sitl.plant.variant import load_variant
 
 pytestmark = pytest.mark.ardurover

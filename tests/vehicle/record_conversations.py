@@ -30,6 +30,7 @@ from conversation_scenarios import (
     carried_out,
     nobody,
 )
+from transport_replayed import ReplayedLine
 
 from firmware_params.applet_parameters import applet_path
 from firmware_params.param_files import shipped
@@ -37,12 +38,12 @@ from rover_sweep.session.simulated_rover import pilot
 from rover_sweep.vehicle.events import Event, StateChanged, SwitchWanted
 from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link.conversation import read_conversation
-from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine
+from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.parameters.read_write import write
 from rover_sweep.vehicle.run.controls import Channels, Controls, pump
 from rover_sweep.vehicle.run.right_to_move import Limits, RightToMove
-from rover_sweep.vehicle.transport_replayed import ReplayedLine
 from sitl.launcher import Running, start_ardurover
 
 TRIES = 3

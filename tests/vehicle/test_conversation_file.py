@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from fake_vehicle import FakeVehicle
+from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import DataRefused, LinkError
 from rover_sweep.vehicle.link.conversation import Conversation, ConversationWriter, Entry, Kind
@@ -15,7 +16,6 @@ from rover_sweep.vehicle.link.conversation import write_conversation as write
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
 from rover_sweep.vehicle.parameters.read_write import read_present, write_all
-from rover_sweep.vehicle.transport_replayed import ConversationDiffers, ReplayedLine
 
 ENTRIES = tuple(Entry(kind, 0.25 * kind, bytes(range(40 * kind))) for kind in Kind)
 

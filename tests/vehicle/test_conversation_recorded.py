@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 from conversation_scenarios import CONVERSATIONS, SCENARIOS, VERSIONS, carried_out
+from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.link.conversation import Conversation, Entry, Kind, read_conversation
-from rover_sweep.vehicle.transport_replayed import ConversationDiffers, ReplayedLine
 
 RECORDED = [(firmware, name) for firmware in VERSIONS for name in SCENARIOS]
 

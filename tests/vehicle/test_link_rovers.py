@@ -92,7 +92,7 @@ def test_only_the_chosen_one_counts(tmp_path: Path, system: int) -> None:
 
 
 def test_a_system_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match=r"system 9 is not heard on air: within 2 s, but system 1 .*, .* 7"):
+    with pytest.raises(LinkError, match=r"system 9 was not heard on air: within 2 s, but system 1 .*, .* 7"):
         opened(Air(BOTH), tmp_path, Access(system=9), timeout=2.0)
 
 

@@ -2,7 +2,7 @@
 
 A .tlog holds the frames of the vehicle alone, for every tool that reads one. This holds both directions
 byte for byte as they went through the connection, its openings and ends included (a reboot is one), so
-that it can be played back to the same code (`transport_replayed`).
+that tests can play it back to the same code (tests/vehicle/transport_replayed.py).
 
 The file is gzip: a line of JSON (format, what is known), then entries of kind (1 byte), microseconds since
 the first entry (8), length of the data (4), data; numbers big-endian.

@@ -10,7 +10,8 @@ from firmware_params.param_files import compare, read, shipped
 from rover_sweep.errors import UsageError
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.parameters.read_write import read_present, write
 from rover_sweep.vehicle.preflight.item import Check
 from rover_sweep.vehicle.run.controls import MANUAL

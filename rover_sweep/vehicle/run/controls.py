@@ -13,7 +13,8 @@ from typing import Literal
 
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.vehicle.link.clock import Periodic
-from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.parameters.read_write import read_present
 from rover_sweep.vehicle.run.right_to_move import RightToMove
 
@@ -24,8 +25,8 @@ MANUAL = 0  # custom_mode of Rover
 SCRIPTING_1 = 300  # RCn_OPTION and auxiliary function of the applet's switch
 _BURST, _GAP = 0.24, 0.55  # s
 _IGNORE, _RELEASE, _RELEASE_HIGH = 0xFFFF, 0, 0xFFFE  # channels 9.. take 65534 for "back to the radio"
-_FORCE = 21196.0  # param2 of the order to disarm: even while it moves
-_AUX, _ARM = "MAV_CMD_DO_AUX_FUNCTION", "MAV_CMD_COMPONENT_ARM_DISARM"
+FORCE = 21196.0  # param2 of the order to disarm: even while it moves
+AUX, ARM = "MAV_CMD_DO_AUX_FUNCTION", "MAV_CMD_COMPONENT_ARM_DISARM"
 _ANSWER = 1.0  # s
 INSISTS = 30.0  # s that a rover is asked to disarm for
 MAY_BE_ARMED = (
@@ -123,14 +124,14 @@ class Controls:
             self._refresh()
         elif self._trigger == "aux":
             self._switch_is_ours = True
-            self._link.require("take the switch", _AUX, float(SCRIPTING_1), 2.0, tries=1)
+            self._link.require("take the switch", AUX, float(SCRIPTING_1), 2.0, tries=1)
 
     def arm(self) -> None:
         """MANUAL mode and arm. LinkError with the vehicle's reasons where it refuses."""
         self._link.require("go into MANUAL", "MAV_CMD_DO_SET_MODE", 1.0, float(MANUAL))
         self._armed(True)  # before the command: an answer that is lost must not leave it armed
         try:
-            self._link.require("arm", _ARM, 1.0)
+            self._link.require("arm", ARM, 1.0)
         except Refused:
             self._armed(False)
             raise
@@ -182,15 +183,15 @@ class Controls:
 
     def _end_aux(self) -> None:
         if self._switch_is_ours:
-            self._insist("take the switch low", lambda: self._tried(_AUX, float(SCRIPTING_1), 0.0))
+            self._insist("take the switch low", lambda: self._tried(AUX, float(SCRIPTING_1), 0.0))
             self._switch_is_ours = False
 
     def _disarm(self) -> None:
         if not self._armed_by_us:
             return
-        orders = iter([(0.0,), *[(0.0, _FORCE)] * 1000])  # a rover that moves refuses the first
+        orders = iter([(0.0,), *[(0.0, FORCE)] * 1000])  # a rover that moves refuses the first
         try:
-            self._insist("disarm", lambda: self._tried(_ARM, *next(orders)) and self._is_disarmed())
+            self._insist("disarm", lambda: self._tried(ARM, *next(orders)) and self._is_disarmed())
         except LinkError as error:
             raise LinkError(f"{error}. {MAY_BE_ARMED}") from error
         self._armed(False)
@@ -217,7 +218,7 @@ class Controls:
 
     def _disarm_blind(self) -> None:
         if self._armed_by_us:
-            if self._link.command(_ARM, 0.0, _FORCE, timeout=0.3, tries=2) != 0:
+            if self._link.command(ARM, 0.0, FORCE, timeout=0.3, tries=2) != 0:
                 raise LinkError(MAY_BE_ARMED)
             self._armed(False)
             self._is_disarmed()  # so that nobody is told of a heartbeat from before

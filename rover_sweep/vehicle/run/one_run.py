@@ -31,8 +31,9 @@ from rover_sweep.vehicle.events import (
     RunStarted,
     SwitchWanted,
 )
-from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message
+from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.link.streams import StreamMonitor
 from rover_sweep.vehicle.parameters.override_time import RADIO_MISSED, RADIO_MISSED_SINCE, Lapse
 from rover_sweep.vehicle.parameters.read_write import read_present, write

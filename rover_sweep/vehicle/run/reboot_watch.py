@@ -1,4 +1,4 @@
-"""A rover that reboots in a run: the applet's report is then that of the next boot, and says nothing."""
+"""A rover that reboots in a run: the applet then reports on the next boot, not on the run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rover_sweep.vehicle.link.clock import VehicleClock
 
 @dataclass(frozen=True)
 class RebootWatch:
-    """Made before a run. boots: reboots counted until then."""
+    """boots: reboots counted when the watch began."""
 
     clock: VehicleClock
     boots: int
@@ -19,11 +19,16 @@ class RebootWatch:
         """Watch for reboots from now on."""
         return cls(clock, clock.boots)
 
+    @property
+    def rebooted(self) -> bool:
+        """Whether the vehicle rebooted since the watch began."""
+        return self.clock.boots != self.boots
+
     def outcome(self, number: int, heard: tuple[bool, str]) -> tuple[bool, str]:
         """(completed, reason) of run `number` as `heard` from the applet, unless the rover rebooted in it.
 
-        A run that the applet called whole before the reboot stays whole.
+        A run that the applet reported as complete before the reboot stays complete.
         """
-        if heard[0] or self.clock.boots == self.boots:
+        if heard[0] or not self.rebooted:
             return heard
         return False, f"the rover rebooted in run {number}; check its power supply, then drive the run again"

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from rover_sweep.vehicle.link.clock import VehicleClock
 from rover_sweep.vehicle.link.mavlink import Message, kind
 from rover_sweep.vehicle.link.transport import Line
+from rover_sweep.vehicle.run.reboot_watch import RebootWatch
 
 HEARD, HEARD_BEFORE = 0.9, 3.0  # s without a message: from the switch on, and before
 REPORTED = 0.9  # s without the applet's state, which it reports every 0.2 s in a run
@@ -182,7 +183,7 @@ class RightToMove:
     def __init__(self, line: Line, clock: VehicleClock, limits: Limits) -> None:
         self.lost = ""
         self._line, self._clock, self._limits = line, clock, limits
-        self._boots = clock.boots
+        self._reboots = RebootWatch.since_now(clock)
         now = self._now()
         self._last = now
         self._reported: Instant | None = None
@@ -214,10 +215,6 @@ class RightToMove:
     def silence(self) -> float:
         """s since the vehicle was last heard."""
         return self._last.age(self._now())
-
-    @property
-    def rebooted(self) -> bool:
-        return self._clock.boots > self._boots
 
     @property
     def heard(self) -> bool:
@@ -292,7 +289,7 @@ class RightToMove:
             thrown=self._thrown,
             silence=self._last.age(now),
             hole=self._hole,
-            rebooted=self.rebooted,
+            rebooted=self._reboots.rebooted,
             state=self._state,
             since_report=math.inf if reported is None else reported.age_anywhere(now),
             in_state=now.vehicle - self._entered.vehicle,

@@ -13,7 +13,8 @@ from pathlib import Path
 from firmware_params.param_files import WantedParameter, compare
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
-from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.link.streams import fastest_interval_ms, grants
 from rover_sweep.vehicle.parameters.read_write import read_present, write
 from rover_sweep.vehicle.setup.applet_upload import await_applet, reboot, restart_scripts, upload
