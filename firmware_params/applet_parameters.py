@@ -12,7 +12,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 PREFIX = "SWP_"
-TABLE_KEY = 158  # of param:add_table; used by no script that ships with ArduPilot 4.5 or 4.6
 AUX_FUNCTION = 300  # RCx_OPTION Scripting1, also for MAV_CMD_DO_AUX_FUNCTION
 
 

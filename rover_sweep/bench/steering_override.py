@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-
 from rover_sweep.bench.steering_output import SteeringOutput
 from rover_sweep.errors import RoverSweepError
 from rover_sweep.vehicle.link.clock import Periodic
@@ -24,9 +22,7 @@ class SteeringOverride:
     def __enter__(self) -> SteeringOverride:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
 
     def to(self, offset: float) -> None:

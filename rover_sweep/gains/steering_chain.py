@@ -112,7 +112,6 @@ class Autopilot:
     rate_max: float
     accel_max: float
     lateral_g_max: float
-    angle_p: float = 2.0
     servo: int = 1
     reversed: bool = False
     assumed: tuple[str, ...] = ()
@@ -195,7 +194,6 @@ def autopilot(parameters: Mapping[str, float], assumed: Mapping[str, float] | No
         math.radians(filled["ATC_STR_RAT_MAX"]),
         math.radians(filled["ATC_STR_ACC_MAX"]),
         max(float(filled["ATC_TURN_MAX_G"]), 0.1),
-        float(filled["ATC_STR_ANG_P"]),
         servo,
         swap,
         tuple(lacking),

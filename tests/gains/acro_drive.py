@@ -18,7 +18,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.gains.proposal import Proposal, family_of
 from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.step import BEFORE, Step, driven_step, measured_step
-from rover_sweep.logs.readers.dataflash import open_dataflash
+from rover_sweep.logs.readers.dataflash import index
 
 STEP = math.radians(30)
 STEP_S, PAUSE_S, SINE_HZ = 3.0, 2.0, 0.25
@@ -71,7 +71,7 @@ class Tracking:
 
 def judge(log: Path, segment: Segment, profile: Profile = FULL) -> Tracking:
     """What the log says of a segment: PIDS.Tar and PIDS.Act [rad/s], once a main loop."""
-    flash = open_dataflash(log)
+    flash = index(np.fromfile(log, np.uint8))
     t = flash.seconds("PIDS") - segment.start
     target, rate = flash.column("PIDS", "Tar"), flash.column("PIDS", "Act")
     inside = (t >= 0) & (t < profile.length)
@@ -101,7 +101,7 @@ def kept(log: bytes, names: tuple[str, ...], start: float, end: float) -> bytes:
     with tempfile.NamedTemporaryFile(suffix=".BIN") as file:
         file.write(log)
         file.flush()
-        flash = open_dataflash(file.name)
+        flash = index(np.fromfile(file.name, np.uint8))
         chosen: list[tuple[int, int]] = []
         for name in {*names, "FMT", "PARM", "MSG"} & flash.positions.keys():
             at = flash.positions[name]

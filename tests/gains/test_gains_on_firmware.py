@@ -13,7 +13,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import RatePid
 from rover_sweep.gains.proposal import Proposal
 from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, Gains, autopilot
-from rover_sweep.logs.readers.dataflash import DataFlash, open_dataflash
+from rover_sweep.logs.readers.dataflash import DataFlash, index
 from rover_sweep.logs.readers.dataflash_channels import read_dataflash
 
 RECORDED = Path(__file__).parents[1] / "data" / "gains" / "ardurover-4.6.3"
@@ -23,7 +23,7 @@ FLOWN = segments(RECORDED / "acro.json")
 
 @pytest.fixture(scope="module")
 def flash() -> DataFlash:
-    return open_dataflash(LOG)
+    return index(np.fromfile(LOG, np.uint8))
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from recordings import APPLET, DATA
 import rover_sweep as rs
 from rover_sweep.data.recording import Recording
 from rover_sweep.logs import read_logs, read_runs
-from rover_sweep.logs.readers.dataflash import open_dataflash
+from rover_sweep.logs.readers.dataflash import index
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 
 SWEEP, DOUBLET = Sweep(amplitude=150, t_rec=55), Doublet(amplitude=150)
@@ -59,7 +59,7 @@ def test_the_applet_went_through_its_states(name: str, manoeuvre: Manoeuvre, num
 @pytest.mark.parametrize(("name", "manoeuvre", "number"), RUNS)
 def test_wave_on_the_firmware_is_the_closed_form(name: str, manoeuvre: Manoeuvre, number: int) -> None:
     """In ArduPilot's single floats: 0.1 us in the wish, a whole microsecond on the servo."""
-    rows = open_dataflash(APPLET / name).rows("SWEP")
+    rows = index(np.fromfile(APPLET / name, np.uint8)).rows("SWEP")
     rows = rows[(rows["St"] >= 3) & (rows["St"] <= 8)]
     assert set(rows["Run"]) == {number} and rows["T"][0] == pytest.approx(0, abs=0.002)
     t = rows["T"].astype(float)
@@ -73,7 +73,7 @@ def test_wave_on_the_firmware_is_the_closed_form(name: str, manoeuvre: Manoeuvre
 
 
 def test_clock_of_the_wave_is_that_of_the_log() -> None:
-    rows = open_dataflash(APPLET / "run1.BIN").rows("SWEP")
+    rows = index(np.fromfile(APPLET / "run1.BIN", np.uint8)).rows("SWEP")
     rows = rows[(rows["St"] >= 3) & (rows["St"] <= 8)]
     stamps = rows["TimeUS"].astype(float) * 1e-6
     late = stamps - stamps[0] - (rows["T"] - rows["T"][0])
@@ -127,7 +127,7 @@ def test_the_true_tyres_and_yaw_inertia_come_out(source: str) -> None:
 def test_recordings_are_small_and_hold_nothing_else() -> None:
     for name, _, _ in RUNS:
         path = APPLET / name
-        log = open_dataflash(path)
+        log = index(np.fromfile(path, np.uint8))
         assert path.stat().st_size < 2.5e6
         assert {n for n in log.formats if log.count(n)} <= MESSAGES
         assert log.bad_bytes == 0

@@ -17,8 +17,7 @@ import pytest
 from scenes import WORKED_OUT, all_scenes, playing
 from seen import coloured, text_of
 from textual.app import App
-
-from rover_sweep.tui.drawn.palette import LEAST_CONTRAST, contrast
+from wcag_contrast import LEAST_CONTRAST, contrast
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"
 SIZES = ((80, 24), (200, 60))

@@ -15,7 +15,8 @@ from rover_sweep.vehicle.link.conversation import read_conversation as read
 from rover_sweep.vehicle.link.conversation import write_conversation as write
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
-from rover_sweep.vehicle.parameters.read_write import read_present, write_all
+from rover_sweep.vehicle.parameters.read_write import read_present
+from rover_sweep.vehicle.parameters.read_write import write as write_parameter
 
 ENTRIES = tuple(Entry(kind, 0.25 * kind, bytes(range(40 * kind))) for kind in Kind)
 
@@ -65,7 +66,7 @@ def test_no_recording_overwrites_another(tmp_path: Path) -> None:
 def _conversation(vehicle: FakeVehicle, folder: Path) -> tuple[Path, dict[str, float]]:
     path = folder / "a.conversation"
     with RecordedLine(path) as line, Link.open(vehicle.url, folder / "a.tlog", line=line) as link:
-        write_all(link, {"SWP_V_MAX": 3.0})
+        write_parameter(link, "SWP_V_MAX", 3.0)
         return path, read_present(link, ["SWP_V_MAX", "NONE_SUCH"])
 
 
@@ -107,7 +108,7 @@ def test_the_first_difference_is_named(
     again = ReplayedLine(read(path))
     with pytest.raises(ConversationDiffers, match=words):
         link = Link.open(vehicle.url, tmp_path / "b.tlog", line=again)
-        write_all(link, {name: value})
+        write_parameter(link, name, value)
 
 
 def test_less_and_more_than_then_are_differences(vehicle: FakeVehicle, tmp_path: Path) -> None:
@@ -126,7 +127,7 @@ def test_less_and_more_than_then_are_differences(vehicle: FakeVehicle, tmp_path:
         again.finish()
     again = ReplayedLine(read(path))
     with Link.open(vehicle.url, tmp_path / "d.tlog", line=again) as link:
-        write_all(link, {"SWP_V_MAX": 3.0})
+        write_parameter(link, "SWP_V_MAX", 3.0)
         assert read_present(link, ["SWP_V_MAX", "NONE_SUCH"]) == found
     again.finish()
     with pytest.raises(ConversationDiffers, match="opens a connection, where then nothing more"):

@@ -162,11 +162,6 @@ class DataFlash:
         return self.seconds(clock)[np.clip(k, 0, None)]
 
 
-def open_dataflash(path: str | Path) -> DataFlash:
-    """Index a .BIN file. A file without any message gives an index without formats."""
-    return index(_mapped(path))
-
-
 def open_parts(path: str | Path) -> tuple[DataFlash, ...]:
     """The logs that were joined into one .BIN file, each with its own formats and clock; mostly one.
 
@@ -187,7 +182,7 @@ def _mapped(path: str | Path) -> NDArray[np.uint8]:
 
 
 def index(data: NDArray[np.uint8]) -> DataFlash:
-    """Find the formats and the messages of a log held in `data`."""
+    """Find the formats and the messages of a log held in `data` (n,) bytes; none in it gives no formats."""
     by_type = {layout.type: layout for layout in _formats(data).values()}  # two of a type: one is damaged
     formats = {layout.name: layout for layout in by_type.values()}
     lengths = np.zeros(256, np.int64)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import reduce as folded
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, TypeVar
+from typing import Literal
 
 from rover_sweep.live.snapshot import Snapshot, Verdict
 from rover_sweep.live.source import Began, Checked, Drive, Ended, Judged, Lost, Played, Request, Several, Told
@@ -25,7 +25,6 @@ MESSAGES = 500  # lines of the log
 
 Level = Literal["info", "warning", "error", "vehicle"]
 Outcome = Literal["asked", "running", "done", "stopped", "failed"]
-Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True)

@@ -235,11 +235,6 @@ def write(link: Link, name: str, value: float) -> Written:
     raise ParameterKept(name, value, back)
 
 
-def write_all(link: Link, values: Mapping[str, float]) -> list[Written]:
-    """`write` for each, in the order given."""
-    return [write(link, name, value) for name, value in values.items()]
-
-
 def _encoded(name: str) -> bytes:
     data = name.encode("ascii", "replace")
     if len(data) > 16:
