@@ -1,4 +1,4 @@
-"""Effects are added until none helps, each is then tried without, and what would do as well is named."""
+"""Stepwise selection: add effects until none helps, try each without, and list its look-alikes."""
 
 from __future__ import annotations
 
@@ -7,141 +7,171 @@ from dataclasses import dataclass, replace
 
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
-from rover_sweep.diagnosis.search.bounds import Beyond, beyond_ordinary, cost_of
-from rover_sweep.diagnosis.search.candidate_fits import Trial, tangent, tried
-from rover_sweep.diagnosis.search.look_alikes import Alike, look_alikes
-from rover_sweep.diagnosis.search.rounds import Left, Options, Round, material, round_of
+from rover_sweep.diagnosis.search.bounds import ExceededBound, cost_of, exceeded_bound
+from rover_sweep.diagnosis.search.candidate_fits import Trial, fit_candidate, tangent
+from rover_sweep.diagnosis.search.look_alikes import LookAlike, find_look_alikes
+from rover_sweep.diagnosis.search.rounds import Misfit, Options, Round, material, round_of
 from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
-from rover_sweep.diagnosis.unexplained.unexplained import nameless_gain
+from rover_sweep.diagnosis.unexplained.unexplained import unmodelled_gain
 
-MOST = 3  # effects at once
-ASTRAY = 0.8  # of what there was, from which no second effect is looked for
-LEFT = 0.5  # of what there was, from which the effects found are no explanation
-INEXACT = 2e-3  # of what an effect explains, that its law may be wrong by: what is left of it is no effect
-BETTER = 1.2  # times what the named effects explain, from which they only stand in for something else
-FAR_BETTER = 4.0  # the same, of a law without a name, as an effect's own law may be inexact
+MAX_EFFECTS = 3
+NO_PROGRESS = 0.8
+UNEXPLAINED = 0.5
+MODEL_ERROR = 2e-3
+PROXY_OF_BOUND = 1.2
+PROXY_OF_TERM = 4.0
+STILL_ALIKE = 0.8
 
 
 @dataclass(frozen=True, eq=False)
 class Named:
-    """An effect that stays: its trial beside the model without it, threshold and look-alikes."""
+    """A selected effect: its trial, the fit `base` without it, its threshold and its look-alikes."""
 
     trial: Trial
     base: Fitted
     threshold: float
-    alike: tuple[Alike, ...]
+    look_alikes: tuple[LookAlike, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What was chosen. first: the round of the nominal model; last: that of the model with all effects.
+    """The selection. first: round of the nominal model; last: round of the model with all named effects.
 
-    withdrawn: effects that were found and yet leave most of what is to be explained; of three, also where
-    a fourth would help. beyond: a parameter that explains more than they, let go farther; nameless: a law
-    without a name does. stopped: before all had been tried.
+    withdrawn: effects that were found but do not explain enough. exceeded: a nominal parameter beyond its
+    bound explains more than they do; unmodelled: an unnamed term does. stopped: not all effects were tried.
     """
 
     first: Round
     last: Round
     named: tuple[Named, ...]
     withdrawn: tuple[str, ...] = ()
-    beyond: Beyond | None = None
-    nameless: bool = False
+    exceeded: ExceededBound | None = None
+    unmodelled: bool = False
     stopped: bool = False
 
 
 def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options) -> Choice:
-    """Adds and removes effects until neither helps; one that was removed does not come back."""
+    """Add and remove effects until neither helps; a removed effect is not added again.
+
+    start: {coordinate: value} to begin the first fit from.
+    """
+    first, current, named, removed = _search(runs, model, start, options)
+    stopped = options.stop()
+    if stopped and not named and (found := current.significant()):  # not compared with others, but fitted
+        named = [Named(found[0], first.fitted, first.thresholds.thresholds.get(found[0].effect, 0.0), ())]
+        current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
+    further = _further_findings(current, named, removed) if len(named) == MAX_EFFECTS else []
+    too_many = further and _scatter_remains(first, current)
+    effects = tuple(n.trial.effect for n in named)
+    if not named or (not stopped and (too_many or _mostly_unexplained(first, current.misfit))):
+        return Choice(first, first, (), effects, stopped=stopped)
+    if stopped:
+        return Choice(first, current, tuple(named), stopped=True)
+    explained = _explained(first, current, named)
+    exceeded = exceeded_bound(first.problem, first.fitted)
+    if exceeded is not None and exceeded.gain > PROXY_OF_BOUND * explained:
+        return Choice(first, first, (), effects, exceeded)
+    if unmodelled_gain(first, options.seed) > PROXY_OF_TERM * explained:
+        return Choice(first, first, (), effects, unmodelled=True)
+    return Choice(first, current, tuple(named))
+
+
+def _search(
+    runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options
+) -> tuple[Round, Round, list[Named], set[str]]:
+    """(first round, last round, effects that were kept, ids of effects that were removed)."""
     first = current = round_of(runs, model, start, options)
     named: list[Named] = []
     removed: set[str] = set()
-    while len(named) < MOST and not options.stop():
-        found = _wanting(current, named, removed)
+    while len(named) < MAX_EFFECTS and not options.stop():
+        found = _further_findings(current, named, removed)
         if not found:
             break
         best = found[0]
-        alike = look_alikes(
-            current.fitted,
-            best,
-            [t for t in found if _rival(t, best)],
-            current.tangent,
-            current.tiny,
-            best.fitted.overdispersion,
-            options.seed,
-        )
-        threshold = current.thresholds.thresholds.get(best.effect, 0.0)
-        named.append(Named(best, current.fitted, threshold, alike))
+        named.append(_named(current, found, options.seed))
         current = round_of(runs, best.model, best.fitted.x, options, near=True)
-        named = _kept(named, current, options)
+        named = _still_needed(named, current, options)
         effects = tuple(n.trial.effect for n in named)
         if effects != current.model.effects:
             removed |= {*current.model.effects} - {*effects}
             fewer = replace(current.model, effects=effects)
             current = round_of(runs, fewer, current.fitted.x, options, near=True)
-        if named and best.effect not in WHOLE and _astray(first, current, _wanting(current, named, removed)):
-            break
-    stopped = options.stop()
-    if stopped and not named and (found := current.significant()):  # what there is, as it was fitted
-        named = [Named(found[0], first.fitted, first.thresholds.thresholds.get(found[0].effect, 0.0), ())]
-        current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
-    more = _wanting(current, named, removed) if len(named) == MOST else []
-    endless = more and _little_scatter_taken(first, current)
-    effects = tuple(n.trial.effect for n in named)
-    if not named or (not stopped and (endless or _little_explained(first, current.left))):
-        return Choice(first, first, (), effects, stopped=stopped)
-    if not stopped:
-        # the last fit is the best in another metric, that of an effect alone in this one
-        fitted = first.fitted.data_cost - cost_of(first.problem, current.fitted)
-        explained = max(fitted, *(n.trial.gain for n in named if n.base is first.fitted), 0.0)
-        beyond = beyond_ordinary(first.problem, first.fitted)
-        if beyond is not None and beyond.gain > BETTER * explained:
-            return Choice(first, first, (), effects, beyond)
-        if nameless_gain(first, options.seed) > FAR_BETTER * explained:
-            return Choice(first, first, (), effects, nameless=True)
-    return Choice(first, current, tuple(named), stopped=stopped)
+        if named and best.effect not in WHOLE:
+            further = _further_findings(current, named, removed)
+            if _no_progress(first, current, further):
+                break
+    return first, current, named, removed
 
 
-def _wanting(current: Round, named: Sequence[Named], removed: Collection[str]) -> list[Trial]:
-    """Effects that would be findings beside those that are named."""
-    doubtful = INEXACT * sum(n.trial.gain for n in named if n.trial.effect not in WHOLE)
+def _named(current: Round, found: Sequence[Trial], seed: int) -> Named:
+    """The best of the findings, with its look-alikes among the others."""
+    best = found[0]
+    look_alikes = find_look_alikes(
+        current.fitted,
+        best,
+        [t for t in found if _competes(t, best)],
+        current.tangent,
+        current.tolerances,
+        best.fitted.overdispersion,
+        seed,
+    )
+    threshold = current.thresholds.thresholds.get(best.effect, 0.0)
+    return Named(best, current.fitted, threshold, look_alikes)
+
+
+def _explained(first: Round, last: Round, named: Sequence[Named]) -> float:
+    """Drop of the cost by the named effects, in the metric of the first round.
+
+    The last fit is optimal in its own metric only, so a trial of one effect in the first round may drop more.
+    """
+    fitted = first.fitted.data_cost - cost_of(first.problem, last.fitted)
+    return max(fitted, *(n.trial.gain for n in named if n.base is first.fitted), 0.0)
+
+
+def _further_findings(current: Round, named: Sequence[Named], removed: Collection[str]) -> list[Trial]:
+    """Effects that would be findings in addition to the named ones."""
+    doubtful = MODEL_ERROR * sum(n.trial.gain for n in named if n.trial.effect not in WHOLE)
     return [t for t in current.significant() if t.effect not in removed and t.gain > doubtful]
 
 
-def _astray(first: Round, current: Round, wanting: Sequence[Trial]) -> bool:
-    """True where the effects so far explain next to nothing, and the one that would be next no more."""
-    if not _little_explained(first, current.left, ASTRAY):
+def _no_progress(first: Round, current: Round, further: Sequence[Trial]) -> bool:
+    """True where the effects so far explain almost nothing, and the next one would not change that."""
+    if not _mostly_unexplained(first, current.misfit, NO_PROGRESS):
         return False
-    return not wanting or _little_explained(first, current.left_by(wanting[0].fitted))
+    return not further or _mostly_unexplained(first, current.misfit_of(further[0].fitted))
 
 
-def _little_explained(first: Round, after: Mapping[str, Left], share: float = LEFT) -> bool:
-    """True where much is left: in no channel that was loud less than a share of what stood out there, and
-    in one of them no less either where nothing is allowed for, which hides a small effect."""
-    much = any(left.much for left in after.values())
-    pairs = [(after[c], before) for c, before in first.left.items() if before.loud]
-    allowed = all(_stays(now.loudness, then.loudness, share) for now, then in pairs)
-    plain = any(_stays(now.plain, then.plain, share) for now, then in pairs)
-    return much and allowed and (plain or not pairs)
+def _mostly_unexplained(first: Round, after: Mapping[str, Misfit], share: float = UNEXPLAINED) -> bool:
+    """True where a large misfit remains, and more than `share` of the first one in all notable channels.
+
+    It must remain in the rows without tolerances too, in one channel at least: the metric with tolerances
+    hides a small effect.
+    """
+    large = any(misfit.large for misfit in after.values())
+    pairs = [(after[c], before) for c, before in first.misfit.items() if before.notable]
+    all_remain = all(_excess_remains(now.level, then.level, share) for now, then in pairs)
+    plain = any(_excess_remains(now.plain, then.plain, share) for now, then in pairs)
+    return large and all_remain and (plain or not pairs)
 
 
-def _little_scatter_taken(first: Round, last: Round) -> bool:
-    """True where the rows scatter beyond their noise by more than a share of what they did."""
-    return _stays(last.fitted.overdispersion, first.fitted.overdispersion, LEFT)
+def _scatter_remains(first: Round, last: Round) -> bool:
+    """True where more than a share `UNEXPLAINED` of the rows' variance above the noise remains."""
+    return _excess_remains(last.fitted.overdispersion, first.fitted.overdispersion, UNEXPLAINED)
 
 
-def _stays(now: float, then: float, share: float) -> bool:
-    """True where more than a share of what stood out of the noise, of a mean square of 1, is still there."""
+def _excess_remains(now: float, then: float, share: float) -> bool:
+    """True where more than `share` of the mean square above the noise (1) remains."""
     return now - 1.0 > share * (then - 1.0)
 
 
-def _rival(trial: Trial, best: Trial) -> bool:
-    """A whole degree of freedom and a term are no rivals."""
+def _competes(trial: Trial, best: Trial) -> bool:
+    """An added degree of freedom does not compete with a term."""
     return trial.effect != best.effect and (trial.effect in WHOLE) == (best.effect in WHOLE)
 
 
-def _kept(named: Sequence[Named], current: Round, options: Options) -> list[Named]:
-    """The named effects without those that are not needed any more, or that another now does better."""
+def _still_needed(named: Sequence[Named], current: Round, options: Options) -> list[Named]:
+    """The named effects that are still significant together, with the look-alikes that still are such."""
     out = list(named)
     for one in named:
         if options.stop() or one.trial.effect in WHOLE:
@@ -152,13 +182,13 @@ def _kept(named: Sequence[Named], current: Round, options: Options) -> list[Name
         if trial.gain < one.threshold or not material(trial):
             out.remove(one)
             continue
-        tang = tangent(less)
+        space = tangent(less)
         again = [
             t
-            for a in one.alike
-            if (t := tried(current.problem, less, tang, rest, library()[a.effect]))
-            and t.gain > 0.8 * trial.gain
+            for a in one.look_alikes
+            if (t := fit_candidate(current.problem, less, space, rest, library()[a.effect]))
+            and t.gain > STILL_ALIKE * trial.gain
         ]
-        alike = tuple(a for a in one.alike if a.effect in {t.effect for t in again})
-        out[out.index(one)] = replace(one, alike=alike)
+        still = tuple(a for a in one.look_alikes if a.effect in {t.effect for t in again})
+        out[out.index(one)] = replace(one, look_alikes=still)
     return out

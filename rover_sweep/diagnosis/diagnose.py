@@ -1,10 +1,10 @@
-"""From runs to a diagnosis: locate, name, model, show."""
+"""From runs to a diagnosis: locate the misfit, select effects, test the model on held-out runs."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import exp, log
 
 import numpy as np
@@ -16,28 +16,62 @@ from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
 from rover_sweep.diagnosis.held_out.speed_finding import speed_finding, unknown_loss
 from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
-from rover_sweep.diagnosis.held_out.worth import Fresh, Modelled, held_out, overlays, refitted_without
+from rover_sweep.diagnosis.held_out.worth import (
+    FittedModel,
+    HeldOutRun,
+    compare_held_out,
+    overlays,
+    refitted_without,
+)
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, quiet_frames
-from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Falsified, Finding, HeldOut, Unseen
-from rover_sweep.diagnosis.search.bounds import unknown_beyond
-from rover_sweep.diagnosis.search.look_alikes import Alike
-from rover_sweep.diagnosis.search.parameter_intervals import draws, effect_values, nominal_values
+from rover_sweep.diagnosis.result import (
+    Diagnosis,
+    EffectValue,
+    Falsified,
+    Finding,
+    HeldOut,
+    Mismatch,
+    Unknown,
+    Unseen,
+)
+from rover_sweep.diagnosis.search.bounds import unknown_at_bound
+from rover_sweep.diagnosis.search.look_alikes import LookAlike
+from rover_sweep.diagnosis.search.parameter_intervals import draw_coordinates, effect_values, nominal_values
 from rover_sweep.diagnosis.search.rounds import Options
-from rover_sweep.diagnosis.search.simulation_rung import followed
+from rover_sweep.diagnosis.search.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment
-from rover_sweep.diagnosis.unexplained.unexplained import standing_out, unknown
+from rover_sweep.diagnosis.unexplained.unexplained import unknown, unknown_place
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.grouping import Settings, grouped
 
 Progress = Callable[[str, float], None]
-STOPPED = "not tried: the diagnosis was stopped before"
-MATERIAL_CHANGE = 0.03  # of a nominal parameter, from which it is told as falsified
+STOPPED = "not tried, because the diagnosis was stopped"
+MATERIAL_CHANGE = 0.03  # relative change of a nominal parameter from which it is reported as falsified
+UNBOUNDED = 1e9  # value that stands for a limit or cut-off that the data do not show
+
+
+@dataclass(frozen=True, eq=False)
+class _Models:
+    """The fitted model without effects, and the one with all effects that were found."""
+
+    nominal: FittedModel
+    full: FittedModel
+
+
+@dataclass(frozen=True, eq=False)
+class _SpeedAnswer:
+    """The judgement on speed lost in turns; {effect: why} where it cannot be judged, {effect: gain} else."""
+
+    cannot_see: Mapping[str, str] = field(default_factory=dict)
+    gains: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    unknown: Unknown | None = None
 
 
 def diagnose(
@@ -49,24 +83,26 @@ def diagnose(
     progress: Progress | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Diagnosis:
-    """What was left out of a baseline, from recordings with steering angles.
+    """Find the physics that a baseline lacks, from recordings with steering angles (SI units, ISO axes).
 
-    simulated: recordings of a simulation; the plainest model that it follows is then the baseline.
-    DataRefused where nothing can be identified from the runs; UsageError for what is not offered.
+    held_out_runs: used neither for the fit nor for the selection. simulated: recordings of a simulation; the
+    simplest model that reproduces them is then the baseline. progress(activity, share done 0..1); stop:
+    True ends the search with the results so far. DataRefused where the data allow no identification;
+    UsageError for settings that this rover or baseline does not support.
     """
-    begun = time.monotonic()
+    started = time.monotonic()
     limit = settings.time_limit
 
     def stopped() -> bool:
-        late = limit is not None and time.monotonic() - begun > limit
+        late = limit is not None and time.monotonic() - started > limit
         return late or (stop is not None and stop())
 
     _refuse(runs, rover, settings)
     if simulated:
-        settings = replace(settings, baseline=followed([experiment(run) for run in simulated], rover))
+        settings = replace(settings, baseline=baseline_of([experiment(run) for run in simulated], rover))
     used = [experiment(run) for run in runs]
     _refuse_without_floor(used)
-    fresh = [experiment(run) for run in held_out_runs]
+    held = [experiment(run) for run in held_out_runs]
     model = Model(settings.baseline, rover, settings.spread, two_clocks=any(r.two_clocks for r in used))
     options = Options(
         settings.with_effects,
@@ -78,39 +114,39 @@ def diagnose(
     speed = sum(run.mean_speed for run in used) / len(used)
     begin = _start(settings.parameters) | lumped_baseline.start(settings.parameters, speed)
     choice = choose(used, model, begin, options)
-    found = _answer(choice, used, fresh, settings)
-    told = [f"the simulation follows the {settings.baseline} model"] if simulated else []
-    if choice.stopped and limit is not None and time.monotonic() - begun > limit:
-        told.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
+    found = _answer(choice, used, held, settings)
+    remarks = [f"the simulation follows the {settings.baseline} model"] if simulated else []
+    if choice.stopped and limit is not None and time.monotonic() - started > limit:
+        remarks.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
     whole = augmented(choice.last.model, choice.last.fitted.x, runs, [run.begin for run in used])
-    return replace(found, seconds=time.monotonic() - begun, remarks=(*told, *found.remarks), model=whole)
+    return replace(found, seconds=time.monotonic() - started, remarks=(*remarks, *found.remarks), model=whole)
 
 
 def _refuse(runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings) -> None:
     if settings.baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
         raise UsageError(
             "the roll-yaw model needs sprung_mass, cg_height_above_roll_centre and roll_inertia in the "
-            "vehicle file; add them or take --baseline bicycle"
+            "vehicle file; add them or use --baseline bicycle"
         )
     if not runs:
-        raise DataRefused("no run is left to diagnose; give a run beside those that are held out")
+        raise DataRefused("all runs are held out; give at least one run to diagnose")
     for group in grouped(runs, Settings()):
         if why := group.why_not():
             raise DataRefused(why)
 
 
 def _refuse_without_floor(used: Sequence[Experiment]) -> None:
-    """DataRefused where no frame of any run is beside its excitation: nothing tells a residual from noise."""
+    """DataRefused where the steering excites all frequencies in all frames: no noise floor can be found."""
     if not np.any(quiet_frames(used)[1]):
         longest = max(float(run.t[-1]) for run in used)
         raise DataRefused(
-            f"the runs are too short to find their noise floor: the longest has {longest:.1f} s, and "
-            f"{WINDOW:g} s are needed in which a frequency is not steered; drive a whole sweep"
+            f"the runs are too short to find their noise floor: the longest has {longest:.1f} s, and the "
+            f"noise at a frequency is measured in {WINDOW:g} s without steering at it; drive a whole sweep"
         )
 
 
 def _start(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Coordinates to begin from, out of an identified model's parameters."""
+    """{coordinate: value} to begin the fit from, out of {parameter: SI value} of an identified model."""
     out = {f"ln_{n}": log(v) for n in ("Izz", "k_phi", "b_phi", "C") if (v := parameters.get(n, 0.0)) > 0}
     cf, cr = parameters.get("Cf", 0.0), parameters.get("Cr", 0.0)
     if cf > 0 and cr > 0:
@@ -119,105 +155,128 @@ def _start(parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def _answer(
-    choice: Choice, used: Sequence[Experiment], fresh: Sequence[Experiment], settings: DiagnosisSettings
+    choice: Choice, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
 ) -> Diagnosis:
     first, last = choice.first, choice.last
-    drawn = draws(last, settings.seed)
-    whole = Modelled(first.model, first.fitted.x), Modelled(last.model, last.fitted.x)
+    drawn = draw_coordinates(last, settings.seed)
+    models = _Models(FittedModel(first.model, first.fitted.x), FittedModel(last.model, last.fitted.x))
     floor = last.problem.floor
-    unused = tuple(Fresh.of(run, floor, whole[1]) for run in fresh)
-    shown = tuple(held_out(run, *whole) for run in unused)
-    findings = tuple(_finding(n, choice, drawn, unused, whole) for n in choice.named)
-    gains = {t.effect: max(t.gain, 0.0) for t in first.trials}
-    unseen, slower = dict(last.unseen), None
-    if last.model.lumped:  # no front force, whose own drag is to be told from a loss
-        unseen[SPEED] = "its derivatives hold no force of the front wheels"
-    elif choice.stopped:
-        unseen |= {e.id: STOPPED for e in library().values() if e.id not in gains and e.id not in unseen}
-    elif any(left.much for left in last.left.values()):  # the own drag is that of a model that holds
-        unseen[SPEED] = "the motion is not explained, without which the wheels' own drag is not known"
-    else:
-        lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
-        if not settings.candidates((SPEED,)):
-            slower = unknown_loss(lost) if lost.found else None
-        else:
-            gains[SPEED] = max(lost.gain, 0.0)
-            findings += (speed_finding(lost, whole[1], unused),) if lost.found else ()
-    if [f.effect for f in findings] == [SPEED]:  # nothing else changed the model
-        shown = findings[0].held_out
+    held_out = tuple(HeldOutRun.of(run, floor, models.full) for run in held)
+    speed = _speed_answer(choice, used, held_out, models.full, settings)
+    findings = (*(_finding(n, choice, drawn, held_out, models) for n in choice.named), *speed.findings)
     places = mismatches(first.problem.plain, first.closest.rows)
-    left = None
-    if not choice.stopped:
-        left = unknown(last, bool(findings), settings.seed, choice.nameless) or slower
-    if choice.beyond:
-        left = unknown_beyond(choice.beyond, choice.withdrawn)
-    if not (left or findings or choice.stopped):
-        left = standing_out(places)
+    left = _unknown(choice, findings, speed.unknown, places, settings.seed)
     variance = last.fitted.data_cost / last.problem.size
-    pictures = fresh or used[:1]
+    cannot_see = {**last.cannot_see, **speed.cannot_see}
+    withdrawn = () if choice.exceeded else choice.withdrawn
     return Diagnosis(
-        verdict_of(findings, left, variance, choice.stopped),
-        sentence_of(findings, left, variance, choice.stopped),
-        settings.baseline,
-        places,
-        findings,
-        left,
-        tuple(Unseen(e, why) for e, why in unseen.items()),
-        _falsified(choice) if findings else (),
-        nominal_values(last, drawn),
-        gains,
-        overlays(pictures, bool(fresh), *whole, floor),
-        shown,
-        remarks_of(used, findings, () if choice.beyond else choice.withdrawn, choice.nameless),
-        0.0,
-        tuple(r.name for r in used),
-        tuple(r.name for r in fresh),
+        verdict=verdict_of(findings, left, variance, choice.stopped),
+        sentence=sentence_of(findings, left, variance, choice.stopped),
+        baseline=settings.baseline,
+        mismatch=places,
+        findings=findings,
+        unknown=left,
+        cannot_see=tuple(Unseen(e, why) for e, why in cannot_see.items()),
+        falsified=_falsified(choice) if findings else (),
+        parameters=nominal_values(last, drawn),
+        scores={**{t.effect: max(t.gain, 0.0) for t in first.trials}, **speed.gains},
+        overlays=overlays(held or used[:1], bool(held), models.nominal, models.full, floor),
+        held_out=_total(findings, held_out, models),
+        remarks=remarks_of(used, findings, withdrawn, choice.unmodelled),
+        runs=tuple(r.name for r in used),
+        held_out_runs=tuple(r.name for r in held),
     )
+
+
+def _speed_answer(
+    choice: Choice,
+    used: Sequence[Experiment],
+    held_out: Sequence[HeldOutRun],
+    full: FittedModel,
+    settings: DiagnosisSettings,
+) -> _SpeedAnswer:
+    """Speed lost in turns, where the fitted motion is good enough to know the drag of the turned wheels."""
+    last = choice.last
+    if last.model.lumped:
+        return _SpeedAnswer({SPEED: "the lumped model has no front tyre force, whose drag must be known"})
+    if choice.stopped:
+        judged = {t.effect for t in choice.first.trials} | set(last.cannot_see)
+        return _SpeedAnswer({e.id: STOPPED for e in library().values() if e.id not in judged})
+    if any(misfit.large for misfit in last.misfit.values()):
+        why = "the motion is not explained, so the drag of the turned wheels is not known"
+        return _SpeedAnswer({SPEED: why})
+    lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
+    if not settings.candidates((SPEED,)):
+        return _SpeedAnswer(unknown=unknown_loss(lost) if lost.found else None)
+    found = (speed_finding(lost, full, held_out),) if lost.found else ()
+    return _SpeedAnswer(gains={SPEED: max(lost.gain, 0.0)}, findings=found)
+
+
+def _unknown(
+    choice: Choice, findings: Sequence[Finding], speed: Unknown | None, places: Sequence[Mismatch], seed: int
+) -> Unknown | None:
+    """The misfit that no effect explains, None where there is none. speed: an unexplained speed loss."""
+    if choice.exceeded:
+        return unknown_at_bound(choice.exceeded, choice.withdrawn)
+    if choice.stopped:
+        return None
+    left = unknown(choice.last, bool(findings), seed, choice.unmodelled) or speed
+    return left or (None if findings else unknown_place(places))
+
+
+def _total(
+    findings: Sequence[Finding], held_out: Sequence[HeldOutRun], models: _Models
+) -> tuple[HeldOut, ...]:
+    """Both models on each held-out run; where only the speed loss was found, the models driven with it."""
+    if [f.effect for f in findings] == [SPEED]:
+        return findings[0].held_out
+    return tuple(compare_held_out(run, models.nominal, models.full) for run in held_out)
 
 
 def _finding(
     named: Named,
     choice: Choice,
     drawn: list[dict[str, float]],
-    unused: Sequence[Fresh],
-    whole: tuple[Modelled, Modelled],
+    held_out: Sequence[HeldOutRun],
+    models: _Models,
 ) -> Finding:
     effect, last = library()[named.trial.effect], choice.last
     values = effect_values(effect, last, drawn)
     evidence = {"gain": named.trial.gain, "threshold": named.threshold}
-    evidence |= {f"cosine:{a.effect}": a.cosine for a in named.alike}
+    evidence |= {f"cosine:{a.effect}": a.cosine for a in named.look_alikes}
     return Finding(
-        effect.id,
-        tuple(a.effect for a in named.alike),
-        values,
-        evidence,
-        _worth(effect.id, choice, unused, whole),
-        effect.next_run,
-        _told(effect.title, values, named.alike),
-        effect.equation,
+        effect=effect.id,
+        look_alikes=tuple(a.effect for a in named.look_alikes),
+        parameters=values,
+        evidence=evidence,
+        held_out=_contribution(effect.id, choice, held_out, models),
+        next_run=effect.next_run,
+        sentence=_sentence(effect.title, values, named.look_alikes),
+        equation=effect.equation,
     )
 
 
-def _worth(
-    effect: str, choice: Choice, unused: Sequence[Fresh], whole: tuple[Modelled, Modelled]
+def _contribution(
+    effect: str, choice: Choice, held_out: Sequence[HeldOutRun], models: _Models
 ) -> tuple[HeldOut, ...]:
-    """What one effect is worth in the presence of all others: the whole model with it and without it."""
-    if not unused:
+    """Each held-out run by the model without this effect, refitted, and by the full model."""
+    if not held_out:
         return ()
-    nominal, full = whole
     alone = len(choice.named) == 1
-    rest = nominal if alone else refitted_without(effect, choice.last.problem, full)
-    return tuple(held_out(run, rest, full) for run in unused)
+    rest = models.nominal if alone else refitted_without(effect, choice.last.problem, models.full)
+    return tuple(compare_held_out(run, rest, models.full) for run in held_out)
 
 
-def _told(title: str, values: Sequence[EffectValue], alike: Sequence[Alike]) -> str:
-    numbers = ", ".join(f"{v.name} = {v.value:.3g} {v.unit}".rstrip(" -") for v in values if v.value < 1e9)
-    other = f" (or {', '.join(library()[a.effect].title for a in alike)})" if alike else ""
+def _sentence(title: str, values: Sequence[EffectValue], look_alikes: Sequence[LookAlike]) -> str:
+    numbers = ", ".join(
+        f"{v.name} = {v.value:.3g} {v.unit}".rstrip(" -") for v in values if v.value < UNBOUNDED
+    )
+    other = f" (or {', '.join(library()[a.effect].title for a in look_alikes)})" if look_alikes else ""
     return f"{title}{other}, {numbers}"
 
 
 def _falsified(choice: Choice) -> tuple[Falsified, ...]:
-    """Nominal parameters that moved when the effects were taken in."""
+    """Nominal parameters that changed by more than `MATERIAL_CHANGE` when the effects were added."""
     before, after = choice.first.fitted.x, choice.last.fitted.x
     return tuple(
         Falsified(c.parameter, c.unit, exp(before[c.name]), exp(after[c.name]))

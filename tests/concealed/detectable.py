@@ -21,11 +21,11 @@ from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Array, Problem
 from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
-from rover_sweep.diagnosis.problem.speed_drift import wander
+from rover_sweep.diagnosis.problem.speed_drift import speed_drift
 from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
 from rover_sweep.diagnosis.search.material import material_sizes
-from rover_sweep.diagnosis.search.rounds import begun
-from rover_sweep.diagnosis.search.threshold import null
+from rover_sweep.diagnosis.search.rounds import fit_with_floor
+from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import experiment
 from tests.concealed.effects import table
@@ -44,15 +44,15 @@ def sizes(folder: Path, seed: int) -> Sizes:
     runs = read(*(folder / f"run{k}.BIN" for k in (1, 2, 3)), vehicle=folder / "rover.toml")
     driven = [experiment(run) for run in runs]
     model = Model("roll-yaw", geometry_of(runs.vehicle), Tolerances())
-    plain, fitted = begun(driven, model, {})
+    plain, fitted = fit_with_floor(driven, model, {})
     effects = possible(model, driven)[0]
-    little = signatures(plain, fitted, model, effects, tiny=True) + wander(plain, fitted)
+    little = signatures(plain, fitted, model, effects, tolerances=True) + speed_drift(plain, fitted)
     problem = plain.in_metric(columns(little, plain.size))
     fitted = sensitivities(problem, fit(problem, model.structure, model.free, fitted.x))
     tiny = [replace(s, rows=problem.of(s.rows)) for s in little]
     seen = tangent(fitted)
     found = signatures(problem, fitted, model, effects)
-    thresholds = null(found, tiny, seen, min(fitted.overdispersion, 1.5), 1).thresholds
+    thresholds = null_distribution(found, tiny, seen, min(fitted.overdispersion, 1.5), 1).thresholds
     nuisance = seen.outside(columns(tiny, problem.size))
     out: Sizes = {name: dict(table()[name]["parameters"]) for name in ESTIMATED}
     for effect in effects:

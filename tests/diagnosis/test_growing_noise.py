@@ -36,6 +36,6 @@ def test_what_is_named_is_not_withdrawn_for_noise_that_no_state_predicts() -> No
     found = choose(runs(2.0), MODEL, X, Options((EFFECT,), (), 1, lambda what, share: None, lambda: False))
     assert [n.trial.effect for n in found.named] == [EFFECT]
     assert found.last.fitted.x[f"{EFFECT}.T"] == pytest.approx(TORQUE, rel=0.15)
-    assert found.last.left["p"].loud and not found.last.left["p"].much
+    assert found.last.misfit["p"].notable and not found.last.misfit["p"].large
     assert unknown(found.last, True, 1) is None
     assert unknown(found.last, False, 1) is not None  # with nothing named it is worth a question

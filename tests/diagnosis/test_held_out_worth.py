@@ -9,7 +9,7 @@ import pytest
 from planted import MODEL, NOISE, X, sweeps
 
 from rover_sweep.diagnosis.held_out.cost import cost
-from rover_sweep.diagnosis.held_out.worth import Fresh, Modelled, held_out, refitted_without
+from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun, compare_held_out, refitted_without
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import with_floor
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -44,15 +44,19 @@ def test_a_decibel_weighs_as_much_as_seven_degrees(factor: complex) -> None:
 
 def test_a_sweep_has_costs_and_a_doublet_has_none() -> None:
     run = driven(1)[0]
-    without = Modelled(MODEL, {**X, "trim": 0.0})
-    found = held_out(Fresh.of(run, FLOOR, Modelled(BOTH, TRUE)), without, Modelled(BOTH, TRUE))
+    without = FittedModel(MODEL, {**X, "trim": 0.0})
+    found = compare_held_out(
+        HeldOutRun.of(run, FLOOR, FittedModel(BOTH, TRUE)), without, FittedModel(BOTH, TRUE)
+    )
     assert set(found.after.cost) == {"r", "ay", "p", "vydot"}
     assert all(found.after.cost[o] < 0.2 * found.before.cost[o] for o in found.after.cost)
     assert found.after.cost["r"] < 10 and found.before.cost["r"] > 100
     assert found.after.j_rms < found.before.j_rms and found.after.tic < found.before.tic
     assert found.share_removed == pytest.approx(1.0, abs=0.02)
-    doublet = held_out(
-        Fresh.of(replace(run, kind="doublet"), FLOOR, Modelled(BOTH, TRUE)), without, Modelled(BOTH, TRUE)
+    doublet = compare_held_out(
+        HeldOutRun.of(replace(run, kind="doublet"), FLOOR, FittedModel(BOTH, TRUE)),
+        without,
+        FittedModel(BOTH, TRUE),
     )
     assert doublet.before.cost == {} and doublet.share_removed == found.share_removed
 
@@ -60,18 +64,20 @@ def test_a_sweep_has_costs_and_a_doublet_has_none() -> None:
 def test_a_quieter_run_is_judged_by_its_own_noise() -> None:
     """Half the noise of the runs that were used: what is above it must not count as beyond all."""
     run = driven(5)[0]
-    whole, rest = Modelled(BOTH, TRUE), Modelled(BOTH, {**TRUE, "tyre_relaxation.sigma": 0.24})
+    whole, rest = FittedModel(BOTH, TRUE), FittedModel(BOTH, {**TRUE, "tyre_relaxation.sigma": 0.24})
     clean = logged(run, BOTH.structure, TRUE, Sensors.of(run))
     quiet = replace(run, measured={c: y + 0.5 * (run.measured[c] - y) for c, y in clean.items()})
-    found = held_out(Fresh.of(quiet, FLOOR, whole), rest, whole)
+    found = compare_held_out(HeldOutRun.of(quiet, FLOOR, whole), rest, whole)
     assert found.share_removed == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_model_at_the_floor_has_nothing_to_remove() -> None:
     run = driven(2)[0]
     assert (
-        held_out(
-            Fresh.of(run, FLOOR, Modelled(BOTH, TRUE)), Modelled(BOTH, TRUE), Modelled(BOTH, TRUE)
+        compare_held_out(
+            HeldOutRun.of(run, FLOOR, FittedModel(BOTH, TRUE)),
+            FittedModel(BOTH, TRUE),
+            FittedModel(BOTH, TRUE),
         ).share_removed
         is None
     )
@@ -79,10 +85,10 @@ def test_a_model_at_the_floor_has_nothing_to_remove() -> None:
 
 def test_an_effect_is_worth_what_the_others_cannot_do() -> None:
     """Without the trim the rest still has relaxation, so its absence leaves what the trim alone explains."""
-    whole = Modelled(BOTH, TRUE)
-    fresh = Fresh.of(driven(4)[0], FLOOR, Modelled(BOTH, TRUE))
+    whole = FittedModel(BOTH, TRUE)
+    held = HeldOutRun.of(driven(4)[0], FLOOR, FittedModel(BOTH, TRUE))
     rest = refitted_without("steering_trim", with_floor(driven(3), FLOOR), whole)
     assert rest.model.effects == ("tyre_relaxation",)
-    assert held_out(fresh, rest, whole).share_removed == pytest.approx(1.0, abs=0.05)
-    nothing = Modelled(MODEL, {**X, "trim": 0.0})
-    assert fresh.squares(whole) < fresh.squares(rest) < fresh.squares(nothing)
+    assert compare_held_out(held, rest, whole).share_removed == pytest.approx(1.0, abs=0.05)
+    nothing = FittedModel(MODEL, {**X, "trim": 0.0})
+    assert held.sum_of_squares(whole) < held.sum_of_squares(rest) < held.sum_of_squares(nothing)

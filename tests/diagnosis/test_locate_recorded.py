@@ -10,7 +10,7 @@ from rover_sweep.data.vehicle_file import load as vehicle_of
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.result import Mismatch
-from rover_sweep.diagnosis.search.rounds import begun
+from rover_sweep.diagnosis.search.rounds import fit_with_floor
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import experiment
 
@@ -23,7 +23,7 @@ def located(name: str) -> dict[tuple[str, str], Mismatch]:
     files = tuple(str(SETS / name / f"run{k}.BIN") for k in (1, 2, 3))
     runs = [experiment(run) for run in load(files, vehicle, Reading(None, {}), [])]
     model = Model("roll-yaw", geometry_of(vehicle), Tolerances())
-    problem, fitted = begun(runs, model, {})
+    problem, fitted = fit_with_floor(runs, model, {})
     found = mismatches(problem, problem.measured - problem.model(model.structure, fitted.x))
     return {(m.channel, m.condition): m for m in found}
 

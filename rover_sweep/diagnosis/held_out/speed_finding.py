@@ -10,7 +10,7 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.held_out.speed_loss import SpeedLoss, speed_predicted
-from rover_sweep.diagnosis.held_out.worth import Fresh, Modelled, fit_of
+from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun, fit_of
 from rover_sweep.diagnosis.result import EffectValue, Finding, HeldOut, Unknown
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
@@ -18,7 +18,7 @@ ID = "speed_variation"
 
 
 @dataclass(frozen=True, eq=False)
-class DrivenAt(Modelled):
+class AtPredictedSpeed(FittedModel):
     """A model that is driven at a predicted speed, instead of the measured one."""
 
     loss: float
@@ -33,17 +33,17 @@ class DrivenAt(Modelled):
         return super().log(replace(run, speed=self.speed(run)))
 
 
-def speed_finding(found: SpeedLoss, whole: Modelled, unused: Sequence[Fresh]) -> Finding:
+def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOutRun]) -> Finding:
     """The loss as a finding. whole: the model with all other effects."""
     effect = library()[ID]
     unit, meaning = effect.parameters[0].unit, effect.parameters[0].convention
     value = EffectValue("D", unit, found.loss, found.low, found.high, meaning)
-    without, with_it = (DrivenAt(whole.model, whole.x, d, found.lag) for d in (0.0, found.loss))
+    without, with_it = (AtPredictedSpeed(whole.model, whole.x, d, found.lag) for d in (0.0, found.loss))
     told = (
         f"{effect.title}, D = {found.loss:.3g} {unit}: up to {100 * found.drop:.1f} % of the speed, "
         f"behind a drive of {found.lag:.1f} s"
     )
-    shown = tuple(_held_out(fresh, without, with_it, found.noise) for fresh in unused)
+    shown = tuple(_held_out(held, without, with_it, found.noise) for held in unused)
     return Finding(
         ID,
         (),
@@ -69,9 +69,11 @@ def unknown_loss(found: SpeedLoss) -> Unknown:
     )
 
 
-def _held_out(fresh: Fresh, without: DrivenAt, with_it: DrivenAt, noise: float) -> HeldOut:
+def _held_out(
+    held: HeldOutRun, without: AtPredictedSpeed, with_it: AtPredictedSpeed, noise: float
+) -> HeldOut:
     """J_rms and TIC of models driven at the predicted speeds; the share is that of the speed's own error."""
-    run = fresh.run
+    run = held.run
     before, after = (float(np.var(run.speed - m.speed(run))) for m in (without, with_it))
     share = (before - after) / (before - noise) if before > noise else None
-    return HeldOut(run.name, fit_of(fresh, without), fit_of(fresh, with_it), share)
+    return HeldOut(run.name, fit_of(held, without), fit_of(held, with_it), share)

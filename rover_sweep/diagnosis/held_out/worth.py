@@ -19,12 +19,12 @@ from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.spectra.response import FrequencyResponse
 
 UNITS = {"r": 180 / np.pi, "ay": 1 / 0.3048, "p": 180 / np.pi}  # deg/s, ft/s^2, deg/s: those of J_rms
-SHOWN = 4  # of the simulation's samples that one of an overlay stands for
+EVERY = 4  # of the simulation's samples that one of an overlay stands for
 EXPLAINABLE = 1.05  # rows' mean square before, above which there is something to remove
 
 
 @dataclass(frozen=True, eq=False)
-class Modelled:
+class FittedModel:
     """A model with its fitted coordinates."""
 
     model: Model
@@ -36,7 +36,7 @@ class Modelled:
 
 
 @dataclass(frozen=True, eq=False)
-class Fresh:
+class HeldOutRun:
     """A run that neither the fit nor the choice used, with all that does not depend on the model.
 
     responses: measured frequency responses {output: response} of a sweep, empty for other manoeuvres.
@@ -47,19 +47,19 @@ class Fresh:
     responses: Mapping[str, FrequencyResponse]
 
     @staticmethod
-    def of(run: Experiment, floor: Floor, whole: Modelled) -> Fresh:
+    def of(run: Experiment, floor: Floor, whole: FittedModel) -> HeldOutRun:
         """The run in the noise floor of the runs that were used, at its own level."""
         swept = run.kind in SWEPT
         found = frequency_responses_of(run, centred(run)) if swept else {}
-        return Fresh(run, with_floor([run], _at_its_level(run, floor, whole)), found)
+        return HeldOutRun(run, with_floor([run], _scaled_floor(run, floor, whole)), found)
 
-    def squares(self, m: Modelled) -> float:
+    def sum_of_squares(self, m: FittedModel) -> float:
         """Sum of squares of the whitened rows that a model leaves."""
         rows = self.problem.measured - self.problem.model(m.model.structure, m.x)
         return float(rows @ rows)
 
 
-def _at_its_level(run: Experiment, floor: Floor, whole: Modelled) -> Floor:
+def _scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
     """The floor moved, channel by channel, to the noise that the run has where it is not excited.
 
     A slower run shakes less. One run shows too little of a floor over frequency, so that its shape stays.
@@ -69,25 +69,25 @@ def _at_its_level(run: Experiment, floor: Floor, whole: Modelled) -> Floor:
     return Floor(floor.f, {c: d * level.get(c, 1.0) for c, d in floor.density.items()})
 
 
-def held_out(fresh: Fresh, before: Modelled, after: Modelled) -> HeldOut:
+def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) -> HeldOut:
     """Both models on one fresh run; the mean square of a row is 1 where a model is right."""
-    left = [fresh.squares(m) for m in (before, after)]
-    noise = fresh.problem.size
+    left = [held.sum_of_squares(m) for m in (before, after)]
+    noise = held.problem.size
     explainable = left[0] - noise
     share = (left[0] - left[1]) / explainable if left[0] > EXPLAINABLE * noise else None
-    return HeldOut(fresh.run.name, fit_of(fresh, before), fit_of(fresh, after), share)
+    return HeldOut(held.run.name, fit_of(held, before), fit_of(held, after), share)
 
 
-def refitted_without(effect: str, used: Problem, whole: Modelled) -> Modelled:
+def refitted_without(effect: str, used: Problem, whole: FittedModel) -> FittedModel:
     """The whole model without one of its effects, what remains fitted again to the runs that were used."""
     rest = whole.model.without(effect)
     found = fit(used, rest.structure, rest.free, whole.x)
-    return Modelled(rest, found.x)
+    return FittedModel(rest, found.x)
 
 
-def fit_of(fresh: Fresh, m: Modelled) -> Fit:
+def fit_of(held: HeldOutRun, m: FittedModel) -> Fit:
     """J_rms and TIC, equations (15) and (16) of the paper, biases of the outputs taken out; J of a sweep."""
-    log, data = m.log(fresh.run), centred(fresh.run)
+    log, data = m.log(held.run), centred(held.run)
     errors, measured, model = [], [], []
     for c, factor in UNITS.items():
         if c in data:
@@ -98,29 +98,29 @@ def fit_of(fresh: Fresh, m: Modelled) -> Fit:
             model.append(np.mean((s + bias) ** 2))
     rms = float(np.sqrt(np.mean(errors)))
     tic = float(rms / (np.sqrt(np.mean(measured)) + np.sqrt(np.mean(model))))
-    return Fit(rms, tic, costs(fresh.run, fresh.responses, log) if fresh.responses else {})
+    return Fit(rms, tic, costs(held.run, held.responses, log) if held.responses else {})
 
 
 def overlays(
-    runs: Sequence[Experiment], fresh: bool, before: Modelled, after: Modelled, floor: Floor
+    runs: Sequence[Experiment], unused: bool, before: FittedModel, after: FittedModel, floor: Floor
 ) -> tuple[Overlay, ...]:
     """Measured against both models for pictures; fresh runs in the noise of their own level."""
     out = []
     used = floor
     for run in runs:
-        floor = _at_its_level(run, used, after) if fresh else used
+        floor = _scaled_floor(run, used, after) if unused else used
         one, two, data = before.log(run), after.log(run), centred(run)
         for c, y in data.items():
             w, left_before = _spectrum(y - one[c], run, floor, c)
             _, left_after = _spectrum(y - two[c], run, floor, c)
-            k = slice(None, None, SHOWN)
+            k = slice(None, None, EVERY)
             noise = floor.rms(c, 0.1, min(12.0, 0.4 * run.rates[c]))
             mean1, mean2 = np.mean(y - one[c]), np.mean(y - two[c])
             out.append(
                 Overlay(
                     run.name,
                     c,
-                    fresh,
+                    unused,
                     run.begin + run.t[k],
                     y[k],
                     one[c][k] + mean1,

@@ -23,7 +23,7 @@ from rover_sweep.diagnosis.problem.signatures import Signature, columns
 from rover_sweep.diagnosis.search.candidate_fits import tangent
 from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
 from rover_sweep.diagnosis.search.rounds import LAGS
-from rover_sweep.diagnosis.search.threshold import null
+from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model
 
 TRUTH = 2.0  # of its detectable size, at which an effect is told from its neighbours
@@ -80,7 +80,7 @@ class Stacked:
     def thresholds(self) -> Mapping[str, float]:
         """{effect: gain} as the bootstrap of a diagnosis on these runs has them."""
         judged = self.judged
-        return null(judged.found, judged.tiny, tangent(judged._fitted(())), 1.0, 1).thresholds
+        return null_distribution(judged.found, judged.tiny, tangent(judged._fitted(())), 1.0, 1).thresholds
 
     @cached_property
     def _outside(self) -> dict[frozenset[str], Array]:

@@ -71,7 +71,7 @@ def evidence(
     problem = replace(problem, measured=problem.model(model.structure, base.x))
     nominal = sensitivities(problem, base).jacobian
     found = signatures(problem, base, model, effects, at)
-    tiny = signatures(problem, base, model, effects, tiny=True)
+    tiny = signatures(problem, base, model, effects, tolerances=True)
     if isinstance(problem, OnBlocks):
         tiny += _nuisances(problem, model, base.x)
     return _few_rows(nominal, found, tiny, {e.id for e in effects if e.stage == "grip"} | {"servo_test"})

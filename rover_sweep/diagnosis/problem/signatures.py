@@ -32,7 +32,7 @@ def signatures(
     model: Model,
     effects: Sequence[Effect],
     at: Mapping[str, float] | None = None,
-    tiny: bool = False,
+    tolerances: bool = False,
 ) -> list[Signature]:
     """Signatures of effects beside a fitted model.
 
@@ -41,7 +41,10 @@ def signatures(
     """
     now = problem.model(model.structure, base.x)
     wanted = [
-        w for e in effects if e.id not in WHOLE for w in _wanted(problem, base, model, e, at or {}, tiny)
+        w
+        for e in effects
+        if e.id not in WHOLE
+        for w in _wanted(problem, base, model, e, at or {}, tolerances)
     ]
     rows = [problem.model(structure, x) - now for _, _, _, structure, x in wanted]
     return [
@@ -50,7 +53,7 @@ def signatures(
 
 
 def _wanted(
-    problem: Problem, base: Fitted, model: Model, effect: Effect, at: Mapping[str, float], tiny: bool
+    problem: Problem, base: Fitted, model: Model, effect: Effect, at: Mapping[str, float], tolerances: bool
 ) -> list[tuple[Effect, EffectParameter, float, Structure, dict[str, float]]]:
     out = []
     for run in problem.runs if effect.stage == "grip" else problem.runs[:1]:
@@ -58,8 +61,8 @@ def _wanted(
         structure = model.with_effect(effect.id, where).structure
         for p in effect.parameters:
             name = effect.reads.get(p.name, effect.key(p.name))
-            size = p.tiny if tiny else at.get(name, p.size)
-            if p.name == "t" or size == 0.0 or (tiny and p.name in effect.reads):
+            size = p.tiny if tolerances else at.get(name, p.size)
+            if p.name == "t" or size == 0.0 or (tolerances and p.name in effect.reads):
                 continue
             x = {**base.x, name: base.x.get(name, 0.0) + size}
             if effect.stage == "grip":
@@ -73,7 +76,7 @@ def columns(found: Sequence[Signature], size: int) -> Array:
     return np.column_stack([s.rows for s in found]) if found else np.zeros((size, 1))
 
 
-def drawn_amounts(random: np.random.Generator, tiny: Sequence[Signature], draws: int) -> Array:
+def drawn_amounts(random: np.random.Generator, tolerances: Sequence[Signature], draws: int) -> Array:
     """(draws, k): how much of each tiny effect an ordinary rover has, in its standard deviations."""
-    amounts = random.standard_normal((draws, len(tiny)))
-    return np.where([s.signed for s in tiny], amounts, np.abs(amounts)) if tiny else amounts
+    amounts = random.standard_normal((draws, len(tolerances)))
+    return np.where([s.signed for s in tolerances], amounts, np.abs(amounts)) if tolerances else amounts

@@ -20,7 +20,7 @@ ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers state .05 m/s before fi
 FASTEST = 0.3  # Hz; the accelerometer holds the estimate over shorter times
 
 
-def wander(problem: Problem, fitted: Fitted) -> list[Signature]:
+def speed_drift(problem: Problem, fitted: Fitted) -> list[Signature]:
     """Rows of the speed errors of each run, cosines and sines up to `FASTEST`, at one standard deviation."""
     out = []
     for k, (run, sensors) in enumerate(zip(problem.runs, problem.sensors, strict=True)):

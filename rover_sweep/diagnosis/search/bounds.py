@@ -13,7 +13,7 @@ from rover_sweep.diagnosis.problem.residuals import Problem, over_noise
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 
-FARTHER = 5.0  # times as far from its start as is ordinary
+WIDENED = 5.0  # times as far from its start as is ordinary
 WORDS = {
     "lag": "the servo's lag",
     "delay": "the steering's delay",
@@ -25,7 +25,7 @@ WORDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Beyond:
+class ExceededBound:
     """A coordinate that was let go farther. gain: drop of the cost; channel: where most of it is; ratio: the
     rms of the rows there that it explains over their noise."""
 
@@ -35,9 +35,9 @@ class Beyond:
     ratio: float
 
 
-def beyond_ordinary(problem: Problem, fitted: Fitted) -> Beyond | None:
+def exceeded_bound(problem: Problem, fitted: Fitted) -> ExceededBound | None:
     """The coordinate whose limit costs most; None where none is at its limit."""
-    found = [_let_go(problem, fitted, c) for c in _at_the_limit(fitted)]
+    found = [_released(problem, fitted, c) for c in _at_their_bounds(fitted)]
     return max(found, key=lambda b: b.gain, default=None)
 
 
@@ -47,28 +47,28 @@ def cost_of(problem: Problem, fitted: Fitted) -> float:
     return float(rows @ rows)
 
 
-def unknown_beyond(beyond: Beyond, withdrawn: tuple[str, ...]) -> Unknown:
+def unknown_at_bound(exceeded: ExceededBound, withdrawn: tuple[str, ...]) -> Unknown:
     """The answer: what is wanted, and that it explains more than what would have been named."""
-    what = WORDS[beyond.coordinate]
+    what = WORDS[exceeded.coordinate]
     return Unknown(
-        beyond.channel,
+        exceeded.channel,
         what,
-        beyond.ratio,
+        exceeded.ratio,
         f"the recordings want {what} beyond what is ordinary, which explains more than "
         f"{' and '.join(withdrawn)} would; no candidate explains it",
     )
 
 
-def _at_the_limit(fitted: Fitted) -> Iterator[Coordinate]:
+def _at_their_bounds(fitted: Fitted) -> Iterator[Coordinate]:
     for c in fitted.free:
         room = 1e-6 * c.scale
         if c.name in WORDS and not c.low + room < fitted.x[c.name] < c.high - room:
             yield c
 
 
-def _let_go(problem: Problem, fitted: Fitted, c: Coordinate) -> Beyond:
-    low = c.low if c.low == 0.0 else c.start - FARTHER * (c.start - c.low)
-    wide = replace(c, low=low, high=c.start + FARTHER * (c.high - c.start))
+def _released(problem: Problem, fitted: Fitted, c: Coordinate) -> ExceededBound:
+    low = c.low if c.low == 0.0 else c.start - WIDENED * (c.start - c.low)
+    wide = replace(c, low=low, high=c.start + WIDENED * (c.high - c.start))
     free = tuple(wide if one.name == c.name else one for one in fitted.free)
     freed = fit(problem, fitted.structure, free, fitted.x, known=fitted)
     less = {}
@@ -77,4 +77,4 @@ def _let_go(problem: Problem, fitted: Fitted, c: Coordinate) -> Beyond:
         less[channel] = float(before @ before - after @ after)
     channel = max(less, key=lambda name: less[name])
     rows = problem.part(fitted.rows - freed.rows, channel=channel)
-    return Beyond(c.name, fitted.cost - freed.cost, channel, over_noise(less[channel], rows))
+    return ExceededBound(c.name, fitted.cost - freed.cost, channel, over_noise(less[channel], rows))

@@ -16,16 +16,16 @@ from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model, own
 
 SIZES = (0.25, 1.0)  # of an effect's plain size, at which the first look is taken
 INSTANTS = 7
-HOPELESS = 2.0  # of the gain that a first look promises, below which it explains nothing
-WORTH = 0.25  # of the gain that would matter, from which a first look is followed by a fit
-GIVEN_UP = 0.5  # of the promise, below which a fit has gone wrong
+NO_GAIN = 2.0  # of the gain that a first look promises, below which it explains nothing
+FITTED_FROM = 0.25  # of the gain that would matter, from which a first look is followed by a fit
+ASTRAY = 0.5  # of the promise, below which a fit has gone wrong
 NEARER = 0.3  # of the way to the first start
-MOST_FITS = 9  # of the effects that promise most
-POLISHED = 5  # trials, of at most
+FITTED = 9  # of the effects that promise most
+REFITTED = 5  # trials, of at most
 RESTARTED = 2  # of the best, where the nominal model is far off
 FAR = 2.0  # variance of a row
-POLISH = 5  # steps; the next round fits the best one on
-NEAR = 0.4  # of what matters, from which a trial is fitted again
+REFIT_STEPS = 5  # steps; the next round fits the best one on
+REFITTED_FROM = 0.4  # of what matters, from which a trial is fitted again
 RIVAL = 0.2  # of the best gain, below which a trial is no rival
 
 
@@ -71,32 +71,32 @@ def tangent(fitted: Fitted) -> Tangent:
     return Tangent(q, fitted.rows.size)
 
 
-def first_look(
-    problem: Problem, base: Fitted, tang: Tangent, model: Model, effect: Effect
+def linear_prediction(
+    problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
 ) -> tuple[float, dict[str, float]] | None:
     """(gain it promises, coordinates {name: coordinate} to begin a fit from); None: it explains nothing.
 
     tang: of the base.
     """
     starts = _starts(effect, problem, base, model)
-    seen = problem.models(model.structure, [{**base.x, **s} for s in starts])
+    models = problem.models(model.structure, [{**base.x, **s} for s in starts])
     now = problem.measured - base.rows
-    outside = tang.outside(base.rows)
+    outside = space.outside(base.rows)
     best: tuple[float, float, dict[str, float]] | None = None
-    for start, rows in zip(starts, seen, strict=True):
-        signature = tang.outside(rows - now)
+    for start, rows in zip(starts, models, strict=True):
+        signature = space.outside(rows - now)
         power = float(signature @ signature)
         if power < 1e-6:
             continue
         amount = float(signature @ outside) / power
-        promise = amount * amount * power
-        if (amount > 0 or effect.signed) and (best is None or promise > best[0]):
-            best = promise, amount, start
-    if best is None or (best[0] < HOPELESS and own(effect)):
+        predicted = amount * amount * power
+        if (amount > 0 or effect.signed) and (best is None or predicted > best[0]):
+            best = predicted, amount, start
+    if best is None or (best[0] < NO_GAIN and own(effect)):
         return None
-    promise, amount, start = best
+    predicted, amount, start = best
     factor = float(np.sign(amount) * np.clip(abs(amount), 0.5, 2.0))
-    return promise, {
+    return predicted, {
         k: v if k.endswith(".t") else base.x.get(k, 0.0) + (v - base.x.get(k, 0.0)) * factor
         for k, v in start.items()
     }
@@ -123,57 +123,57 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Screened:
     """What an effect promises at first sight: gain, the model with it, and where a fit of it begins."""
 
     effect: str
     model: Model
-    promise: float
+    predicted: float
     start: Mapping[str, float]
 
 
-def looked(problem: Problem, base: Fitted, tang: Tangent, model: Model, effect: Effect) -> Look | None:
+def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect) -> Screened | None:
     """The first look at an effect, in the run that shows it best; None where it explains nothing."""
     if effect.id in WHOLE:
-        return Look(effect.id, model.with_effect(effect.id), np.inf, {})
+        return Screened(effect.id, model.with_effect(effect.id), np.inf, {})
     runs = [r.name for r in problem.runs] if effect.stage == "grip" else [""]
     extended = [model.with_effect(effect.id, run) for run in runs]
-    found = [(m, first_look(problem, base, tang, m, effect)) for m in extended]
-    looks = [Look(effect.id, m, *look) for m, look in found if look is not None]
-    return max(looks, key=lambda x: x.promise, default=None)
+    found = [(m, linear_prediction(problem, base, space, m, effect)) for m in extended]
+    screened = [Screened(effect.id, m, *one) for m, one in found if one is not None]
+    return max(screened, key=lambda x: x.predicted, default=None)
 
 
-def fitted_from(problem: Problem, base: Fitted, look: Look) -> Trial:
+def fit_from(problem: Problem, base: Fitted, one: Screened) -> Trial:
     """The model with the effect, fitted from a first look."""
-    free, structure = look.model.free, look.model.structure
-    known = None if look.effect in WHOLE else base
-    found = fit(problem, structure, free, {**base.x, **look.start}, known=known)
-    if known is not None and base.cost - found.cost < GIVEN_UP * look.promise:  # led astray: from nearer by
-        nearer = {
-            k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in look.start.items()
-        }
+    free, structure = one.model.free, one.model.structure
+    known = None if one.effect in WHOLE else base
+    found = fit(problem, structure, free, {**base.x, **one.start}, known=known)
+    if known is not None and base.cost - found.cost < ASTRAY * one.predicted:  # led astray: from nearer by
+        nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in one.start.items()}
         again = fit(problem, structure, free, {**base.x, **nearer}, known=known)
         found = again if again.cost < found.cost else found
-    return Trial(look.effect, look.model, found, base.cost - found.cost)
+    return Trial(one.effect, one.model, found, base.cost - found.cost)
 
 
-def tried(problem: Problem, base: Fitted, tang: Tangent, model: Model, effect: Effect) -> Trial | None:
+def fit_candidate(
+    problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
+) -> Trial | None:
     """The model with the effect, fitted from the best first look; None where it explains nothing."""
-    look = looked(problem, base, tang, model, effect)
-    return None if look is None else fitted_from(problem, base, look)
+    one = screen(problem, base, space, model, effect)
+    return None if one is None else fit_from(problem, base, one)
 
 
 def _between(now: float, start: float) -> float:
     return now + NEARER * (start - now)
 
 
-def all_tried(
+def fit_candidates(
     problem: Problem,
     base: Fitted,
-    tang: Tangent,
+    space: Tangent,
     model: Model,
     effects: Sequence[Effect],
-    needed: Mapping[str, float],
+    thresholds: Mapping[str, float],
     progress: Callable[[str, float], None],
     stop: Callable[[], bool],
 ) -> list[Trial]:
@@ -182,40 +182,42 @@ def all_tried(
     All are looked at; those that promise what matters, and most, are fitted with the nominal's
     sensitivities of the base. The others are told by their promise. needed: gain that would matter.
     """
-    looks: list[Look] = []
+    screened: list[Screened] = []
     for k, effect in enumerate(effects):
         if stop():
             break
         progress(f"looking at {effect.title}", 0.5 * k / max(len(effects), 1))
-        look = looked(problem, base, tang, model, effect)
-        looks += [look] if look is not None else []
-    looks.sort(key=lambda x: -x.promise)
-    worth = [x for x in looks if x.promise >= WORTH * needed.get(x.effect, 0.0)][:MOST_FITS]
-    out = [Trial(x.effect, x.model, base, x.promise) for x in looks if x not in worth]
-    for k, look in enumerate(worth):
+        one = screen(problem, base, space, model, effect)
+        screened += [one] if one is not None else []
+    screened.sort(key=lambda x: -x.predicted)
+    promising = [x for x in screened if x.predicted >= FITTED_FROM * thresholds.get(x.effect, 0.0)][:FITTED]
+    out = [Trial(x.effect, x.model, base, x.predicted) for x in screened if x not in promising]
+    for k, one in enumerate(promising):
         if stop():
-            out += [Trial(x.effect, x.model, base, x.promise) for x in worth[k:] if x.effect not in WHOLE]
+            out += [
+                Trial(x.effect, x.model, base, x.predicted) for x in promising[k:] if x.effect not in WHOLE
+            ]
             break
-        progress(f"fitting {look.effect}", 0.5 + 0.5 * k / len(worth))
-        out.append(fitted_from(problem, base, look))
+        progress(f"fitting {one.effect}", 0.5 + 0.5 * k / len(promising))
+        out.append(fit_from(problem, base, one))
     return sorted(out, key=lambda t: -t.gain)
 
 
-def all_polished(
+def refit_candidates(
     problem: Problem,
     base: Fitted,
     trials: Sequence[Trial],
-    needed: Mapping[str, float],
+    thresholds: Mapping[str, float],
     stop: Callable[[], bool],
 ) -> list[Trial]:
     """The best trials fitted again with their own sensitivities; needed: gain of each that would matter."""
     best = max((t.gain for t in trials), default=0.0)
     out = []
     for rank, trial in enumerate(trials):
-        near = trial.gain > max(NEAR * needed.get(trial.effect, 0.0), RIVAL * best)
+        near = trial.gain > max(REFITTED_FROM * thresholds.get(trial.effect, 0.0), RIVAL * best)
         fitted = trial.fitted is not base
-        again = fitted and near and rank < POLISHED and not stop()
-        found = polished(problem, base, trial) if again else trial
+        again = fitted and near and rank < REFITTED and not stop()
+        found = refitted(problem, base, trial) if again else trial
         if again and rank < RESTARTED and base.overdispersion > FAR:
             other = _restarted(problem, base, found)
             found = other if other.gain > found.gain else found
@@ -230,11 +232,13 @@ def _restarted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
         for c in own(library()[trial.effect])
         if not c.name.endswith(".t")
     }
-    begun = Trial(trial.effect, trial.model, replace(trial.fitted, x={**trial.fitted.x, **plain}), trial.gain)
-    return polished(problem, base, begun)
+    restart = Trial(
+        trial.effect, trial.model, replace(trial.fitted, x={**trial.fitted.x, **plain}), trial.gain
+    )
+    return refitted(problem, base, restart)
 
 
-def polished(problem: Problem, base: Fitted, trial: Trial) -> Trial:
+def refitted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
     """The trial fitted on with its own sensitivities."""
-    found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x, steps=POLISH)
+    found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x, steps=REFIT_STEPS)
     return Trial(trial.effect, trial.model, found, base.cost - found.cost)

@@ -23,7 +23,7 @@ OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
 FEWEST = 4  # lines of an octave that pull together
 
 
-def draws(last: Round, seed: int) -> list[dict[str, float]]:
+def draw_coordinates(last: Round, seed: int) -> list[dict[str, float]]:
     """Coordinates drawn from the Gaussian at the fit, held within the bounds."""
     fitted = last.fitted
     scale = np.array([c.scale for c in fitted.free])
@@ -42,13 +42,13 @@ def _covariance(last: Round) -> Array:
     fitted = last.fitted
     prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
     inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-6))
-    pulls = _pulls(last)
-    pulls = pulls - pulls.mean(axis=0)
-    spread = pulls.T @ pulls * (len(pulls) / max(len(pulls) - 1, 1))
+    scores = _scores(last)
+    scores = scores - scores.mean(axis=0)
+    spread = scores.T @ scores * (len(scores) / max(len(scores) - 1, 1))
     return np.asarray(inverse * last.fitted.overdispersion + inverse @ spread @ inverse)
 
 
-def _pulls(last: Round) -> Array:
+def _scores(last: Round) -> Array:
     """(groups, k): how much the residual of each octave of each channel of each run pulls at a coordinate."""
     fitted, out = last.fitted, []
     for rows in last.problem.rows:
@@ -62,16 +62,16 @@ def _pulls(last: Round) -> Array:
 
 def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
     """The parameters that a user reads of an effect."""
-    out, drawn = [], _doubted(effect, drawn)
+    out, drawn = [], _with_doubt(effect, drawn)
     for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
-        low, high = _span(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
+        low, high = _interval(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
         begin = _begin(last) if effect.stage == "grip" and name == "t" else 0.0
         found = EffectValue(name, unit, value + begin, _number(low + begin), _number(high + begin), meaning)
-        out.append(found if np.isfinite(value) else _absent(found))
+        out.append(found if np.isfinite(value) else _unbounded(found))
     return tuple(out)
 
 
-def _doubted(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str, float]]:
+def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str, float]]:
     """The draws with what no data of this kind can tell."""
     random = np.random.default_rng(len(drawn))
     out = drawn
@@ -92,12 +92,14 @@ def nominal_values(last: Round, drawn: list[dict[str, float]]) -> tuple[EffectVa
     out = []
     for c in last.fitted.free:
         if c.parameter:
-            low, high = _span(drawn, lambda x, n=c.name: exp(x[n]))  # type: ignore[misc]
+            low, high = _interval(drawn, lambda x, n=c.name: exp(x[n]))  # type: ignore[misc]
             out.append(EffectValue(c.parameter, c.unit, exp(last.fitted.x[c.name]), low, high))
     return tuple(out)
 
 
-def _span(drawn: list[dict[str, float]], of: Callable[[Mapping[str, float]], float]) -> tuple[float, float]:
+def _interval(
+    drawn: list[dict[str, float]], of: Callable[[Mapping[str, float]], float]
+) -> tuple[float, float]:
     values: Array = np.array([of(x) for x in drawn])
     values = np.where(np.isfinite(values), values, 1e12)
     low, high = np.percentile(values, LEVEL)
@@ -108,6 +110,6 @@ def _number(x: float) -> float | None:
     return float(x) if np.isfinite(x) and abs(x) < 1e9 else None
 
 
-def _absent(v: EffectValue) -> EffectValue:
+def _unbounded(v: EffectValue) -> EffectValue:
     """A limit or a cut-off that is not there: its lower bound alone says something."""
     return EffectValue(v.name, v.unit, 1e9, v.low, None, f"{v.meaning}; not there")

@@ -15,18 +15,26 @@ from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, problem
 from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
-from rover_sweep.diagnosis.problem.speed_drift import wander
-from rover_sweep.diagnosis.search.candidate_fits import Tangent, Trial, all_polished, all_tried, tangent
+from rover_sweep.diagnosis.problem.speed_drift import speed_drift
+from rover_sweep.diagnosis.search.candidate_fits import (
+    Tangent,
+    Trial,
+    fit_candidates,
+    refit_candidates,
+    tangent,
+)
 from rover_sweep.diagnosis.search.material import EARLIER, counts
-from rover_sweep.diagnosis.search.threshold import Null, null
+from rover_sweep.diagnosis.search.threshold import NullDistribution, null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model, own, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
-LOUD = 1.45  # mean square of a channel's rows, from which a residual is worth a question
-LOUD_PLAIN = 3.0  # the same, of rows in which the little of everything is not allowed for
-MUCH = 1.8  # as LOUD, up to which it may be noise that grows with the motion
-SILLY = 0.8  # of the largest size of an effect that is looked for, beyond which it stands for something else
+NOTABLE = 1.45  # mean square of a channel's rows, from which a residual is worth a question
+NOTABLE_PLAIN = 3.0  # the same, of rows in which the little of everything is not allowed for
+LARGE = 1.8  # as LOUD, up to which it may be noise that grows with the motion
+IMPLAUSIBLE = (
+    0.8  # of the largest size of an effect that is looked for, beyond which it stands for something else
+)
 MOST_NOISE = 1.5  # variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
 
@@ -43,28 +51,28 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Left:
+class Misfit:
     """Mean square of a channel's rows that a model leaves, 1 at the noise floor: in the metric of an ordinary
     rover, and without it, where more may be left: what no little of everything would make."""
 
-    allowed: float
+    in_metric: float
     plain: float
 
     @property
-    def loudness(self) -> float:
+    def level(self) -> float:
         """The larger of both, as if in the metric."""
-        return max(self.allowed, self.plain * LOUD / LOUD_PLAIN)
+        return max(self.in_metric, self.plain * NOTABLE / NOTABLE_PLAIN)
 
     @property
-    def loud(self) -> bool:
+    def notable(self) -> bool:
         """Whether it is worth a question."""
-        return self.loudness > LOUD
+        return self.level > NOTABLE
 
     @property
-    def much(self) -> bool:
+    def large(self) -> bool:
         """Whether it is more than the noise may grow by where the rover is driven: dry friction, say, holds
         the body still in a quiet stretch, where the noise is taken from."""
-        return self.loudness > MUCH
+        return self.level > LARGE
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +87,17 @@ class Round:
     closest: Fitted
     fitted: Fitted
     trials: tuple[Trial, ...]
-    thresholds: Null
+    thresholds: NullDistribution
     tangent: Tangent
-    tiny: tuple[Signature, ...]
-    unseen: Mapping[str, str]
+    tolerances: tuple[Signature, ...]
+    cannot_see: Mapping[str, str]
 
     @cached_property
-    def left(self) -> dict[str, Left]:
+    def misfit(self) -> dict[str, Misfit]:
         """{channel: what the model leaves}."""
-        return self.left_by(self.fitted)
+        return self.misfit_of(self.fitted)
 
-    def left_by(self, fitted: Fitted) -> dict[str, Left]:
+    def misfit_of(self, fitted: Fitted) -> dict[str, Misfit]:
         """{channel: what a fit in this round leaves}."""
         plain = self.problem.plain
         whole = plain.measured - plain.model(fitted.structure, fitted.x)
@@ -98,7 +106,7 @@ class Round:
             part = self.problem.part(fitted.rows, channel=channel)
             if part.size:
                 usual = self.problem.part(whole, channel=channel)
-                out[channel] = Left(float(np.mean(part**2)), float(np.mean(usual**2)))
+                out[channel] = Misfit(float(np.mean(part**2)), float(np.mean(usual**2)))
         return out
 
     def significant(self) -> list[Trial]:
@@ -122,7 +130,7 @@ def material(trial: Trial) -> bool:
     x, spread = trial.fitted.x, trial.model.spread
     effect = library()[trial.effect]
     limits = {c.name: max(abs(c.low), abs(c.high)) for c in own(effect)}
-    if any(abs(x[name]) > SILLY * limit for name, limit in limits.items() if not name.endswith(".t")):
+    if any(abs(x[name]) > IMPLAUSIBLE * limit for name, limit in limits.items() if not name.endswith(".t")):
         return False
     if trial.effect in LAGS:
         return x["lag"] + x["delay"] > spread.together
@@ -131,7 +139,7 @@ def material(trial: Trial) -> bool:
     return counts(effect, x, spread)
 
 
-def begun(
+def fit_with_floor(
     runs: Sequence[Experiment], model: Model, start: Mapping[str, float], near: bool = False
 ) -> tuple[Problem, Fitted]:
     """The model fitted with the noise floor of its own residual. near: the start is that of a fit before."""
@@ -157,18 +165,24 @@ def round_of(
 ) -> Round:
     """One round: the model fitted, in the metric of what every rover has, and each candidate tried."""
     options.progress("fitting the model", 0.0)
-    plain, closest = begun(runs, model, start, near)
-    tiny = signatures(plain, closest, model, possible(model, runs)[0], tiny=True) + wander(plain, closest)
-    metric = plain.in_metric(columns(tiny, plain.size))
+    plain, closest = fit_with_floor(runs, model, start, near)
+    tolerances = signatures(plain, closest, model, possible(model, runs)[0], tolerances=True) + speed_drift(
+        plain, closest
+    )
+    metric = plain.in_metric(columns(tolerances, plain.size))
     known = replace(closest, jacobian=metric.of(closest.jacobian))
     fitted = sensitivities(metric, fit(metric, model.structure, model.free, closest.x, known=known))
-    effects, unseen = possible(model, runs, options.only, options.without)
-    tang = tangent(fitted)
-    seen = signatures(metric, fitted, model, effects)
-    in_metric = [replace(s, rows=metric.of(s.rows)) for s in tiny]
+    effects, cannot_see = possible(model, runs, options.only, options.without)
+    space = tangent(fitted)
+    observed = signatures(metric, fitted, model, effects)
+    in_metric = [replace(s, rows=metric.of(s.rows)) for s in tolerances]
     # what is left may be the effect that is looked for, so a large residual is no large noise
-    thresholds = null(seen, in_metric, tang, min(fitted.overdispersion, MOST_NOISE), options.seed)
+    thresholds = null_distribution(
+        observed, in_metric, space, min(fitted.overdispersion, MOST_NOISE), options.seed
+    )
     needed = thresholds.thresholds
-    trials = all_tried(metric, fitted, tang, model, effects, needed, options.progress, options.stop)
-    trials = all_polished(metric, fitted, trials, needed, options.stop)
-    return Round(model, metric, closest, fitted, tuple(trials), thresholds, tang, tuple(in_metric), unseen)
+    trials = fit_candidates(metric, fitted, space, model, effects, needed, options.progress, options.stop)
+    trials = refit_candidates(metric, fitted, trials, needed, options.stop)
+    return Round(
+        model, metric, closest, fitted, tuple(trials), thresholds, space, tuple(in_metric), cannot_see
+    )

@@ -21,22 +21,22 @@ FALSE_ALARMS = 0.03  # share of the draws in which any effect at all may pass it
 
 
 @dataclass(frozen=True, eq=False)
-class Null:
+class NullDistribution:
     """What effects gain where nothing is hidden: gains {effect: (draws,)}, thresholds {effect: gain}."""
 
     gains: Mapping[str, Array]
     thresholds: Mapping[str, float]
 
 
-def null(
+def null_distribution(
     found: Sequence[Signature], tiny: Sequence[Signature], tangent: Tangent, overdispersion: float, seed: int
-) -> Null:
+) -> NullDistribution:
     """Gains and thresholds of all effects of the signatures `found`.
 
     tiny: signatures at one standard deviation of an ordinary rover. overdispersion: variance of a row.
     """
     if not found:
-        return Null({}, {})
+        return NullDistribution({}, {})
     random = np.random.default_rng(seed)
     outside = tangent.outside(np.column_stack([s.rows for s in found]))
     gram = outside.T @ outside
@@ -52,7 +52,7 @@ def null(
         gains[effect] = _gain(seen, gram, members, found)
         if effect == "surface_change":  # signed at one instant of each run, while the search tries several
             gains[effect] = gains[effect] + overdispersion * 2 * np.log(INSTANTS)
-    return Null(gains, _thresholds(gains))
+    return NullDistribution(gains, _thresholds(gains))
 
 
 def _gain(seen: Array, gram: Array, members: Sequence[int], signatures: Sequence[Signature]) -> Array:

@@ -20,11 +20,11 @@ from rover_sweep.diagnosis.problem.residuals import over_noise
 from rover_sweep.diagnosis.problem.signatures import Signature
 from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
 from rover_sweep.diagnosis.search.rounds import MOST_NOISE, Round
-from rover_sweep.diagnosis.search.threshold import null
+from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.diagnosis.unexplained.laws import Law, laws
 
-PREDICTED = 0.3  # share of the residual above the floor that a sketch must predict on the other runs
+PREDICTS = 0.3  # share of the residual above the floor that a sketch must predict on the other runs
 BLOCK = 8  # lines
 WORDS = {
     "r": "the yaw rate",
@@ -34,12 +34,14 @@ WORDS = {
 }
 FITTED = 3  # laws that promise most, which are fitted
 KEPT = 3  # terms of the sketch of a law
-BEYOND = 3.0  # times what chance makes, in place of a material size, which a law without a name has none of
+OVER_CHANCE = (
+    3.0  # times what chance makes, in place of a material size, which a law without a name has none of
+)
 NEW = 1e-3  # share of a signature that the model must not reach, for its law to be told
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _TestedLaws:
     """Laws that the recordings could show.
 
     rows (size, k): of each, unit length outside the model's reach. gains (k,): drop of the cost with that law
@@ -49,17 +51,20 @@ class _Seen:
     laws: tuple[Law, ...]
     rows: Array
     gains: Array
-    over: Array
+    over_chance: Array
 
 
-def nameless_gain(of: Round, seed: int) -> float:
+def unmodelled_gain(of: Round, seed: int) -> float:
     """Drop of the cost by the law without a name that explains most, fitted; less what chance would make.
 
     What a law promises while the nominal coordinates move freely is more than they can do within bounds.
     """
-    seen = _seen(of, seed)
-    best = np.argsort(-seen.gains)[:FITTED]
-    return max((_fitted_gain(of, seen.laws[k]) - seen.gains[k] / seen.over[k] for k in best), default=0.0)
+    tested = _tested_laws(of, seed)
+    best = np.argsort(-tested.gains)[:FITTED]
+    return max(
+        (_fitted_gain(of, tested.laws[k]) - tested.gains[k] / tested.over_chance[k] for k in best),
+        default=0.0,
+    )
 
 
 def _fitted_gain(of: Round, law: Law) -> float:
@@ -76,38 +81,38 @@ def unknown(last: Round, named: bool, seed: int, sure: bool = False) -> Unknown 
     named: effects were found; what their laws are inexact by is then no unknown, unless it is loud.
     sure: a law without a name is known to explain it.
     """
-    loud = {c: left.loudness for c, left in last.left.items() if left.loud}
-    if named and not loud:
+    notable = {c: left.level for c, left in last.misfit.items() if left.notable}
+    if named and not notable:
         return None
-    seen = _seen(last, seed)
-    if loud:
-        found = _loud(last, seen, loud)
-        noise = named and found.law_gain is None and not any(left.much for left in last.left.values())
+    tested = _tested_laws(last, seed)
+    if notable:
+        found = _notable(last, tested, notable)
+        noise = named and found.law_gain is None and not any(left.large for left in last.misfit.values())
         return None if noise else found
-    if seen.over.size == 0 or (not sure and np.max(seen.over) <= BEYOND):
+    if tested.over_chance.size == 0 or (not sure and np.max(tested.over_chance) <= OVER_CHANCE):
         return None
-    return _quiet(last, seen, int(np.argmax(seen.over)))
+    return _follows_one_law(last, tested, int(np.argmax(tested.over_chance)))
 
 
-def standing_out(places: Sequence[Mismatch]) -> Unknown | None:
+def unknown_place(places: Sequence[Mismatch]) -> Unknown | None:
     """What stands out under a condition, or in V_y, where no law and no candidate was found.
 
     What is there in r, a_y or p throughout may be the little of everything that an ordinary rover has.
     """
-    told = [m for m in places if m.condition != THROUGHOUT or m.channel == "vy"]
-    if not told:
+    conditional = [m for m in places if m.condition != THROUGHOUT or m.channel == "vy"]
+    if not conditional:
         return None
-    worst = max(told, key=lambda m: m.residual_over_noise)
+    worst = max(conditional, key=lambda m: m.residual_over_noise)
     sentence = f"{worst.sentence}; no candidate explains it"
     return Unknown(worst.channel, worst.condition, worst.residual_over_noise, sentence)
 
 
-def _loud(last: Round, seen: _Seen, loud: dict[str, float]) -> Unknown:
-    channel = max(loud, key=lambda c: loud[c])
-    ratio = float(np.sqrt(loud[channel]))
+def _notable(last: Round, tested: _TestedLaws, notable: dict[str, float]) -> Unknown:
+    channel = max(notable, key=lambda c: notable[c])
+    ratio = float(np.sqrt(notable[channel]))
     still = f"{WORDS[channel]} still differs by {ratio:.1f} times the noise"
-    chosen, gain = _sketch(last, seen)
-    if gain < PREDICTED:
+    chosen, gain = _sketch(last, tested)
+    if gain < PREDICTS:
         return Unknown(
             channel,
             "nothing that was tried",
@@ -119,22 +124,26 @@ def _loud(last: Round, seen: _Seen, loud: dict[str, float]) -> Unknown:
     return Unknown(channel, on, ratio, sentence, " + ".join(law.words for law in chosen), gain)
 
 
-def _quiet(last: Round, seen: _Seen, best: int) -> Unknown:
+def _follows_one_law(last: Round, tested: _TestedLaws, best: int) -> Unknown:
     """One law that is beyond chance, though no channel stands out as a whole."""
-    law, row = seen.laws[best], seen.rows[:, best]
+    law, row = tested.laws[best], tested.rows[:, best]
     power = {c: float(np.sum(last.problem.part(row, channel=c) ** 2)) for c in WORDS}
     channel = max(power, key=lambda c: power[c])
-    ratio = over_noise(float(seen.gains[best]), row)
-    times = f"{seen.over[best]:.1f} times" if seen.over[best] < 10 else f"{seen.over[best]:.0f} times"
+    ratio = over_noise(float(tested.gains[best]), row)
+    times = (
+        f"{tested.over_chance[best]:.1f} times"
+        if tested.over_chance[best] < 10
+        else f"{tested.over_chance[best]:.0f} times"
+    )
     sentence = (
         f"{WORDS[channel]} differs by {ratio:.1f} times the noise where it follows {law.on}, as if acting on "
         f"the {law.place}, {times} what chance would make; no candidate explains it"
     )
-    share = _predicted(last, seen, [best])
+    share = _share_predicted(last, tested, [best])
     return Unknown(channel, law.on, ratio, sentence, law.words, share)
 
 
-def _seen(last: Round, seed: int) -> _Seen:
+def _tested_laws(last: Round, seed: int) -> _TestedLaws:
     structure, problem = last.model.structure, last.problem
     x, every = dict(last.fitted.x), laws()
     now = problem.model(structure, x)
@@ -156,33 +165,35 @@ def _seen(last: Round, seed: int) -> _Seen:
             size = 1.0 / np.sqrt(power)
             kept.append((law, row * size, outside * size))
     found = [Signature(law.effect.id, "amount", 1.0, True, row) for law, row, _ in kept]
-    chance = null(found, last.tiny, last.tangent, min(last.fitted.overdispersion, MOST_NOISE), seed)
+    chance = null_distribution(
+        found, last.tolerances, last.tangent, min(last.fitted.overdispersion, MOST_NOISE), seed
+    )
     left = last.tangent.outside(last.fitted.rows)
     gains = np.array([float(o @ left) ** 2 for _, _, o in kept])
     needed = np.array([chance.thresholds[law.effect.id] for law, _, _ in kept])
     table = np.column_stack([o[: problem.size] for _, _, o in kept]) if kept else np.zeros((problem.size, 0))
-    return _Seen(tuple(law for law, _, _ in kept), table, gains, gains / needed)
+    return _TestedLaws(tuple(law for law, _, _ in kept), table, gains, gains / needed)
 
 
-def _sketch(last: Round, seen: _Seen) -> tuple[list[Law], float]:
+def _sketch(last: Round, tested: _TestedLaws) -> tuple[list[Law], float]:
     """(laws chosen on the seen rows, share of the others' residual above the floor that they predict)."""
     target, test = last.fitted.rows, _unseen_rows(last)
-    terms = seen.rows
+    terms = tested.rows
     size = np.linalg.norm(terms[~test], axis=0) + 1e-12
     left, chosen = target[~test], list[int]()
-    while len(chosen) < min(KEPT, len(seen.laws)):
+    while len(chosen) < min(KEPT, len(tested.laws)):
         scores = np.abs(terms[~test].T @ left) / size
         scores[chosen] = -1.0
         chosen.append(int(np.argmax(scores)))
         amounts = np.linalg.lstsq(terms[~test][:, chosen], target[~test], rcond=None)[0]
         left = target[~test] - terms[~test][:, chosen] @ amounts
-    return [seen.laws[k] for k in chosen], _predicted(last, seen, chosen)
+    return [tested.laws[k] for k in chosen], _share_predicted(last, tested, chosen)
 
 
-def _predicted(last: Round, seen: _Seen, chosen: Sequence[int]) -> float:
+def _share_predicted(last: Round, tested: _TestedLaws, chosen: Sequence[int]) -> float:
     """Share of the residual above the floor of the unseen rows that laws fitted to the others predict."""
     target, test = last.fitted.rows, _unseen_rows(last)
-    terms = seen.rows[:, list(chosen)]
+    terms = tested.rows[:, list(chosen)]
     amounts = np.linalg.lstsq(terms[~test], target[~test], rcond=None)[0]
     before, after = (float(np.sum(y**2)) for y in (target[test], target[test] - terms[test] @ amounts))
     above = before - float(test.sum())

@@ -8,23 +8,24 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.residuals import with_floor
-from rover_sweep.diagnosis.search.rounds import begun
+from rover_sweep.diagnosis.search.rounds import fit_with_floor
 from rover_sweep.diagnosis.settings import Baseline
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
-AS_GOOD = 1.3  # of the fullest model's cost
+LADDER: tuple[Baseline, ...] = ("kinematic", "bicycle", "roll-yaw")
+EQUAL_COST = 1.3  # of the fullest model's cost
 
 
-def followed(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
+def baseline_of(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
     """The baseline of a simulation, judged in the noise floor that the fullest model leaves of it."""
-    whole = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
-    ladder: Sequence[Baseline] = [b for b in ("kinematic", "bicycle", "roll-yaw") if whole or b != "roll-yaw"]
-    fullest, found = begun(runs, Model(ladder[-1], rover, Tolerances()), {})
+    has_roll = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
+    ladder = LADDER if has_roll else LADDER[:-1]
+    fullest, found = fit_with_floor(runs, Model(ladder[-1], rover, Tolerances()), {})
     problem = with_floor(runs, fullest.floor)
     for baseline in ladder[:-1]:
         model = Model(baseline, rover, Tolerances())
         start = {c.name: c.start for c in model.free}
-        if fit(problem, model.structure, model.free, start).data_cost < AS_GOOD * found.data_cost:
+        if fit(problem, model.structure, model.free, start).data_cost < EQUAL_COST * found.data_cost:
             return baseline
     return ladder[-1]

@@ -10,12 +10,12 @@ import pytest
 from planted import MODEL, NOISE, X, sweeps
 
 from rover_sweep.diagnosis.choose import Choice, choose
-from rover_sweep.diagnosis.search.bounds import unknown_beyond
+from rover_sweep.diagnosis.search.bounds import unknown_at_bound
 from rover_sweep.diagnosis.search.rounds import Options
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.diagnosis.unexplained.laws import laws
-from rover_sweep.diagnosis.unexplained.unexplained import nameless_gain, unknown
+from rover_sweep.diagnosis.unexplained.unexplained import unknown, unmodelled_gain
 
 RATIO = 1.8  # Cf/Cr, where 15 % are ordinary
 
@@ -37,17 +37,17 @@ def chosen(*only: str) -> Choice:
 @pytest.mark.slow
 def test_what_stands_in_for_it_is_withdrawn() -> None:
     found = chosen("roll_steer")
-    assert found.beyond is not None and found.beyond.coordinate == "ln_ratio"
+    assert found.exceeded is not None and found.exceeded.coordinate == "ln_ratio"
     assert found.named == () and found.withdrawn == ("roll_steer",)
-    told = unknown_beyond(found.beyond, found.withdrawn)
-    assert told.depends_on == "the ratio of front to rear cornering stiffness"
-    assert "explains more than roll_steer would" in told.sentence and told.residual_over_noise > 1.0
+    answer = unknown_at_bound(found.exceeded, found.withdrawn)
+    assert answer.depends_on == "the ratio of front to rear cornering stiffness"
+    assert "explains more than roll_steer would" in answer.sentence and answer.residual_over_noise > 1.0
 
 
 @pytest.mark.slow
 def test_the_candidate_that_has_it_is_named() -> None:
     found = chosen("roll_steer", "front_rear_stiffness")
-    assert found.beyond is None and [n.trial.effect for n in found.named] == ["front_rear_stiffness"]
+    assert found.exceeded is None and [n.trial.effect for n in found.named] == ["front_rear_stiffness"]
     assert np.exp(found.last.fitted.x["ln_ratio"]) == pytest.approx(RATIO, rel=0.1)
 
 
@@ -65,6 +65,6 @@ def test_a_law_without_a_name_is_weighed_as_it_can_be_fitted() -> None:
     options = Options(("roll_steer",), (), 1, lambda what, share: None, lambda: False)
     found = choose(recorded, MODEL, X, options)
     assert found.named == ()
-    assert nameless_gain(found.first, 1) > 100.0
-    told = unknown(found.last, False, 1, found.nameless)
-    assert told is not None and "psi" in told.depends_on
+    assert unmodelled_gain(found.first, 1) > 100.0
+    answer = unknown(found.last, False, 1, found.unmodelled)
+    assert answer is not None and "psi" in answer.depends_on
