@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 from scripted_source import (
     CHECKS,
@@ -154,11 +155,18 @@ async def playing(
             if isinstance(step, str):
                 await pilot.press(step)
             else:
-                for told in step:
-                    source.tell(told)
-                    app.on_arrived()
+                _arrived(app, source, step)
             await pilot.pause()
         yield app, source, pilot
+
+
+def _arrived(app: SweepApp, source: ScriptedSource, step: Sequence[Told]) -> None:
+    """All of them reach the state one by one; they are drawn once."""
+    with mock.patch.object(app, "redraw"):
+        for told in step:
+            source.tell(told)
+            app.on_arrived()
+    app.redraw()
 
 
 def all_scenes() -> dict[str, tuple[Sequence[Step], Setup]]:
