@@ -52,6 +52,10 @@ class SessionScreen(Screen[None]):
     SessionScreen #keys { height: 2; }
     """
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: dict[str, Text] = {}  # by place
+
     @property
     def session(self) -> SessionApp:
         """The application, by its own type."""
@@ -97,7 +101,10 @@ class SessionScreen(Screen[None]):
         for name in ("tabs", "status", "message", "keys"):
             self.query_one(f"#{name}").display = not small
         for name, picture in self._pictures(width, height, small):
-            self.query_one(f"#{name}", Static).update(harmless(picture))
+            shown = self._shown.get(name, Text())
+            if shown != picture or shown.style != picture.style:  # laying out again is dear
+                self._shown[name] = harmless(picture)
+                self.query_one(f"#{name}", Static).update(picture)
 
     def _pictures(self, width: int, height: int, small: bool) -> Iterator[tuple[str, Text]]:
         """(place, what is drawn there) of all places."""
