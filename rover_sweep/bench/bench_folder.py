@@ -27,7 +27,7 @@ _HEADER = ("t_s", "movement", "offset_us", "pwm_us", "angle_rad", "typed")
 
 
 @dataclass(frozen=True)
-class Reading:
+class AngleReading:
     """An angle read by hand. t: vehicle's clock [s]; offset asked for, pwm seen [us]; angle [rad], left
     positive, NaN where it was left out."""
 
@@ -53,7 +53,7 @@ class BenchFolder:
             part.write_text(json.dumps({"format": FORMAT, **content}, indent=2, default=str) + "\n")
             part.replace(target)
 
-    def add(self, reading: Reading) -> None:
+    def add(self, reading: AngleReading) -> None:
         """Append to readings.csv; on disk when this returns."""
         target = self.path / READINGS
         with writing(target), target.open("a", newline="", encoding="utf-8") as file:
@@ -82,7 +82,7 @@ class BenchFolder:
             raise DataRefused(f"{target} is damaged: {wrong}; put that right in it and evaluate again")
         return content
 
-    def readings(self) -> tuple[Reading, ...]:
+    def readings(self) -> tuple[AngleReading, ...]:
         """The angles that were read; a last line that was cut off is left out."""
         target = self.path / READINGS
         if not target.is_file():
@@ -91,7 +91,7 @@ class BenchFolder:
             with target.open(newline="", encoding="utf-8") as file:
                 rows = [row for row in csv.reader(file) if len(row) == len(_HEADER)]
             return tuple(
-                Reading(_finite(t), movement, _finite(offset), _finite(pwm), float(angle), typed)
+                AngleReading(_finite(t), movement, _finite(offset), _finite(pwm), float(angle), typed)
                 for t, movement, offset, pwm, angle, typed in rows[1:]
             )
         except OSError as error:

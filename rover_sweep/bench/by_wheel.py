@@ -17,7 +17,7 @@ from rover_sweep.bench.alignment import first_offset
 from rover_sweep.bench.bench_result import LEVEL, BenchResult, Number, interval, rate_limit
 from rover_sweep.bench.static_curve import static_numbers
 from rover_sweep.bench.wheel_fit import covariance_of, fitted
-from rover_sweep.bench.wheel_problem import STRIDE, Command, Problem, Wheel, problem_of
+from rover_sweep.bench.wheel_problem import STRIDE, Command, Wheel, WheelProblem, problem_of
 from rover_sweep.errors import DataRefused
 
 LEAST_STEPS = 4
@@ -45,7 +45,7 @@ def by_wheel(command: Command, wheel: Wheel, sign: float | None) -> BenchResult:
     return _result(problem, best, float(norm.ppf(0.5 + LEVEL / 2)), sign, turned)
 
 
-def _result(problem: Problem, done: Any, factor: float, sign: float | None, turned: bool) -> BenchResult:
+def _result(problem: WheelProblem, done: Any, factor: float, sign: float | None, turned: bool) -> BenchResult:
     covariance, noise = covariance_of(problem, done)
     names, x = problem.names, done.x[: len(problem.names)]
     q, sd = (
@@ -88,7 +88,7 @@ def _result(problem: Problem, done: Any, factor: float, sign: float | None, turn
     )
 
 
-def _limit(problem: Problem, q: dict[str, float], sd: dict[str, float], factor: float) -> Number:
+def _limit(problem: WheelProblem, q: dict[str, float], sd: dict[str, float], factor: float) -> Number:
     """The rate limit; where no step came up to it, what the steps asked for is its lower end."""
     largest = float(np.max(np.abs(np.diff(problem.command.pwm)))) * abs(q["k"])
     asked = largest / max(q["lag"] + factor * sd["lag"], 1e-3)
@@ -104,7 +104,7 @@ def _with_scale(number: Number, factor: float) -> Number:
 
 
 def _timing(
-    problem: Problem, q: dict[str, float], sd: dict[str, float], factor: float, untold: list[str]
+    problem: WheelProblem, q: dict[str, float], sd: dict[str, float], factor: float, untold: list[str]
 ) -> Sequence[Number]:
     lag = interval(
         "servo_lag", "s", q["lag"], sd["lag"], factor, "first-order lag", "steering.servo_lag", 0.0

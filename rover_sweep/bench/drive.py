@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from rover_sweep._version import __version__
-from rover_sweep.bench.bench_folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
+from rover_sweep.bench.bench_folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, AngleReading, BenchFolder
 from rover_sweep.bench.programme import Movement, Target, path
 from rover_sweep.bench.standstill import ASTRAY, NotStanding, Standing
 from rover_sweep.bench.steering_output import NAMES, SteeringOutput, names_of, steering_output
@@ -54,7 +54,7 @@ class Operator(Protocol):
 
 
 @dataclass(frozen=True)
-class Wheel:
+class WheelSource:
     """What tells the road wheel's angle: a CSV file that is copied at the end, or the URL of a vehicle on it.
 
     same_clock: the file's times are those of the rover's clock.
@@ -66,16 +66,16 @@ class Wheel:
 
 
 @dataclass(frozen=True)
-class Plan:
+class BenchPlan:
     """What a bench does; unasked: nobody is asked, which only a simulated rover allows."""
 
     movements: tuple[Movement, ...]
-    wheel: Wheel | None = None
+    wheel: WheelSource | None = None
     unasked: bool = False
 
 
 def drive(
-    url: str, folder: BenchFolder, plan: Plan, operator: Operator, access: Access | None = None
+    url: str, folder: BenchFolder, plan: BenchPlan, operator: Operator, access: Access | None = None
 ) -> bool:
     """Carry it out, recording into the folder; True where all was done. access: see `Link.open`.
 
@@ -130,7 +130,7 @@ def _streams(link: Link) -> tuple[Stream, ...]:
     return request_all(link, _loop_rate(link), RATES if slow else {**RATES, "SERVO_OUTPUT_RAW": FAST})
 
 
-def _refuse(plan: Plan, output: SteeringOutput, url: str) -> None:
+def _refuse(plan: BenchPlan, output: SteeringOutput, url: str) -> None:
     """Before anything moves: what is asked for must be in reach, and nobody unasked but a simulation."""
     largest = max(movement.largest for movement in plan.movements)
     if largest > output.reach:
@@ -205,7 +205,7 @@ class _Bench:
         angle, typed = self.operator.angle(number, reads, target.offset, self._watched)
         self._follows(target.offset)
         now, pwm = self.link.clock.now, self.standing.pwm
-        self.folder.add(Reading(now, movement.name, target.offset, pwm, angle, typed))
+        self.folder.add(AngleReading(now, movement.name, target.offset, pwm, angle, typed))
 
     def _follows(self, offset: float, astray: float = ASTRAY) -> None:
         """NotStanding where the output is not within `astray` us of where it was asked to be."""
@@ -220,7 +220,7 @@ class _Bench:
             self._watched()
 
 
-def _copy(wheel: Wheel | None, folder: BenchFolder) -> None:
+def _copy(wheel: WheelSource | None, folder: BenchFolder) -> None:
     """The wheel's file as it is now; where it comes later, `bench --from` takes it."""
     if wheel and wheel.file and wheel.file.is_file():
         try:
@@ -230,7 +230,7 @@ def _copy(wheel: Wheel | None, folder: BenchFolder) -> None:
 
 
 def _content(
-    url: str, vehicle: object, output: SteeringOutput, plan: Plan, done: list[str]
+    url: str, vehicle: object, output: SteeringOutput, plan: BenchPlan, done: list[str]
 ) -> dict[str, object]:
     return {
         "rover_sweep": __version__,

@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.bench.bench_folder import DESCRIPTION, TELEMETRY, WHEEL_CSV, WHEEL_TLOG, BenchFolder, Reading
+from rover_sweep.bench.bench_folder import (
+    DESCRIPTION,
+    TELEMETRY,
+    WHEEL_CSV,
+    WHEEL_TLOG,
+    AngleReading,
+    BenchFolder,
+)
 from rover_sweep.bench.bench_result import BenchResult
 from rover_sweep.bench.by_hand import Readings, by_hand
 from rover_sweep.bench.by_wheel import by_wheel
@@ -37,7 +44,7 @@ def evaluate(
     return by_wheel(command, _wheel(folder, wheel, same_clock, ahead), sign)
 
 
-def _in_order(readings: tuple[Reading, ...]) -> Readings:
+def _in_order(readings: tuple[AngleReading, ...]) -> Readings:
     """As they were taken; an angle is beside the PWM that was seen, or where none was, asked for."""
     if not readings:
         raise DataRefused("no angle was read in this bench; there is nothing to evaluate")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.bench.wheel_problem import STRIDE, USUAL, Problem
+from rover_sweep.bench.wheel_problem import STRIDE, USUAL, WheelProblem
 from rover_sweep.data.recording import Array
 
 BLOCK = 0.25  # s over which what the model leaves may hang together
@@ -15,7 +15,7 @@ BLOCK = 0.25  # s over which what the model leaves may hang together
 STARTS = ((0.003, 0.5), (0.02, 0.15))
 
 
-def fitted(problem: Problem, k: float) -> Any:
+def fitted(problem: WheelProblem, k: float) -> Any:
     """The best of the starts. A rate is fitted as an angle first: its sharp edges catch a poor start."""
     from scipy.optimize import least_squares
 
@@ -36,7 +36,7 @@ def fitted(problem: Problem, k: float) -> Any:
     return min(tried, key=lambda done: float(done.cost))
 
 
-def _as_angle(problem: Problem) -> Problem:
+def _as_angle(problem: WheelProblem) -> WheelProblem:
     """The same by the angle itself, whose noise then wanders."""
     t = problem.wheel.t
     wander = problem.noise * ((t[-1] - t[0]) / STRIDE) ** 0.5
@@ -46,7 +46,7 @@ def _as_angle(problem: Problem) -> Problem:
     )
 
 
-def _start(problem: Problem, k: float, gap: float, slowness: float) -> Array:
+def _start(problem: WheelProblem, k: float, gap: float, slowness: float) -> Array:
     zero = 0.0 if problem.wheel.is_rate else -float(np.median(problem.wheel.value))
     start = {
         "k": k,
@@ -64,7 +64,7 @@ def _start(problem: Problem, k: float, gap: float, slowness: float) -> Array:
     return np.array([start[n] for n in problem.names] + [0.0] * int(problem.step.max() + 1))
 
 
-def _bounds(problem: Problem) -> tuple[Array, Array]:
+def _bounds(problem: WheelProblem) -> tuple[Array, Array]:
     least = {"b": 0.0, "lag": 0.0, "slowness": 0.0}
     scale = {
         "k": 1e-4,
@@ -84,7 +84,7 @@ def _bounds(problem: Problem) -> tuple[Array, Array]:
     return np.array(low), np.array([scale[n] for n in problem.names] + [problem.jitter] * shifts)
 
 
-def covariance_of(problem: Problem, done: Any) -> tuple[Array, float]:
+def covariance_of(problem: WheelProblem, done: Any) -> tuple[Array, float]:
     """Covariance of all that was fitted, and the noise in `problem.noise`s: what is left, hanging together
     over a BLOCK as it does."""
     size = done.fun.size - len(USUAL) - 1 - (done.x.size - len(problem.names))

@@ -44,7 +44,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Problem:
+class WheelProblem:
     """names: what is fitted, before the shifts of the steps. due (m,) s: when an output changed, at the best
     guess; offset [s]: taken off the wheel's clock. noise [rad]; jitter [s]: standard deviation of a shift;
     stride: samples over which a rate is summed up."""
@@ -87,7 +87,7 @@ class Problem:
         return np.concatenate((left, usual, x[len(self.names) :] / self.jitter))
 
 
-def problem_of(command: Command, wheel: Wheel, offset: float, slope: float) -> Problem:
+def problem_of(command: Command, wheel: Wheel, offset: float, slope: float) -> WheelProblem:
     """offset [s]: that the wheel's clock is ahead; slope [rad/us]: roughly. DataRefused for too little."""
     if command.t.size < 20 or wheel.t.size < 100:
         raise DataRefused(
@@ -110,7 +110,7 @@ def problem_of(command: Command, wheel: Wheel, offset: float, slope: float) -> P
     names = names if cut.is_rate else (*names, "drift")
     noise = max(_noise(cut, stride), 1e-5)
     spread = np.hypot(noise, slope * _rungs(command, cut.t))
-    return Problem(command, cut, names, due, step, offset, noise, spread, usual / 12**0.5, stride)
+    return WheelProblem(command, cut, names, due, step, offset, noise, spread, usual / 12**0.5, stride)
 
 
 def _summed(wheel: Wheel) -> Array:

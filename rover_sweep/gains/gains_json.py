@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from rover_sweep.gains.proposal import Judged, Proposal
+from rover_sweep.gains.proposal import AssessedGains, Proposal
 
 
 def gains_document(proposal: Proposal) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def gains_document(proposal: Proposal) -> dict[str, Any]:
     return found
 
 
-def _judged(judged: Judged | None) -> dict[str, Any] | None:
+def _judged(judged: AssessedGains | None) -> dict[str, Any] | None:
     if judged is None:
         return None
     (gain, gain_at), (phase, phase_at) = judged.worst_gain, judged.worst_phase

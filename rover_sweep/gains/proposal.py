@@ -21,7 +21,7 @@ MOST_CORNERS = 6  # parameters whose interval ends are combined: 32 rovers a spe
 
 
 @dataclass(frozen=True)
-class Judged:
+class AssessedGains:
     """Gains on the model. margins: as identified, at the wanted speed; worst_gain, worst_phase: the lowest of
     the family, with where; bandwidth of r / target [rad/s]; steady: r / target without the integrator."""
 
@@ -46,8 +46,8 @@ class Proposal:
     autopilot: Autopilot
     speed: float
     support: Support
-    now: Judged | None
-    proposed: Judged | None
+    now: AssessedGains | None
+    proposed: AssessedGains | None
     holds: tuple[float, float]
     steady_gain: float | None = None
     delay: float | None = None
@@ -103,7 +103,7 @@ def family_of(found: Identified, autopilot: Autopilot, speed: float) -> Family:
     return Family(plants, (mean, *sorted(sides - {mean})), autopilot)
 
 
-def judge(family: Family, gains: Gains) -> Judged:
+def judge(family: Family, gains: Gains) -> AssessedGains:
     """Margins, bandwidth and step of gains on the family."""
     loop, plant = family.autopilot, family.nominal
     w = frequencies(loop.period)
@@ -121,7 +121,9 @@ def judge(family: Family, gains: Gains) -> Judged:
     unity = gains.ff / feed_forward(family)
     share = gains.p / feed_forward(family)
     step = step_of(loop, plant, family.angle_per_output[0], gains)
-    return Judged(gains, found[0][0], gain, phase, bandwidth(closed, w), (unity + share) / (1 + share), step)
+    return AssessedGains(
+        gains, found[0][0], gain, phase, bandwidth(closed, w), (unity + share) / (1 + share), step
+    )
 
 
 def _made(support: Support, family: Family, now: Gains) -> Gains | None:
@@ -137,7 +139,9 @@ def _made(support: Support, family: Family, now: Gains) -> Gains | None:
     return replace(made, imax=integrator_limit(family, made.ff, rate))
 
 
-def _after(found: Identified, support: Support, judged: Judged | None) -> tuple[Support, Judged | None]:
+def _after(
+    found: Identified, support: Support, judged: AssessedGains | None
+) -> tuple[Support, AssessedGains | None]:
     """What the design itself says on the support."""
     if support.level != "gains":
         return support, judged

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rover_sweep.gains.proposal import Judged, Proposal
+from rover_sweep.gains.proposal import AssessedGains, Proposal
 
 
 def param_text(proposal: Proposal) -> str:
@@ -19,7 +19,7 @@ def param_text(proposal: Proposal) -> str:
     return "\n".join((*(f"# {line}" for line in _heading(proposal, judged)), "", *lines)) + "\n"
 
 
-def _heading(proposal: Proposal, judged: Judged) -> tuple[str, ...]:
+def _heading(proposal: Proposal, judged: AssessedGains) -> tuple[str, ...]:
     """For which speed, on what, with what margins."""
     loop, (low, high), margins = proposal.autopilot, proposal.holds, judged.margins
     lines = (
@@ -37,7 +37,7 @@ def _heading(proposal: Proposal, judged: Judged) -> tuple[str, ...]:
     return (*lines, loop.assumed_words) if loop.assumed else lines
 
 
-def _reasons(proposal: Proposal, judged: Judged) -> dict[str, str]:
+def _reasons(proposal: Proposal, judged: AssessedGains) -> dict[str, str]:
     """{parameter: why} of what is proposed."""
     scale = proposal.autopilot.speed_scale(proposal.speed)
     forward = (
@@ -67,7 +67,7 @@ def _elsewhere(proposal: Proposal) -> str:
     return f": {here:.3f} holds a turn ({elsewhere})"
 
 
-def _gathered(proposal: Proposal, judged: Judged) -> str:
+def _gathered(proposal: Proposal, judged: AssessedGains) -> str:
     right = (proposal.feed_forwards or {}).get(proposal.speed)
     return ", less what I adds while the rover lags" if right and judged.gains.ff < 0.999 * right else ""
 

@@ -42,7 +42,7 @@ class Fix:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveRequest:
     """One run, with what the settings allow. Nothing moves that they do not name."""
 
     planned: SessionRun
@@ -62,7 +62,7 @@ class Play:
     at: float | None = None
 
 
-Request = Connect | Preflight | Fix | Drive | FetchLogs | Play
+Request = Connect | Preflight | Fix | DriveRequest | FetchLogs | Play
 
 # ---- what a source tells beside the events of a session -----------------------------------------
 

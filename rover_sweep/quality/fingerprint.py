@@ -40,7 +40,7 @@ class Fingerprint:
 
 
 @dataclass(frozen=True)
-class Apart:
+class AnswerDifference:
     """Median relative difference of two answers, and the random error of it."""
 
     difference: float
@@ -81,18 +81,22 @@ def _answer(w: Array, output: Complex, input: Complex) -> Bands:
     return Bands(h, error)
 
 
-def apart(one: Bands, two: Bands) -> Apart | None:
+def apart(one: Bands, two: Bands) -> AnswerDifference | None:
     """How far two answers are apart in size and phase, None with too few clear bands."""
     clear = np.isfinite(one.error) & np.isfinite(two.error)
     if clear.sum() < FEWEST:
         return None
     off = np.abs(np.log(one.h[clear] / two.h[clear]))
-    return Apart(float(np.median(off)), float(np.median(np.hypot(one.error[clear], two.error[clear]))))
+    return AnswerDifference(
+        float(np.median(off)), float(np.median(np.hypot(one.error[clear], two.error[clear])))
+    )
 
 
-def gain_ratio(one: Bands, two: Bands) -> Apart | None:
+def gain_ratio(one: Bands, two: Bands) -> AnswerDifference | None:
     """|ln| of the ratio of two answers' sizes at low frequencies, None where not clear."""
     if not np.all(np.isfinite(one.error[:LOW]) & np.isfinite(two.error[:LOW])):
         return None
     off = np.log(np.abs(one.h[:LOW]) / np.abs(two.h[:LOW]))
-    return Apart(abs(float(np.median(off))), float(np.median(np.hypot(one.error[:LOW], two.error[:LOW]))))
+    return AnswerDifference(
+        abs(float(np.median(off))), float(np.median(np.hypot(one.error[:LOW], two.error[:LOW])))
+    )

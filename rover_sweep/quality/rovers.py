@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import combinations
 
 from rover_sweep.data.recording import Note, Recording
-from rover_sweep.quality.fingerprint import Apart, Fingerprint, apart, fingerprint, gain_ratio
+from rover_sweep.quality.fingerprint import AnswerDifference, Fingerprint, apart, fingerprint, gain_ratio
 
 TWO_ROVERS = "two rovers"
 SPOILT = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
@@ -90,9 +90,9 @@ def _by_answers(one: Fingerprint, two: Fingerprint) -> str:
     return ""
 
 
-def _beyond(found: Apart | None, least: float) -> bool:
+def _beyond(found: AnswerDifference | None, least: float) -> bool:
     return found is not None and found.difference > max(least, SURE * found.error)
 
 
-def _percent(found: Apart | None) -> str:
+def _percent(found: AnswerDifference | None) -> str:
     return f"{100 * found.difference:.0f} %" if found else ""

@@ -19,7 +19,7 @@ from rover_sweep.vehicle.estimator import estimator_ready
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.run.controls import Channels, Controls, pump
-from rover_sweep.vehicle.run.right_to_move import Limits, RightToMove
+from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 from sitl.plant.variant import PlantParameters
 from sitl.plant.variant_text import variant_text
 from sitl.redrive.course import Course
@@ -106,7 +106,7 @@ def _drive(link: Link, length: float) -> Iterator[str]:
         if link.clock.now - started > _READY_S:
             raise LinkError(f"the simulated rover's estimator is not ready after {_READY_S:.0f} s")
         pump(link, 1.0)
-    controls = Controls(link, _CHANNELS, "pilot", True, RightToMove(link.line, link.clock, Limits()))
+    controls = Controls(link, _CHANNELS, "pilot", True, RightToMove(link.line, link.clock, MovementLimits()))
     try:
         controls.take()
         _arm(link, controls)

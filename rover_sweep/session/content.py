@@ -74,7 +74,7 @@ class FetchedLog:
 
 @dataclass(frozen=True)
 class Content:
-    """A session. vehicle: as in `vehicle.identity.Vehicle`; settings, parameters: what was set for driving.
+    """A session. vehicle: of `vehicle.identity`; settings, parameters: what was set for driving.
 
     logs_before: (number, size, time_utc) of what lay on the vehicle when the session began, None: unknown.
     """

@@ -18,8 +18,8 @@ from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.applet_values import parameters_of, refuse_undersampled
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
-from rover_sweep.session.session import Plan, SessionRun, drive
-from rover_sweep.session.simulated_rover import THROTTLE_US, Simulation, Simulator, started
+from rover_sweep.session.session import SessionPlan, SessionRun, drive
+from rover_sweep.session.simulated_rover import THROTTLE_US, SimulatedRover, Simulator, started
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.link.access import Access
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
@@ -56,7 +56,7 @@ class DryRun:
     parameters: tuple[WantedParameter, ...] = field(default_factory=lambda: read(shipped("identification")))
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> SessionPlan:
         """As a session. On a simulated rover SWP_PWM_MAX lets every amplitude pass.
 
         UsageError without consent, and for what could only fail after it has begun: numbers that the
@@ -81,7 +81,7 @@ class DryRun:
         for run in runs:
             parameters_of(run.manoeuvre, **limits)
             refuse_undersampled(run.manoeuvre, _loop_rate(self.parameters))
-        return Plan(
+        return SessionPlan(
             runs=runs,
             settings=RunSettings(arm=True, throttle_us=self.throttle_us, trigger="override", extra=limits),
             parameters=self.parameters,
@@ -119,7 +119,7 @@ def _vehicle(settings: DryRun, folder: Path) -> Iterator[str]:
     if settings.url is not None:
         yield settings.url
         return
-    simulation = Simulation(
+    simulation = SimulatedRover(
         settings.simulator, settings.ardurover, variant=settings.variant, seed=settings.seed
     )
     with started(simulation, folder / "vehicle") as rover:

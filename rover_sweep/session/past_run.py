@@ -15,7 +15,7 @@ from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.session.content import Span, State
 
 if TYPE_CHECKING:
-    from rover_sweep.logs.readers.vehicle_clock import Session
+    from rover_sweep.logs.readers.vehicle_clock import BootMessages
 
 _DONE = re.compile(r"^SWP: run (\d+) done")
 _STOPPED = re.compile(r"^SWP: run (\d+) stopped:? *(.*)")
@@ -80,7 +80,7 @@ def _told(
     return Story("cut", reason, (start, end), number, manoeuvre)
 
 
-def _named(boot: Session) -> list[tuple[float, str, float]]:
+def _named(boot: BootMessages) -> list[tuple[float, str, float]]:
     if "NAMED_VALUE_FLOAT" not in boot.messages:
         return []
     rows = boot.messages["NAMED_VALUE_FLOAT"].rows
@@ -90,7 +90,7 @@ def _named(boot: Session) -> list[tuple[float, str, float]]:
     return [said for said in zip(times, names, values, strict=True) if math.isfinite(said[2])]
 
 
-def _texts(boot: Session) -> list[tuple[float, str]]:
+def _texts(boot: BootMessages) -> list[tuple[float, str]]:
     if "STATUSTEXT" not in boot.messages:
         return []
     texts = [
@@ -100,7 +100,7 @@ def _texts(boot: Session) -> list[tuple[float, str]]:
     return list(zip(boot.seconds("STATUSTEXT").tolist(), texts, strict=True))
 
 
-def _parameters(boot: Session) -> Mapping[str, float]:
+def _parameters(boot: BootMessages) -> Mapping[str, float]:
     if "PARAM_VALUE" not in boot.messages:
         return {}
     rows = boot.messages["PARAM_VALUE"].rows

@@ -41,7 +41,7 @@ from rover_sweep.vehicle.setup.install import install
 
 
 @dataclass(frozen=True)
-class Plan:
+class SessionPlan:
     """What a session does. parameters: those that are set where they differ (with a reboot where one
     needs it); checked: those that are only compared, a warning each. applet: file to bring onto a vehicle
     that does not run it. logs: fetch the .BIN logs."""
@@ -57,7 +57,7 @@ class Plan:
 def drive(
     url: str,
     folder: Path,
-    plan: Plan,
+    plan: SessionPlan,
     line: Line | None = None,
     vehicle_file: Path | None = None,
     access: Access | None = None,
@@ -75,7 +75,7 @@ def drive(
 
 
 def _drive(
-    url: str, session: Session, plan: Plan, line: Line | None, access: Access | None
+    url: str, session: Session, plan: SessionPlan, line: Line | None, access: Access | None
 ) -> Generator[Event, None, None]:
     session.plan(plan.runs)
     session.set(asdict(plan.settings), {p.name: p.value for p in plan.parameters})

@@ -31,7 +31,7 @@ _HIGH, _LOW, _CENTRE = 1900, 1000, 1500  # us
 
 
 @dataclass(frozen=True)
-class Simulation:
+class SimulatedRover:
     """Which simulated rover. ardurover: path of the firmware's program (else environment, PATH).
 
     physics: of the firmware. variant: of the plant. prepared: applet and parameters are there already; else
@@ -56,7 +56,7 @@ class Simulation:
 
 
 @contextmanager
-def started(simulation: Simulation, home: Path) -> Iterator[Running]:
+def started(simulation: SimulatedRover, home: Path) -> Iterator[Running]:
     """The rover, with its files in `home`, until the end of the block. LinkError where it does not start,
     or in its own words where it ended in the middle."""
     from sitl import launcher
@@ -74,7 +74,7 @@ def started(simulation: Simulation, home: Path) -> Iterator[Running]:
             raise
 
 
-def _start(simulation: Simulation, home: Path) -> Running:
+def _start(simulation: SimulatedRover, home: Path) -> Running:
     from sitl import launcher
 
     model: dict[str, Any] = {"variant": simulation.variant, "seed": simulation.seed}

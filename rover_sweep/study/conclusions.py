@@ -5,16 +5,16 @@ from __future__ import annotations
 from math import degrees
 
 from rover_sweep.study import findings, parameter_findings
-from rover_sweep.study.findings import Finding
+from rover_sweep.study.findings import StudyFinding
 from rover_sweep.study.virtual_study import Study
 
 
-def all_findings(study: Study) -> tuple[Finding, ...]:
+def all_findings(study: Study) -> tuple[StudyFinding, ...]:
     """Every published finding, tested."""
     return tuple(make(study) for make in (*findings.FOUND, *parameter_findings.FOUND))
 
 
-def summary(found: tuple[Finding, ...]) -> str:
+def summary(found: tuple[StudyFinding, ...]) -> str:
     """How many findings came out, and which did not."""
     came = sum(f.outcome == "came out" for f in found)
     part = sum(f.outcome == "came out in part" for f in found)

@@ -27,7 +27,7 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Runs:
+class StudyRuns:
     """Everything that was driven. checks: the doublets by the keys of CHECKS; no fit sees them."""
 
     asphalt: PlantParameters
@@ -37,7 +37,7 @@ class Runs:
     checks: Mapping[str, Recording]
 
 
-def driven(seed: int, progress: Progress) -> Runs:
+def driven(seed: int, progress: Progress) -> StudyRuns:
     """Drives the whole plan on the published rover; every run has its own noise and road out of the seed."""
     asphalt, grass, firmware = load_variant("paper_asphalt"), load_variant("paper_grass"), Firmware()
     sweep = Sweep(SWEEP["amplitude"], SWEEP["w_min"], SWEEP["w_max"], SWEEP["t_rec"])
@@ -52,7 +52,7 @@ def driven(seed: int, progress: Progress) -> Runs:
         progress(k / len(plan), f"driving {name}")
         recordings.append(drive(name, rover, manoeuvre, speed, 1000 * seed + k, firmware))
     checks = dict(zip(CHECKS, recordings[SWEEPS:], strict=True))
-    return Runs(asphalt, grass, firmware, tuple(recordings[:SWEEPS]), checks)
+    return StudyRuns(asphalt, grass, firmware, tuple(recordings[:SWEEPS]), checks)
 
 
 def geometry(rover: PlantParameters) -> Geometry:

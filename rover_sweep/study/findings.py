@@ -17,7 +17,7 @@ TIC_GUIDE = 0.25  # the stricter of Tischler and Remple's 0.25 to 0.35
 
 
 @dataclass(frozen=True)
-class Finding:
+class StudyFinding:
     """One published finding. claim: what the paper says, with its place; text: what came out, and why."""
 
     key: str
@@ -63,7 +63,7 @@ def printed_tics(check: str) -> dict[str, float]:
     return {m: published.VERIFICATION[check][m].tic for m in MODELS}
 
 
-def cost_order(study: Study) -> Finding:
+def cost_order(study: Study) -> StudyFinding:
     """Table 5: which model has the lowest J_ave."""
     ours, known = ({m: p.fit(m).average for m in MODELS} for p in (study.paper, study.known))
     printed = {m: published.COSTS[m]["average"] for m in MODELS}
@@ -78,7 +78,7 @@ def cost_order(study: Study) -> Finding:
         f"{_where_the_cost_lies(study)}"
     )
     claim = "The lumped model has the lowest average cost, then the roll-yaw, then the bicycle (Table 5)."
-    return Finding("cost", claim, judged(*same), text)
+    return StudyFinding("cost", claim, judged(*same), text)
 
 
 def _where_the_cost_lies(study: Study) -> str:
@@ -92,7 +92,7 @@ def _where_the_cost_lies(study: Study) -> str:
     )
 
 
-def nominal(study: Study) -> Finding:
+def nominal(study: Study) -> StudyFinding:
     """Table 6: which model predicts the doublet at the condition of the fit best."""
     ours, known = tics_of(study.paper, "asphalt"), tics_of(study.known, "asphalt")
     best = ranked(ours)[0]
@@ -106,7 +106,7 @@ def nominal(study: Study) -> Finding:
         "On a doublet at the fitted speed the roll-yaw model predicts best, although the lumped model fits "
         "the responses best (Table 6)."
     )
-    return Finding("nominal", claim, judged(best == "roll-yaw"), text)
+    return StudyFinding("nominal", claim, judged(best == "roll-yaw"), text)
 
 
 def _why_ahead(study: Study, best: str) -> str:
@@ -135,7 +135,7 @@ def _pairs(first: Verification, second: Verification) -> list[tuple[Overlay, Ove
     return [(o, there[o.channel]) for o in first.overlays if o.channel in there]
 
 
-def grass(study: Study) -> Finding:
+def grass(study: Study) -> StudyFinding:
     """Table 7, left: which model predicts best on another ground."""
     ours = tics_of(study.paper, "grass")
     best, spread = ranked(ours)[0], max(ours.values()) / min(ours.values()) - 1
@@ -153,7 +153,7 @@ def grass(study: Study) -> Finding:
     claim = (
         "On artificial grass the roll-yaw model predicts best, nothing in the models being changed (Table 7)."
     )
-    return Finding("grass", claim, judged(best == "roll-yaw"), text)
+    return StudyFinding("grass", claim, judged(best == "roll-yaw"), text)
 
 
 def _yaw_ratio(study: Study) -> float:
@@ -165,7 +165,7 @@ def _p_error(study: Study, check: str) -> str:
     return number(next(o.j_rms for o in study.paper.check("roll-yaw", check).overlays if o.channel == "p"), 2)
 
 
-def fast(study: Study) -> Finding:
+def fast(study: Study) -> StudyFinding:
     """Table 7, right: the lumped model does not carry to 4 m/s, the roll-yaw model does."""
     ours = tics_of(study.paper, "fast")
     gain = {m: 100 * yaw_gain(study.paper, m, "fast") for m in MODELS}
@@ -179,7 +179,9 @@ def fast(study: Study) -> Finding:
         "The lumped model, with V_x updated in its kinematic term alone, does not carry to 4 m/s; the "
         "roll-yaw model does (Table 7)."
     )
-    return Finding("fast", claim, judged(ours["lumped"] > TIC_GUIDE, ours["roll-yaw"] <= TIC_GUIDE), text)
+    return StudyFinding(
+        "fast", claim, judged(ours["lumped"] > TIC_GUIDE, ours["roll-yaw"] <= TIC_GUIDE), text
+    )
 
 
 def _why_lost(study: Study) -> str:
@@ -201,7 +203,7 @@ def yaw_gain(practice: Practice, model: str, check: str) -> float:
     return float(overlay.model.std() / overlay.measured.std())
 
 
-def fast_best(study: Study) -> Finding:
+def fast_best(study: Study) -> StudyFinding:
     """Table 7, right: the roll-yaw model is the best of the three, the bicycle over-predicts the yaw rate."""
     tics = tics_of(study.paper, "fast")
     errors = {m: study.paper.check(m, "fast").j_rms for m in MODELS}
@@ -216,7 +218,7 @@ def fast_best(study: Study) -> Finding:
     claim = (
         "At 4 m/s the roll-yaw model predicts best, and the bicycle over-predicts its yaw rate (section 8.1)."
     )
-    return Finding("fast-best", claim, judged(*best, gain["bicycle"] > max(gain["roll-yaw"], 0.0)), text)
+    return StudyFinding("fast-best", claim, judged(*best, gain["bicycle"] > max(gain["roll-yaw"], 0.0)), text)
 
 
-FOUND: tuple[Callable[[Study], Finding], ...] = (cost_order, nominal, grass, fast, fast_best)
+FOUND: tuple[Callable[[Study], StudyFinding], ...] = (cost_order, nominal, grass, fast, fast_best)

@@ -8,13 +8,13 @@ from math import pi, sqrt
 from rover_sweep.identification.handling import handling
 from rover_sweep.report.wording.number_format import SHORT_NAMES, number, symbol
 from rover_sweep.study import published
-from rover_sweep.study.findings import Finding, judged, ms, percent
+from rover_sweep.study.findings import StudyFinding, judged, ms, percent
 from rover_sweep.study.virtual_study import Practice, Study, true_delay
 
 PHYSICAL = ("bicycle", "roll-yaw")
 
 
-def inertia(study: Study) -> Finding:
+def inertia(study: Study) -> StudyFinding:
     """Sections 6.1 and 6.2: Izz against the swing test."""
     true, swing = study.truth.values["Izz"], published.SWING_TEST["Izz"]
     printed = {m: percent(published.PARAMETERS[m]["Izz"].value / swing - 1) for m in PHYSICAL}
@@ -28,7 +28,7 @@ def inertia(study: Study) -> Finding:
         f"The roll-yaw model's I_zz lies nearer to the swing test ({printed['roll-yaw']}) than the bicycle's "
         f"({printed['bicycle']})."
     )
-    return Finding("inertia", claim, judged(ours["roll-yaw"] < ours["bicycle"]), text)
+    return StudyFinding("inertia", claim, judged(ours["roll-yaw"] < ours["bicycle"]), text)
 
 
 def _inertias(practice: Practice, true: float) -> str:
@@ -51,7 +51,7 @@ def _why_inertia(study: Study, true: float) -> str:
     return f"{words}, so this lag is not the cause. The Cramer-Rao bound is {bounds}."
 
 
-def stiffness(study: Study) -> Finding:
+def stiffness(study: Study) -> StudyFinding:
     """Section 6.2: C of the roll-yaw model against the bicycle's."""
     true = (study.truth.values["Cf"] + study.truth.values["Cr"]) / 2
     ours, known = ({m: p.fit(m)["C"].value for m in PHYSICAL} for p in (study.paper, study.known))
@@ -73,10 +73,10 @@ def stiffness(study: Study) -> Finding:
         "The roll-yaw model's cornering stiffness is much higher than the bicycle's and the more plausible "
         "one (Tables 2 and 3)."
     )
-    return Finding("stiffness", claim, judged(apart > 0.5 * in_print, nearer), text)
+    return StudyFinding("stiffness", claim, judged(apart > 0.5 * in_print, nearer), text)
 
 
-def delays(study: Study) -> Finding:
+def delays(study: Study) -> StudyFinding:
     """Tables 2 to 4: equivalent delays of 71 to 88 ms, and how much of them the sensor filters explain."""
     names = published.MODELS
     ours, known = ({m: p.fit(m)["tau"].value for m in names} for p in (study.paper, study.known))
@@ -96,7 +96,7 @@ def delays(study: Study) -> Finding:
         "The models need an equivalent delay of 71 to 88 ms (Tables 2 to 4), laid to higher-order dynamics "
         "that are not modelled."
     )
-    return Finding("delays", claim, judged(*near), text)
+    return StudyFinding("delays", claim, judged(*near), text)
 
 
 def _gyro_words(study: Study, known: float) -> str:
@@ -117,7 +117,7 @@ def _times(values: Mapping[str, float]) -> str:
     return ", ".join(f"{m} {ms(v)}" for m, v in values.items())
 
 
-def roll(study: Study) -> Finding:
+def roll(study: Study) -> StudyFinding:
     """Sections 7 and 9: the bicycle has no roll, which shows in a_y as well."""
     p = study.runs.checks["fast"].manoeuvre("p").x
     known, ignored = (
@@ -134,10 +134,10 @@ def roll(study: Study) -> Finding:
         f"{number(ignored['roll-yaw'], 3)} with them ignored{', where their lag hides it' if hidden else ''}."
     )
     claim = "The bicycle cannot predict roll, and fits a_y less well than the roll-yaw model does (Table 5)."
-    return Finding("roll", claim, judged(True, worse, not hidden), text)
+    return StudyFinding("roll", claim, judged(True, worse, not hidden), text)
 
 
-def structure(study: Study) -> Finding:
+def structure(study: Study) -> StudyFinding:
     """Table 4: which derivatives were dropped, and how certain the rest is."""
     rows = published.PARAMETERS["lumped"]
     printed = {n for n, p in rows.items() if not p.free}
@@ -158,7 +158,7 @@ def structure(study: Study) -> Finding:
     )
     claim = "Reduction leaves ten derivatives and a delay, some with Cramer-Rao bounds near 30 % (Table 4)."
     near = len(ours ^ printed) <= 2
-    return Finding("structure", claim, judged(near, 20 < (worst.cr_percent or 0.0) < 60), text)
+    return StudyFinding("structure", claim, judged(near, 20 < (worst.cr_percent or 0.0) < 60), text)
 
 
 def _bound(percentage: float | None) -> str:
@@ -170,7 +170,7 @@ def _symbols(names: Collection[str]) -> str:
     return ", ".join(symbol(n) for n in order) or "none"
 
 
-def bands(study: Study) -> Finding:
+def bands(study: Study) -> StudyFinding:
     """Section 5: the bands of coherence above 0.6."""
     found = study.coherent
     words = ", ".join(f"{SHORT_NAMES[o]} {_band(found.get(o))}" for o in published.BANDS)
@@ -185,7 +185,7 @@ def bands(study: Study) -> Finding:
             "coherence weighs it down."
         )
     claim = "Usable from 0.2 (r, a_y), 0.6 (p) and 3 rad/s (V̇_y) up to 20 or 25 rad/s (section 5)."
-    return Finding("bands", claim, judged(*as_wide.values()), text)
+    return StudyFinding("bands", claim, judged(*as_wide.values()), text)
 
 
 def _covers(band: tuple[float, float] | None, wanted: tuple[float, float]) -> bool:
@@ -204,7 +204,7 @@ def _band(band: tuple[float, float] | None) -> str:
     return f"{band[0]:.2g} to {band[1]:.3g}" if band else "nowhere"
 
 
-def yaw_rate(study: Study) -> Finding:
+def yaw_rate(study: Study) -> StudyFinding:
     """Section 4: the yaw rate that the sweep gives."""
     run = study.runs.sweeps[0]
     start, end = run.span
@@ -216,10 +216,10 @@ def yaw_rate(study: Study) -> Finding:
         f"{1000 * study.runs.asphalt.rad_per_us:.2g} mrad/µs, is not printed and was chosen for this.)"
     )
     claim = "±150 µs give about ±40 to 45 deg/s of yaw rate, until it rolls off (Figure 2)."
-    return Finding("yaw-rate", claim, judged(0.9 * low <= peak <= 1.1 * high), text)
+    return StudyFinding("yaw-rate", claim, judged(0.9 * low <= peak <= 1.1 * high), text)
 
 
-def speed_limit(study: Study) -> Finding:
+def speed_limit(study: Study) -> StudyFinding:
     """Not in the paper: its rover oversteers, and its models turn unstable at a speed."""
     ours = {m: handling(study.known.fit(m)).get("critical_speed") for m in PHYSICAL}
     words = ", ".join(f"{m} {number(v, 2) + ' m/s' if v else 'never'}" for m, v in ours.items())
@@ -231,11 +231,11 @@ def speed_limit(study: Study) -> Finding:
         "Not said in the paper, but in its numbers (a > b): unstable above 5.6 m/s by the bicycle model and "
         "7.0 m/s by the roll-yaw model."
     )
-    return Finding("speed-limit", claim, judged(*inside), text)
+    return StudyFinding("speed-limit", claim, judged(*inside), text)
 
 
 CRITICAL = (5.6, 7.0)  # m/s, of the printed parameters
-FOUND: tuple[Callable[[Study], Finding], ...] = (
+FOUND: tuple[Callable[[Study], StudyFinding], ...] = (
     inertia,
     stiffness,
     delays,

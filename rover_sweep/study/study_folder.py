@@ -14,7 +14,7 @@ from rover_sweep.report.wording.strict_json import dumps
 from rover_sweep.study.conclusions import rover_sentences, summary
 from rover_sweep.study.conditions import Progress
 from rover_sweep.study.figures import figures
-from rover_sweep.study.findings import Finding
+from rover_sweep.study.findings import StudyFinding
 from rover_sweep.study.published import PAPER
 from rover_sweep.study.published_tables import costs, parameters, practices_table, verifications
 from rover_sweep.study.study_json import study_document
@@ -30,7 +30,9 @@ class StudyFiles:
     figures: tuple[Path, ...]
 
 
-def write_study(study: Study, found: tuple[Finding, ...], directory: Path, progress: Progress) -> StudyFiles:
+def write_study(
+    study: Study, found: tuple[StudyFinding, ...], directory: Path, progress: Progress
+) -> StudyFiles:
     """Writes everything; each file is replaced at once. UsageError where the directory cannot be written."""
     document = write_file(directory / "study.json", dumps(study_document(study, found)))
     plan, drawn = tuple(figures(study)), []
@@ -42,7 +44,7 @@ def write_study(study: Study, found: tuple[Finding, ...], directory: Path, progr
     return StudyFiles(document, page, paths)
 
 
-def _page(study: Study, found: tuple[Finding, ...], drawn: list[tuple[Picture, bytes]]) -> str:
+def _page(study: Study, found: tuple[StudyFinding, ...], drawn: list[tuple[Picture, bytes]]) -> str:
     return (
         environment("study")
         .get_template("study.html.j2")

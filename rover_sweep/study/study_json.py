@@ -10,12 +10,12 @@ from rover_sweep.identification.handling import handling, has_handling
 from rover_sweep.report.wording.provenance import versions
 from rover_sweep.study import published
 from rover_sweep.study.conditions import CHECKS
-from rover_sweep.study.findings import Finding
+from rover_sweep.study.findings import StudyFinding
 from rover_sweep.study.published import MODELS
 from rover_sweep.study.virtual_study import Practice, Study
 
 
-def study_document(study: Study, found: tuple[Finding, ...]) -> dict[str, Any]:
+def study_document(study: Study, found: tuple[StudyFinding, ...]) -> dict[str, Any]:
     """The study in plain types: findings, published numbers, the rover, and each way of fitting."""
     return {
         "format": "rover-sweep study 1",

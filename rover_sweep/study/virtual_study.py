@@ -16,7 +16,7 @@ from rover_sweep.identification.pipeline import Identification, identify
 from rover_sweep.identification.structure.state_space import OUTPUTS, ModelStructure
 from rover_sweep.identification.verify import Verification, verify
 from rover_sweep.spectra.response import Band, usable_band
-from rover_sweep.study.conditions import CHECKS, Progress, Runs, driven, geometry
+from rover_sweep.study.conditions import CHECKS, Progress, StudyRuns, driven, geometry
 from rover_sweep.study.published import BANDS, SWEEP
 
 
@@ -66,7 +66,7 @@ class Study:
     """Everything. truth: the roll-yaw model with the virtual rover's own numbers (tyres at zero slip)."""
 
     seed: int
-    runs: Runs
+    runs: StudyRuns
     geometry: Geometry
     practices: Mapping[str, Practice]
     truth: ModelStructure
@@ -127,7 +127,7 @@ def _silent(share: float, what: str) -> None:
     """No progress wanted."""
 
 
-def _identified(runs: Runs, known: Geometry, filtered: bool, fitted: Sequence[str]) -> Identification:
+def _identified(runs: StudyRuns, known: Geometry, filtered: bool, fitted: Sequence[str]) -> Identification:
     settings = Settings(fitted=tuple(fitted), band=(SWEEP["w_min"], SWEEP["w_max"]), bands=bands())
     sweeps, checks = runs.sweeps, tuple(runs.checks.values())
     if not filtered:
@@ -140,7 +140,7 @@ def _filtered(run: Recording, filters: Mapping[str, LowPass]) -> Recording:
     return replace(run, filters=filters)
 
 
-def _truth(runs: Runs, known: Geometry) -> ModelStructure:
+def _truth(runs: StudyRuns, known: Geometry) -> ModelStructure:
     rover = runs.asphalt
     return roll_yaw(known, tied=False).with_values(
         {
@@ -154,12 +154,12 @@ def _truth(runs: Runs, known: Geometry) -> ModelStructure:
     )
 
 
-def true_delay(runs: Runs) -> float:
+def true_delay(runs: StudyRuns) -> float:
     """The steering's low-frequency lag [s]: the servo's delay and lag. (The PWM's steps are in the input.)"""
     return runs.asphalt.servo_delay + runs.asphalt.servo_lag
 
 
-def _counterfactuals(runs: Runs, known: Geometry, practices: Mapping[str, Practice]) -> Counterfactuals:
+def _counterfactuals(runs: StudyRuns, known: Geometry, practices: Mapping[str, Practice]) -> Counterfactuals:
     best = practices["known"].result.models["roll-yaw"]
     group = practices["known"].group
     frozen = lumped(known, best.fit.structure, group.speed)

@@ -18,14 +18,14 @@ from textual.app import App
 from textual.message import Message
 from textual.reactive import reactive
 
-from rover_sweep.live.source import Connect, Drive, Ended, Fix, Preflight, Request, Several, Source
+from rover_sweep.live.source import Connect, DriveRequest, Ended, Fix, Preflight, Request, Several, Source
 from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.drawn.question import Question
-from rover_sweep.tui.jobs.analysis import Job
+from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.jobs.desk import Desk, recordings
-from rover_sweep.tui.model.connections import Place, places, with_systems
+from rover_sweep.tui.model.connections import ConnectionChoice, places, with_systems
 from rover_sweep.tui.model.feed import Feed
 from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, ground, named
 from rover_sweep.tui.model.setup import Setup, recall, remember, serial_ports, with_url
@@ -49,7 +49,7 @@ class SessionApp(App[None]):
         self.source, self.setup = source, setup
         self.memory = recall(setup.memory)
         self.palette: Palette = DARK if self.memory.dark else LIGHT
-        self.places: tuple[Place, ...] = ()
+        self.places: tuple[ConnectionChoice, ...] = ()
         self.look_for_ports()
         self.desk = Desk(self.redraw, setup.folder)
         self.feed = Feed(lambda: self.post_message(Arrived()))
@@ -166,7 +166,7 @@ class SessionApp(App[None]):
     def _drive(self, row: Row) -> None:
         self._speed = row.speed
         self.setup.keep_plan(self.plan)  # the usual one too, which nobody has changed
-        self.ask(Drive(SessionRun(row.name, row.manoeuvre, row.speed), self.setup.settings))
+        self.ask(DriveRequest(SessionRun(row.name, row.manoeuvre, row.speed), self.setup.settings))
         self.turn_to("run", ("plan", "verdict"))
 
     def _first_left(self) -> int:
@@ -210,7 +210,7 @@ class SessionApp(App[None]):
             return ready and self.desk.report() is not None
         return ready and folder is not None and bool(recordings(self.state, folder))
 
-    def analyse(self, kind: str, chosen: Job | None = None) -> None:
+    def analyse(self, kind: str, chosen: AnalysisJob | None = None) -> None:
         """Starts the command beside the session; gains out of the chosen report, where that is one."""
         setup = self.setup
         if setup.folder is not None and setup.vehicle_path is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from rover_sweep.manoeuvre.sweep import Manoeuvre
-from rover_sweep.vehicle.identity import Vehicle
+from rover_sweep.vehicle.identity import VehicleIdentity
 from rover_sweep.vehicle.link.streams import Stream, StreamQuality
 
 
@@ -16,7 +16,7 @@ class Connected:
     """A rover with the applet answers on `url`."""
 
     url: str
-    vehicle: Vehicle
+    vehicle: VehicleIdentity
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ _ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class VehicleIdentity:
     """An ArduPilot Rover. version: (major, minor, patch); git_hash: first 8 characters; uid: of the board."""
 
     firmware: str
@@ -32,7 +32,7 @@ class Vehicle:
         return f"{self.firmware} (system {self.system})"
 
 
-def identify_vehicle(link: Link) -> Vehicle:
+def identify_vehicle(link: Link) -> VehicleIdentity:
     """Ask for AUTOPILOT_VERSION. LinkError in words for anything but an ArduPilot Rover from 4.5 on."""
     heartbeat = link.heartbeat
     assert heartbeat is not None  # Link.open waits for it
@@ -53,7 +53,7 @@ def identify_vehicle(link: Link) -> Vehicle:
             f"ArduRover {'.'.join(map(str, version))} is too old for the applet, "
             f"which needs {OLDEST[0]}.{OLDEST[1]} or newer"
         )
-    return Vehicle(
+    return VehicleIdentity(
         firmware=f"ArduRover {'.'.join(map(str, version))}",
         version=version,
         git_hash=_hash(answer),
@@ -62,7 +62,7 @@ def identify_vehicle(link: Link) -> Vehicle:
     )
 
 
-def untried(vehicle: Vehicle) -> str:
+def untried(vehicle: VehicleIdentity) -> str:
     """A sentence where the firmware is newer than any the applet was tried on, else ''."""
     if vehicle.version[:2] <= NEWEST:
         return ""

@@ -20,8 +20,8 @@ from firmware_params.param_files import read, shipped
 from rover_sweep.cli.driving.rover_numbers import firmware_rover_text, rover_text
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.content import SessionRun
-from rover_sweep.session.session import Plan, drive
-from rover_sweep.session.simulated_rover import Physics, Simulation, pilot, started
+from rover_sweep.session.session import SessionPlan, drive
+from rover_sweep.session.simulated_rover import Physics, SimulatedRover, pilot, started
 from rover_sweep.vehicle.events import (
     Connected,
     Event,
@@ -57,19 +57,19 @@ class Job:
     events: tuple[Event, ...]
     seconds: tuple[tuple[str, float], ...]
     found: dict[str, dict[str, float]]
-    plan: Plan
+    plan: SessionPlan
 
 
-def plan_for(trigger: Trigger, simulation: Simulation) -> Plan:
+def plan_for(trigger: Trigger, simulation: SimulatedRover) -> SessionPlan:
     """The runs, on a rover as from the factory."""
     throttle = None if trigger == "pilot" else simulation.throttle_us
     settings = RunSettings(True, throttle, trigger, LIMITS)
-    return Plan(RUNS, settings, read(shipped("identification")), applet=applet_path())
+    return SessionPlan(RUNS, settings, read(shipped("identification")), applet=applet_path())
 
 
 def whole_job(binary: Path, folder: Path, trigger: Trigger = "override", physics: Physics = "plant") -> Job:
     """Install, drive, fetch, identify."""
-    simulation = Simulation("ardurover", binary, physics, prepared=False)
+    simulation = SimulatedRover("ardurover", binary, physics, prepared=False)
     plan = plan_for(trigger, simulation)
     session, began = folder / "session", time.monotonic()
     events, seconds = list[Event](), list[tuple[str, float]]()

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.bench.bench_folder import BenchFolder
-from rover_sweep.bench.drive import Keep, Plan, drive
+from rover_sweep.bench.drive import BenchPlan, Keep, drive
 from rover_sweep.bench.programme import Movement, programme
 from rover_sweep.bench.standstill import NotStanding
 from rover_sweep.cli.main import run
@@ -123,7 +123,9 @@ def test_angles_by_hand_are_kept_one_by_one_and_evaluated_after_a_stop(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        drive(url, folder, Plan(programme((60.0, 120.0, 180.0), True, False)), Beside(20, pulls_the_plug))
+        drive(
+            url, folder, BenchPlan(programme((60.0, 120.0, 180.0), True, False)), Beside(20, pulls_the_plug)
+        )
     assert len(folder.readings()) == 19
     assert folder.description()["done"] == []
     code = run(["bench", "--from", str(folder.path), "--vehicle", str(vehicle_toml), "--json"])
@@ -148,7 +150,7 @@ def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: On
         threading.Thread(target=takes_it, daemon=True).start()  # the rover waits for who does not read
 
     with pytest.raises(NotStanding, match="not in MANUAL"):
-        drive(url, folder, Plan(programme((100.0,), True, False)), Beside(3, hold))
+        drive(url, folder, BenchPlan(programme((100.0,), True, False)), Beside(3, hold))
     assert 0 < len(folder.readings()) < 3
     with Link.open(url, tmp_path / "after.tlog") as link:
         inputs = link.request_message("RC_CHANNELS")
@@ -177,7 +179,7 @@ def test_what_makes_it_unsafe_is_refused_before_anything_moves(
         drive(
             on_blocks("--parameter", f"{name}={value}"),
             folder,
-            Plan(programme((150.0,), True, False)),
+            BenchPlan(programme((150.0,), True, False)),
             operator,
         )
     assert operator.asked == []
@@ -192,7 +194,7 @@ def test_the_stick_stays_away_from_where_it_arms(on_blocks: OnBlocks, tmp_path: 
         write(link, "SERVO1_MIN", 1100)
         write(link, "SERVO1_MAX", 1900)
     with pytest.raises(UsageError, match=r"allow 338 us on both sides; .* arms the rover after 2 s"):
-        drive(url, folder, Plan(programme((350.0,), True, False)), Beside())
+        drive(url, folder, BenchPlan(programme((350.0,), True, False)), Beside())
 
 
 def test_an_armed_rover_is_refused(on_blocks: OnBlocks, tmp_path: Path):
@@ -206,7 +208,7 @@ def test_an_armed_rover_is_refused(on_blocks: OnBlocks, tmp_path: Path):
                 break
     operator = Beside()
     with pytest.raises(NotStanding, match="the rover is armed"):
-        drive(url, folder, Plan(programme((100.0,), True, False)), operator)
+        drive(url, folder, BenchPlan(programme((100.0,), True, False)), operator)
     assert operator.asked == []
 
 

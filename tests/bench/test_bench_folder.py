@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from synthetic_servo import read_by_hand, rover
 
-from rover_sweep.bench.bench_folder import BenchFolder, Reading
+from rover_sweep.bench.bench_folder import AngleReading, BenchFolder
 from rover_sweep.cli.main import run
 
 OUTPUT = {"servo": 1, "trim": 1500.0}
@@ -23,7 +23,7 @@ def folder(tmp_path: Path) -> BenchFolder:
     made.describe({"steering_output": OUTPUT, "wheel": None})
     readings = read_by_hand(rover(b=0.01), (80.0, 160.0, 240.0), np.random.default_rng(1))
     for t, (pwm, angle) in enumerate(zip(readings.pwm.tolist(), readings.angle.tolist(), strict=True)):
-        made.add(Reading(float(t), "steps", pwm - 1500.0, pwm, angle))
+        made.add(AngleReading(float(t), "steps", pwm - 1500.0, pwm, angle))
     return made
 
 

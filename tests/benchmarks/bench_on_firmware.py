@@ -29,7 +29,7 @@ import numpy as np
 from firmware_params.param_files import shipped
 from rover_sweep.bench.bench_folder import BenchFolder
 from rover_sweep.bench.bench_result import BenchResult
-from rover_sweep.bench.drive import Keep, Plan, Wheel, drive
+from rover_sweep.bench.drive import BenchPlan, Keep, WheelSource, drive
 from rover_sweep.bench.evaluate import evaluate
 from rover_sweep.bench.programme import Movement, programme
 from rover_sweep.data.vehicle_file import load
@@ -109,7 +109,7 @@ def report(result: BenchResult, truth: dict[str, float]) -> None:
 def by_imu(rover: Running, folder: Path, wheel: Path) -> BenchResult:
     """Ramps and steps."""
     bench = _folder(folder / "imu")
-    plan = Plan(programme(BY_IMU, False, True), Wheel(file=wheel, same_clock=True), unasked=True)
+    plan = BenchPlan(programme(BY_IMU, False, True), WheelSource(file=wheel, same_clock=True), unasked=True)
     assert drive(rover.connection, bench, plan, Beside(wheel))
     return evaluate(bench, load(ROVER))
 
@@ -117,7 +117,7 @@ def by_imu(rover: Running, folder: Path, wheel: Path) -> BenchResult:
 def by_hand(rover: Running, folder: Path, wheel: Path) -> BenchResult:
     """A staircase."""
     bench = _folder(folder / "hand")
-    assert drive(rover.connection, bench, Plan(programme(BY_HAND, True, False)), Beside(wheel))
+    assert drive(rover.connection, bench, BenchPlan(programme(BY_HAND, True, False)), Beside(wheel))
     return evaluate(bench, load(ROVER))
 
 

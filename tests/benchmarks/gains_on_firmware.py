@@ -34,7 +34,7 @@ from acro_on_firmware import SPEED, drive
 import rover_sweep as rs
 from firmware_params.param_files import read, shipped
 from rover_sweep.gains.identified import from_identification
-from rover_sweep.gains.proposal import Judged, Proposal, propose
+from rover_sweep.gains.proposal import AssessedGains, Proposal, propose
 from rover_sweep.gains.steering_chain import Autopilot, autopilot
 from rover_sweep.report.identification.identification_json import identification_document
 from sitl.launcher import find_ardurover
@@ -60,7 +60,9 @@ def report(log: Path, told: list[Segment], proposal: Proposal, loop: Autopilot) 
     print(f"the tracking error is {rms[0] / rms[1]:.1f} times smaller with the proposed gains")
 
 
-def _reported(log: Path, segment: Segment, model: Judged, proposal: Proposal, loop: Autopilot) -> float:
+def _reported(
+    log: Path, segment: Segment, model: AssessedGains, proposal: Proposal, loop: Autopilot
+) -> float:
     seen = judge(log, segment)
     expected = predicted(proposal, loop, model.gains, seen.speed)
     g, margins, (first, second) = model.gains, model.margins, seen.overshoots

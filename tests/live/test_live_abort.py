@@ -12,7 +12,7 @@ from asked_source import PLAN, READY, SETTINGS, Asked
 from counted_proxy import CountedProxy
 
 from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.live.source import Drive, Ended, FetchLogs, Judged, Lost, Play
+from rover_sweep.live.source import DriveRequest, Ended, FetchLogs, Judged, Lost, Play
 from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.folder import read
@@ -40,7 +40,7 @@ def steering(tlog: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def in_mid_sweep(asked: Asked, planned: SessionRun, settings: RunSettings) -> float:
     """Drive until the wave is on; the vehicle's time [s]."""
-    asked.source.ask(Drive(planned, settings))
+    asked.source.ask(DriveRequest(planned, settings))
     asked.wait(StateChanged, lambda event: event.state == 6)
     return asked.wait(Snapshot).t
 
@@ -49,7 +49,7 @@ def test_an_abort_in_mid_sweep_lets_the_steering_go(rover: launcher.Running, tmp
     with Asked(tmp_path / "s") as asked:
         asked.connect(rover.connection)
         in_mid_sweep(asked, FAST, SETTINGS)
-        asked.source.ask(Drive(PLAN[1], SETTINGS))  # must not be begun after an abort
+        asked.source.ask(DriveRequest(PLAN[1], SETTINGS))  # must not be begun after an abort
         pressed_at = asked.all(Snapshot)[-1].t
         for _ in range(50):  # somebody hammers on the key
             asked.source.abort()
@@ -101,7 +101,7 @@ def test_an_abort_stops_the_applet_while_the_pilot_holds_the_switch(
 ) -> None:
     with Asked(tmp_path / "s") as asked:
         asked.connect(rover.connection)
-        asked.source.ask(Drive(FAST, RunSettings(extra={"v_max": 5.0, "still": 0.0}, patience=60)))
+        asked.source.ask(DriveRequest(FAST, RunSettings(extra={"v_max": 5.0, "still": 0.0}, patience=60)))
         asked.wait(Notice, lambda notice: "waiting for the pilot to arm" in notice.text)
         with Pilot(rover.connection, tmp_path / "pilot.tlog"):
             asked.wait(StateChanged, lambda event: event.state == 6)
@@ -121,7 +121,7 @@ def test_an_abort_while_nothing_is_driven_harms_nothing(rover: launcher.Running,
         asked.source.abort()
         asked.wait(Snapshot)
         assert asked.do(FetchLogs()) == ""
-        assert asked.do(Drive(PLAN[1], SETTINGS)) == ""
+        assert asked.do(DriveRequest(PLAN[1], SETTINGS)) == ""
         assert [run.completed for run in asked.all(RunFinished)] == [True]
 
 

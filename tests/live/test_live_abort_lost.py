@@ -79,7 +79,7 @@ def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(
         yield from ()
 
     monkeypatch.setattr(vehicle_source.Link, "open", opened)
-    monkeypatch.setattr(vehicle_source.Work, "greet", greet)
+    monkeypatch.setattr(vehicle_source.VehicleWork, "greet", greet)
     monkeypatch.setattr(vehicle_source, "let_go_late", let_go_late)
     source._url, source._lost = "tcp:127.0.0.1:1", True
     source.start(lambda told: refused.append(told.failure) if isinstance(told, Ended) else None)

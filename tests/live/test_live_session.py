@@ -20,7 +20,7 @@ from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.identification.grouping import Settings as IdentificationSettings
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.live.source import Checked, Drive, FetchLogs, Judged, Preflight
+from rover_sweep.live.source import Checked, DriveRequest, FetchLogs, Judged, Preflight
 from rover_sweep.session.folder import Session, read
 from rover_sweep.session.recordings import session_runs
 from rover_sweep.vehicle.events import Connected, LogSaved, RunFinished
@@ -37,7 +37,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespac
     ):
         asked.source.session.plan(PLAN)
         asked.connect(rover.connection)
-        failures = [asked.do(Preflight()), *(asked.do(Drive(run, SETTINGS)) for run in PLAN)]
+        failures = [asked.do(Preflight()), *(asked.do(DriveRequest(run, SETTINGS)) for run in PLAN)]
         asked.wait(Judged, lambda judged: judged.verdict.run == "doublet")
         failures += [asked.do(FetchLogs())]
         asked.wait(Snapshot)

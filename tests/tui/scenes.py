@@ -28,7 +28,7 @@ from rover_sweep.data.vehicle_file import load
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Played, Preflight, Told
 from rover_sweep.tui.app import SweepApp
-from rover_sweep.tui.jobs.analysis import Job
+from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.model.setup import Setup
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.link.link_quality import LinkQuality
@@ -87,7 +87,7 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
 OWN_SCENES: Mapping[str, tuple[Step, ...]] = {"run-consent": (*_READY, "3", "g")}
 
 JOBS = (
-    Job(
+    AnalysisJob(
         "identify",
         ("identify", "session", "--out", "session/report"),
         Path("session/report"),
@@ -100,7 +100,7 @@ JOBS = (
             "roll-yaw (recommended): C 30.4 N/rad, Izz 0.0684 kg m^2, tau 0.0438 s",
         ),
     ),
-    Job(
+    AnalysisJob(
         "diagnose",
         ("diagnose", "session", "--out", "session/diagnosis"),
         Path("session/diagnosis"),
@@ -109,7 +109,7 @@ JOBS = (
     ),
 )
 
-GAINS = Job(
+GAINS = AnalysisJob(
     "gains",
     ("gains", "session/report"),
     Path("session/gains.param"),

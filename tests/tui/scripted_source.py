@@ -8,16 +8,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rover_sweep.live.snapshot import Band, Snapshot, Verdict
-from rover_sweep.live.source import Checked, Connect, Drive, Ended, Judged, Request, Told
+from rover_sweep.live.source import Checked, Connect, DriveRequest, Ended, Judged, Request, Told
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle import events as e
-from rover_sweep.vehicle.identity import Vehicle
+from rover_sweep.vehicle.identity import VehicleIdentity
 from rover_sweep.vehicle.preflight.item import Check, Remedy
 from rover_sweep.vehicle.run.settings import RunSettings
 
 URL = "tcp:127.0.0.1:5760"
-ROVER = Vehicle("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 1, 1)
+ROVER = VehicleIdentity("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 1, 1)
 SWEEP = Sweep(amplitude=150.0)
 TLOG = Path("sweep1.tlog")
 
@@ -149,9 +149,9 @@ def connected() -> list[Told]:
     return [e.Connected(URL, ROVER), Ended(Connect(URL)), still, Checked(CHECKS)]
 
 
-def drive(name: str = "sweep1", settings: RunSettings | None = None) -> Drive:
+def drive(name: str = "sweep1", settings: RunSettings | None = None) -> DriveRequest:
     """A request."""
-    return Drive(SessionRun(name, SWEEP, 2.0), settings or RunSettings())
+    return DriveRequest(SessionRun(name, SWEEP, 2.0), settings or RunSettings())
 
 
 def under_way() -> list[Told]:

@@ -26,7 +26,7 @@ from textual.pilot import Pilot
 from rover_sweep.live.source import (
     Checked,
     Connect,
-    Drive,
+    DriveRequest,
     Ended,
     FetchLogs,
     Fix,
@@ -66,8 +66,8 @@ async def press(pilot: Pilot[None], *keys: str) -> None:
     await pilot.pause()
 
 
-def drives(source: ScriptedSource) -> list[Drive]:
-    return [request for request in source.asked if isinstance(request, Drive)]
+def drives(source: ScriptedSource) -> list[DriveRequest]:
+    return [request for request in source.asked if isinstance(request, DriveRequest)]
 
 
 def test_nothing_is_asked_without_a_key() -> None:

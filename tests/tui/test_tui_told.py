@@ -9,10 +9,10 @@ from pathlib import Path
 from scripted_source import ROVER, SWEEP, TLOG, snapshot
 
 from rover_sweep.live.snapshot import Band, Verdict
-from rover_sweep.live.source import Drive, Lost, Preflight
+from rover_sweep.live.source import DriveRequest, Lost, Preflight
 from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun
 from rover_sweep.tui.drawn.palette import LIGHT
-from rover_sweep.tui.jobs.analysis import Job
+from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.jobs.desk import Desk
 from rover_sweep.tui.jobs.summary import summary_of
 from rover_sweep.tui.model.earlier import logs, records
@@ -23,11 +23,11 @@ from rover_sweep.tui.screens.plan import driven
 from rover_sweep.vehicle.events import Connected, Rebooting
 from rover_sweep.vehicle.run.settings import RunSettings
 
-DRIVE = Drive(SessionRun("sweep1", SWEEP, 2.0), RunSettings())
+DRIVE = DriveRequest(SessionRun("sweep1", SWEEP, 2.0), RunSettings())
 
 
-def done(kind: str, out: str) -> Job:
-    return Job(kind, (kind, out), Path(out), "done")
+def done(kind: str, out: str) -> AnalysisJob:
+    return AnalysisJob(kind, (kind, out), Path(out), "done")
 
 
 def test_gains_come_from_the_chosen_report_else_from_the_latest_identification() -> None:

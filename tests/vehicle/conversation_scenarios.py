@@ -13,7 +13,7 @@ from typing import Any
 from firmware_params.param_files import read
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import SessionRun
-from rover_sweep.session.session import Plan, drive
+from rover_sweep.session.session import SessionPlan, drive
 from rover_sweep.vehicle.events import Event, LogProgress
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.transport import Line
@@ -82,7 +82,7 @@ SCENARIOS: dict[str, Scenario] = {
 
 
 def _driven(url: str, folder: Path, line: Line, told: Told, settings: RunSettings) -> Iterator[Any]:
-    plan = Plan((SessionRun("sweep1", SWEEP),), settings, logs=False)
+    plan = SessionPlan((SessionRun("sweep1", SWEEP),), settings, logs=False)
     for event in drive(url, folder, plan, line):
         told(event)
         yield event

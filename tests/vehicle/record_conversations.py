@@ -43,7 +43,7 @@ from rover_sweep.vehicle.link.recorded_transport import RecordedLine
 from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.parameters.read_write import write
 from rover_sweep.vehicle.run.controls import Channels, Controls, pump
-from rover_sweep.vehicle.run.right_to_move import Limits, RightToMove
+from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 from sitl.launcher import Running, start_ardurover
 
 TRIES = 3
@@ -129,7 +129,7 @@ def _prepared(rover: Running, name: str, folder: Path) -> str:
 
 
 def _armed_for_a_moment(link: Link) -> None:
-    right = RightToMove(link.line, link.clock, Limits())
+    right = RightToMove(link.line, link.clock, MovementLimits())
     controls = Controls(link, Channels(1, 3, 6, 1500, 1500), "override", False, right)
     controls.take()
     for _ in range(60):

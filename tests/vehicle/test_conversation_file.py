@@ -10,7 +10,12 @@ from fake_vehicle import FakeVehicle
 from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import DataRefused, LinkError
-from rover_sweep.vehicle.link.conversation import Conversation, ConversationWriter, Entry, Kind
+from rover_sweep.vehicle.link.conversation import (
+    Conversation,
+    ConversationEntry,
+    ConversationKind,
+    ConversationWriter,
+)
 from rover_sweep.vehicle.link.conversation import read_conversation as read
 from rover_sweep.vehicle.link.conversation import write_conversation as write
 from rover_sweep.vehicle.link.link import Link
@@ -18,7 +23,7 @@ from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversati
 from rover_sweep.vehicle.parameters.read_write import read_present
 from rover_sweep.vehicle.parameters.read_write import write as write_parameter
 
-ENTRIES = tuple(Entry(kind, 0.25 * kind, bytes(range(40 * kind))) for kind in Kind)
+ENTRIES = tuple(ConversationEntry(kind, 0.25 * kind, bytes(range(40 * kind))) for kind in ConversationKind)
 
 
 def test_what_is_written_comes_back(tmp_path: Path) -> None:
@@ -30,7 +35,7 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
 def test_a_killed_program_loses_no_more_than_the_last_second(tmp_path: Path) -> None:
     writer = ConversationWriter(tmp_path / "a", {})
     for n in range(50):
-        writer.write(Kind.RECEIVED, 100_000 * n, bytes([n]) * 200)
+        writer.write(ConversationKind.RECEIVED, 100_000 * n, bytes([n]) * 200)
     left = (tmp_path / "a").read_bytes()  # as it is on disk while the program still runs
     (tmp_path / "b").write_bytes(left)
     found = read(tmp_path / "b")
@@ -77,7 +82,7 @@ def test_a_reboot_is_part_of_the_conversation(vehicle: FakeVehicle, tmp_path: Pa
         link.reconnect(10.0)
         then = link.clock.now
     kinds = [entry.kind for entry in read(path).entries]
-    assert kinds.count(Kind.OPENED) == kinds.count(Kind.CLOSED) == 2
+    assert kinds.count(ConversationKind.OPENED) == kinds.count(ConversationKind.CLOSED) == 2
     again = ReplayedLine(read(path))
     with Link.open(vehicle.url, tmp_path / "b.tlog", line=again) as link:
         link.reconnect(10.0)

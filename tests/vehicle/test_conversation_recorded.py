@@ -15,7 +15,12 @@ from conversation_scenarios import CONVERSATIONS, SCENARIOS, VERSIONS, carried_o
 from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.conversation import Conversation, Entry, Kind, read_conversation
+from rover_sweep.vehicle.link.conversation import (
+    Conversation,
+    ConversationEntry,
+    ConversationKind,
+    read_conversation,
+)
 
 RECORDED = [(firmware, name) for firmware in VERSIONS for name in SCENARIOS]
 
@@ -69,7 +74,7 @@ def test_what_the_recordings_hold(firmware: str) -> None:
     assert any(name.endswith(".BIN") for name in then(firmware, "log")["files"])
 
 
-def changed(conversation: Conversation, number: int, entry: Entry | None) -> Conversation:
+def changed(conversation: Conversation, number: int, entry: ConversationEntry | None) -> Conversation:
     entries = list(conversation.entries)
     entries[number : number + 1] = [] if entry is None else [entry]
     return Conversation(tuple(entries), conversation.about)
@@ -88,19 +93,19 @@ def differs(name: str, conversation: Conversation, expected: dict[str, Any], fol
 def test_a_changed_byte_or_a_lost_message_does_not_pass(name: str, tmp_path: Path) -> None:
     """Of what was sent and of what was received, spread over the whole conversation."""
     conversation, expected = recorded("4.6.3", name), then("4.6.3", name)
-    for kind in (Kind.SENT, Kind.RECEIVED):
+    for kind in (ConversationKind.SENT, ConversationKind.RECEIVED):
         places = [i for i, entry in enumerate(conversation.entries) if entry.kind == kind]
         places = [i for i in places if _counts(conversation.entries[i])]
         for number in places[1 :: max(len(places) // 4, 1)]:
             entry = conversation.entries[number]
-            at = 10 if kind == Kind.SENT else len(entry.data) // 2
+            at = 10 if kind == ConversationKind.SENT else len(entry.data) // 2
             data = entry.data[:at] + bytes([entry.data[at] ^ 0x10]) + entry.data[at + 1 :]
             for what, mutation in (("byte", replace(entry, data=data)), ("lost", None)):
                 folder = tmp_path / f"{kind.name}-{number}-{what}"
                 assert differs(name, changed(conversation, number, mutation), expected, folder), folder.name
 
 
-def _counts(entry: Entry) -> bool:
+def _counts(entry: ConversationEntry) -> bool:
     """Not a heartbeat or an override of ours, whose number is not compared."""
     number = int.from_bytes(entry.data[7:10], "little")
-    return entry.kind != Kind.SENT or number not in (0, 70)
+    return entry.kind != ConversationKind.SENT or number not in (0, 70)

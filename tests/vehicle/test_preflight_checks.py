@@ -10,15 +10,15 @@ import pytest
 
 from firmware_params.applet_parameters import PARAMETERS
 from firmware_params.param_files import read, shipped
-from rover_sweep.vehicle.identity import Vehicle
+from rover_sweep.vehicle.identity import VehicleIdentity
 from rover_sweep.vehicle.link.link_quality import LinkQuality
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, Stream, StreamQuality
 from rover_sweep.vehicle.preflight.all_checks import NAMES, judged
 from rover_sweep.vehicle.preflight.clock_comparison import estimate
 from rover_sweep.vehicle.preflight.item import Check
-from rover_sweep.vehicle.preflight.observed import Battery, Clock, Estimator, Gps, Seen
+from rover_sweep.vehicle.preflight.observed import Battery, ClockComparison, Estimator, Gps, Observation
 from rover_sweep.vehicle.setup.applet_upload import AppletFile
-from rover_sweep.vehicle.setup.survey import AppletState, Checked, Survey
+from rover_sweep.vehicle.setup.survey import AppletState, Survey, SurveyedParameter
 
 WANTED = read(shipped("identification"))
 HAS = (
@@ -36,15 +36,15 @@ SAME_NUMBERS = {"parameters", "loop_rate", "filters", "streams", "source", "swit
 
 def survey_of(has: dict[str, float]) -> Survey:
     applet = AppletState(AppletFile("scripts/rover_sweep.lua", "1.2", ""), (), has["SWP_ENABLE"] == 1, True)
-    vehicle = Vehicle("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 42, 1)
-    return Survey(vehicle, tuple(Checked(p, has.get(p.name)) for p in WANTED), applet)
+    vehicle = VehicleIdentity("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 42, 1)
+    return Survey(vehicle, tuple(SurveyedParameter(p, has.get(p.name)) for p in WANTED), applet)
 
 
-def seen(changed: dict[str, float] | None = None, **values: Any) -> Seen:
+def seen(changed: dict[str, float] | None = None, **values: Any) -> Observation:
     """A rover with which all is well, but for what is given."""
     has = HAS | (changed or {})
     fast = {name: hz for name, hz in IDENTIFICATION_RATES.items() if hz >= 10}
-    whole = Seen(
+    whole = Observation(
         survey_of(has),
         has,
         25.0,
@@ -52,7 +52,7 @@ def seen(changed: dict[str, float] | None = None, **values: Any) -> Seen:
         0,
         tuple(Stream(name, hz, hz) for name, hz in IDENTIFICATION_RATES.items()),
         tuple(StreamQuality(name, int(2 * hz), hz, 1.0, 1300 / hz, 0.0, hz) for name, hz in fast.items()),
-        Clock(2.0, 1.0, 0.004, 1e-5, 1e-3, 0.2),
+        ClockComparison(2.0, 1.0, 0.004, 1e-5, 1e-3, 0.2),
         Battery(12.4, 0.9),
         Gps(3, 10, 0.8),
         Estimator(831, 0.1),
@@ -64,7 +64,7 @@ def seen(changed: dict[str, float] | None = None, **values: Any) -> Seen:
     return replace(whole, **values)
 
 
-def check(name: str, what: Seen) -> Check:
+def check(name: str, what: Observation) -> Check:
     return next(c for c in judged(what) if c.name == name)
 
 
@@ -91,10 +91,20 @@ def test_where_all_is_well_all_checks_say_so() -> None:
         ("streams", "doubtful", "25.0 times a second instead of 50", seen(quality=worse(mean_hz=25.0))),
         ("streams", "doubtful", "longest gap 90 ms", seen(quality=worse(gap_ms=90.0, mean_hz=50.0))),
         ("streams", "doubtful", "did not come though granted", seen(quality=worse(count=0))),
-        ("clock", "doubtful", "messages come up to 90 ms late", seen(clock=Clock(2, 1, 0.09, 0, 1))),
-        ("clock", "bad", "messages come up to 300 ms late", seen(clock=Clock(2, 1, 0.3, 0, 1))),
-        ("clock", "good", "a simulation", seen(clock=Clock(2, 5.0, 0.3, 0.8, 0.1))),
-        ("clock", "good", "this computer is -48 h from GPS time", seen(clock=Clock(2, 1, 0, 0, 1, -172800))),
+        (
+            "clock",
+            "doubtful",
+            "messages come up to 90 ms late",
+            seen(clock=ClockComparison(2, 1, 0.09, 0, 1)),
+        ),
+        ("clock", "bad", "messages come up to 300 ms late", seen(clock=ClockComparison(2, 1, 0.3, 0, 1))),
+        ("clock", "good", "a simulation", seen(clock=ClockComparison(2, 5.0, 0.3, 0.8, 0.1))),
+        (
+            "clock",
+            "good",
+            "this computer is -48 h from GPS time",
+            seen(clock=ClockComparison(2, 1, 0, 0, 1, -172800)),
+        ),
         ("clock", "unknown", "too few messages", seen(clock=None)),
         ("logging", "bad", "the log will have no IMU at loop rate", seen({"LOG_BITMASK": 65407.0})),
         ("logging", "bad", "writes no files", seen({"LOG_BACKEND_TYPE": 2.0})),
@@ -113,7 +123,7 @@ def test_where_all_is_well_all_checks_say_so() -> None:
         ("armed", "bad", "neither set up nor rebooted", seen(armed=True)),
     ],
 )
-def test_what_is_wrong_is_told_and_nothing_else(name: str, state: str, said: str, what: Seen) -> None:
+def test_what_is_wrong_is_told_and_nothing_else(name: str, state: str, said: str, what: Observation) -> None:
     found = check(name, what)
     assert found.state == state and said in found.sentence
     assert (found.remedy is None) == (state in ("good", "unknown"))

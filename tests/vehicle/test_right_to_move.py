@@ -11,9 +11,9 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.vehicle.link.clock import VehicleClock
 from rover_sweep.vehicle.run import right_to_move
-from rover_sweep.vehicle.run.right_to_move import Limits, RightToMove
+from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 
-LIMITS = Limits(drives=True, ours=frozenset({1, 3, 6}), manoeuvre=30.0, still=1.0, v_max=3.0)
+LIMITS = MovementLimits(drives=True, ours=frozenset({1, 3, 6}), manoeuvre=30.0, still=1.0, v_max=3.0)
 WAITING, SWEEP = 2, 6
 RC = 65536
 
@@ -21,7 +21,7 @@ RC = 65536
 class Run:
     """A run that goes well: `go(seconds)` lets time pass with all messages, every 0.1 s."""
 
-    def __init__(self, limits: Limits = LIMITS) -> None:
+    def __init__(self, limits: MovementLimits = LIMITS) -> None:
         self.at, self.slept, self.wall_jump, self.boot = 100.0, 0.0, 0.0, 20.0
         self.silent = frozenset[str]()
         self.state, self.number, self.speed = 0, 7, 0.0

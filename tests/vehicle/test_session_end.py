@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 from rover_sweep.manoeuvre.sweep import Doublet
 from rover_sweep.session import session
 from rover_sweep.session.folder import Session
-from rover_sweep.session.session import Plan, SessionRun, drive
+from rover_sweep.session.session import SessionPlan, SessionRun, drive
 from rover_sweep.vehicle.events import (
     Interrupted,
     Notice,
@@ -59,7 +59,7 @@ def aux_low(vehicle: FakeVehicle) -> list[Any]:
 
 
 def test_ctrl_c_ends_the_runs_and_goes_on_to_the_end(vehicle: FakeVehicle, tmp_path: Path) -> None:
-    events = interrupted_in_state_6(vehicle, drive(vehicle.url, tmp_path, Plan(TWO, DRIVE)))
+    events = interrupted_in_state_6(vehicle, drive(vehicle.url, tmp_path, SessionPlan(TWO, DRIVE)))
     (stopped,) = [e for e in events if isinstance(e, Interrupted)]
     assert (stopped.name, stopped.failures, stopped.armed) == ("one", (), False)
     assert not vehicle.armed and vehicle.rc(SWITCH) < 1200
@@ -70,7 +70,7 @@ def test_ctrl_c_ends_the_runs_and_goes_on_to_the_end(vehicle: FakeVehicle, tmp_p
 
 
 def test_ctrl_c_stops_the_applet_where_the_switch_is_the_pilots(vehicle: FakeVehicle, tmp_path: Path) -> None:
-    plan = Plan(TWO[:1], RunSettings(patience=30), logs=False)
+    plan = SessionPlan(TWO[:1], RunSettings(patience=30), logs=False)
     events = drive(vehicle.url, tmp_path, plan)
     seen = []
     for event in events:  # the pilot arms once the session is ready for him
@@ -113,7 +113,7 @@ def test_a_run_that_was_stopped_is_not_followed_by_another_that_arms(
     vehicle: FakeVehicle, tmp_path: Path
 ) -> None:
     vehicle.stop_text = "roll 31.0 > 30 deg"
-    events = list(drive(vehicle.url, tmp_path, Plan(TWO, DRIVE, logs=False)))
+    events = list(drive(vehicle.url, tmp_path, SessionPlan(TWO, DRIVE, logs=False)))
     finished = [e for e in events if isinstance(e, RunFinished)]
     assert [(run.name, run.completed) for run in finished] == [("one", False)]
     assert isinstance(events[-1], SessionFinished)

@@ -10,7 +10,7 @@ import pytest
 from rover_sweep.logs.readers.dropped import dropped_messages
 from rover_sweep.vehicle.link.streams import StreamQuality
 from rover_sweep.vehicle.preflight.arrival import arrival_clock
-from rover_sweep.vehicle.preflight.observed import Clock
+from rover_sweep.vehicle.preflight.observed import ClockComparison
 from rover_sweep.vehicle.preflight.telemetry_quality import telemetry_words
 
 FIRMWARE = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
@@ -21,7 +21,7 @@ GOOD = (
 )
 POOR = (GOOD[0], StreamQuality("RAW_IMU", 1500, 50.0, 20.0, 420.0, 0.1, 45.0))
 GRANTED = {"ATTITUDE": 50.0, "RAW_IMU": 50.0}
-CLOCK = Clock(60.0, 1.0, 0.007, 4e-5, 1e-5)
+CLOCK = ClockComparison(60.0, 1.0, 0.007, 4e-5, 1e-5)
 
 
 def test_a_good_telemetry_would_do_and_the_log_is_taken() -> None:
@@ -44,7 +44,9 @@ def test_a_poor_one_says_what_is_wrong_and_that_the_log_is_needed() -> None:
 
 
 def test_a_simulation_that_is_not_in_real_time_has_no_arrival() -> None:
-    assert "arrival" not in telemetry_words(GOOD, GRANTED, Clock(60.0, 8.0, 1.0, 0.9, 0.1), logs=True)
+    assert "arrival" not in telemetry_words(
+        GOOD, GRANTED, ClockComparison(60.0, 8.0, 1.0, 0.9, 0.1), logs=True
+    )
 
 
 def test_the_clock_of_a_recording_of_the_firmware(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.conversation import Conversation, Kind
+from rover_sweep.vehicle.link.conversation import Conversation, ConversationKind
 from rover_sweep.vehicle.link.mavlink import Codec, kind
 from rover_sweep.vehicle.link.transport import Transport
 
@@ -23,8 +23,8 @@ _SLACK = 0.05  # s: a wait here may end that much before it did then, since the 
 _EARLY = 0.5  # s: ... and a message may be sent that much sooner
 _PATIENCE = 3.0  # s that the code may wait where something was sent then; less than a link takes for silence
 _LEAST = 1e-4  # s that pass in a wait, so that no loop without a wait runs for ever
-_SPOKEN = (Kind.SENT, Kind.UNSENT)
-_OPENING = (Kind.OPENED, Kind.REFUSED)
+_SPOKEN = (ConversationKind.SENT, ConversationKind.UNSENT)
+_OPENING = (ConversationKind.OPENED, ConversationKind.REFUSED)
 
 
 class ConversationDiffers(Exception):
@@ -70,7 +70,7 @@ class _Hearing:
 class _Turn:
     """An entry of the conversation; said: where it is a message sent that counts."""
 
-    kind: Kind
+    kind: ConversationKind
     t: float
     data: bytes
     said: _Said | None
@@ -83,7 +83,9 @@ class ReplayedLine:
         then, turns = _Hearing(), []
         for entry in conversation.entries:
             said = then.said(entry.data) if entry.kind in _SPOKEN else None
-            if said is not None or entry.kind != Kind.SENT:  # a heartbeat that failed told of the end
+            if (
+                said is not None or entry.kind != ConversationKind.SENT
+            ):  # a heartbeat that failed told of the end
                 turns.append(_Turn(entry.kind, entry.t, entry.data, said))
         self._turns = turns
         self._now_hearing = _Hearing()
@@ -98,7 +100,7 @@ class ReplayedLine:
         if turn is None or turn.kind not in _OPENING:
             raise self._differs("opens a connection", turn)
         self._take(turn)
-        if turn.kind == Kind.REFUSED:
+        if turn.kind == ConversationKind.REFUSED:
             raise LinkError(turn.data.decode())
         return ReplayedTransport(self)
 
@@ -127,7 +129,7 @@ class ReplayedLine:
         turn, until = self._next(), self._now + max(timeout, _LEAST)
         if turn is not None and _comes(turn) and turn.t <= until + _SLACK:
             self._take(turn)
-            if turn.kind != Kind.RECEIVED:
+            if turn.kind != ConversationKind.RECEIVED:
                 raise ConnectionResetError("the connection had ended")
             return turn.data
         since = self._turns[-1].t if turn is None else turn.t
@@ -140,12 +142,14 @@ class ReplayedLine:
         self._refuse_after_difference()
         said = self._now_hearing.said(data)
         index = self._at
-        while index < len(self._turns) and (self._turns[index].kind == Kind.RECEIVED or index in self._early):
+        while index < len(self._turns) and (
+            self._turns[index].kind == ConversationKind.RECEIVED or index in self._early
+        ):
             index += 1
         turn = self._turns[index] if index < len(self._turns) else None
         if (
             turn is not None
-            and turn.kind == Kind.UNSENT
+            and turn.kind == ConversationKind.UNSENT
             and turn.said is None
             and turn.t <= self._now + _SLACK
         ):
@@ -159,13 +163,13 @@ class ReplayedLine:
             self._take(turn)
         else:
             self._early.add(index)
-        if turn.kind == Kind.UNSENT:
+        if turn.kind == ConversationKind.UNSENT:
             raise BrokenPipeError("the connection had ended")
 
     def close(self) -> None:
         while (turn := self._next()) is not None and _comes(turn):
             self._at += 1
-        if turn is None or turn.kind != Kind.CLOSED:
+        if turn is None or turn.kind != ConversationKind.CLOSED:
             if not self._difference:  # a close while another difference is on its way must not hide it
                 raise self._differs("closes the connection", turn)
             return
@@ -214,7 +218,9 @@ class ReplayedTransport(Transport):
 
 def _comes(turn: _Turn) -> bool:
     """Whether it came from outside: bytes, or the end of the connection."""
-    return turn.kind in (Kind.RECEIVED, Kind.ENDED) or (turn.kind == Kind.UNSENT and turn.said is None)
+    return turn.kind in (ConversationKind.RECEIVED, ConversationKind.ENDED) or (
+        turn.kind == ConversationKind.UNSENT and turn.said is None
+    )
 
 
 def _words(turn: _Turn | None, now: float) -> str:
@@ -223,7 +229,7 @@ def _words(turn: _Turn | None, now: float) -> str:
     if turn.said is not None:
         later = f", {turn.t - now:.1f} s later" if turn.t > now + _EARLY else ""
         return f"it sent {turn.said}{later}"
-    if turn.kind == Kind.RECEIVED:
+    if turn.kind == ConversationKind.RECEIVED:
         return f"{len(turn.data)} bytes came"
     return f"the connection was {turn.kind.name.lower()}"
 

@@ -24,7 +24,7 @@ from virtual_world import At, Fault, Killed, Overran, World
 from rover_sweep.errors import RoverSweepError
 from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
 from rover_sweep.session.content import SessionRun
-from rover_sweep.session.session import Plan, drive, start_streams
+from rover_sweep.session.session import SessionPlan, drive, start_streams
 from rover_sweep.vehicle.events import Event, Interrupted, Notice, RunFinished, RunStarted
 from rover_sweep.vehicle.link import recorder
 from rover_sweep.vehicle.link.access import Access
@@ -176,7 +176,9 @@ def session_played(
         world.happen(at, fault)
     world.enter("connecting")
     planned = tuple(SessionRun(f"sweep{n}", manoeuvre) for n in range(1, runs + 1))
-    program = drive("virtual:", folder / "session", Plan(planned, settings, logs=logs), VirtualLine(world))
+    program = drive(
+        "virtual:", folder / "session", SessionPlan(planned, settings, logs=logs), VirtualLine(world)
+    )
     return _outcome(world, program, asked=runs, after=after, back=back)
 
 

@@ -20,7 +20,7 @@ from rover_sweep.errors import RoverSweepError, UsageError
 if TYPE_CHECKING:
     from rover_sweep.bench.bench_folder import BenchFolder
     from rover_sweep.bench.bench_result import BenchResult
-    from rover_sweep.bench.drive import Plan, Wheel
+    from rover_sweep.bench.drive import BenchPlan, WheelSource
     from rover_sweep.data.vehicle_file import Measured
     from rover_sweep.vehicle.link.access import Access
 
@@ -130,28 +130,30 @@ def bench(
     (_print_json if as_json else _print)(result, written, folder, path)
 
 
-def _wheel(text: str | None, clock: str | None) -> Wheel | None:
-    from rover_sweep.bench.drive import Wheel
+def _wheel(text: str | None, clock: str | None) -> WheelSource | None:
+    from rover_sweep.bench.drive import WheelSource
     from rover_sweep.vehicle.link.transport import parse_url
 
     if text is None:
         return None
     if text.startswith(("tcp:", "udp", "/dev/")):
         parse_url(text)
-        return Wheel(url=text)
-    return Wheel(file=Path(text), same_clock=clock == "vehicle")
+        return WheelSource(url=text)
+    return WheelSource(file=Path(text), same_clock=clock == "vehicle")
 
 
-def _plan(steps: tuple[float, ...], hand: bool, ramp: bool, wheel: Wheel | None, unasked: bool) -> Plan:
-    from rover_sweep.bench.drive import Plan
+def _plan(
+    steps: tuple[float, ...], hand: bool, ramp: bool, wheel: WheelSource | None, unasked: bool
+) -> BenchPlan:
+    from rover_sweep.bench.drive import BenchPlan
     from rover_sweep.bench.programme import programme
 
     if not unasked and not sys.stdin.isatty():
         raise UsageError("bench asks before each movement, and nobody can answer: stdin is no terminal")
-    return Plan(programme(steps, hand, ramp), wheel, unasked)
+    return BenchPlan(programme(steps, hand, ramp), wheel, unasked)
 
 
-def _driven(url: str, access: Access, folder: BenchFolder, plan: Plan) -> bool:
+def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> bool:
     """Whether all movements were carried out; what is raised says where the recording lies."""
     from rover_sweep.bench.drive import drive
     from rover_sweep.cli.views.bench_prompts import Terminal

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from firmware_params.param_files import WantedParameter
     from rover_sweep.vehicle.link.access import Access
-    from rover_sweep.vehicle.setup.survey import Checked, Survey
+    from rover_sweep.vehicle.setup.survey import Survey, SurveyedParameter
 
 NAMES = ("identification", "raw_imu")
 _output = click.option(
@@ -126,7 +126,7 @@ def _show(found: Survey, whole: bool = True) -> None:
         console.print(f"{wrong} of {len(found.parameters)} parameters do not fit", style="yellow")
 
 
-def _table(rows: Sequence[Checked]) -> RenderableType:
+def _table(rows: Sequence[SurveyedParameter]) -> RenderableType:
     from rich.table import Table
     from rich.text import Text
 

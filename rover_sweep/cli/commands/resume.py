@@ -16,7 +16,7 @@ from rover_sweep.errors import UsageError
 if TYPE_CHECKING:
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.session.content import Content
-    from rover_sweep.session.session import Plan
+    from rover_sweep.session.session import SessionPlan
     from rover_sweep.vehicle.events import Event
     from rover_sweep.vehicle.link.access import Access
     from rover_sweep.vehicle.run.controls import Trigger
@@ -95,11 +95,11 @@ def resume(
 
 def _plan(
     content: Content, folder: Path, arm: bool, throttle: int | None, trigger: Trigger, logs: bool
-) -> Plan:
+) -> SessionPlan:
     """The session's plan under its limits, with what this program may do now."""
     from firmware_params.param_files import read, shipped
     from rover_sweep.manoeuvre.applet_values import parameters_of
-    from rover_sweep.session.session import Plan
+    from rover_sweep.session.session import SessionPlan
     from rover_sweep.vehicle.run.settings import RunSettings
 
     if not content.to_drive:
@@ -110,4 +110,4 @@ def _plan(
     settings = RunSettings(arm, throttle, trigger, extra, patience=_PILOT_PATIENCE)
     for planned in content.to_drive:
         parameters_of(planned.manoeuvre, **extra)
-    return Plan(content.plan, settings, checked=read(shipped("identification")), logs=logs)
+    return SessionPlan(content.plan, settings, checked=read(shipped("identification")), logs=logs)

@@ -167,7 +167,7 @@ def _on_rover(
     from rover_sweep.cli.driving.shared import driven
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.manoeuvre.applet_values import parameters_of
-    from rover_sweep.session.session import Plan, drive
+    from rover_sweep.session.session import SessionPlan, drive
     from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
     from rover_sweep.vehicle.link.transport import parse_url
     from rover_sweep.vehicle.run.settings import RunSettings
@@ -178,7 +178,7 @@ def _on_rover(
     parse_url(connect)
     extra = ({"gcs": 1.0} if throttle is not None else {}) | job.limits
     settings = RunSettings(arm, throttle, job.trigger or "pilot", extra, patience=_PILOT_PATIENCE)
-    plan = Plan(job.runs, settings, checked=read(shipped("identification")), logs=job.logs)
+    plan = SessionPlan(job.runs, settings, checked=read(shipped("identification")), logs=job.logs)
     for planned in plan.runs:
         parameters_of(planned.manoeuvre, **extra)
     folder = folder_for(out)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rover_sweep.data.vehicle_file import Vehicle
-    from rover_sweep.session.session import Plan, SessionRun
+    from rover_sweep.session.session import SessionPlan, SessionRun
     from rover_sweep.vehicle.events import SessionFinished
     from rover_sweep.vehicle.run.controls import Trigger
 
@@ -47,7 +47,7 @@ def _nothing_driven(folder: Path) -> bool:
     return not content.runs and not content.logs
 
 
-def announce(plan: Plan, folder: Path) -> None:
+def announce(plan: SessionPlan, folder: Path) -> None:
     """Who moves what, before anything is connected."""
     from rover_sweep.cli.views.output import narration
 

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.identification.pipeline import Identification
-    from rover_sweep.session.session import Plan
-    from rover_sweep.session.simulated_rover import Simulation
+    from rover_sweep.session.session import SessionPlan
+    from rover_sweep.session.simulated_rover import SimulatedRover
     from rover_sweep.vehicle.events import Event, SessionFinished
 
     Numbers = Callable[[Identification], RenderableType]
@@ -112,10 +112,10 @@ def on_simulated(
     from rover_sweep.cli.driving.shared import driven
     from rover_sweep.cli.types.folders import session_folder
     from rover_sweep.session.session import drive
-    from rover_sweep.session.simulated_rover import Simulation, pilot, started
+    from rover_sweep.session.simulated_rover import SimulatedRover, pilot, started
     from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
 
-    simulation = Simulation(
+    simulation = SimulatedRover(
         "ardurover" if simulator == "ardurover" else "embedded",
         Path(ardurover) if ardurover else None,
         "own" if physics == "own" else "plant",
@@ -142,12 +142,12 @@ def on_simulated(
     return rover, session, None if physics == "own" else own_numbers(variant)
 
 
-def _plan(job: Job, simulation: Simulation) -> Plan:
+def _plan(job: Job, simulation: SimulatedRover) -> SessionPlan:
     """As a session; UsageError for what the applet would refuse."""
     from firmware_params.applet_parameters import applet_path
     from firmware_params.param_files import read, shipped
     from rover_sweep.manoeuvre.applet_values import parameters_of
-    from rover_sweep.session.session import Plan
+    from rover_sweep.session.session import SessionPlan
     from rover_sweep.vehicle.run.settings import RunSettings
 
     trigger = job.trigger or "override"
@@ -159,4 +159,6 @@ def _plan(job: Job, simulation: Simulation) -> Plan:
         parameters_of(run.manoeuvre, **extra)
     throttle = None if trigger == "pilot" else simulation.throttle_us
     settings = RunSettings(True, throttle, trigger, extra)
-    return Plan(job.runs, settings, read(shipped("identification")), applet=applet_path(), logs=job.logs)
+    return SessionPlan(
+        job.runs, settings, read(shipped("identification")), applet=applet_path(), logs=job.logs
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rover_sweep.gains.proposal import Judged, Proposal
+from rover_sweep.gains.proposal import AssessedGains, Proposal
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -52,7 +52,7 @@ def _table(proposal: Proposal):  # type: ignore[no-untyped-def]
     return table
 
 
-def _column(judged: Judged) -> dict[str, str]:
+def _column(judged: AssessedGains) -> dict[str, str]:
     step, margins = judged.step, judged.margins
     return {
         **{name: f"{value:.4g}" for name, value in judged.gains.parameters.items()},

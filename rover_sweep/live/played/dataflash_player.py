@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from firmware_params.applet_parameters import STATES
 from rover_sweep.files.printable import printable
-from rover_sweep.live.played.runs import Place, runs_in
+from rover_sweep.live.played.runs import RunSpan, runs_in
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.live.telemetry import STALE, STALE_SLOW, switch_of
 from rover_sweep.logs.log import Log
@@ -39,7 +39,7 @@ STEERED = range(3, 9)
 FIX_3D = 3  # GPS_FIX_TYPE
 
 
-class Column:
+class PlayedColumn:
     """The last value at or before a time, nan where there is none or it is older than `stale` s."""
 
     def __init__(self, t: Array, x: Array, stale: float) -> None:
@@ -60,9 +60,9 @@ class FlashPart:
         self._set = self._named_values()
         self._set_at = np.array([t for t, *_ in self._set])
         self._planned: dict[int, Manoeuvre | None] = {}
-        self._columns = {n: Column(s.t, s.x, STALE) for n, s in log.signals.items()}
+        self._columns = {n: PlayedColumn(s.t, s.x, STALE) for n, s in log.signals.items()}
         if log.steering:
-            self._columns["pwm"] = Column(log.steering[0].t, log.steering[0].x, STALE)
+            self._columns["pwm"] = PlayedColumn(log.steering[0].t, log.steering[0].x, STALE)
         switch = f"C{switch_of(log.parameters)}"
         for name, message, column, stale in (
             ("volts", "BAT", "Volt", STALE_SLOW),
@@ -74,13 +74,15 @@ class FlashPart:
             ("ekf", "XKF4", "SS", STALE_SLOW),
         ):
             if flash.has(message, column):
-                self._columns[name] = Column(flash.seconds(message), flash.column(message, column), stale)
+                self._columns[name] = PlayedColumn(
+                    flash.seconds(message), flash.column(message, column), stale
+                )
         self._armed = self._arming()
         self.states = self._states()
         self._entered = np.array([t for t, _ in self.states])
         bytes_of = flash.positions.get("IMU", np.empty(0, np.int64))
         stamps = flash.seconds("IMU") if bytes_of.size else np.empty(0)
-        self._bytes = Column(stamps, bytes_of.astype(float), math.inf)
+        self._bytes = PlayedColumn(stamps, bytes_of.astype(float), math.inf)
 
     def parameters(self, t: float) -> dict[str, float]:
         """As they were at a time: the last value of each up to it."""
@@ -141,12 +143,12 @@ class FlashPart:
             return _has_place(_whole(self._value("ekf", t), 0))
         return fix >= FIX_3D and math.isfinite(self._value("speed", t))
 
-    def _arming(self) -> Column:
+    def _arming(self) -> PlayedColumn:
         """1 armed, 0 not. A log opens on arming, before that is written: what the first entry ends was so."""
         if not self._flash.has("ARM", "ArmState"):
-            return Column(np.empty(0), np.empty(0), math.inf)
+            return PlayedColumn(np.empty(0), np.empty(0), math.inf)
         t, armed = self._flash.seconds("ARM"), self._flash.column("ARM", "ArmState")
-        return Column(np.append(-math.inf, t), np.append(1 - armed[0], armed), math.inf)
+        return PlayedColumn(np.append(-math.inf, t), np.append(1 - armed[0], armed), math.inf)
 
     def _value(self, name: str, t: float) -> float:
         return self._columns[name].at(t) if name in self._columns else math.nan
@@ -209,12 +211,12 @@ class FlashTrack:
         lengths = [part.end - part.begin for part in self._parts]
         self._offsets = np.concatenate(([0.0], np.cumsum(lengths)))
         self.length, self.log, self._at = float(self._offsets[-1]), logs[0], 0.0
-        places: list[Place] = []
+        places: list[RunSpan] = []
         remarks: list[str] = []
         for part, offset in zip(self._parts, self._offsets.tolist(), strict=False):
             runs, refusal = runs_in(part.log, path, part.states, part.parameters)
             start, told = offset - part.begin, bool(part.states)
-            places += [Place(run, start + run.begin, start + run.end, told) for run in runs]
+            places += [RunSpan(run, start + run.begin, start + run.end, told) for run in runs]
             remarks += [refusal] if refusal else []
         self.places, self.remarks = tuple(places), tuple(remarks)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.readers.tlog import MAGIC_2, SIGNED, Frames, parse, walk
-from rover_sweep.logs.readers.vehicle_clock import CLOCKS, Session, sessions
+from rover_sweep.logs.readers.vehicle_clock import CLOCKS, BootMessages, sessions
 from rover_sweep.vehicle.link.mavlink import message_id
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ class FrameIndex:
     t: Array
     at: Array
     start: Numbers
-    sessions: tuple[Session, ...]
+    sessions: tuple[BootMessages, ...]
 
     @property
     def length(self) -> float:
@@ -104,7 +104,7 @@ def _frames(data: bytes, system: int, component: int) -> tuple[Numbers, Numbers]
     return starts[own], kinds[own]
 
 
-def _times(starts: Numbers, found: tuple[Session, ...]) -> tuple[Array, Array, Numbers]:
+def _times(starts: Numbers, found: tuple[BootMessages, ...]) -> tuple[Array, Array, Numbers]:
     """(vehicle's clock [s], position [s], number of the start) of each frame (n,)."""
     begins = np.array([session.clock_order[0] for session in found])
     number = np.clip(np.searchsorted(begins, starts, "right") - 1, 0, None)

@@ -14,12 +14,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from firmware_params.applet_parameters import STATES
-from rover_sweep.live.played.runs import IDLE, Place
+from rover_sweep.live.played.runs import IDLE, RunSpan
 from rover_sweep.live.played.track import Track, open_track
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.live.source import Began, Ended, Judged, Play, Played, Request, Told
 from rover_sweep.vehicle.events import Connected, Event, Notice, StateChanged
-from rover_sweep.vehicle.identity import Vehicle
+from rover_sweep.vehicle.identity import VehicleIdentity
 
 TICK = 0.1  # s between two snapshots
 STRIDE = 5.0  # s of the recording that are played without looking at what was asked
@@ -150,7 +150,7 @@ class PlayedSource:
         self._tell(self._snapshot())
         self._tell(self._played())
 
-    def _place(self) -> Place | None:
+    def _place(self) -> RunSpan | None:
         return next((p for p in self.track.places if p.begin <= self.at < p.end), None)
 
     def _snapshot(self) -> Snapshot:
@@ -190,7 +190,7 @@ def played(track: Track, since: float, to: float) -> Iterator[Event | Judged]:
 
 def _introduced(path: Path, track: Track) -> Iterator[Told]:
     firmware = track.log.firmware or "unknown firmware"
-    yield Connected(str(path), Vehicle(firmware, (0, 0, 0), "", 0, 0))
+    yield Connected(str(path), VehicleIdentity(firmware, (0, 0, 0), "", 0, 0))
     for remark in track.remarks:
         yield Notice("warning", remark)
     for text in dict.fromkeys(n.text for n in track.log.notes if n.level == "warning"):

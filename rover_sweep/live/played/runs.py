@@ -71,7 +71,7 @@ class PlayedRun:
 
 
 @dataclass(frozen=True)
-class Place:
+class RunSpan:
     """A run and the positions [s from the start of its recording] between which it lies.
 
     told: the applet told its states there.

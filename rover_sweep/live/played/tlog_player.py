@@ -9,12 +9,12 @@ import numpy as np
 
 from rover_sweep.files.printable import printable
 from rover_sweep.live.played.frames import FrameIndex, frame_index
-from rover_sweep.live.played.runs import Place, runs_in
+from rover_sweep.live.played.runs import RunSpan, runs_in
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.live.telemetry import STALE_SLOW, Telemetry
 from rover_sweep.logs.log import Log, finite_only
 from rover_sweep.logs.read import read_logs
-from rover_sweep.logs.readers.vehicle_clock import Session
+from rover_sweep.logs.readers.vehicle_clock import BootMessages
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.link.mavlink import Codec, kind
 from rover_sweep.vehicle.link.statustext import TextAssembler
@@ -98,7 +98,7 @@ class TlogTrack:
             for text in self._assembler.add(message, t):
                 self._follower.text(text)
 
-    def _runs(self, path: Path, k: int, log: Log) -> tuple[tuple[Place, ...], str]:
+    def _runs(self, path: Path, k: int, log: Log) -> tuple[tuple[RunSpan, ...], str]:
         """Of start number `k` of the vehicle: runs with their positions, and why there are none."""
         session, index = self.index.sessions[k], self.index
         states = tuple((float(index.t[j]), state) for j, state in self._changes if index.start[j] == k)
@@ -109,7 +109,8 @@ class TlogTrack:
 
         runs, refusal = runs_in(log, path, states, lambda t: _parameters(session, t), quality)
         places = (
-            Place(run, index.position(k, run.begin), index.position(k, run.end), bool(states)) for run in runs
+            RunSpan(run, index.position(k, run.begin), index.position(k, run.end), bool(states))
+            for run in runs
         )
         return tuple(places), refusal
 
@@ -127,7 +128,7 @@ def _changes(index: FrameIndex) -> tuple[tuple[int, int], ...]:
     return tuple(found)
 
 
-def _parameters(session: Session, until: float) -> dict[str, float]:
+def _parameters(session: BootMessages, until: float) -> dict[str, float]:
     """Those that were heard up to a time on the vehicle's clock [s]."""
     if (frames := session.messages.get("PARAM_VALUE")) is None:
         return {}

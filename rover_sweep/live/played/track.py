@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from rover_sweep.errors import UsageError
-from rover_sweep.live.played.runs import Place
+from rover_sweep.live.played.runs import RunSpan
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.logs.log import Log
 from rover_sweep.vehicle.events import Event
@@ -20,7 +20,7 @@ class Track(Protocol):
     """
 
     length: float
-    places: tuple[Place, ...]
+    places: tuple[RunSpan, ...]
     remarks: tuple[str, ...]
     log: Log
 

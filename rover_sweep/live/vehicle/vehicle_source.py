@@ -21,7 +21,7 @@ from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.live.source import (
     Began,
     Connect,
-    Drive,
+    DriveRequest,
     Ended,
     FetchLogs,
     Fix,
@@ -35,7 +35,7 @@ from rover_sweep.live.source import (
 from rover_sweep.live.telemetry import Telemetry
 from rover_sweep.live.vehicle.background import Beside
 from rover_sweep.live.vehicle.stop import Aborted
-from rover_sweep.live.vehicle.work import Work
+from rover_sweep.live.vehicle.work import VehicleWork
 from rover_sweep.session.folder import Session
 from rover_sweep.session.left_armed import let_go_late
 from rover_sweep.vehicle.events import Notice
@@ -106,7 +106,7 @@ class VehicleSource:
 
     def _work_on(self) -> None:
         self._beside = Beside()
-        self._work = Work(self.session, self._beside)
+        self._work = VehicleWork(self.session, self._beside)
         try:
             while not self._closing.is_set():
                 try:
@@ -167,7 +167,7 @@ class VehicleSource:
                 return self._work.preflight(self._link)
             case Fix():
                 return self._work.fix(self._link, request)
-            case Drive():
+            case DriveRequest():
                 return self._work.drive(self._link, request)
             case FetchLogs():
                 return self._work.fetch(self._link)

@@ -11,7 +11,7 @@ from pathlib import Path
 from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.source import Checked, Drive, Fix, Told
+from rover_sweep.live.source import Checked, DriveRequest, Fix, Told
 from rover_sweep.live.vehicle.background import Beside
 from rover_sweep.live.vehicle.stop import Aborted
 from rover_sweep.manoeuvre.multisine import Multisine
@@ -46,7 +46,7 @@ _TELLING = (  # parameters from which a screen knows which output steers and whi
 )
 
 
-class Work:
+class VehicleWork:
     """The requests, on one vehicle and into one session's folder. Nothing here waits without pumping."""
 
     def __init__(self, session: Session, beside: Beside) -> None:
@@ -84,7 +84,7 @@ class Work:
         if rebooted:
             yield from self._streams(link)
 
-    def drive(self, link: Link, request: Drive) -> Iterator[Told]:
+    def drive(self, link: Link, request: DriveRequest) -> Iterator[Told]:
         """One run, and the verdict on it."""
         planned, settings = request.planned, request.settings
         refuse_impossible(link, (planned,), settings)

@@ -32,7 +32,7 @@ from rover_sweep.logs.log import (
     vehicle_of,
 )
 from rover_sweep.logs.readers.tlog import Frames, Tlog, open_tlog
-from rover_sweep.logs.readers.vehicle_clock import CLOCKS, Session, sessions
+from rover_sweep.logs.readers.vehicle_clock import CLOCKS, BootMessages, sessions
 
 WANTED = frozenset(
     ("HEARTBEAT", "AUTOPILOT_VERSION", "ATTITUDE", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "HIGHRES_IMU")
@@ -152,7 +152,7 @@ def _others(system: int, others: list[int]) -> Iterator[Note]:
 
 def _log(
     name: str,
-    session: Session,
+    session: BootMessages,
     kind: str,
     override: Mapping[str, float] | None,
     source: tuple[str, str],
@@ -189,14 +189,14 @@ def _log(
     )
 
 
-def _arrivals(session: Session) -> tuple[Array, Array]:
+def _arrivals(session: BootMessages) -> tuple[Array, Array]:
     """Vehicle's time and recorder's time [s] of the most frequent message that carries a time."""
     name = max((n for n in CLOCKS if n in session.messages), key=lambda n: _count(session, n))
     t, (arrival,) = increasing(session.seconds(name), session.messages[name].arrival)
     return t, arrival
 
 
-def _parameters(session: Session) -> dict[str, float]:
+def _parameters(session: BootMessages) -> dict[str, float]:
     if "PARAM_VALUE" not in session.messages:
         return {}
     rows = session.messages["PARAM_VALUE"].rows
@@ -204,7 +204,7 @@ def _parameters(session: Session) -> dict[str, float]:
     return finite_only(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
 
 
-def _marks(session: Session) -> tuple[tuple[float, str], ...]:
+def _marks(session: BootMessages) -> tuple[tuple[float, str], ...]:
     if "STATUSTEXT" not in session.messages:
         return ()
     rows = session.messages["STATUSTEXT"].rows
@@ -212,7 +212,7 @@ def _marks(session: Session) -> tuple[tuple[float, str], ...]:
     return tuple(zip(session.seconds("STATUSTEXT").tolist(), texts, strict=True))
 
 
-def _version(session: Session) -> str:
+def _version(session: BootMessages) -> str:
     """Firmware version out of AUTOPILOT_VERSION, e.g. "V4.6.3"."""
     if "AUTOPILOT_VERSION" not in session.messages:
         return ""
@@ -221,7 +221,7 @@ def _version(session: Session) -> str:
 
 
 def _signals(
-    session: Session, name: str, channels: Mapping[str, tuple[str, float, str]]
+    session: BootMessages, name: str, channels: Mapping[str, tuple[str, float, str]]
 ) -> dict[str, Signal]:
     """Channels out of one message: {channel: (field, factor, unit)}."""
     rows = session.messages[name].rows
@@ -234,11 +234,11 @@ def _signals(
     }
 
 
-def _count(session: Session, name: str) -> int:
+def _count(session: BootMessages, name: str) -> int:
     return len(session.messages[name]) if name in session.messages else 0
 
 
-def _imu(session: Session) -> dict[str, Signal]:
+def _imu(session: BootMessages) -> dict[str, Signal]:
     """r, p [rad/s], ay [m/s^2] from the fastest IMU message; r and p from ATTITUDE if much faster."""
     names = ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2")
     best = max(names, key=lambda n: _count(session, n))
@@ -258,7 +258,7 @@ def _imu(session: Session) -> dict[str, Signal]:
     return found
 
 
-def _attitude(session: Session) -> dict[str, Signal]:
+def _attitude(session: BootMessages) -> dict[str, Signal]:
     """phi and psi [rad]; psi unwrapped, left positive."""
     if "ATTITUDE" not in session.messages:
         return {}
@@ -267,7 +267,7 @@ def _attitude(session: Session) -> dict[str, Signal]:
     return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
 
 
-def _velocity(session: Session, psi: Signal | None) -> dict[str, Signal]:
+def _velocity(session: BootMessages, psi: Signal | None) -> dict[str, Signal]:
     """speed and vy [m/s] from the velocity north and east; speed alone from VFR_HUD."""
     local, world = _count(session, "LOCAL_POSITION_NED"), _count(session, "GLOBAL_POSITION_INT")
     if psi is not None and max(local, world) > 1:
@@ -282,7 +282,7 @@ def _velocity(session: Session, psi: Signal | None) -> dict[str, Signal]:
     return {}
 
 
-def _output(session: Session, channel: int) -> Signal | None:
+def _output(session: BootMessages, channel: int) -> Signal | None:
     """A servo output [us] from SERVO_OUTPUT_RAW.
 
     The stream samples a staircase that may be as fine as itself (40 Hz out of a loop at 50 Hz), so the

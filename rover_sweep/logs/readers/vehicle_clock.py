@@ -28,7 +28,7 @@ REPEATED = 1 << 18  # bytes of a .tlog within which a frame of the same content 
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class BootMessages:
     """The vehicle's messages between two restarts, with a clock for those that carry no time."""
 
     messages: Mapping[str, Frames]
@@ -49,7 +49,7 @@ class Session:
         return t + WRAP * np.round((before - t) / WRAP) if frames.rows["time_usec"].itemsize == 4 else t
 
 
-def sessions(messages: Mapping[str, Frames]) -> Iterator[Session]:
+def sessions(messages: Mapping[str, Frames]) -> Iterator[BootMessages]:
     """The vehicle's messages, cut where its clock starts again; none if no message carries its time.
 
     Frames that came twice are kept once, and those that overtook each other on the link are put in order.
@@ -67,7 +67,7 @@ def sessions(messages: Mapping[str, Frames]) -> Iterator[Session]:
         inside = (order >= start) & (order < end)
         parts = {n: f.where((f.order >= start) & (f.order < end)) for n, f in single.items()}
         clock = np.maximum.accumulate(times[inside])  # a message that comes late does not turn it back
-        session = Session({n: f for n, f in parts.items() if len(f)}, order[inside], clock)
+        session = BootMessages({n: f for n, f in parts.items() if len(f)}, order[inside], clock)
         yield replace(session, messages={n: _in_order(session, n) for n in session.messages})
 
 
@@ -79,7 +79,7 @@ def _restarts(times: Array) -> NDArray[np.int64]:
     return np.array(stays, np.int64)
 
 
-def _in_order(session: Session, name: str) -> Frames:
+def _in_order(session: BootMessages, name: str) -> Frames:
     frames = session.messages[name]
     return frames.where(np.argsort(session.seconds(name), kind="stable"))
 

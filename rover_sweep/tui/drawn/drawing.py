@@ -13,7 +13,7 @@ from rover_sweep.tui.drawn.palette import Palette
 Part = str | tuple[str, str]
 
 
-class Rows:
+class ScreenRows:
     """Rows one below the other. palette gives the styles; width in columns, height in rows."""
 
     def __init__(self, palette: Palette, width: int, height: int) -> None:
@@ -25,24 +25,24 @@ class Rows:
         """Rows that are free."""
         return self.height - len(self._rows)
 
-    def add(self, *parts: Part, style: str = "") -> Rows:
+    def add(self, *parts: Part, style: str = "") -> ScreenRows:
         """A row out of parts, text or (text, style), cut at the width."""
         row = Text.assemble(*parts, style=style, no_wrap=True)
         row.truncate(self.width)
         self._rows.append(row)
         return self
 
-    def filled(self, text: str, style: str) -> Rows:
+    def filled(self, text: str, style: str) -> ScreenRows:
         """A row whose ground is coloured to the edge."""
         return self.add((text[: self.width].ljust(self.width), style))
 
-    def blank(self, count: int = 1) -> Rows:
+    def blank(self, count: int = 1) -> ScreenRows:
         """Free rows, as far as there is room."""
         for _ in range(min(count, max(0, self.left))):
             self.add("")
         return self
 
-    def sentence(self, text: str, style: str = "", indent: int = 1, most: int = 99) -> Rows:
+    def sentence(self, text: str, style: str = "", indent: int = 1, most: int = 99) -> ScreenRows:
         """Wrapped at the width, at most so many rows."""
         rows = wrapped(text, self.width - 2 * indent)
         if len(rows) > most:
@@ -51,7 +51,7 @@ class Rows:
             self.add((" " * indent + row, style))
         return self
 
-    def down_to(self, row: int) -> Rows:
+    def down_to(self, row: int) -> ScreenRows:
         """Free rows until `row` is the next."""
         return self.blank(row - len(self._rows))
 

@@ -1,6 +1,6 @@
 """The commands that work on recordings, run as programs of their own: the session never waits for them.
 
-What a `Job` shows is what the command printed and the JSON it wrote; all of it is there without a screen.
+An `AnalysisJob` shows what the command printed and the JSON it wrote. Both are there without a screen.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _NICENESS = 10  # the vehicle's messages come first
 
 
 @dataclass(frozen=True)
-class Job:
+class AnalysisJob:
     """A command. lines: what it said, the latest last; summary: out of its JSON; page: its report."""
 
     kind: str
@@ -44,7 +44,7 @@ class Job:
         return self.lines[-1] if self.lines else ""
 
 
-async def followed(job: Job) -> AsyncGenerator[Job, None]:
+async def followed(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
     """The job as it goes on, ending with its end. Its process is ended where the iteration is."""
     began = time.monotonic()
     program = (sys.executable, "-m", "rover_sweep.cli.main", *job.arguments)
@@ -89,7 +89,7 @@ async def _end(process: asyncio.subprocess.Process) -> None:
         await process.wait()
 
 
-def ended(job: Job, code: int) -> Job:
+def ended(job: AnalysisJob, code: int) -> AnalysisJob:
     """With outcome, summary and page. A report that was written counts although the data were refused."""
     lines = tuple(row for row in (*job.output.splitlines(), *job.lines) if row.strip())[-_KEPT:]
     if code not in (0, 130):

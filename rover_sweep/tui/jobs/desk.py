@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from rover_sweep.tui.jobs.analysis import Job, arguments_of, followed, free_path, gains_of
+from rover_sweep.tui.jobs.analysis import AnalysisJob, arguments_of, followed, free_path, gains_of
 from rover_sweep.tui.jobs.summary import next_runs, page_of, summary_of
 from rover_sweep.tui.model.plan_rows import Row, proposed
 from rover_sweep.tui.model.state import State
@@ -33,7 +33,7 @@ class Desk:
 
     def __init__(self, changed: Callable[[], object], folder: Path | None = None) -> None:
         self._changed = changed
-        self.jobs: tuple[Job, ...] = tuple(_before(folder)) if folder else ()
+        self.jobs: tuple[AnalysisJob, ...] = tuple(_before(folder)) if folder else ()
         self.proposal: tuple[Row, ...] = ()
         self.proposing = ""
         self.next_runs: tuple[str, ...] = ()
@@ -45,13 +45,13 @@ class Desk:
         taken = {job.out for job in self.jobs if job.out is not None}
         out = free_path(folder, NAMES[kind], taken)
         if kind == "gains" and report is not None:
-            job = Job(kind, gains_of(report, state.logs, out), out)
+            job = AnalysisJob(kind, gains_of(report, state.logs, out), out)
         else:
-            job = Job(kind, arguments_of(kind, recordings(state, folder), vehicle, out), out)
+            job = AnalysisJob(kind, arguments_of(kind, recordings(state, folder), vehicle, out), out)
         self.jobs = (*self.jobs, job)
         self._tasks[job.arguments] = asyncio.create_task(self._follow(job))
 
-    def report(self, chosen: Job | None = None) -> Path | None:
+    def report(self, chosen: AnalysisJob | None = None) -> Path | None:
         """Folder of an identification or diagnosis, of which gains can be made: the chosen one, else the
         latest identification, else the latest diagnosis."""
         done = [job for job in self.jobs if job.kind != "gains" and job.outcome == "done"]
@@ -60,7 +60,7 @@ class Desk:
         done.sort(key=lambda job: job.kind == "identify")  # and in the order of their beginning
         return done[-1].out if done else None
 
-    def stop(self, job: Job) -> None:
+    def stop(self, job: AnalysisJob) -> None:
         """Ends its process."""
         if task := self._tasks.get(job.arguments):
             task.cancel()
@@ -75,11 +75,11 @@ class Desk:
     def propose(self, rows: tuple[Row, ...], vehicle: Path) -> None:
         """Asks `rover-sweep plan` what to drive beside these rows."""
         given = [part for row in rows for part in _as_option(row)]
-        job = Job("plan", ("plan", "--vehicle", str(vehicle), "--json", *given))
+        job = AnalysisJob("plan", ("plan", "--vehicle", str(vehicle), "--json", *given))
         self.proposing, self.proposal = "this takes some 20 s", ()
         self._tasks[job.arguments] = asyncio.create_task(self._proposed(job))
 
-    async def _follow(self, job: Job) -> None:
+    async def _follow(self, job: AnalysisJob) -> None:
         mine = job.arguments
         try:
             async with contextlib.aclosing(followed(job)) as going:
@@ -94,11 +94,11 @@ class Desk:
             self.next_runs = next_runs(job.out)
         self._changed()
 
-    def _put(self, job: Job) -> None:
+    def _put(self, job: AnalysisJob) -> None:
         self.jobs = tuple(job if other.arguments == job.arguments else other for other in self.jobs)
         self._changed()
 
-    async def _proposed(self, job: Job) -> None:
+    async def _proposed(self, job: AnalysisJob) -> None:
         try:
             async with contextlib.aclosing(followed(job)) as going:
                 async for going_on in going:
@@ -111,18 +111,20 @@ class Desk:
         self._changed()
 
 
-def _before(folder: Path) -> Iterator[Job]:
+def _before(folder: Path) -> Iterator[AnalysisJob]:
     """The reports that a session, taken up again, has already."""
     for kind in ("identify", "diagnose"):
         for out in sorted(folder.glob(f"{NAMES[kind]}*/")):
             if page := page_of(kind, out):
-                yield Job(kind, (kind, str(out)), out, "done", summary=summary_of(kind, out), page=page)
+                yield AnalysisJob(
+                    kind, (kind, str(out)), out, "done", summary=summary_of(kind, out), page=page
+                )
     for out in sorted(folder.glob("gains*.param")):
         lines = tuple(out.read_text(encoding="utf-8", errors="replace").splitlines())
-        yield Job("gains", ("gains", str(out)), out, "done", (*lines, f"parameters in {out}"))
+        yield AnalysisJob("gains", ("gains", str(out)), out, "done", (*lines, f"parameters in {out}"))
 
 
-def _none(job: Job) -> str:
+def _none(job: AnalysisJob) -> str:
     if job.outcome == "failed":
         return f"no proposal: {job.last}"
     return "nothing more is worth driving"

@@ -11,7 +11,7 @@ USUAL = ("udp:127.0.0.1:14550", "tcp:127.0.0.1:5760")
 
 
 @dataclass(frozen=True)
-class Place:
+class ConnectionChoice:
     """A connection that can be chosen, and where it comes from."""
 
     url: str
@@ -19,7 +19,7 @@ class Place:
     system: int | None = None  # of several vehicles there
 
 
-def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> tuple[Place, ...]:
+def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> tuple[ConnectionChoice, ...]:
     """Each once, the likeliest first."""
     found: dict[str, str] = {}
     for urls, origin in (
@@ -30,12 +30,14 @@ def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> t
     ):
         for url in urls:
             found.setdefault(url, origin)
-    return tuple(Place(url, origin) for url, origin in found.items())
+    return tuple(ConnectionChoice(url, origin) for url, origin in found.items())
 
 
-def with_systems(found: tuple[Place, ...], url: str, heard: Sequence[Heard]) -> tuple[Place, ...]:
+def with_systems(
+    found: tuple[ConnectionChoice, ...], url: str, heard: Sequence[Heard]
+) -> tuple[ConnectionChoice, ...]:
     """Each vehicle that is heard on `url`, in its place; at the front where it is not among those found."""
-    each = tuple(Place(url, str(one), one.system) for one in heard)
+    each = tuple(ConnectionChoice(url, str(one), one.system) for one in heard)
     at = next((n for n, place in enumerate(found) if place.url == url), 0)
     rest = [place for place in found if place.url != url]
     return (*rest[:at], *each, *rest[at:])

@@ -14,10 +14,21 @@ from types import MappingProxyType
 from typing import Literal
 
 from rover_sweep.live.snapshot import Snapshot, Verdict
-from rover_sweep.live.source import Began, Checked, Drive, Ended, Judged, Lost, Played, Request, Several, Told
+from rover_sweep.live.source import (
+    Began,
+    Checked,
+    DriveRequest,
+    Ended,
+    Judged,
+    Lost,
+    Played,
+    Request,
+    Several,
+    Told,
+)
 from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.vehicle import events as e
-from rover_sweep.vehicle.identity import Vehicle
+from rover_sweep.vehicle.identity import VehicleIdentity
 from rover_sweep.vehicle.preflight.item import Check
 
 HISTORY = 150  # snapshots, some 15 s
@@ -43,7 +54,7 @@ Own = Asked | AbortAsked
 
 
 @dataclass(frozen=True)
-class Line:
+class LogLine:
     """A line of the log; t: s on the vehicle's clock, NaN where it is not from there."""
 
     level: Level
@@ -74,7 +85,7 @@ class State:
     """
 
     url: str = ""
-    vehicle: Vehicle | None = None
+    vehicle: VehicleIdentity | None = None
     lost: str = ""
     failure: str = ""
     doing: str = ""
@@ -85,7 +96,7 @@ class State:
     applet: int = 0
     wanted: e.SwitchWanted | None = None
     runs: tuple[RunRecord, ...] = ()
-    messages: tuple[Line, ...] = ()
+    messages: tuple[LogLine, ...] = ()
     parameters: MappingProxyType[str, float] = field(default_factory=lambda: MappingProxyType({}))
     fetching: e.LogProgress | None = None
     logs: tuple[Path, ...] = ()
@@ -94,9 +105,9 @@ class State:
     aborting: bool = False
 
     @property
-    def driving(self) -> Drive | None:
+    def driving(self) -> DriveRequest | None:
         """The run that was asked for and has not ended."""
-        return next((request for request in self.asked if isinstance(request, Drive)), None)
+        return next((request for request in self.asked if isinstance(request, DriveRequest)), None)
 
     @property
     def under_way(self) -> bool:
@@ -214,7 +225,7 @@ def _wants(state: State, position: str) -> bool:
 
 def _asked(state: State, request: Request) -> State:
     state = replace(state, asked=(*state.asked, request), failure="", doing="")
-    if isinstance(request, Drive):
+    if isinstance(request, DriveRequest):
         state = replace(state, aborting=False)
         record = RunRecord(request.planned.name, request.planned.manoeuvre)
         return replace(state, runs=(*state.runs, record), wanted=None)
@@ -226,7 +237,7 @@ def _ended(state: State, ended: Ended) -> State:
     if ended.request in asked:
         asked.remove(ended.request)
     state = replace(state, asked=tuple(asked))
-    if isinstance(ended.request, Drive):
+    if isinstance(ended.request, DriveRequest):
         state = replace(_closed(state, ended), aborting=False)
     if ended.failure:
         state = replace(_said(state, "error", ended.failure), failure=ended.failure)
@@ -285,5 +296,5 @@ def _set(state: State, event: e.ParameterSet) -> State:
 
 
 def _said(state: State, level: Level, text: str) -> State:
-    messages = (*state.messages[-(MESSAGES - 1) :], Line(level, text))
+    messages = (*state.messages[-(MESSAGES - 1) :], LogLine(level, text))
     return replace(state, messages=messages, doing=text)

@@ -12,7 +12,7 @@ from textual.binding import Binding
 from textual.screen import Screen
 from textual.widgets import Static
 
-from rover_sweep.tui.drawn.drawing import Rows, harmless
+from rover_sweep.tui.drawn.drawing import ScreenRows, harmless
 from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.screens import frame
 
@@ -124,7 +124,7 @@ class SessionScreen(Screen[None]):
             return self.picture(width, height)
         except Exception as error:
             words = f"This view cannot be drawn ({error!r}); the others, and SPACE to abort, go on."
-            return Rows(self.palette, width, height).sentence(words, f"bold {self.palette.bad}").text()
+            return ScreenRows(self.palette, width, height).sentence(words, f"bold {self.palette.bad}").text()
 
     def _keys(self) -> Iterator[tuple[str, str]]:
         """(key, what it does) of all that work now, this screen's own first; keys of one action together."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.tui.drawn.drawing import Rows, window
+from rover_sweep.tui.drawn.drawing import ScreenRows, window
 from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.typing import Typing
@@ -26,7 +26,7 @@ class ConnectScreen(SessionScreen):
     chosen = 0
 
     def picture(self, width: int, height: int) -> Text:
-        rows = Rows(self.palette, width, height).blank()
+        rows = ScreenRows(self.palette, width, height).blank()
         rows.add(" Which rover?", style=f"bold {self.palette.ink}").blank()
         found = self.session.places
         for n in window(len(found), self.chosen, height - 9):

@@ -14,7 +14,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Static
 
 from rover_sweep.errors import UsageError
-from rover_sweep.tui.drawn.drawing import Rows
+from rover_sweep.tui.drawn.drawing import ScreenRows
 from rover_sweep.tui.model.plan_rows import Field, Row, changed, fields, value
 from rover_sweep.tui.screens.frame import ABORT_WORDS
 
@@ -64,7 +64,7 @@ class EditRow(ModalScreen[Row | None]):
 
     def picture(self, palette: Palette, under_way: bool) -> Text:
         """under_way: a run is, and ESC ends that."""
-        rows = Rows(palette, _WIDTH, 30)
+        rows = ScreenRows(palette, _WIDTH, 30)
         rows.add(f" {self.row.kind}", style=f"bold {palette.ink}").blank()
         for n, field in enumerate(fields(self.row)):
             shown = f"{value(self.row, field):{field.form}}"

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
-from rover_sweep.live.source import Connect, Drive, FetchLogs, Fix, Play, Preflight, Request
+from rover_sweep.live.source import Connect, DriveRequest, FetchLogs, Fix, Play, Preflight, Request
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import Rows, joined
+from rover_sweep.tui.drawn.drawing import ScreenRows, joined
 from rover_sweep.tui.drawn.palette import Palette
 from rover_sweep.tui.model.pilot import Task
 from rover_sweep.tui.model.state import State
@@ -108,7 +108,7 @@ def working_on(request: Request) -> str:
             return "looking at what must be right"
         case Fix():
             return f"putting right: {request.name.replace('_', ' ')}"
-        case Drive():
+        case DriveRequest():
             return f"driving {request.planned.name}"
         case FetchLogs():
             return "fetching the logs"
@@ -133,7 +133,7 @@ def keys(bindings: Sequence[tuple[str, str]], palette: Palette, width: int) -> T
 
 def too_small(state: State, task: Task, palette: Palette, width: int, height: int) -> Text:
     """A word where there is no room for a picture; what matters during a run stays."""
-    rows = Rows(palette, width, height)
+    rows = ScreenRows(palette, width, height)
     if state.under_way:
         rows.filled(f" {ABORT_WORDS} ABORTS", palette.alarming)
         rows.sentence(f"{task.big}: {task.sentence}", f"bold {palette.ink}", most=4)

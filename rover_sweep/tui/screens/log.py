@@ -7,7 +7,7 @@ from textual.binding import Binding
 
 from rover_sweep.live.source import FetchLogs
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import Rows, cells, wrapped
+from rover_sweep.tui.drawn.drawing import ScreenRows, cells, wrapped
 from rover_sweep.tui.drawn.gauges import bar
 from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.base import SessionScreen
@@ -30,7 +30,7 @@ class LogScreen(SessionScreen):
     back = 0
 
     def picture(self, width: int, height: int) -> Text:
-        rows, palette, state = Rows(self.palette, width, height), self.palette, self.state
+        rows, palette, state = ScreenRows(self.palette, width, height), self.palette, self.state
         rows.add(
             f" runs: {len(state.runs)}, of them whole: {sum(r.outcome == 'done' for r in state.runs)}",
             style=f"bold {palette.ink}",

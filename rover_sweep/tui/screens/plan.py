@@ -9,7 +9,7 @@ from rich.text import Text
 from textual.binding import Binding
 
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import Rows, cells, window
+from rover_sweep.tui.drawn.drawing import ScreenRows, cells, window
 from rover_sweep.tui.model.plan_rows import SPEED, Row, largest, needs, new
 from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.base import SessionScreen
@@ -40,7 +40,7 @@ class PlanScreen(SessionScreen):
         return self.session.chosen
 
     def picture(self, width: int, height: int) -> Text:
-        rows, palette, session = Rows(self.palette, width, height), self.palette, self.session
+        rows, palette, session = ScreenRows(self.palette, width, height), self.palette, self.session
         plan = session.plan
         asked = needs(plan, session.setup.vehicle)
         wide = width >= 110
@@ -82,7 +82,7 @@ class PlanScreen(SessionScreen):
         self._proposal(rows)
         return rows.text()
 
-    def _sums(self, rows: Rows) -> None:
+    def _sums(self, rows: ScreenRows) -> None:
         palette, session = self.palette, self.session
         asked = needs(session.plan, session.setup.vehicle)
         length, width = largest(asked.spaces)
@@ -99,7 +99,7 @@ class PlanScreen(SessionScreen):
             most=2,
         )
 
-    def _proposal(self, rows: Rows) -> None:
+    def _proposal(self, rows: ScreenRows) -> None:
         palette, session = self.palette, self.session
         if session.desk.proposing:
             rows.sentence(

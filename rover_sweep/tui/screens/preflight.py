@@ -7,7 +7,7 @@ from textual.binding import Binding
 
 from rover_sweep.live.source import Fix, Preflight
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import Rows, cells, window
+from rover_sweep.tui.drawn.drawing import ScreenRows, cells, window
 from rover_sweep.tui.drawn.palette import Palette
 from rover_sweep.tui.drawn.question import Question
 from rover_sweep.tui.screens.base import SessionScreen
@@ -43,7 +43,7 @@ class PreflightScreen(SessionScreen):
         return checks[self.index] if checks else None
 
     def picture(self, width: int, height: int) -> Text:
-        rows, palette = Rows(self.palette, width, height), self.palette
+        rows, palette = ScreenRows(self.palette, width, height), self.palette
         checks, chosen = self.state.checks, self.index
         shown = window(len(checks), chosen, height - 2 - _BELOW)
         hidden = f"; {len(checks) - len(shown)} more, ↑ ↓" if len(shown) < len(checks) else ""
@@ -117,7 +117,7 @@ def _style(check: Check, palette: Palette) -> str:
     )
 
 
-def _about(rows: Rows, check: Check) -> None:
+def _about(rows: ScreenRows, check: Check) -> None:
     palette = rows.palette
     rows.add("─" * rows.width, style=palette.quiet)
     rows.sentence(check.sentence or f"{check.name.replace('_', ' ')}: {check.seen}", palette.ink, most=2)

@@ -6,9 +6,9 @@ from rich.text import Text
 from textual.binding import Binding
 
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import Rows, window, wrapped
+from rover_sweep.tui.drawn.drawing import ScreenRows, window, wrapped
 from rover_sweep.tui.drawn.palette import Palette
-from rover_sweep.tui.jobs.analysis import Job
+from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.screens.base import SessionScreen
 
 _SIGNS = {"running": "▶ working", "done": "✓ done", "failed": "✗ failed"}
@@ -34,11 +34,11 @@ class ResultsScreen(SessionScreen):
     _last = 0  # of the rows at which a page can begin
 
     @property
-    def jobs(self) -> tuple[Job, ...]:
+    def jobs(self) -> tuple[AnalysisJob, ...]:
         return self.session.desk.jobs
 
     @property
-    def job(self) -> Job | None:
+    def job(self) -> AnalysisJob | None:
         return self.jobs[self.index] if self.jobs else None
 
     @property
@@ -48,7 +48,7 @@ class ResultsScreen(SessionScreen):
         return latest if self.chosen is None else min(self.chosen, latest)
 
     def picture(self, width: int, height: int) -> Text:
-        rows, palette = Rows(self.palette, width, height), self.palette
+        rows, palette = ScreenRows(self.palette, width, height), self.palette
         rows.sentence(self._from(), palette.ink, most=2)
         for n in window(len(self.jobs), self.index, 4):
             job = self.jobs[n]
@@ -80,7 +80,7 @@ class ResultsScreen(SessionScreen):
         gains = f"; S proposes gains, out of {report.name}" if report else ""
         return f"I identifies, D diagnoses: {', '.join(whole)}{logs}{gains}"
 
-    def _about(self, rows: Rows, job: Job) -> None:
+    def _about(self, rows: ScreenRows, job: AnalysisJob) -> None:
         palette = self.palette
         rows.blank()
         if job.page is not None:
@@ -127,7 +127,7 @@ class ResultsScreen(SessionScreen):
         return action != "choose" or len(self.jobs) > 1
 
 
-def _told(job: Job, palette: Palette, width: int) -> list[tuple[str, str]]:
+def _told(job: AnalysisJob, palette: Palette, width: int) -> list[tuple[str, str]]:
     """Rows: the summary, the answer in bold; else what it printed, whose tables stay as they are."""
     told = [
         (row, f"bold {palette.ink}" if n == 0 else palette.ink)

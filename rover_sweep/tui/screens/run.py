@@ -9,7 +9,7 @@ from textual.binding import Binding
 
 from rover_sweep.manoeuvre.sweep import Doublet
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import Rows
+from rover_sweep.tui.drawn.drawing import ScreenRows
 from rover_sweep.tui.drawn.gauges import bar, number
 from rover_sweep.tui.drawn.large_text import big, huge
 from rover_sweep.tui.model.pilot import task
@@ -26,7 +26,7 @@ class RunScreen(SessionScreen):
     BINDINGS = [Binding("g", "go", "drive the next")]
 
     def picture(self, width: int, height: int) -> Text:
-        rows = Rows(self.palette, width, height)
+        rows = ScreenRows(self.palette, width, height)
         self._title(rows)
         self._to_do(rows)
         self._progress(rows)
@@ -45,7 +45,7 @@ class RunScreen(SessionScreen):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         return action != "go" or self.session.may_drive
 
-    def _title(self, rows: Rows) -> None:
+    def _title(self, rows: ScreenRows) -> None:
         state, palette = self.state, self.palette
         run = state.run
         if state.played is None and (state.driving is None or run is None):
@@ -67,7 +67,7 @@ class RunScreen(SessionScreen):
         lasts = labels.seconds(run.manoeuvre.duration)
         rows.add(f" {run.name}: {labels.manoeuvre(run.manoeuvre)}{at}, {lasts}", style=f"bold {palette.ink}")
 
-    def _to_do(self, rows: Rows) -> None:
+    def _to_do(self, rows: ScreenRows) -> None:
         now = task(self.state, self.session.driving_speed)
         palette = self.palette
         style = palette.asking if now.urgent else f"bold {palette.accent}"
@@ -78,7 +78,7 @@ class RunScreen(SessionScreen):
         if not now.big:
             rows.blank(3)
 
-    def _progress(self, rows: Rows) -> None:
+    def _progress(self, rows: ScreenRows) -> None:
         state, now = self.state, self.state.snapshot
         progress = now.progress if now else math.nan
         run = state.run
@@ -95,7 +95,7 @@ class RunScreen(SessionScreen):
             style=self.palette.ink,
         )
 
-    def _facts(self, rows: Rows) -> None:
+    def _facts(self, rows: ScreenRows) -> None:
         now = self.state.snapshot
         if now is None:
             rows.sentence("Nothing was heard of the rover yet.", self.palette.quiet)
@@ -111,7 +111,7 @@ class RunScreen(SessionScreen):
         if now.link and not self.state.lost:
             rows.sentence(now.link, self.palette.bad, most=2)
 
-    def _abort(self, rows: Rows, height: int) -> None:
+    def _abort(self, rows: ScreenRows, height: int) -> None:
         palette = self.palette
         if not self.state.under_way:
             if height > 3:
@@ -135,7 +135,7 @@ def _waits(run: RunRecord) -> bool:
     return run.outcome == "done" and run.verdict is None and not run.reason
 
 
-def _roomy(rows: Rows) -> bool:
+def _roomy(rows: ScreenRows) -> bool:
     """Whether letters of five rows fit."""
     return rows.height > 40 and rows.width >= 150
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from firmware_params.applet_parameters import PARAMETERS
-from rover_sweep.tui.drawn.drawing import Rows
+from rover_sweep.tui.drawn.drawing import ScreenRows
 from rover_sweep.tui.drawn.gauges import history, number, pointer
 from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.model.state import State
@@ -20,7 +20,7 @@ _DEGREES = 180 / math.pi
 
 
 @dataclass(frozen=True)
-class Signal:
+class GaugeSignal:
     """field: of a Snapshot, shown times scale in unit; low, high: of the gauge; limits: in words, or ''."""
 
     name: str
@@ -39,22 +39,22 @@ def limit_of(state: State, setup: Setup) -> Callable[[str], float]:
     return lambda name: state.parameters.get(name, extra.get(name, _DEFAULTS[name]))
 
 
-def signals_of(state: State, setup: Setup) -> tuple[Signal, ...]:
+def signals_of(state: State, setup: Setup) -> tuple[GaugeSignal, ...]:
     """What is watched, with its limits."""
     limit, vehicle = limit_of(state, setup), setup.vehicle
     trim = vehicle.trim_us.value if vehicle and vehicle.trim_us else _TRIM
     most, r_max, roll = limit("SWP_PWM_MAX"), limit("SWP_R_MAX"), limit("SWP_ROLL_MAX")
     slow, fast = limit("SWP_V_MIN"), limit("SWP_V_MAX")
     return (
-        Signal("steering", "pwm", 1.0, "us", "6.0f", trim - most, trim + most, f"{trim:g} ±{most:g}"),
-        Signal("yaw rate", "r", _DEGREES, "°/s", "+6.0f", -r_max, r_max, f"±{r_max:g}"),
-        Signal("side acc.", "ay", 1.0, "m/s²", "+6.1f", -_AY, _AY),
-        Signal("speed", "speed", 1.0, "m/s", "6.2f", slow, fast, f"{slow:g} to {fast:g}"),
-        Signal("roll", "phi", _DEGREES, "°", "+6.1f", -roll, roll, f"±{roll:g}"),
+        GaugeSignal("steering", "pwm", 1.0, "us", "6.0f", trim - most, trim + most, f"{trim:g} ±{most:g}"),
+        GaugeSignal("yaw rate", "r", _DEGREES, "°/s", "+6.0f", -r_max, r_max, f"±{r_max:g}"),
+        GaugeSignal("side acc.", "ay", 1.0, "m/s²", "+6.1f", -_AY, _AY),
+        GaugeSignal("speed", "speed", 1.0, "m/s", "6.2f", slow, fast, f"{slow:g} to {fast:g}"),
+        GaugeSignal("roll", "phi", _DEGREES, "°", "+6.1f", -roll, roll, f"±{roll:g}"),
     )
 
 
-def draw(rows: Rows, state: State, setup: Setup, each: int) -> None:
+def draw(rows: ScreenRows, state: State, setup: Setup, each: int) -> None:
     """`each` rows for a signal."""
     place = 51 if rows.width >= 120 else 21
     for signal in signals_of(state, setup):

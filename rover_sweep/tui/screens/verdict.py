@@ -7,7 +7,7 @@ from textual.binding import Binding
 
 from rover_sweep.live.snapshot import Band, Verdict
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import Rows, cells
+from rover_sweep.tui.drawn.drawing import ScreenRows, cells
 from rover_sweep.tui.drawn.gauges import bar, number
 from rover_sweep.tui.drawn.large_text import big, huge
 from rover_sweep.tui.model.pilot import task
@@ -48,7 +48,7 @@ class VerdictScreen(SessionScreen):
         return runs[max(0, len(runs) - 1 - self.back)] if runs else None
 
     def picture(self, width: int, height: int) -> Text:
-        rows, palette = Rows(self.palette, width, height), self.palette
+        rows, palette = ScreenRows(self.palette, width, height), self.palette
         run = self.run_shown
         if run is None:
             return rows.blank().sentence("No run was driven yet.", palette.ink).text()
@@ -83,7 +83,7 @@ class VerdictScreen(SessionScreen):
             f"{again}Next: {row.name}, {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
         )
 
-    def _advice(self, rows: Rows, run: RunRecord) -> None:
+    def _advice(self, rows: ScreenRows, run: RunRecord) -> None:
         verdict, palette = run.verdict, self.palette
         assert verdict is not None
         style = {"keep": palette.good, "repeat": palette.doubtful}.get(verdict.advice, palette.bad)
@@ -96,7 +96,7 @@ class VerdictScreen(SessionScreen):
         for remark in remarks[: 2 if rows.height < 30 else 6]:
             rows.sentence(remark, palette.ink, most=2)
 
-    def _bands(self, rows: Rows, run: RunRecord) -> None:
+    def _bands(self, rows: ScreenRows, run: RunRecord) -> None:
         verdict = run.verdict
         assert verdict is not None
         if rows.left > 2 and (verdict.bands or verdict.per_band):
@@ -129,7 +129,7 @@ def said(verdict: Verdict) -> str:
     return f"{word}: {sentence}"
 
 
-def _matrix(rows: Rows, verdict: Verdict) -> None:
+def _matrix(rows: ScreenRows, verdict: Verdict) -> None:
     """A row for each band, a column for each response, and what amplitude would be enough there."""
     responses = tuple(dict.fromkeys(band.response for band in verdict.bands))
     spans = sorted(

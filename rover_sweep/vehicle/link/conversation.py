@@ -28,7 +28,7 @@ _HEAD = struct.Struct(">BQI")
 _FLUSH_US = 1_000_000  # what a killed program loses of it at most; the .tlog loses nothing
 
 
-class Kind(IntEnum):
+class ConversationKind(IntEnum):
     """What happened. data: the URL opened, the reason refused or ended, the bytes sent or received."""
 
     OPENED = 0
@@ -41,10 +41,10 @@ class Kind(IntEnum):
 
 
 @dataclass(frozen=True)
-class Entry:
+class ConversationEntry:
     """t: s since the first entry."""
 
-    kind: Kind
+    kind: ConversationKind
     t: float
     data: bytes = b""
 
@@ -53,7 +53,7 @@ class Entry:
 class Conversation:
     """about: what stands in the header. whole: the file was closed; else its last second may lack."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[ConversationEntry, ...]
     about: Mapping[str, Any] = field(default_factory=dict)
     whole: bool = True
 
@@ -68,7 +68,7 @@ class ConversationWriter:
         self._file = gzip.GzipFile(path, "wb", 6)
         self._file.write(json.dumps({"format": FORMAT, **about}).encode() + b"\n")
 
-    def write(self, kind: Kind, us: int, data: bytes = b"") -> None:
+    def write(self, kind: ConversationKind, us: int, data: bytes = b"") -> None:
         """us: of a clock that never goes back."""
         if self.failure:
             return
@@ -107,15 +107,15 @@ def read_conversation(path: Path) -> Conversation:
         known = False
     if not newline or not known:
         raise DataRefused(f"{path} is no conversation recording of this program ({FORMAT})")
-    entries, at = list[Entry](), 0
+    entries, at = list[ConversationEntry](), 0
     while at + _HEAD.size <= len(body):
         kind, us, length = _HEAD.unpack_from(body, at)
-        if kind not in Kind.__members__.values():
+        if kind not in ConversationKind.__members__.values():
             raise DataRefused(f"{path} is damaged: entry {len(entries)} is of no known kind ({kind})")
         at += _HEAD.size
         if at + length > len(body):
             break
-        entries.append(Entry(Kind(kind), us * 1e-6, body[at : at + length]))
+        entries.append(ConversationEntry(ConversationKind(kind), us * 1e-6, body[at : at + length]))
         at += length
     return Conversation(tuple(entries), about, whole)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from rover_sweep._version import __version__
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.conversation import ConversationWriter, Kind
+from rover_sweep.vehicle.link.conversation import ConversationKind, ConversationWriter
 from rover_sweep.vehicle.link.recorder import writing
 from rover_sweep.vehicle.link.transport import Line, LiveLine, Transport
 
@@ -45,9 +45,9 @@ class RecordedLine:
         try:
             transport = self._line.open(url, timeout)
         except LinkError as error:
-            self.note(Kind.REFUSED, str(error).encode())
+            self.note(ConversationKind.REFUSED, str(error).encode())
             raise
-        self.note(Kind.OPENED, url.encode())
+        self.note(ConversationKind.OPENED, url.encode())
         return RecordedTransport(transport, self)
 
     def monotonic(self) -> float:
@@ -62,7 +62,7 @@ class RecordedLine:
     def sleep(self, seconds: float) -> None:
         self._line.sleep(seconds)
 
-    def note(self, kind: Kind, data: bytes = b"") -> None:
+    def note(self, kind: ConversationKind, data: bytes = b"") -> None:
         """Write an entry of now."""
         self._writer.write(kind, round(self._line.monotonic() * 1e6), data)
 
@@ -86,19 +86,19 @@ class RecordedTransport(Transport):
         try:
             data = self._transport.receive(timeout)
         except (OSError, ValueError) as error:
-            self._line.note(Kind.ENDED, str(error).encode())
+            self._line.note(ConversationKind.ENDED, str(error).encode())
             raise
         if data:
-            self._line.note(Kind.RECEIVED, data)
+            self._line.note(ConversationKind.RECEIVED, data)
         return data
 
     def send(self, data: bytes) -> None:
         try:
             self._transport.send(data)
         except OSError:
-            self._line.note(Kind.UNSENT, data)
+            self._line.note(ConversationKind.UNSENT, data)
             raise
-        self._line.note(Kind.SENT, data)
+        self._line.note(ConversationKind.SENT, data)
 
     def settle(self, system: int) -> None:
         self._transport.settle(system)
@@ -111,4 +111,4 @@ class RecordedTransport(Transport):
 
     def close(self) -> None:
         self._transport.close()
-        self._line.note(Kind.CLOSED)
+        self._line.note(ConversationKind.CLOSED)

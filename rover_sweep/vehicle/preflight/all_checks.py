@@ -29,7 +29,7 @@ from rover_sweep.vehicle.preflight import (
 )
 from rover_sweep.vehicle.preflight.item import Check, Remedy
 from rover_sweep.vehicle.preflight.link_check import link as link_check
-from rover_sweep.vehicle.preflight.observed import Seen
+from rover_sweep.vehicle.preflight.observed import Observation
 from rover_sweep.vehicle.preflight.read_rover import look
 
 _IN_ORDER = (
@@ -68,7 +68,7 @@ def _other(link: Link) -> Check | None:
     return None
 
 
-def judged(seen: Seen) -> tuple[Check, ...]:
+def judged(seen: Observation) -> tuple[Check, ...]:
     """The checks on what was seen: pure."""
     return tuple(check(seen) for check in _IN_ORDER)
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from rover_sweep.logs.readers.tlog import STAMP, parse
 from rover_sweep.vehicle.preflight.clock_comparison import estimate
-from rover_sweep.vehicle.preflight.observed import Clock
+from rover_sweep.vehicle.preflight.observed import ClockComparison
 
 _MADE = "ATTITUDE"  # in milliseconds since boot; the most frequent message whose time does not wrap
 
 
-def arrival_clock(tlog: Path, span: tuple[float, float]) -> Clock | None:
+def arrival_clock(tlog: Path, span: tuple[float, float]) -> ClockComparison | None:
     """What the messages within `span` [s of the vehicle's clock] tell; None where they are too few.
 
     Its offset is that of this computer's UTC [s since 1970] from the vehicle's time since boot.

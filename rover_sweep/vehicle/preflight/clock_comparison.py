@@ -10,7 +10,7 @@ from statistics import linear_regression, median
 from rover_sweep.vehicle.link.clock import vehicle_seconds
 from rover_sweep.vehicle.link.mavlink import Message, kind
 from rover_sweep.vehicle.link.transport import Line
-from rover_sweep.vehicle.preflight.observed import Clock
+from rover_sweep.vehicle.preflight.observed import ClockComparison
 
 _LEAST = 20  # messages
 
@@ -31,7 +31,7 @@ class ClockMonitor:
             self.behind_utc = self.line.wall() - message.time_unix_usec * 1e-6
 
 
-def estimate(pairs: Sequence[tuple[float, float]], behind_utc: float = nan) -> Clock | None:
+def estimate(pairs: Sequence[tuple[float, float]], behind_utc: float = nan) -> ClockComparison | None:
     """What (vehicle, arrival) pairs [s] tell; None where they are too few or all at once.
 
     A line through all tells how fast the vehicle's clock runs. A message is never early, so what the
@@ -45,7 +45,7 @@ def estimate(pairs: Sequence[tuple[float, float]], behind_utc: float = nan) -> C
     late = [arrival - slope * vehicle for vehicle, arrival in pairs]
     quickest, middle = min(late), len(late) // 2
     drift = slope - 1 + (min(late[middle:]) - min(late[:middle])) / (span / 2)
-    return Clock(
+    return ClockComparison(
         span=span,
         rate=span / (pairs[-1][1] - pairs[0][1]),
         jitter=sorted(late)[int(0.95 * (len(late) - 1))] - quickest,

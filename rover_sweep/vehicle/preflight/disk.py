@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.vehicle.preflight.item import Check, Remedy
-from rover_sweep.vehicle.preflight.observed import Seen
+from rover_sweep.vehicle.preflight.observed import Observation
 
 _AROUND = 45.0  # s of log before and after the manoeuvre: standstill, run-up, 15 s after disarming
 _TLOG = 12e3  # B/s at the rates of vehicle.streams: 57 B frames 200 times a second
@@ -19,7 +19,7 @@ def run_bytes(loop_rate: float, bitmask: float) -> float:
     return (Sweep().duration + _AROUND) * (_TLOG + log)
 
 
-def disk(seen: Seen) -> Check:
+def disk(seen: Observation) -> Check:
     """Room for a session's runs in its folder."""
     free, folder = seen.disk
     loop = seen.parameter("SCHED_LOOP_RATE")

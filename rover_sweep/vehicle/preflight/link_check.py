@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from rover_sweep.vehicle.link.link_quality import ADVICE, LinkQuality
 from rover_sweep.vehicle.preflight.item import Check, Remedy
-from rover_sweep.vehicle.preflight.observed import Seen
+from rover_sweep.vehicle.preflight.observed import Observation
 
 _GUESSED = 50  # frames: fewer tell the lost share too roughly
 
 
-def link(seen: Seen) -> Check:
+def link(seen: Observation) -> Check:
     """Sequence numbers of the frames that came, and the time from a request to its answer."""
     quality = seen.link
     if quality is None or quality.frames < _GUESSED:

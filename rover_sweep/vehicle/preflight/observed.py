@@ -41,7 +41,7 @@ class Estimator:
 
 
 @dataclass(frozen=True)
-class Clock:
+class ClockComparison:
     """Time stamps of messages against their arrival, over `span` s of the vehicle's clock.
 
     rate: seconds of the vehicle in a second here. jitter: s by which messages come later than the
@@ -60,7 +60,7 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Observation:
     """Everything at once. w_max: top of the sweep to come [rad/s]. channels: PWM of RC_CHANNELS by number,
     empty without a receiver; a receiver that lost its radio keeps the last ones. radio, logging: the
     firmware's own word that it hears the radio, that it can log. pending: parameters that were set and wait
@@ -73,7 +73,7 @@ class Seen:
     mode: int
     streams: tuple[Stream, ...] = ()
     quality: tuple[StreamQuality, ...] = ()
-    clock: Clock | None = None
+    clock: ClockComparison | None = None
     battery: Battery | None = None
     gps: Gps | None = None
     estimator: Estimator | None = None

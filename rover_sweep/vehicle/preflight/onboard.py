@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rover_sweep.vehicle.identity import NEWEST, untried
 from rover_sweep.vehicle.preflight.item import Check, Remedy
-from rover_sweep.vehicle.preflight.observed import Seen
-from rover_sweep.vehicle.setup.survey import Checked
+from rover_sweep.vehicle.preflight.observed import Observation
+from rover_sweep.vehicle.setup.survey import SurveyedParameter
 
 # Bits of Rover's LOG_BITMASK (Rover/defines.h, 4.6.3), and what is lost without them.
 _LOG_BITS = {0: "attitude at loop rate", 2: "GPS", 7: "IMU at loop rate", 13: "steering", 14: "servo outputs"}
@@ -14,7 +14,7 @@ _USUAL = 65535  # LOG_BITMASK as ArduPilot ships it
 _CARD = "how much room the card has cannot be asked over MAVLink: look at it at times"
 
 
-def firmware(seen: Seen) -> Check:
+def firmware(seen: Observation) -> Check:
     """Whether it is a version on which the applet was tried."""
     vehicle = seen.survey.vehicle
     warning = untried(vehicle)
@@ -24,7 +24,7 @@ def firmware(seen: Seen) -> Check:
     return Check("firmware", "good", f"{vehicle.firmware} ({vehicle.git_hash})")
 
 
-def parameters(seen: Seen) -> Check:
+def parameters(seen: Observation) -> Check:
     """The shipped identification.param against the rover, and what waits for a reboot."""
     wrong = [p for p in seen.survey.parameters if not p.fits]
     total = len(seen.survey.parameters)
@@ -42,14 +42,14 @@ def parameters(seen: Seen) -> Check:
     return Check("parameters", "good", f"all {total} fit")
 
 
-def _differs(checked: Checked) -> str:
+def _differs(checked: SurveyedParameter) -> str:
     if checked.found is None:
         return f"{checked.wanted.name} is not there"
     bound = "at least " if checked.wanted.at_least else ""
     return f"{checked.wanted.name} is {checked.found:.7g}, wanted {bound}{checked.wanted.value:.7g}"
 
 
-def applet(seen: Seen) -> Check:
+def applet(seen: Observation) -> Check:
     """Whether this program's applet runs, and nothing else under its name."""
     state = seen.survey.applet
     if state.fits and state.file is None:
@@ -81,7 +81,7 @@ def _bring(reboot: bool = False) -> Remedy:
     return Remedy("copy this program's applet there and restart the scripts")
 
 
-def logging(seen: Seen) -> Check:
+def logging(seen: Observation) -> Check:
     """Whether the autopilot will log what identification reads (LOG_BITMASK, LOG_BACKEND_TYPE, card)."""
     mask, backend = seen.parameter("LOG_BITMASK"), seen.parameter("LOG_BACKEND_TYPE")
     disarmed = "also while disarmed" if seen.parameter("LOG_DISARMED") > 0 else "from arming on"

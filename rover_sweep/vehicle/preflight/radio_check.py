@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isnan
 
 from rover_sweep.vehicle.preflight.item import Check, Remedy
-from rover_sweep.vehicle.preflight.observed import Seen
+from rover_sweep.vehicle.preflight.observed import Observation
 from rover_sweep.vehicle.run.controls import SCRIPTING_1
 
 _LOW, _HIGH = 1200, 1800  # us: an auxiliary switch is low below, high above (RC_Channel.cpp, 4.6.3)
@@ -17,7 +17,7 @@ _SIX = Remedy(f"set RC6_OPTION to {SCRIPTING_1}", sets=(("RC6_OPTION", float(SCR
 _REST = 30  # us about the trim, where the channel has no dead zone
 
 
-def switch_channel(seen: Seen) -> int:
+def switch_channel(seen: Observation) -> int:
     """RC channel (1-based) that starts the applet: SWP_CHAN, else the one with option 300; 0: none."""
     raw = seen.parameter("SWP_CHAN")
     if raw > 0:
@@ -25,7 +25,7 @@ def switch_channel(seen: Seen) -> int:
     return next((n for n in range(1, 17) if seen.parameter(f"RC{n}_OPTION") == SCRIPTING_1), 0)
 
 
-def rc(seen: Seen) -> Check:
+def rc(seen: Observation) -> Check:
     """A receiver with pulses, steering and throttle at rest, and a failsafe that notices its loss."""
     if not seen.channels:
         sentence = "no radio: without it nobody can stop the rover but this computer"
@@ -53,7 +53,7 @@ def rc(seen: Seen) -> Check:
     return Check("rc", "good", told)
 
 
-def _stick(seen: Seen, mapping: str, usual: int) -> tuple[int, float, float, float]:
+def _stick(seen: Observation, mapping: str, usual: int) -> tuple[int, float, float, float]:
     """(channel, PWM, trim, how far off counts as rest), us."""
     mapped = seen.parameter(mapping)
     number = usual if isnan(mapped) else int(mapped)
@@ -62,7 +62,7 @@ def _stick(seen: Seen, mapping: str, usual: int) -> tuple[int, float, float, flo
     return number, pwm, 1500.0 if isnan(trim) else trim, max(_REST, 0.0 if isnan(zone) else zone)
 
 
-def switch(seen: Seen) -> Check:
+def switch(seen: Observation) -> Check:
     """Low before arming: the applet does not start on a switch that is high when it looks first."""
     number = switch_channel(seen)
     if number == 0:

@@ -7,7 +7,7 @@ from math import atan2, ceil, degrees, hypot, isnan, pi, sqrt
 from rover_sweep.manoeuvre.applet_values import LEAST_SAMPLES
 from rover_sweep.vehicle.link.streams import fastest_interval_ms, poor_words
 from rover_sweep.vehicle.preflight.item import Check, Remedy, State
-from rover_sweep.vehicle.preflight.observed import Seen
+from rover_sweep.vehicle.preflight.observed import Observation
 
 LOOP_RATE = 100  # Hz, as identification.param: streams of 50 Hz, and scripts wait 17 instead of 72 ms
 CUTOFF = 20.0  # Hz, as identification.param
@@ -19,7 +19,7 @@ _LIVE = 0.02  # the clocks' rates differ by more only in a simulation that is no
 _GAP = 3.0  # intervals: in so short a look a longer one is no chance
 
 
-def loop_rate(seen: Seen) -> Check:
+def loop_rate(seen: Observation) -> Check:
     """SCHED_LOOP_RATE against the streams that are wanted and the top of the sweep."""
     rate = seen.parameter("SCHED_LOOP_RATE")
     if isnan(rate):
@@ -50,7 +50,7 @@ def _faster(loop: int) -> Remedy:
     return Remedy(f"set SCHED_LOOP_RATE to {loop} and reboot", reboot=True, sets=sets)
 
 
-def filters(seen: Seen) -> Check:
+def filters(seen: Observation) -> Check:
     """The low-passes of gyro and accelerometer against the top of the sweep, and what they cost.
 
     ArduPilot's are of second order, Butterworth (LowPassFilter2p, 4.6.3): lag sqrt(2) / (2 pi fc) at low
@@ -93,7 +93,7 @@ def cost(cutoff: float, top: float) -> str:
     )
 
 
-def streams(seen: Seen) -> Check:
+def streams(seen: Observation) -> Check:
     """What was asked, what was granted, and what came in two seconds of the vehicle's clock."""
     denied = [s for s in seen.streams if s.advice]
     came = {q.message: q for q in seen.quality}
@@ -127,7 +127,7 @@ def streams(seen: Seen) -> Check:
     return Check("streams", "good", told, f"no gap, jitter {jitter:.1f} ms at most")
 
 
-def clock(seen: Seen) -> Check:
+def clock(seen: Observation) -> Check:
     """The .tlog's clock (arrival here) against the vehicle's (in the messages)."""
     c = seen.clock
     if c is None:

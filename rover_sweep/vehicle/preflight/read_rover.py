@@ -24,7 +24,7 @@ from rover_sweep.vehicle.link.streams import (
 )
 from rover_sweep.vehicle.parameters.read_write import read_present
 from rover_sweep.vehicle.preflight.clock_comparison import ClockMonitor, estimate
-from rover_sweep.vehicle.preflight.observed import Battery, Clock, Estimator, Gps, Seen
+from rover_sweep.vehicle.preflight.observed import Battery, ClockComparison, Estimator, Gps, Observation
 from rover_sweep.vehicle.run.controls import pump
 from rover_sweep.vehicle.setup import pending_reboot
 from rover_sweep.vehicle.setup.applet_upload import await_applet
@@ -44,7 +44,7 @@ _SCRIPTS_START = 20.0  # s after boot within which scripts begin to run
 _ANSWER = 1.0  # s
 
 
-def look(link: Link, folder: Path, w_max: float | None = None) -> Seen:
+def look(link: Link, folder: Path, w_max: float | None = None) -> Observation:
     """Everything at once, in about 5 s on a fast link. LinkError for anything but an ArduPilot Rover.
 
     folder: where the runs will be recorded. w_max: top of the sweep to come [rad/s], the applet's own
@@ -58,7 +58,7 @@ def look(link: Link, folder: Path, w_max: float | None = None) -> Seen:
     sticks = [f"RC{int(has.get(name, usual))}" for name, usual in (("RCMAP_ROLL", 1), ("RCMAP_THROTTLE", 3))]
     has |= read_present(link, [f"{stick}_{what}" for stick in sticks for what in ("TRIM", "DZ")])
     granted, quality, clock = _measured(link, has.get("SCHED_LOOP_RATE", 50.0))
-    return Seen(
+    return Observation(
         survey=found,
         parameters=has,
         w_max=w_max or has.get("SWP_WMAX", 0.0) or Sweep().w_max,
@@ -132,7 +132,7 @@ def _healthy(status: Message | None, name: str) -> bool | None:
 
 def _measured(
     link: Link, loop_rate: float
-) -> tuple[tuple[Stream, ...], tuple[StreamQuality, ...], Clock | None]:
+) -> tuple[tuple[Stream, ...], tuple[StreamQuality, ...], ClockComparison | None]:
     """Streams set to what identification wants, listened to, and put back."""
     with _as_they_were(link):
         granted = request_all(link, loop_rate)

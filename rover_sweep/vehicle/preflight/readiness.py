@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isnan
 
 from rover_sweep.vehicle.preflight.item import Check, Remedy, State
-from rover_sweep.vehicle.preflight.observed import Battery, Seen
+from rover_sweep.vehicle.preflight.observed import Battery, Observation
 
 # EKF_STATUS_FLAGS (ardupilotmega dialect); both are needed for speed and place that can be trusted
 _ATTITUDE, _VELOCITY, _POSITION, _CONSTANT = 1, 2, 16, 128
@@ -36,7 +36,7 @@ def mode_name(mode: int) -> str:
     return _MODES.get(mode, f"mode {mode}")
 
 
-def gps(seen: Seen) -> Check:
+def gps(seen: Observation) -> Check:
     """Fix, satellites, dilution."""
     g = seen.gps
     if g is None:
@@ -50,7 +50,7 @@ def gps(seen: Seen) -> Check:
     return Check("gps", "good", told)
 
 
-def ekf(seen: Seen) -> Check:
+def ekf(seen: Observation) -> Check:
     """Whether attitude, velocity and place are estimated, and by how much the estimator doubts itself."""
     e = seen.estimator
     if e is None:
@@ -73,7 +73,7 @@ def ekf(seen: Seen) -> Check:
     return Check("ekf", "good", told)
 
 
-def battery(seen: Seen) -> Check:
+def battery(seen: Observation) -> Check:
     """Volts against the vehicle's own limits (BATT_CRT_VOLT, BATT_LOW_VOLT), else what it says remains."""
     b = seen.battery or Battery()
     told = _told(b)
@@ -101,7 +101,7 @@ def _told(b: Battery) -> str:
     return ", ".join(words) or "not measured"
 
 
-def mode(seen: Seen) -> Check:
+def mode(seen: Observation) -> Check:
     """The applet starts in MANUAL only."""
     told = mode_name(seen.mode)
     if seen.mode == 0:
@@ -112,7 +112,7 @@ def mode(seen: Seen) -> Check:
     return Check("mode", "bad", told, sentence, Remedy("go into MANUAL"))
 
 
-def armed(seen: Seen) -> Check:
+def armed(seen: Observation) -> Check:
     """Preparation belongs to a rover that cannot drive off."""
     if not seen.armed:
         return Check("armed", "good", "disarmed")

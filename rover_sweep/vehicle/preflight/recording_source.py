@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from rover_sweep.vehicle.preflight.item import Check, Remedy
-from rover_sweep.vehicle.preflight.observed import Seen
+from rover_sweep.vehicle.preflight.observed import Observation
 from rover_sweep.vehicle.preflight.onboard import logging
 from rover_sweep.vehicle.preflight.rates import streams
 
 _SLOW = 20.0  # Hz: a stream that is wanted no faster is not identified from
 
 
-def source(seen: Seen) -> Check:
+def source(seen: Observation) -> Check:
     """The rover's own log (.BIN) where one is written, else the telemetry (.tlog) where that comes well.
 
     The log has the applet's steering and the IMU at the loop's rate on one clock, and no radio in between.

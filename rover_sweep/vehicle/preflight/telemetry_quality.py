@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rover_sweep.vehicle.link.streams import LOST, StreamQuality, poor_words
-from rover_sweep.vehicle.preflight.observed import Clock
+from rover_sweep.vehicle.preflight.observed import ClockComparison
 
 Granted = Mapping[str, float]  # Hz by message, as the vehicle granted it
 
 
 def telemetry_words(
-    quality: Sequence[StreamQuality], granted: Granted, clock: Clock | None, logs: bool
+    quality: Sequence[StreamQuality], granted: Granted, clock: ClockComparison | None, logs: bool
 ) -> str:
     """One sentence. logs: whether the vehicle's own log is fetched at the end of the session."""
     poor = [words for q in quality if (words := poor_words(q, granted.get(q.message, 0.0)))]
@@ -31,7 +31,7 @@ def _came(quality: Sequence[StreamQuality]) -> str:
     )
 
 
-def _clock(c: Clock | None) -> str:
+def _clock(c: ClockComparison | None) -> str:
     """Nothing of a simulation that is not in real time, where arrival tells nothing."""
     if c is None or abs(c.rate - 1) > 0.02:
         return ""

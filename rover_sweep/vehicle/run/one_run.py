@@ -50,7 +50,7 @@ from rover_sweep.vehicle.run.controls import (
 from rover_sweep.vehicle.run.follow import Follower
 from rover_sweep.vehicle.run.outcome import hear_outcome
 from rover_sweep.vehicle.run.reboot_watch import RebootWatch
-from rover_sweep.vehicle.run.right_to_move import Limits, RightToMove
+from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 from rover_sweep.vehicle.run.settings import RunSettings
 
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
@@ -140,8 +140,8 @@ def _into(follower: Follower, link: Link) -> Callable[[Message], None]:
 
 def _limits(
     manoeuvre: Manoeuvre, present: Mapping[str, float], drives: bool, ours: Mapping[int, int]
-) -> Limits:
-    return Limits(
+) -> MovementLimits:
+    return MovementLimits(
         drives=drives,
         ours=frozenset(ours),
         manoeuvre=manoeuvre.duration,

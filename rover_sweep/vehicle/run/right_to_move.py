@@ -33,7 +33,7 @@ _STANDING, _WAIT, _FIRST, _LAST, _AFTER = 1, 2, 3, 8, 9  # SWP_ST
 
 
 @dataclass(frozen=True)
-class Limits:
+class MovementLimits:
     """What a run may take. drives: the throttle is ours; ours: RC channels that are overridden; manoeuvre,
     still: s of steering and of standstill; v_max: m/s."""
 
@@ -66,7 +66,7 @@ class Instant:
 class Situation:
     """What the rules look at. Times are s; `run` 0 and `begun` 0: not known; nan: never heard."""
 
-    limits: Limits
+    limits: MovementLimits
     thrown: bool
     silence: float
     hole: float
@@ -180,7 +180,7 @@ class RightToMove:
     lost: why it was lost, '' while it holds.
     """
 
-    def __init__(self, line: Line, clock: VehicleClock, limits: Limits) -> None:
+    def __init__(self, line: Line, clock: VehicleClock, limits: MovementLimits) -> None:
         self.lost = ""
         self._line, self._clock, self._limits = line, clock, limits
         self._reboots = RebootWatch.since_now(clock)

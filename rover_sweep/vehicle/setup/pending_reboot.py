@@ -11,13 +11,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from rover_sweep.files.documents import read_json
-from rover_sweep.vehicle.identity import Vehicle
+from rover_sweep.vehicle.identity import VehicleIdentity
 from rover_sweep.vehicle.link.recorder import writing
 
 NOTE = "reboot-pending.json"
 
 
-def waiting(folder: Path, vehicle: Vehicle, boots: float) -> tuple[str, ...]:
+def waiting(folder: Path, vehicle: VehicleIdentity, boots: float) -> tuple[str, ...]:
     """Names noted for this vehicle in this boot (boots: STAT_BOOTCNT); none where it booted since."""
     try:
         note = read_json((folder / NOTE).read_text(encoding="utf-8"))
@@ -27,12 +27,12 @@ def waiting(folder: Path, vehicle: Vehicle, boots: float) -> tuple[str, ...]:
         return ()
 
 
-def note(folder: Path, vehicle: Vehicle, boots: float, names: Iterable[str]) -> None:
+def note(folder: Path, vehicle: VehicleIdentity, boots: float, names: Iterable[str]) -> None:
     """Add names to those that wait."""
     _keep(folder, vehicle, boots, dict.fromkeys((*waiting(folder, vehicle, boots), *names)))
 
 
-def withdraw(folder: Path, vehicle: Vehicle, boots: float, name: str) -> None:
+def withdraw(folder: Path, vehicle: VehicleIdentity, boots: float, name: str) -> None:
     """Take a name away that was noted and then not set after all."""
     _keep(folder, vehicle, boots, [n for n in waiting(folder, vehicle, boots) if n != name])
 
@@ -42,7 +42,7 @@ def forget(folder: Path) -> None:
     (folder / NOTE).unlink(missing_ok=True)
 
 
-def _keep(folder: Path, vehicle: Vehicle, boots: float, names: Iterable[str]) -> None:
+def _keep(folder: Path, vehicle: VehicleIdentity, boots: float, names: Iterable[str]) -> None:
     if not (names := list(names)):
         forget(folder)
         return
@@ -55,5 +55,5 @@ def _keep(folder: Path, vehicle: Vehicle, boots: float, names: Iterable[str]) ->
         partial.replace(path)
 
 
-def _key(vehicle: Vehicle) -> str:
+def _key(vehicle: VehicleIdentity) -> str:
     return f"{vehicle.uid} {vehicle.system} {vehicle.firmware} {vehicle.git_hash}"

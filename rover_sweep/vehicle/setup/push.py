@@ -11,7 +11,7 @@ from pathlib import Path
 
 from firmware_params.param_files import Difference
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
-from rover_sweep.vehicle.identity import Vehicle, identify_vehicle
+from rover_sweep.vehicle.identity import VehicleIdentity, identify_vehicle
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters.read_write import ParameterKept, read_present
 from rover_sweep.vehicle.setup import pending_reboot
@@ -77,5 +77,5 @@ def push(
     pending_reboot.forget(folder)
 
 
-def _boot(link: Link) -> tuple[Vehicle, float]:
+def _boot(link: Link) -> tuple[VehicleIdentity, float]:
     return identify_vehicle(link), read_present(link, ["STAT_BOOTCNT"]).get("STAT_BOOTCNT", 0.0)

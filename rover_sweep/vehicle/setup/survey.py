@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from firmware_params.applet_parameters import PARAMETERS, applet_path, applet_source
 from firmware_params.param_files import WantedParameter
-from rover_sweep.vehicle.identity import Vehicle, identify_vehicle
+from rover_sweep.vehicle.identity import VehicleIdentity, identify_vehicle
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters.read_write import read_present
 from rover_sweep.vehicle.setup.applet_upload import AppletFile, read_applet, version_of
 
 
 @dataclass(frozen=True)
-class Checked:
+class SurveyedParameter:
     """A wanted parameter and what the rover has; found is None where it has none."""
 
     wanted: WantedParameter
@@ -71,8 +71,8 @@ class AppletState:
 class Survey:
     """A rover against a list of wanted parameters and this program's applet."""
 
-    vehicle: Vehicle
-    parameters: tuple[Checked, ...]
+    vehicle: VehicleIdentity
+    parameters: tuple[SurveyedParameter, ...]
     applet: AppletState
 
     @property
@@ -88,4 +88,4 @@ def survey(link: Link, wanted: Sequence[WantedParameter]) -> Survey:
     lacking = tuple(p.name for p in PARAMETERS if p.name not in has)
     current = file is not None and file.text == applet_source()
     applet = AppletState(file, lacking, has.get("SWP_ENABLE") == 1, current)
-    return Survey(vehicle, tuple(Checked(p, has.get(p.name)) for p in wanted), applet)
+    return Survey(vehicle, tuple(SurveyedParameter(p, has.get(p.name)) for p in wanted), applet)
