@@ -1,12 +1,12 @@
-"""The project's own errors. Only the edges (CLI, logs, vehicle link, files) raise them.
+"""The errors of this project that users see. Only the edges (CLI, logs, vehicle link, files) raise them.
 
-A message is one clear sentence: what happened, the value seen, what to do. The exit code is
-part of the contract of the command line: 2 usage, 3 data refused, 4 link.
+A message is one sentence: what happened, the value, what to do. Scripts rely on the exit codes:
+2 usage, 3 data refused, 4 link.
 """
 
 
 class RoverSweepError(Exception):
-    """Base of every error that a user can do something about."""
+    """Base of every error that a user can act on."""
 
     exit_code = 1
 
@@ -18,7 +18,7 @@ class UsageError(RoverSweepError):
 
 
 class DataRefused(RoverSweepError):
-    """A recording that cannot be used: damaged, empty, foreign, static, unexcited."""
+    """A recording that cannot be used: damaged, empty, of an unknown format, or without steering."""
 
     exit_code = 3
 

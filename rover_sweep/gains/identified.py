@@ -18,7 +18,7 @@ from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.kinematic import kinematic
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.identification.structure.state_space import ModelStructure
-from rover_sweep.identification.verdicts import CR_LOST, I_LOST
+from rover_sweep.identification.verdicts import CR_LIMIT, I_LIMIT
 
 PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models that hold at other speeds than that of the runs
 NORMAL_90 = 1.645  # standard deviations of a two-sided 90 % interval
@@ -176,7 +176,7 @@ def _closer(model: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lost(name: str, p: Mapping[str, Any]) -> bool:
-    beyond = (p["cr_percent"] or 0.0) > CR_LOST or (p["insensitivity_percent"] or 0.0) > I_LOST
+    beyond = (p["cr_percent"] or 0.0) > CR_LIMIT or (p["insensitivity_percent"] or 0.0) > I_LIMIT
     return name != "tau" and bool(p["at_bound"] or beyond)
 
 

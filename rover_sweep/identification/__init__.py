@@ -1,1 +1,1 @@
-"""The pure core: recordings in, identified models out; no files, links, clocks or prints."""
+"""From recordings to identified models, without files, links, clocks or prints."""

@@ -30,11 +30,10 @@ def to_control(
 ) -> control.StateSpace | control.FrequencyResponseData:
     """A model as `control.StateSpace` or a measured response as `control.FrequencyResponseData`.
 
-    speed [m/s]: that of the fit unless given (a structure has none). pade: order by which delays are
-    approximated; 0 leaves them out, to be put in separately (tau [s] is a parameter of the model).
-    sensors: low-passes behind the outputs, such as `group.runs[0].filters`, to get what was recorded
-    rather than what the rover did. Inputs, outputs and states bear their names; SI units, ISO axes.
-    UsageError without python-control.
+    speed [m/s]: default that of the fit; needed for a structure. pade: order of the approximation of delays;
+    0 leaves them out (tau [s] is a parameter of the model). sensors: low-passes added to the outputs, such as
+    `group.runs[0].filters`: the outputs are then as recorded, without them as the rover moved. Inputs,
+    outputs and states keep their names; SI units, ISO axes. UsageError without python-control.
     """
     try:
         import control
@@ -46,7 +45,7 @@ def to_control(
         h = np.asarray(found.h)[None, None, :]
         names = {"inputs": [found.input], "outputs": [found.output]}
         return control.FrequencyResponseData(h, found.w, **names)
-    structure, at = _at(found, speed)
+    structure, at = _structure_and_speed(found, speed)
     before, rover, after = _parts(structure, at, pade, sensors or {})
     states = [f"before{k}" for k in range(len(before[0]))] + list(structure.states)
     states += [f"after{k}" for k in range(len(after[0]))]
@@ -66,35 +65,37 @@ def to_scipy(
     dt: float | None = None,
     sensors: Mapping[str, LowPass] | None = None,
 ) -> scipy.signal.StateSpace:
-    """A model as `scipy.signal.StateSpace`: continuous, or with dt [s] a `dlti` of it.
+    """A model as `scipy.signal.StateSpace`: continuous, or with dt [s] discrete.
 
-    The arguments are those of `to_control`. With dt the input is held from sample to sample, and its
-    delay is exact, also where it is no whole number of samples (Astrom and Wittenmark 1997, section
-    2.3); `pade` then only concerns delays of outputs.
+    Arguments as in `to_control`. With dt the input is held between samples and its delay is exact, also for
+    a fraction of a sample (Astrom and Wittenmark 1997, section 2.3); `pade` then applies only to
+    output delays.
     """
     from scipy.signal import StateSpace
 
-    structure, at = _at(found, speed)
+    structure, at = _structure_and_speed(found, speed)
     before, rover, after = _parts(structure, at, pade, sensors or {})
     if dt is None:
         return StateSpace(*_series(_series(before, rover), after))
     if not dt > 0:
-        raise ValueError(f"dt {dt} s must be above 0")
+        raise ValueError(f"dt is {dt} s; it must be above 0")
     late = [_value(structure, structure.input_delays.get(name)) for name in structure.inputs]
     return StateSpace(*_sampled(_series(rover, after), late, dt), dt=dt)
 
 
-def _at(found: ModelResult | FitResult | ModelStructure, speed: float | None) -> tuple[ModelStructure, float]:
-    """The structure and the speed [m/s] at which its matrices are wanted."""
+def _structure_and_speed(
+    found: ModelResult | FitResult | ModelStructure, speed: float | None
+) -> tuple[ModelStructure, float]:
+    """The structure and the speed [m/s] of the conversion."""
     fit = found.fit if isinstance(found, ModelResult) else found
     if isinstance(fit, ModelStructure):
         if speed is None:
-            raise ValueError(f"the {fit.name} structure has no speed of its own: give speed")
+            raise ValueError(f"the {fit.name} structure has no speed: give speed")
         return fit, speed
     if not isinstance(fit, FitResult):
-        raise TypeError(f"a {type(found).__name__} is neither a model nor a response")
+        raise TypeError(f"{type(found).__name__} is neither a model nor a response")
     if fit.structure.name == "lumped" and speed not in (None, fit.speed):
-        raise ValueError(f"the lumped model holds at {fit.speed:.4g} m/s alone, not at {speed} m/s")
+        raise ValueError(f"the lumped model is valid at {fit.speed:.4g} m/s only, not at {speed} m/s")
     return fit.structure, fit.speed if speed is None else speed
 
 
@@ -105,7 +106,7 @@ def _value(structure: ModelStructure, name: str | None) -> float:
 def _parts(
     structure: ModelStructure, speed: float, order: int, sensors: Mapping[str, LowPass]
 ) -> tuple[System, System, System]:
-    """Delays of the inputs, the structure itself, delays and sensors of the outputs."""
+    """Systems in series: delays of the inputs, the structure, delays and sensors of the outputs."""
     mat = structure.matrices(speed)
     a = np.linalg.solve(mat.m, mat.f)
     b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
@@ -158,7 +159,7 @@ def _realised(num: Array, den: Array) -> System:
 
 
 def _parallel(parts: Sequence[System]) -> System:
-    """Single channels side by side."""
+    """Single channels in parallel, block diagonal."""
     from scipy.linalg import block_diag
 
     a, b, c, d = (block_diag(*[p[k] for p in parts]) for k in range(4))
@@ -166,7 +167,7 @@ def _parallel(parts: Sequence[System]) -> System:
 
 
 def _series(first: System, second: System) -> System:
-    """The second driven by the first, whose states stand first."""
+    """The second driven by the first; states of the first come first."""
     a1, b1, c1, d1 = first
     a2, b2, c2, d2 = second
     a = np.block([[a1, np.zeros((len(a1), len(a2)))], [b2 @ c1, a2]])
@@ -174,10 +175,10 @@ def _series(first: System, second: System) -> System:
 
 
 def _sampled(system: System, late: Sequence[float], dt: float) -> System:
-    """Exact samples of a system whose inputs are held, each coming late by its own time [s].
+    """Exact discretisation of a system with held inputs, each delayed by its own time [s].
 
-    x(k+1) = Phi x(k) + G0 u(k-n) + G1 u(k-n-1), with n whole samples of delay and the rest of one; the
-    past values of u are further states.
+    x(k+1) = Phi x(k) + G0 u(k-n) + G1 u(k-n-1) for a delay of n to n + 1 samples; past values of u are
+    additional states.
     """
     a, b, c, d = system
     nx, nu = b.shape
@@ -193,7 +194,7 @@ def _sampled(system: System, late: Sequence[float], dt: float) -> System:
     step[:nx, :nx], out[:, :nx] = _held(a, b, dt)[0], c
     first = nx
     for i in range(nu):
-        past = [size + i, *range(first, first + kept[i])]  # where u(k), u(k-1), ... stand
+        past = [size + i, *range(first, first + kept[i])]  # columns of u(k), u(k-1), ...
         new, old = past[whole[i]], past[kept[i]]
         carry, early = _held(a, b[:, [i]], dt - rest[i])
         step[:nx, new] += early[:, 0]
@@ -206,7 +207,7 @@ def _sampled(system: System, late: Sequence[float], dt: float) -> System:
 
 
 def _held(a: Array, b: Array, time: float) -> tuple[Array, Array]:
-    """exp(a t) and its integral times b, for an input held over a time [s]."""
+    """exp(a t) and its integral times b, for an input held for `time` [s]."""
     from scipy.linalg import expm
 
     n, m = b.shape

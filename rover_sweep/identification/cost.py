@@ -107,6 +107,6 @@ def restricted(condition: Condition, structure: ModelStructure) -> Condition:
     if not kept:
         raise ValueError(
             f"{structure.name} has none of the responses {[d.label for d in condition.data]}: outputs "
-            f"{structure.outputs}, its inputs {structure.inputs}"
+            f"{structure.outputs}, inputs {structure.inputs}"
         )
     return Condition(condition.speed, kept, condition.filters)

@@ -1,4 +1,4 @@
-"""Runs of one speed share their frequency responses; a fit may take several speeds at once."""
+"""Groups of runs at one speed, which share their frequency responses; a fit may use several groups."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from rover_sweep.spectra.response import Band, FrequencyResponse
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
 FITTED = ("r", "ay", "p")
-SAME_SPEED = 0.10  # runs within 10 % share their responses
+SAME_SPEED = 0.10  # relative difference of mean speeds within a group
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How to identify. models of MODELS; fitted responses; tied: one C for both axles.
+    """Settings of an identification.
 
-    reduction: drop what the data cannot tell, but none of the parameters in keep.
-    band [rad/s]: swept range; bands: usable band per response; windows [s]: all found from the data
-    when None. condition_on: channels that move the rover beside the steering, such as "throttle", which
-    are taken out of every response. bootstrap: replicates for the intervals of the parameters, 0: none.
+    models: names out of MODELS. fitted: outputs in the cost. tied: one cornering stiffness C for both axles.
+    band [rad/s]: swept range; bands [rad/s]: usable band per output; windows [s]: lengths; all three are
+    found from the data when not given. reduction: fix parameters that the data cannot determine, except
+    those in keep. condition_on: further inputs, such as "throttle", whose effect is removed from every
+    response. bootstrap: number of replicates for confidence intervals, 0: none.
     """
 
     models: tuple[str, ...] = MODELS
@@ -45,7 +46,7 @@ class Group:
     """Runs at one speed [m/s] and their composite responses {output: response} to the steering.
 
     others: {input: {output: response}} of the inputs that the responses are conditioned on; remarks:
-    what is to be said on these inputs.
+    sentences about these inputs.
     """
 
     speed: float
@@ -55,7 +56,10 @@ class Group:
     remarks: tuple[str, ...] = ()
 
     def condition(self, outputs: Sequence[str], filtered: bool = True) -> Condition:
-        """What the cost sees of these responses (those with a usable band)."""
+        """Data of the cost: these outputs, where they have a usable band.
+
+        filtered: the model includes the known low-passes of the sensors.
+        """
         found = [r[o] for r in (self.responses, *self.others.values()) for o in outputs if o in r]
         data = tuple(sampled(f, f.band) for f in found if f.band)
         return Condition(self.speed, data, self.runs[0].filters if filtered else {})
@@ -65,24 +69,26 @@ class Group:
         return output in self.responses and self.responses[output].band is not None
 
     def why_not(self) -> str | None:
-        """The reason why nothing can be identified from these runs, or None."""
+        """A sentence on why nothing can be identified from these runs, or None."""
         r = self.responses.get("r")
         if r is None or r.band is None:
             best = "no yaw rate was recorded" if r is None else f"highest coherence {np.max(r.coherence):.2f}"
-            return f"nothing can be identified: no band where the yaw rate follows the steering ({best})"
+            return (
+                f"nothing can be identified: the yaw rate follows the steering in no frequency band ({best})"
+            )
         if sign_is_wrong(r):
             return (
-                "the rover turns against the recorded steering angle: the sign of rad_per_us in the vehicle "
-                "file is wrong for this linkage, so give it the other sign"
+                "the rover turns opposite to the recorded steering angle: change the sign of rad_per_us in "
+                "the vehicle file"
             )
         return None
 
 
 def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
-    """Runs in groups of equal sensor filters and mean speeds within 10 % of the first of the group."""
+    """Runs in groups of equal sensor filters, with mean speeds within 10 % of the first run of the group."""
     groups: list[list[Recording]] = []
     for run in runs:
-        near = [g for g in groups if _alike(run, g[0])]
+        near = [g for g in groups if _same_group(run, g[0])]
         if near:
             near[0].append(run)
         else:
@@ -90,8 +96,8 @@ def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
     return tuple(_group(g, settings) for g in groups)
 
 
-def _alike(a: Recording, b: Recording) -> bool:
-    """True for runs at one speed behind the same sensor low-passes."""
+def _same_group(a: Recording, b: Recording) -> bool:
+    """True for runs at one speed with the same low-passes of the sensors."""
     cutoffs = [{c: f.cutoff_hz for c, f in run.filters.items()} for run in (a, b)]
     return abs(a.mean_speed / b.mean_speed - 1) <= SAME_SPEED and cutoffs[0] == cutoffs[1]
 
@@ -116,7 +122,7 @@ def _remarks(
     found: Mapping[str, FrequencyResponse], wanted: Sequence[str], inputs: Sequence[str]
 ) -> tuple[str, ...]:
     still = [
-        f"{c} stands still in these runs, so there is nothing to condition on"
+        f"{c} is constant in these runs, so the responses are not conditioned on it"
         for c in wanted
         if c not in inputs
     ]

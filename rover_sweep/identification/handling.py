@@ -1,7 +1,7 @@
-"""How the rover handles, out of an identified bicycle or roll-yaw model: what drivers and ISO 8855 speak of.
+"""Handling quantities of an identified bicycle or roll-yaw model, in the terms of ISO 8855.
 
-In a steady turn delta = L/R + K_us a_y with K_us = (m/L) (b/Cf - a/Cr). Both models have it: nothing of
-the roll acts back on the tyres of equation (18). K_us > 0 understeers and has a characteristic speed
+In a steady turn delta = L/R + K_us a_y with K_us = (m/L) (b/Cf - a/Cr). This holds for both models: in
+equation (18) the roll does not act on the tyres. K_us > 0 understeers and has a characteristic speed
 sqrt(L/K_us), at which the yaw rate gain is highest; K_us < 0 oversteers and is unstable above the critical
 speed sqrt(-L/K_us) (Gillespie 1992, chapter 6).
 """
@@ -21,8 +21,8 @@ from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.models.bicycle import axle_stiffness
 from rover_sweep.identification.structure.state_space import ModelStructure
 
-PEAK = 99.0  # percentile of |a_y| that stands for its peak
-STEP = 1e-6  # relative step of the slopes in a parameter
+PEAK = 99.0  # percentile of |a_y| that is taken as its peak
+STEP = 1e-6  # relative step of a parameter in central differences
 
 UNITS = {
     "understeer_gradient": ("rad s^2/m", "understeer gradient K_us"),
@@ -41,7 +41,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value with its Cramer-Rao bound in the same unit, to first order; None where it cannot be had."""
+    """A value with its Cramer-Rao bound in `unit`, to first order; None where it cannot be computed."""
 
     value: float
     bound: float | None
@@ -51,11 +51,11 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Handling(Shown):
-    """Handling quantities by the names of UNITS, at `speed` [m/s]; those that exist for this rover.
+    """Handling quantities {name in UNITS: value} at `speed` [m/s]; only those that exist for this rover.
 
-    A frequency is sqrt(s1 s2) of the mode's two poles and a damping ratio -(s1 + s2)/(2 sqrt(s1 s2)),
-    above 1 for a mode without oscillation; neither exists for a mode with an unstable real pole.
-    tied: one cornering stiffness for both axles, so that K_us follows from a, b and that one C.
+    A mode with poles s1, s2 has the frequency sqrt(s1 s2) and the damping ratio -(s1 + s2)/(2 sqrt(s1 s2)),
+    above 1 without oscillation; neither exists with an unstable real pole. tied: one cornering stiffness C
+    for both axles, so that K_us follows from a, b and C.
     """
 
     model: str
@@ -67,12 +67,12 @@ class Handling(Shown):
         return self.quantities[name]
 
     def get(self, name: str) -> float | None:
-        """The value of a quantity, None where this rover has none."""
+        """The value of a quantity, None where it does not exist for this rover."""
         return self.quantities[name].value if name in self.quantities else None
 
     @property
     def sentence(self) -> str:
-        """Understeer or oversteer in words, and whether the data settle it."""
+        """A sentence: understeer or oversteer, and whether the data determine it."""
         k = self.quantities["understeer_gradient_deg_per_g"]
         kind = "understeers" if k.value > 0 else "oversteers" if k.value < 0 else "is neutral"
         speed = next(
@@ -86,9 +86,9 @@ class Handling(Shown):
         bound = "" if k.bound is None else f" ± {k.bound:.2g}"
         said = f"the rover {kind}: K_us {k.value:.2g}{bound} deg/g{speed}"
         if self.tied:
-            return f"{said}; with one C for both axles its sign is that of b - a"
+            return f"{said}; with one C for both axles the sign of K_us is that of b - a"
         if k.bound is not None and abs(k.value) < k.bound:
-            return f"{said}; the bound is larger than the value, so neither is settled"
+            return f"{said}; the bound exceeds the value, so the sign is not determined"
         return said
 
     def table(self) -> ShortTable:
@@ -101,14 +101,16 @@ class Handling(Shown):
 
 
 def handling(fit: FitResult, speed: float | None = None) -> Handling:
-    """Handling quantities of a fitted bicycle or roll-yaw model, at the speed of its fit or another [m/s].
+    """Handling quantities of a fitted bicycle or roll-yaw model. speed [m/s]: default that of the fit.
 
-    Bounds come from the covariance of the free parameters (mass, lengths and inertias that were fixed
-    count as exact). ValueError for a model without cornering stiffness.
+    Bounds: sqrt(s^T P s), with the slopes s to the free parameters and their covariance P; fixed parameters
+    count as exact. ValueError for a model without cornering stiffness.
     """
     structure, v = fit.structure, fit.speed if speed is None else speed
     if not has_handling(structure):
-        raise ValueError(f"the {structure.name} model has no cornering stiffness to tell the handling from")
+        raise ValueError(
+            f"the {structure.name} model has no cornering stiffness, so it gives no handling quantities"
+        )
     values = _quantities(structure, v)
     slopes = _slopes(structure, v, values)
     found = {n: Quantity(x, _bound(slopes[n], fit.covariance), *UNITS[n]) for n, x in values.items()}
@@ -116,7 +118,7 @@ def handling(fit: FitResult, speed: float | None = None) -> Handling:
 
 
 def has_handling(structure: ModelStructure) -> bool:
-    """True for a model with axles, tyres and a mass."""
+    """True for a model with axle distances, cornering stiffness, mass and yaw inertia."""
     known = structure.values
     return {"a", "b", "m", "Izz"} <= set(known) and ("C" in known or {"Cf", "Cr"} <= set(known))
 
@@ -171,7 +173,7 @@ def _mode(name: str, pair: np.ndarray) -> dict[str, float]:
 
 
 def _slopes(structure: ModelStructure, speed: float, values: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """d quantity / d theta (n_free,) by central differences; nan where a quantity comes or goes."""
+    """d quantity / d theta (n_free,) by central differences; nan where it exists on one side only."""
     columns: dict[str, list[float]] = {n: [] for n in values}
     for p in structure.free:
         step = STEP * (abs(p.value) or 1.0)
@@ -191,10 +193,10 @@ def _bound(slope: np.ndarray, covariance: np.ndarray | None) -> float | None:
 def warnings(
     found: Handling | None, runs: Sequence[Recording], friction: float | None = None
 ) -> tuple[Note, ...]:
-    """Runs that come near the critical speed, or with their peak a_y near the friction limit.
+    """Warnings of runs close to the critical speed or with a peak a_y close to the friction limit.
 
-    found: the model to take the critical speed from. friction: peak side force of the tyres over their
-    load; 0.5 where None. a_y is V r, without the roll and the vibration that an accelerometer sees.
+    found: gives the critical speed. friction: peak side force of the tyres over their load, 0.5 when None.
+    a_y is V r, which holds neither the roll nor the vibration of an accelerometer's signal.
     """
     notes = []
     critical = found.get("critical_speed") if found else None
@@ -203,15 +205,17 @@ def warnings(
             notes.append(
                 f"{run.name}: {speed:.2f} m/s is {100 * speed / critical:.0f} % of the critical speed "
                 f"{critical:.2f} m/s ({found.model if found else ''} model), above which the rover spins "
-                "unless it is steered against: drive slower"
+                "without countersteering: drive slower"
             )
         limit = (friction or FRICTION) * GRAVITY
         if (peak := peak_lateral_acceleration(run)) > NEAR * limit:
             source = "friction of the vehicle file" if friction else f"friction {FRICTION:g}, assumed"
-            remedy = "" if friction else ", or give the friction of the ground if it holds more"
+            remedy = (
+                "" if friction else ", or give the friction of the ground in the vehicle file if it is higher"
+            )
             notes.append(
                 f"{run.name}: a_y reaches {peak:.1f} m/s^2, {100 * peak / limit:.0f} % of the friction limit "
-                f"{limit:.1f} m/s^2 ({source}), where tyres are not linear: lower amplitude or speed{remedy}"
+                f"{limit:.1f} m/s^2 ({source}), where tyres are not linear: reduce amplitude or speed{remedy}"
             )
     return tuple(Note("warning", text) for text in notes)
 

@@ -1,4 +1,4 @@
-"""Each model on the runs: its fit, variants of it that tell something, verification, verdict."""
+"""Each model on the runs: its fit, useful variants of the fit, verification, verdict."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ UNTIED = "Cf and Cr free"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelResult(Shown):
-    """One model: its fit, costs of all four responses at it, variants of the fit, verification, verdict.
+    """One model: its fit, variants of the fit, verification, verdict.
 
-    variants: "filters ignored", "four responses", "Cf and Cr free", "before reduction", as far as they
-    say something.
+    costs: J of all responses of the model at this fit, also of those not fitted. variants: further fits named
+    "filters ignored", "four responses", "Cf and Cr free", "before reduction", where they apply.
     """
 
     fit: FitResult
@@ -46,7 +46,7 @@ class ModelResult(Shown):
         return float(np.mean(list(self.costs.values())))
 
     def spoilt(self, why: tuple[str, ...]) -> ModelResult:
-        """The result of data that are known to be wrong: poor at best, however well it fits."""
+        """The result with a verdict of at most poor, because the data are faulty. why: sentences."""
         level = self.verdict.level if self.verdict.level == "not identifiable" else "poor"
         return replace(self, verdict=ModelVerdict(level, (*why, *self.verdict.sentences)))
 
@@ -60,7 +60,7 @@ class ModelResult(Shown):
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What every model is fitted to and verified on."""
+    """The data and settings shared by all models. verify_on: runs that are not fitted."""
 
     groups: tuple[Group, ...]
     geometry: Geometry
@@ -68,22 +68,22 @@ class Work:
     settings: Settings
 
     def conditions(self, outputs: Sequence[str] | None = None, filtered: bool = True) -> list[Condition]:
-        """The responses of every group, the fitted ones unless said otherwise."""
+        """The data of the cost, one condition a group. outputs: default the fitted ones."""
         return [g.condition(outputs or self.settings.fitted, filtered) for g in self.groups]
 
     @property
     def has_vydot(self) -> bool:
-        """True when V_y'/delta is usable at every speed but not fitted anyway."""
+        """True when V_y'/delta has a usable band at every speed and is not fitted already."""
         return "vydot" not in self.settings.fitted and all(g.usable("vydot") for g in self.groups)
 
 
-def tyres_unseen(models: Mapping[str, ModelResult]) -> str | None:
-    """Why the tyres' parameters mean nothing in these results, or None."""
+def tyres_not_identifiable(models: Mapping[str, ModelResult]) -> str | None:
+    """A sentence on why tyre parameters cannot be identified from these results, or None."""
     return kinematic_suffices({name: model.costs for name, model in models.items()})
 
 
 class NotPossible(Exception):
-    """A model that these runs or this vehicle file cannot carry; the text says why."""
+    """A model that cannot be identified from these runs or this vehicle file; the text says why."""
 
 
 def model_result(name: str, work: Work) -> ModelResult:
@@ -91,7 +91,7 @@ def model_result(name: str, work: Work) -> ModelResult:
     if name == "bicycle":
         return physical_result(bicycle(work.geometry, work.settings.tied), work)
     if name not in MODELS:
-        raise ValueError(f"no model {name!r}; there are {', '.join(MODELS)}")
+        raise ValueError(f"there is no model {name!r}; the models are {', '.join(MODELS)}")
     _need_roll(name, work)
     structure = roll_yaw(work.geometry, work.settings.tied)
     if name == "lumped":
@@ -109,7 +109,10 @@ def _need_roll(name: str, work: Work) -> None:
             "in the vehicle file"
         )
     if geometry.h is not None and geometry.h <= 0:
-        raise NotPossible(f"the {name} model needs a CG above the roll axis, and the vehicle file has none")
+        raise NotPossible(
+            f"the {name} model needs a CG above the roll axis, but cg_height_above_roll_centre is "
+            f"{geometry.h:g} m"
+        )
     if p is None or p.band is None:
         best = "it was not recorded" if p is None else f"its highest coherence is {np.max(p.coherence):.2f}"
         raise NotPossible(
@@ -118,10 +121,10 @@ def _need_roll(name: str, work: Work) -> None:
 
 
 def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
-    """A structure of physical parameters, fitted over all speeds, with its variants."""
+    """A structure of physical parameters, fitted over all speeds and reduced, with its variants."""
     starts = drawn_starts(structure)
     full = fit(structure, work.conditions(), starts)
-    best, steps = _reduced(full, work, _known(structure, work.geometry))
+    best, steps = _reduced(full, work, _candidates(structure, work.geometry))
     if steps:
         best = fit(best.structure, work.conditions(), drawn_starts(best.structure))
     variants = {"before reduction": full} if any(s.dropped for s in steps) else {}
@@ -134,8 +137,8 @@ def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
     return fitted_result(best, variants, work, steps)
 
 
-def _known(structure: ModelStructure, geometry: Geometry) -> dict[str, float]:
-    """The parameters that were freed beyond the usual ones, at what the vehicle file says of them."""
+def _candidates(structure: ModelStructure, geometry: Geometry) -> dict[str, float]:
+    """{additionally freed parameter: value in the vehicle file}, the candidates of the reduction."""
     usual = {"C", "Cf", "Cr", "Izz", "k_phi", "b_phi", "L_eff"}
     return {p.name: p.value for p in structure.free if p.name in geometry.free and p.name not in usual}
 
@@ -155,21 +158,21 @@ def _untied(tied: ModelStructure, geometry: Geometry) -> ModelStructure:
 
 
 def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
-    """The lumped model from the roll-yaw fit's derivatives, reduced; at the first speed only."""
+    """The lumped model at the first speed, from the derivatives of a roll-yaw fit, reduced."""
     here = Work(work.groups[:1], work.geometry, work.verify_on, work.settings)
     conditions = here.conditions()
     first = fit(start, conditions, drawn_starts(start)).structure
     full = fit(lumped(work.geometry, first, here.groups[0].speed), conditions, stable=True)
     best, steps = _reduced(full, here, None)
-    best = _begun_again(best.structure, conditions)
+    best = _refit_from_near_starts(best.structure, conditions)
     variants = {"before reduction": full} if steps else {}
     if here.has_vydot:
         variants["four responses"] = fit(best.structure, here.conditions(best.structure.outputs))
     return fitted_result(best, variants, here, steps)
 
 
-def _begun_again(structure: ModelStructure, conditions: Sequence[Condition]) -> FitResult:
-    """The lumped fit from stable starts around its values; far from them its many derivatives lead astray."""
+def _refit_from_near_starts(structure: ModelStructure, conditions: Sequence[Condition]) -> FitResult:
+    """The lumped fit from stable starts near its values; distant starts end in wrong local minima."""
     starts = [s for s in near_starts(structure) if is_stable(structure.with_values(s), conditions)]
     return fit(structure, conditions, starts, stable=True)
 
@@ -177,10 +180,10 @@ def _begun_again(structure: ModelStructure, conditions: Sequence[Condition]) -> 
 def fitted_result(
     best: FitResult, variants: Mapping[str, FitResult], work: Work, steps: tuple[ReductionStep, ...] = ()
 ) -> ModelResult:
-    """A fit with its costs of all responses, verified and judged."""
+    """A fit with its costs of all responses, verification and verdict."""
     structure = best.structure
     all_costs = costs(structure, work.conditions(structure.outputs))
-    seen = [run for run in work.verify_on if any(c in run and c in structure.outputs for c in UNITS)]
-    verification = tuple(verify(structure, run) for run in seen)
+    usable = [run for run in work.verify_on if any(c in run and c in structure.outputs for c in UNITS)]
+    verification = tuple(verify(structure, run) for run in usable)
     verdict = judge_model(best, physical=structure.name != "lumped", verification=verification)
     return ModelResult(best, all_costs, variants, verification, verdict, steps)

@@ -1,4 +1,4 @@
-"""A user's own structure on the runs, beside the built-in models."""
+"""A user's own structure, fitted to the runs like the built-in models."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from rover_sweep.identification.structure.state_space import OUTPUTS, ModelStruc
 
 
 def own_result(structure: ModelStructure, work: Work) -> ModelResult:
-    """The fit of a structure over all speeds to those fitted responses that it has, verified and judged.
+    """The fit of a structure over all speeds to the fitted responses that it has, verified and judged.
 
-    Raises NotPossible with the reason where the runs do not carry it.
+    Raises NotPossible with the reason when the runs do not allow it.
     """
     for name in structure.inputs[1:]:
         if any(name not in g.others for g in work.groups):
             raise NotPossible(
-                f"{structure.name} has the input {name}, which these runs are not conditioned on: ask for it "
-                f"with --condition-on {name}, from runs in which it was recorded and moves"
+                f"{structure.name} has the input {name}, but the responses are not conditioned on it: add "
+                f"--condition-on {name} and use runs in which it was recorded and moves"
             )
-    if strange := [o for o in structure.outputs if o not in OUTPUTS]:
+    if unknown := [o for o in structure.outputs if o not in OUTPUTS]:
         raise NotPossible(
-            f"{structure.name} has an output {strange[0]!r}; the fit knows {', '.join(OUTPUTS)}"
+            f"{structure.name} has the output {unknown[0]!r}; outputs can be {', '.join(OUTPUTS)}"
         )
     if not structure.free:
         raise NotPossible(f"{structure.name} has no free parameter, so there is nothing to identify")
@@ -37,12 +37,14 @@ def own_result(structure: ModelStructure, work: Work) -> ModelResult:
             f"{structure.name} cannot be identified: none of its outputs ({', '.join(structure.outputs)}) "
             "has a usable band in the fitted responses"
         )
-    if not _answers(structure, conditions):
+    if not _has_finite_responses(structure, conditions):
         raise NotPossible(
-            f"{structure.name} gives no finite answer to the steering at {work.groups[0].speed:.2f} m/s with "
-            "its starting values; change them"
+            f"{structure.name} has no finite nonzero response at {work.groups[0].speed:.2f} m/s: change its "
+            "starting values"
         )
-    starts = [s for s in drawn_starts(structure) if _answers(structure.with_values(s), conditions)]
+    starts = [
+        s for s in drawn_starts(structure) if _has_finite_responses(structure.with_values(s), conditions)
+    ]
     best = fit(structure, conditions, starts)
     variants = {}
     if any(g.runs[0].filters for g in work.groups):
@@ -51,8 +53,8 @@ def own_result(structure: ModelStructure, work: Work) -> ModelResult:
     return fitted_result(best, variants, work)
 
 
-def _answers(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
-    """True where every response of the structure is finite and not nought."""
+def _has_finite_responses(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
+    """True when every response of the structure is finite and nonzero."""
     try:
         with np.errstate(all="ignore"):
             whole = list(costs(structure, conditions).values())

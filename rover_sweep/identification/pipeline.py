@@ -1,4 +1,4 @@
-"""From runs to models: responses, fits, what the instruments did to them, verification, verdicts."""
+"""From runs to models: responses, fits, faults of the data, verification, verdicts."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from rover_sweep.identification.model_results import (
     Work,
     model_result,
     physical_result,
-    tyres_unseen,
+    tyres_not_identifiable,
 )
 from rover_sweep.identification.models.kinematic import kinematic
 from rover_sweep.identification.own_structure import own_result
 from rover_sweep.identification.recommendation import recommendation
 from rover_sweep.identification.structure.state_space import ModelStructure
-from rover_sweep.identification.verdicts import ModelVerdict, not_good
+from rover_sweep.identification.verdicts import ModelVerdict, at_most_acceptable
 from rover_sweep.quality.coherence import CoherenceVerdict, assess, input_responses
 from rover_sweep.quality.doubts import doubts
 from rover_sweep.quality.faults import spoiling
@@ -36,15 +36,15 @@ from rover_sweep.quality.length import each_with_length, too_short, with_length
 from rover_sweep.quality.rovers import TWO_ROVERS, with_rovers
 from rover_sweep.spectra.conditioned import moving
 
-PLACED = ("roll-yaw", "bicycle", "lumped")  # models that hold the IMU's place
+WITH_IMU = ("roll-yaw", "bicycle", "lumped")  # models that depend on the IMU's position
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(Shown):
-    """Everything that was found. recommended: the model to use, with `summary` saying why.
+    """The result of an identification. recommended: name of the model to use; summary: reasons, as sentences.
 
-    refused: models that these runs or this vehicle cannot carry, with the reason. The kinematic
-    model is always among `models`, to tell whether tyres show in the data at all.
+    coherence: a verdict for each run. refused: {model that could not be identified: reason}. `models` always
+    has the kinematic model, which shows whether the data hold any effect of the tyres.
     """
 
     geometry: Geometry
@@ -63,9 +63,9 @@ class Identification(Shown):
 
     @property
     def handling(self) -> dict[str, Handling]:
-        """Handling quantities of the models that have tyres and are identified, by name of the model.
+        """{model: handling quantities} of the identified models with tyres.
 
-        Also of the fit with a stiffness for each axle, as "<model>, Cf and Cr free".
+        Also of the fit with one stiffness for each axle, as "<model>, Cf and Cr free".
         """
         fits = {
             f"{name}{label}": fit
@@ -77,9 +77,9 @@ class Identification(Shown):
         return {name: handling(fit) for name, fit in fits.items()}
 
     def table(self) -> ShortTable:
-        """A row for each model; the usable bands, what was refused, which model to use."""
+        """A row for each model; usable bands, refused models, the recommendation."""
         rows = tuple(
-            (name, m.verdict.level, f"{m.fit.average:.1f}", *_checked(m)) for name, m in self.models.items()
+            (name, m.verdict.level, f"{m.fit.average:.1f}", *_verified(m)) for name, m in self.models.items()
         )
         bands = (
             f"at {g.speed:.2f} m/s, usable bands in rad/s: "
@@ -95,8 +95,8 @@ class Identification(Shown):
         )
 
 
-def _checked(model: ModelResult) -> tuple[str, str]:
-    """J_rms and TIC on the first run of the verification."""
+def _verified(model: ModelResult) -> tuple[str, str]:
+    """J_rms and TIC on the first verification run."""
     first = model.verification[:1]
     return (f"{first[0].j_rms:.2f}", f"{first[0].tic:.3f}") if first else ("-", "-")
 
@@ -109,10 +109,10 @@ def identify(
     settings: Settings | None = None,
     structures: Sequence[ModelStructure] = (),
 ) -> Identification:
-    """Identifies the asked models from runs that have `delta`, and verifies them on other runs.
+    """Identifies models from runs that have `delta`, and verifies them on the runs of verify_on.
 
-    structures: a user's own, fitted beside them under their names. Runs that cannot carry a model give a
-    verdict with the reason, not an exception. ValueError for a structure named as another model.
+    structures: a user's own models, fitted in addition. A model that the runs do not support is refused with
+    the reason, without an exception. ValueError when two models have one name.
     """
     wanted = settings or Settings()
     _refuse_same_names([s.name for s in structures])
@@ -121,26 +121,29 @@ def identify(
     quality = tuple(_assessed(run, wanted.condition_on) for run in each_with_length(runs))
     groups = grouped(runs, wanted)
     reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
-    said = tuple(dict.fromkeys(words for g in groups for words in g.remarks))
+    remarks = tuple(dict.fromkeys(words for g in groups for words in g.remarks))
     if len(reasons) == len(groups):
         stops = (*_short(runs, wanted), *dict.fromkeys(reasons.values()))
         refused = dict.fromkeys((*wanted.models, *(s.name for s in structures)), stops[0])
-        return Identification(geometry, wanted, groups, quality, {}, refused, None, (*stops, *said))
-    said = (*(_left_out(groups[i], why) for i, why in reasons.items()), *said)
+        return Identification(geometry, wanted, groups, quality, {}, refused, None, (*stops, *remarks))
+    remarks = (*(_left_out(groups[i], why) for i, why in reasons.items()), *remarks)
     groups = tuple(g for i, g in enumerate(groups) if i not in reasons)
     work = Work(groups, geometry, tuple(verify_on), wanted)
     models, refused = _fitted(work, structures)
     models = with_intervals(models, groups, wanted)
-    if doubted := doubts(runs):
-        models = {n: replace(m, verdict=not_good(m.verdict, doubted)) for n, m in models.items()}
-    too_much = tyres_unseen(models)
-    if too_much:
-        models = {n: m if n == "kinematic" else _doubted(m, too_much) for n, m in models.items()}
-    models, spoilt = _judged_by_data(
-        models, (*_long_enough(groups, wanted), *_of_another(verify_on)), wanted, _misplaced(models, work)
+    if doubtful := doubts(runs):
+        models = {n: replace(m, verdict=at_most_acceptable(m.verdict, doubtful)) for n, m in models.items()}
+    no_tyres = tyres_not_identifiable(models)
+    if no_tyres:
+        models = {n: m if n == "kinematic" else _not_identifiable(m, no_tyres) for n, m in models.items()}
+    models, faults = _judged_by_data(
+        models,
+        (*_long_enough(groups, wanted), *_from_another_rover(verify_on)),
+        wanted,
+        _imu_fault(models, work),
     )
-    best, words = recommendation(models, geometry.wheelbase, too_much, spoilt)
-    return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *said))
+    best, words = recommendation(models, geometry.wheelbase, no_tyres, faults)
+    return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *remarks))
 
 
 def _runs(groups: Sequence[Group]) -> tuple[Recording, ...]:
@@ -148,40 +151,40 @@ def _runs(groups: Sequence[Group]) -> tuple[Recording, ...]:
 
 
 def _long_enough(groups: Sequence[Group], settings: Settings) -> tuple[Recording, ...]:
-    """The runs of the groups, with a fault where they are too short together."""
+    """The runs of the groups, with a fault when they are too short in total."""
     return with_length(_runs(groups), *(settings.band or ())[:1])
 
 
 def _short(runs: Sequence[Recording], settings: Settings) -> tuple[str, ...]:
-    """What to say first where nothing can be identified because the runs are short."""
+    """The first sentence when the runs are too short to identify anything."""
     fault = too_short(runs, *(settings.band or ())[:1])
     return (f"nothing can be identified: {fault.text}",) if fault else ()
 
 
-def _of_another(runs: Sequence[Recording]) -> tuple[Recording, ...]:
-    """The runs that are of another rover."""
+def _from_another_rover(runs: Sequence[Recording]) -> tuple[Recording, ...]:
+    """The runs that were driven with another rover."""
     return tuple(run for run in runs if any(note.fault == TWO_ROVERS for note in run.notes))
 
 
-def _misplaced(models: Mapping[str, ModelResult], work: Work) -> str:
-    """What the richest model with a place of the IMU says of it."""
-    name = next((n for n in PLACED[:2] if n in models), "")
+def _imu_fault(models: Mapping[str, ModelResult], work: Work) -> str:
+    """A sentence on a wrong sign of the IMU's position, from the roll-yaw or else the bicycle model."""
+    name = next((n for n in WITH_IMU[:2] if n in models), "")
     return wrong_place(models[name].fit, work.conditions(), work.geometry) if name else ""
 
 
 def _judged_by_data(
-    models: Mapping[str, ModelResult], runs: Sequence[Recording], settings: Settings, misplaced: str
+    models: Mapping[str, ModelResult], runs: Sequence[Recording], settings: Settings, imu_fault: str
 ) -> tuple[dict[str, ModelResult], tuple[str, ...]]:
-    """(models, those made from spoilt channels no longer good; what is wrong with the channels).
+    """(models, poor at best where their channels are faulty; sentences on the faults).
 
-    misplaced: what is wrong with the IMU's place, '' for nothing.
+    imu_fault: a sentence on the IMU's position, '' for none.
     """
     why = {
         name: spoiling(runs, [o for o in settings.fitted if o in m.fit.structure.outputs])
         for name, m in models.items()
     }
-    if misplaced:
-        why = {n: (misplaced, *found) if n in PLACED else found for n, found in why.items()}
+    if imu_fault:
+        why = {n: (imu_fault, *found) if n in WITH_IMU else found for n, found in why.items()}
     judged = {name: m.spoilt(why[name]) if why[name] else m for name, m in models.items()}
     return judged, tuple(dict.fromkeys(words for found in why.values() for words in found))
 
@@ -191,7 +194,7 @@ def _left_out(group: Group, why: str) -> str:
 
 
 def _assessed(run: Recording, condition_on: Sequence[str]) -> CoherenceVerdict:
-    """The verdict on one run, by its partial coherences where another input moves."""
+    """The coherence verdict on one run, from partial coherences where another input moves."""
     others = tuple(c for c in condition_on if moving([run], c))
     return assess(run, input_responses([run], ("delta", *others))["delta"] if others else None)
 
@@ -199,7 +202,7 @@ def _assessed(run: Recording, condition_on: Sequence[str]) -> CoherenceVerdict:
 def _refuse_same_names(names: Sequence[str]) -> None:
     taken = [n for i, n in enumerate(names) if n in (*MODELS, "kinematic") or n in names[:i]]
     if taken:
-        raise ValueError(f"there is another model named {taken[0]!r}; give the structure another name")
+        raise ValueError(f"a model named {taken[0]!r} exists already; rename the structure")
 
 
 def _fitted(
@@ -216,5 +219,5 @@ def _fitted(
     return models, refused
 
 
-def _doubted(result: ModelResult, why: str) -> ModelResult:
+def _not_identifiable(result: ModelResult, why: str) -> ModelResult:
     return replace(result, verdict=ModelVerdict("not identifiable", (why, *result.verdict.sentences)))

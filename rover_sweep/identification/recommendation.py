@@ -6,26 +6,26 @@ from collections.abc import Mapping
 
 from rover_sweep.identification.model_results import ModelResult
 
-ORDER = ("roll-yaw", "bicycle", "lumped", "kinematic")  # physical ones first: they carry to other speeds
-NONE_FITS = "no model fits these runs: see the verdict of each"
-MUCH_BETTER = 0.7  # of J_ave: from here on the other fit deserves a word
-WHEELBASE_RATIO = 2.0  # effective over measured wheelbase, either way: more is a mistake in units or scale
+ORDER = ("roll-yaw", "bicycle", "lumped", "kinematic")  # physical ones first: they are valid at other speeds
+NONE_FITS = "no model fits these runs: see the verdict on each model"
+MUCH_BETTER = 0.7  # of J_ave: below it, the other fit is mentioned
+WHEELBASE_RATIO = 2.0  # of effective and measured wheelbase, either way; more indicates a wrong unit or scale
 
 
 def recommendation(
-    models: Mapping[str, ModelResult], wheelbase: float, too_much: str | None, spoilt: tuple[str, ...] = ()
+    models: Mapping[str, ModelResult], wheelbase: float, no_tyres: str | None, faults: tuple[str, ...] = ()
 ) -> tuple[str | None, tuple[str, ...]]:
-    """(name of the model to use or None, sentences, the weightiest first).
+    """(name of the model to use or None, sentences, most important first).
 
-    too_much: why tyre parameters mean nothing here, None where they do. wheelbase: a + b [m].
-    spoilt: faults of the data, for which models made from them are not good.
+    wheelbase: a + b [m]. no_tyres: a sentence on why tyre parameters cannot be identified, or None. faults:
+    sentences on faults of the data.
     """
-    doubt = (*spoilt, *_wheelbase_words(models["kinematic"], wheelbase))
-    if too_much and not spoilt:
-        return "kinematic", (f"use the kinematic model: {too_much}", *doubt)
+    doubt = (*faults, *_wheelbase_words(models["kinematic"], wheelbase))
+    if no_tyres and not faults:
+        return "kinematic", (f"use the kinematic model: {no_tyres}", *doubt)
     usable = [n for n in ORDER if n in models and models[n].verdict.level in ("good", "acceptable")]
     if not usable:
-        first = "the data are faulty, so use no model of them" if spoilt else NONE_FITS
+        first = "the data are faulty: use none of these models" if faults else NONE_FITS
         return None, (first, *doubt)
     best = usable[0]
     reasons = models[best].verdict.sentences[: 1 if best == "lumped" else 2]
@@ -34,7 +34,7 @@ def recommendation(
 
 
 def _untied_words(best: ModelResult) -> tuple[str, ...]:
-    """Where one C for both axles is what costs."""
+    """A sentence when separate stiffnesses of the axles lower the cost much."""
     free = best.variants.get("Cf and Cr free")
     if free is None or free.average > MUCH_BETTER * best.fit.average:
         return ()
@@ -46,22 +46,22 @@ def _untied_words(best: ModelResult) -> tuple[str, ...]:
 
 
 def _lumped_words(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
-    """Why a lumped model that fits better is not the one to use."""
+    """A sentence on why a lumped model with a lower cost is not recommended."""
     lumped = models.get("lumped")
     if best == "lumped" or lumped is None or lumped.fit.average > MUCH_BETTER * models[best].fit.average:
         return ()
     return (
-        f"the lumped model fits closer (J_ave {lumped.fit.average:.1f}), but holds at {lumped.fit.speed:.2g} "
-        "m/s only and names no property of the rover",
+        f"the lumped model fits closer (J_ave {lumped.fit.average:.1f}), but is valid at "
+        f"{lumped.fit.speed:.2g} m/s only and its coefficients are not physical properties",
     )
 
 
 def _wheelbase_words(plain: ModelResult, wheelbase: float) -> tuple[str, ...]:
-    """A sentence where the rover turns far less or more than its wheelbase allows."""
+    """A sentence when the rover turns far less or far more than its wheelbase gives."""
     ratio = plain.fit["L_eff"].value / wheelbase
     if 1 / WHEELBASE_RATIO < ratio < WHEELBASE_RATIO:
         return ()
     return (
-        f"the yaw rate is {1 / ratio:.2g} times what the wheelbase of {wheelbase:.3g} m gives: check "
+        f"the yaw rate is {1 / ratio:.2g} times that expected from the wheelbase of {wheelbase:.3g} m: check "
         "rad_per_us, the axle distances, and the units of the yaw rate and the speed",
     )

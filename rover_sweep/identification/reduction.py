@@ -1,7 +1,7 @@
-"""Model structure reduction as Tischler & Remple 2012 do it: drop, re-converge, keep if J hardly rises.
+"""Model structure reduction (Tischler & Remple 2012, chapter 12): drop a parameter, refit, compare J.
 
-A derivative of a lumped model is dropped by setting it to zero. A physical parameter is not: it is fixed
-at what the vehicle file says of it, as the paper's authors fixed Ixx and h (section 6.2) and Ixz.
+A derivative of a lumped model is dropped by setting it to zero. A physical parameter is fixed at its value in
+the vehicle file, as the paper fixes Ixx and h (section 6.2) and Ixz.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from rover_sweep.identification.fit import Estimate, FitResult, fit, has_zero_re
 
 INSENSITIVITY_LIMIT = 10.0  # percent
 CRAMER_RAO_LIMIT = 20.0  # percent
-COST_RISE = 0.05  # of J_ave, plus one unit of J: what a dropped parameter may cost
+COST_RISE = 0.05  # of J_ave, plus one unit of J: most that a dropped parameter may add
 
 
 @dataclass(frozen=True)
 class ReductionStep:
-    """One attempt: the parameter, why it was tried, J_ave before and after, whether the drop was kept.
+    """One attempt to drop a parameter; before, after: J_ave; reason: why it was tried.
 
-    unstable: kept because the model, stable before, was unstable without it. value: what the parameter
-    was fixed at, 0 or the vehicle file's value; found: what the fit had found.
+    dropped: the drop was accepted. unstable: rejected because the model was stable before and unstable after.
+    value: at which it was fixed, 0 or that of the vehicle file; found: the fitted one, both in its unit.
     """
 
     parameter: str
@@ -41,13 +41,12 @@ def reduce(
     known: Mapping[str, float] | None = None,
     keep: Collection[str] = (),
 ) -> tuple[FitResult, tuple[ReductionStep, ...]]:
-    """Drops the worst parameter, one at a time, while J_ave hardly rises.
+    """Drops one parameter at a time, the worst first, while J_ave rises by no more than 5 % plus 1.
 
-    First the worst insensitivity above 10 %, then the worst Cramer-Rao bound above 20 %. A parameter
-    whose loss costs too much stays, and so does the only path to an output. Delays are never dropped.
-    Neither is one without which a stable model turns unstable: responses alone cannot tell a lag from an
-    unstable pole with less delay, but the rover that gave them was stable.
-    known: the parameters that may be dropped, each fixed at its value; None: all, at zero. keep: never.
+    Worst: the largest insensitivity above 10 %, then the largest Cramer-Rao bound above 20 %. Delays stay,
+    and so does a parameter without which a response is zero or a stable model turns unstable: the responses
+    cannot separate a lag from an unstable pole with another delay, but the recorded rover was stable.
+    known: {parameter that may be dropped: value to fix it at}; None: all, at zero. keep: never dropped.
     """
     best, steps = start, []
     names = [p.name for p in start.structure.free]

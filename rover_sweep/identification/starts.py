@@ -1,9 +1,9 @@
-"""Starting values for a fit beside the given ones, so that an answer that hangs on the start shows.
+"""Further starting points of a fit, which show whether its result depends on the start.
 
-Each is a draw of every free parameter, the same for the same structure: positive ones by a factor
-(log-uniform, a tenth to ten times), bounded ones of either sign uniformly between their bounds, delays
-uniformly up to three times their value, unbounded ones of either sign around nought; all within the bounds.
-A structure whose starts are known to be near, such as derivatives of another model, is tried around them.
+Each draws every free parameter, reproducibly for a structure: positive ones by a factor (log-uniform, 0.1 to
+10), bounded ones of either sign uniformly between their bounds, delays uniformly up to three times their
+value, unbounded ones of either sign around zero; all within the bounds. `near_starts` stays within 60 % of
+the present values, for a structure whose starting values are already good.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ import numpy as np
 from rover_sweep.identification.structure.state_space import ModelStructure, Parameter
 
 COUNT = 3
-REACH = 10.0  # factor by which a positive parameter may start off
-NEAR = 0.6  # of its value, for a parameter tried around it
-LATER = 3.0  # times its value, for a delay: with far more, the phase is a whole turn off
+REACH = 10.0  # largest factor between start and value of a positive parameter
+NEAR = 0.6  # of the value: reach of `near_starts`
+DELAY_REACH = 3.0  # times its value, of a delay: with much more, the phase is off by 360 deg
 
 
 def drawn_starts(structure: ModelStructure, count: int = COUNT, seed: int = 0) -> list[dict[str, float]]:
-    """`count` starting points {free parameter: value}, always the same ones for a seed."""
+    """`count` starting points {free parameter: value}, the same for a seed."""
     rng = np.random.default_rng(seed)
     delays = structure.delays
     return [{p.name: _drawn(p, p.name in delays, rng) for p in structure.free} for _ in range(count)]
 
 
 def near_starts(structure: ModelStructure, count: int = COUNT, seed: int = 0) -> list[dict[str, float]]:
-    """`count` starting points within 60 % of the present values, always the same ones for a seed."""
+    """`count` starting points within 60 % of the present values, the same for a seed."""
     rng = np.random.default_rng(seed)
     return [
         {
@@ -40,7 +40,10 @@ def near_starts(structure: ModelStructure, count: int = COUNT, seed: int = 0) ->
 
 
 def farthest(best: ModelStructure, others: Sequence[ModelStructure]) -> tuple[str, float]:
-    """(parameter, relative difference) where the others are farthest from the best; 0 counts as 1."""
+    """(parameter, relative difference) with the largest difference of the others from the best.
+
+    Relative to the best value, or absolute where that is 0.
+    """
     apart = {
         p.name: max(abs(o.values[p.name] - p.value) for o in others) / (abs(p.value) or 1.0)
         for p in best.free
@@ -52,7 +55,7 @@ def farthest(best: ModelStructure, others: Sequence[ModelStructure]) -> tuple[st
 def _drawn(p: Parameter, delay: bool, rng: np.random.Generator) -> float:
     share = float(rng.uniform())
     if delay:
-        value = share * LATER * p.value
+        value = share * DELAY_REACH * p.value
     elif p.lower >= 0 and p.value > 0:
         value = p.value * REACH ** (2 * share - 1)
     elif np.isfinite(p.lower) and np.isfinite(p.upper):

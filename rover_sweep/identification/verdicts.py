@@ -1,4 +1,4 @@
-"""What a fit is worth, in words: the guidelines of Tischler & Remple 2012 on J, CR and insensitivity."""
+"""Verdicts on fits by the guidelines on J, CR and insensitivity (Tischler & Remple 2012, chapters 11, 12)."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rover_sweep.identification.verify import Verification
 Level = Literal["good", "acceptable", "poor", "not identifiable"]
 J_GOOD, J_ACCEPTABLE = 50.0, 100.0
 CR_GUIDE, I_GUIDE = 20.0, 10.0  # percent
-TIC_GUIDE = 0.35  # the paper's: above it a model does not predict the run
-SAME = 0.02  # relative difference of parameters up to which two ends are one answer
-CR_LOST, I_LOST = 60.0, 25.0  # percent: beyond these the number says nothing about the rover
+TIC_GUIDE = 0.35  # of the paper: above it a model does not predict the run
+SAME = 0.02  # relative difference of parameters up to which two minima are one
+CR_LIMIT, I_LIMIT = 60.0, 25.0  # percent: above these a parameter is not identifiable
 
 
 @dataclass(frozen=True)
 class ModelVerdict:
-    """level, and the reasons as sentences, the weightiest first."""
+    """level, and its reasons as sentences, most important first."""
 
     level: Level
     sentences: tuple[str, ...]
@@ -28,20 +28,26 @@ class ModelVerdict:
 def judge_model(
     result: FitResult, physical: bool = True, verification: Sequence[Verification] = ()
 ) -> ModelVerdict:
-    """The verdict on one fit and on how it predicts runs that it has not seen.
+    """The verdict on one fit and on its prediction of runs that were not fitted.
 
-    physical: its parameters are properties of the rover, so that one that is lost spoils the model;
-    the derivatives of a lumped model are correlated by nature and stand for one another.
+    physical: its parameters are properties of the rover, so one that is not identifiable makes the model not
+    identifiable. The derivatives of a lumped model are always correlated, so the rule does not apply to them.
     """
-    lost = [e for e in result.estimates if e.free and e.name not in result.structure.delays and _is_lost(e)]
-    weak = [e for e in result.estimates if e.free and _is_weak(e) and not (physical and e in lost)]
+    lost = [
+        e
+        for e in result.estimates
+        if e.free and e.name not in result.structure.delays and _is_not_identifiable(e)
+    ]
+    uncertain = [e for e in result.estimates if e.free and _is_uncertain(e) and not (physical and e in lost)]
     failed = [v for v in verification if not v.tic <= TIC_GUIDE]
     words = [_prediction_words(v) for v in failed] + [_cost_words(result.average)]
-    if weak:
-        words.append("uncertain beyond the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, weak)))
+    if uncertain:
+        words.append(
+            "uncertain, above the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, uncertain))
+        )
     if lost and not physical:
         words.append(
-            "good for predicting this speed; single derivatives mean little, they trade against each other"
+            "valid for prediction at this speed; single derivatives mean little because they are correlated"
         )
     words += _start_words(result)
     if lost and physical:
@@ -50,8 +56,8 @@ def judge_model(
     return ModelVerdict("poor" if failed else _level(result.average), tuple(words))
 
 
-def not_good(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerdict:
-    """At most acceptable, for reasons that the fit cannot show; as it was where it is no better anyway."""
+def at_most_acceptable(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerdict:
+    """The verdict with a level of at most acceptable. why: sentences on doubts that the fit cannot show."""
     return ModelVerdict("acceptable", (*why, *verdict.sentences)) if verdict.level == "good" else verdict
 
 
@@ -60,26 +66,26 @@ def _prediction_words(v: Verification) -> str:
 
 
 def _start_words(result: FitResult) -> list[str]:
-    """Warnings that the answer hangs on where the fit began."""
+    """Warnings that the result depends on the starting point of the fit."""
     words = []
     if result.spread > SAME:
         far = f"{100 * result.spread:.0f} %"
         words.append(
-            f"not the only answer: another start reaches the same cost with {result.spread_in} {far} away"
+            f"not unique: another start reaches the same cost with {result.spread_in} {far} different"
         )
     if result.rivals:
         words.append(
-            f"{len(result.rivals)} of {result.starts} starts end elsewhere at a higher cost (J_ave "
-            f"{result.rivals[0]:.1f} and more): check the starting values and bounds"
+            f"{len(result.rivals)} of {result.starts} starts end in another minimum at a higher cost (J_ave "
+            f"{result.rivals[0]:.1f} or more): check the starting values and bounds"
         )
     return words
 
 
-def _is_lost(e: Estimate) -> bool:
-    return e.at_bound or (e.cr_percent or 0.0) > CR_LOST or (e.insensitivity_percent or 0.0) > I_LOST
+def _is_not_identifiable(e: Estimate) -> bool:
+    return e.at_bound or (e.cr_percent or 0.0) > CR_LIMIT or (e.insensitivity_percent or 0.0) > I_LIMIT
 
 
-def _is_weak(e: Estimate) -> bool:
+def _is_uncertain(e: Estimate) -> bool:
     return (e.cr_percent or 0.0) > CR_GUIDE or (e.insensitivity_percent or 0.0) > I_GUIDE
 
 
@@ -102,10 +108,10 @@ def _cost_words(average: float) -> str:
 
 
 def kinematic_suffices(costs: Mapping[str, Mapping[str, float]]) -> str | None:
-    """Why tyre parameters mean nothing here, or None; costs: J of each response by model name.
+    """A sentence on why tyre parameters cannot be identified, or None. costs: {model: {response: J}}.
 
-    Where the kinematic model fits r and a_y as well as the bicycle, a stiffness is one that the data
-    cannot tell from infinity: soaked-up noise and delay. Two models that both fit badly say nothing.
+    When the kinematic model fits r and a_y as well as the bicycle, the stiffness may be infinite: its value
+    only reflects noise and delay. Two models that both fit badly allow no conclusion.
     """
     plain, tyres = costs.get("kinematic"), costs.get("bicycle") or costs.get("roll-yaw")
     if plain is None or tyres is None:

@@ -1,4 +1,8 @@
-"""Time-domain verification on a run that the fit has not seen: J_rms (15) and TIC (16) of the paper."""
+"""Time-domain verification on a run that was not fitted: J_rms and TIC, equations (15), (16) of the paper.
+
+(Tischler & Remple 2012, chapter 14.) The model is driven by the measured input. Constant biases of the state
+derivatives and of the outputs are unknown; they enter linearly, so least squares solves them first.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ from rover_sweep.identification.structure.state_space import ModelStructure
 
 UNITS = {"r": ("deg/s", 180 / np.pi), "ay": ("ft/s^2", 1 / 0.3048), "p": ("deg/s", 180 / np.pi)}
 RATE = 400.0  # Hz, of the simulation
-DIVERGED = 1e9  # SI units: what a model that runs away is held at, so that its J_rms is a number
+DIVERGED = 1e9  # SI units: limit of a diverging output, so that J_rms is finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +45,9 @@ class Overlay:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verification(Shown):
-    """How a model does on one run. j_rms in deg/s and ft/s^2 together; tic 0 (perfect) .. 1.
+    """The prediction of one run at `speed` [m/s]: j_rms over deg/s and ft/s^2, tic from 0 (perfect) to 1.
 
-    state_biases (in state unit per s) and output_biases (SI) were solved by least squares first.
+    state_biases [state unit per s] and output_biases [SI units]: solved by least squares.
     """
 
     run: str
@@ -54,16 +58,16 @@ class Verification(Shown):
 
     @property
     def j_rms(self) -> float:
-        """Equation (15) with W = 1 in deg/s, ft/s^2, deg/s, over the channels."""
+        """sqrt(sum e^T W e / (n_t n_o)), equation (15), with W = 1 in deg/s and ft/s^2."""
         return float(np.sqrt(np.mean([o.j_rms**2 for o in self.overlays])))
 
     @property
     def tic(self) -> float:
-        """Equation (16) over the channels."""
+        """Theil inequality coefficient over all channels, equation (16)."""
         return theil(self.overlays)
 
     def table(self) -> ShortTable:
-        """J_rms and TIC of each channel and over all of them."""
+        """J_rms and TIC of each channel and of all."""
         rows = [(o.channel, o.unit, number(o.j_rms, 3), number(o.tic, 2)) for o in self.overlays]
         rows.append(("all", "", number(self.j_rms, 3), number(self.tic, 2)))
         title = f"verification on {self.run} at {self.speed:.2f} m/s"
@@ -71,7 +75,7 @@ class Verification(Shown):
 
 
 def theil(overlays: Sequence[Overlay]) -> float:
-    """RMS(e) / (RMS(y) + RMS(y^)), equation (16)."""
+    """TIC = RMS(e) / (RMS(y) + RMS(y^)), equation (16)."""
 
     def rms(parts: list[Array]) -> float:
         return float(np.sqrt(np.mean([np.mean(x**2) for x in parts])))
@@ -83,22 +87,22 @@ def theil(overlays: Sequence[Overlay]) -> float:
 def simulate(
     structure: ModelStructure, speed: float, u: Array, rate: float, filters: Mapping[str, LowPass]
 ) -> dict[str, Array]:
-    """Outputs (n,) of the model at rest driven by u at `rate` Hz, held between samples.
+    """{output: (n,)} in SI units of the model from rest, driven by u, held between samples.
 
-    u: the steering angle (n,) rad, or all inputs (n, nu). Delays move inputs and outputs; known sensor
-    low-passes act on the outputs.
+    u: the steering angle (n,) [rad] or all inputs (n, nu), at `rate` [Hz]; speed [m/s]. Delays and the known
+    low-passes of the sensors, by output, are applied.
     """
     mat = structure.matrices(speed)
     columns = dict(zip(structure.inputs, u.reshape(len(u), -1).T, strict=True))
-    late = [_late(x, structure, structure.input_delays.get(i), rate) for i, x in columns.items()]
+    inputs = [_delayed(x, structure, structure.input_delays.get(i), rate) for i, x in columns.items()]
     a = np.linalg.solve(mat.m, mat.f)
     b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
-    found = _outputs(structure, mat.h0, mat.h1, a, b, np.column_stack(late), rate, filters)
-    return {o: _late(y, structure, structure.output_delays.get(o), rate) for o, y in found.items()}
+    found = _outputs(structure, mat.h0, mat.h1, a, b, np.column_stack(inputs), rate, filters)
+    return {o: _delayed(y, structure, structure.output_delays.get(o), rate) for o, y in found.items()}
 
 
-def _late(x: Array, structure: ModelStructure, delay: str | None, rate: float) -> Array:
-    """The signal (n,) moved by the value of a delay parameter."""
+def _delayed(x: Array, structure: ModelStructure, delay: str | None, rate: float) -> Array:
+    """The signal (n,) delayed by the value of a delay parameter, None for no delay."""
     k = np.arange(x.size)
     return np.interp(k - structure.values[delay] * rate, k, x) if delay else x
 
@@ -146,16 +150,17 @@ def verify(
     channels: Sequence[str] = ("r", "ay", "p"),
     filters: Mapping[str, LowPass] | None = None,
 ) -> Verification:
-    """The model driven by the run's own inputs, against its measurements, at the run's mean speed.
+    """Compares the model, driven by the run's inputs at its mean speed, with the measurements.
 
-    Biases of the state derivatives and of the outputs are solved by least squares first. An input beside
-    the steering that was not recorded is taken as still.
-    filters: overrides the run's own known filters.
+    channels: outputs to compare, where recorded. filters: default the known filters of the run. A further
+    input that was not recorded is taken as constant. ValueError when there is no channel to compare.
     """
     low_passes = run.filters if filters is None else filters
     used = [c for c in channels if c in structure.outputs and c in run]
     if not used:
-        raise ValueError(f"none of {tuple(channels)} is both an output of {structure.name} and recorded")
+        raise ValueError(
+            f"no channel of {tuple(channels)} is both an output of {structure.name} and recorded"
+        )
     start, end = run.span
     grid = start + np.arange(int((end - start) * RATE) + 1) / RATE
     speed = run.mean_speed
@@ -166,7 +171,7 @@ def verify(
 
 
 def _from_rest(run: Recording, input: str, grid: Array) -> Array:
-    """An input (n,) less its value at the start."""
+    """An input (n,) minus its value at the start."""
     if input not in run and input != "delta":
         return np.zeros(grid.size)
     x = run[input].on(grid)
@@ -176,7 +181,7 @@ def _from_rest(run: Recording, input: str, grid: Array) -> Array:
 def _bias_responses(
     structure: ModelStructure, speed: float, n: int, filters: Mapping[str, LowPass]
 ) -> list[dict[str, Array]]:
-    """Outputs for a constant unit disturbance of each state derivative."""
+    """{output: (n,)} for a constant unit bias of each state derivative."""
     mat = structure.matrices(speed)
     a = np.linalg.solve(mat.m, mat.f)
     ones, pushes = np.ones((n, 1)), np.eye(len(a))

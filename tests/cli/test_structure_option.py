@@ -28,7 +28,10 @@ def test_a_structure_stands_beside_the_models(tmp_path: Path) -> None:
     document = json.loads((tmp_path / "identification.json").read_text())
     own = document["models"]["bicycle-of-a-file"]
     assert own["parameters"]["C"]["free"] and own["parameters"]["C"]["cr_percent"] > 0
-    assert "throttle stands still in these runs, so there is nothing to condition on" in document["summary"]
+    assert (
+        "throttle is constant in these runs, so the responses are not conditioned on it"
+        in document["summary"]
+    )
     assert "bicycle-of-a-file" in (tmp_path / "report.html").read_text()
     exported = json.loads((tmp_path / "models" / "bicycle-of-a-file.json").read_text())
     moved = at_speed(exported, 4.0)
@@ -40,7 +43,7 @@ def test_a_structure_stands_beside_the_models(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("a*C/Izz", "a*Cx/Izz", "G row 2 column 1: 'a*Cx/Izz' names 'Cx', which is no parameter"),
+        ("a*C/Izz", "a*Cx/Izz", "G row 2 column 1: 'a*Cx/Izz' uses 'Cx', which is no parameter"),
         ('"bicycle-of-a-file"', '"bicycle"', "another model named 'bicycle'"),
     ],
 )

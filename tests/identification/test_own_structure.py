@@ -115,7 +115,7 @@ def test_a_throttle_that_stands_still_is_told(run):
     t = run["r"].t
     still = replace(run, channels={**run.channels, "throttle": Signal(t, np.full(t.size, 1600.0), "us")})
     result = identify([still], GEOMETRY, settings=Settings(models=("bicycle",), condition_on=("throttle",)))
-    assert "throttle stands still in these runs, so there is nothing to condition on" in result.summary
+    assert "throttle is constant in these runs, so the responses are not conditioned on it" in result.summary
     assert result.groups[0].responses["r"].conditioned_on == ()
 
 
@@ -127,10 +127,10 @@ def test_outputs_that_are_not_there_are_told(run):
     result = identify(
         [run], GEOMETRY, settings=Settings(models=("bicycle",)), structures=[structure_from_text(text)]
     )
-    assert "has an output 'q'; the fit knows r, ay, vydot, p" in result.refused["pulled"]
+    assert "has the output 'q'; outputs can be r, ay, vydot, p" in result.refused["pulled"]
 
 
 def test_two_models_of_one_name_are_refused(run):
     own = structure_from_text(TEXT.replace("pulled", "bicycle"))
-    with pytest.raises(ValueError, match="another model named 'bicycle'"):
+    with pytest.raises(ValueError, match="a model named 'bicycle' exists"):
         identify([run], GEOMETRY, structures=[own])

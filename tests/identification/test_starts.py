@@ -62,7 +62,7 @@ def test_two_equal_minima_are_told(text: str, true: dict[str, float], name: str)
     assert found.average < 1e-6
     assert found.starts == 4 and found.spread > 0.5
     words = judge_model(found).sentences
-    assert any("not the only answer: another start reaches the same cost" in s for s in words)
+    assert any("not unique: another start reaches the same cost" in s for s in words)
     if name == "k":
         assert found.spread_in == "k" and found.spread == pytest.approx(2.0, rel=1e-3)
 
@@ -96,7 +96,7 @@ H0 = [[0, 1]]
     found = fit(structure, [condition], [{"tau": 0.3 + 2 * np.pi / 9.5}])
     assert found["tau"].value == pytest.approx(0.3, abs=1e-4)
     assert len(found.rivals) == 1 and found.rivals[0] > 1
-    assert any("1 of 2 starts end elsewhere" in s for s in judge_model(found).sentences)
+    assert any("1 of 2 starts end in another minimum" in s for s in judge_model(found).sentences)
 
 
 @pytest.mark.parametrize("draw", [drawn_starts, near_starts])

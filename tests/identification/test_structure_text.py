@@ -125,7 +125,7 @@ def test_a_fit_to_two_inputs_finds_what_each_does():
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("-1/T", "-1/Tx", "F row 1 column 1: '-1/Tx' names 'Tx', which is no parameter"),
+        ("-1/T", "-1/Tx", "F row 1 column 1: '-1/Tx' uses 'Tx', which is no parameter"),
         ('F = [["-1/T"]]', 'F = [["-1/T", 0]]', "matrix F needs 1 rows of 1, not 1 of 2"),
         ('G = [["K/T", "Kt/T"]]', 'G = ["K/T"]', "matrix G must be a list of rows"),
         ('H0 = [[1], ["V"]]', "H0 = [[1]]", "matrix H0 needs 2 rows of 1"),
@@ -134,7 +134,7 @@ def test_a_fit_to_two_inputs_finds_what_each_does():
         ("-1/T", "T.real", "'T.real', which is not allowed"),
         ("-1/T", "exp(T)", "'exp(T)', which is not allowed"),
         ("-1/T", "T if K else 1", "not allowed"),
-        ("-1/T", "-1/", "is no formula"),
+        ("-1/T", "-1/", "is not a formula"),
         ("-1/T", "-1/(T - T)", "cannot be computed at the starting values"),
         ("-1/T", "9**9**9**9", "cannot be computed at the starting values"),
         ('"-0.002 * K"', '"K + 1"', "give a factor times one parameter"),
@@ -145,14 +145,14 @@ def test_a_fit_to_two_inputs_finds_what_each_does():
         ("lower = 0.01", "lower = 0.9", "T: need lower <= value <= upper, got 0.9, 0.2, 2"),
         ("K = { value = 5", "K = { value = '5'", "K: value is '5'; it must be a number"),
         ("K = { value = 5, ", "K = { ", "K needs either a value or a tie"),
-        ("free = true }", "free = 1 }", "K: free is 1; it is true or false"),
-        ("K = {", "lambda = {", "parameter 'lambda' cannot stand in a formula"),
-        ("T = {", "V = {", "parameter 'V' is the speed"),
-        ('name = "small"', 'name = "../small"', "give one of letters, digits"),
+        ("free = true }", "free = 1 }", "K: free is 1; it must be true or false"),
+        ("K = {", "lambda = {", "parameter 'lambda' cannot be used in a formula"),
+        ("T = {", "V = {", "parameter 'V' is the name of the speed"),
+        ('name = "small"', 'name = "../small"', "use letters, digits"),
         ('states = ["r"]', 'states = "r"', "states is 'r'; give a list of names"),
-        ('outputs = ["r"', 'output = ["r"', "there is no key 'output'"),
+        ('outputs = ["r"', 'output = ["r"', "unknown key 'output'"),
         ('inputs = ["delta", "throttle"]', 'inputs = ["throttle", "delta"]', "it must be the steering angle"),
-        ('H0 = [[1], ["V"]]', 'H0 = [[0], ["V"]]', "no input reaches the output r"),
+        ('H0 = [[1], ["V"]]', 'H0 = [[0], ["V"]]', "no input affects the output r"),
         ('F = [["-1/T"]]', 'F = [["-1/T"]]\nM = [["T - 0.2"]]', "M has no inverse"),
         ("name =", "name", "not valid TOML"),
     ],
@@ -183,7 +183,7 @@ def test_formulas_are_analytic():
 
 def test_a_tie_leads_to_one_parameter():
     s = structure_from_text(SMALL)
-    with pytest.raises(ValueError, match="tied to K, is free"):
+    with pytest.raises(ValueError, match="tied to K, cannot be free"):
         s.with_free(["K", "Kt"])
     assert s.fixed("Kt", 1.0).with_values({"K": 9.0}).values["Kt"] == 1.0
     with pytest.raises(ValueError, match="delay 'none' is not a parameter"):

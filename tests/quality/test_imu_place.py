@@ -21,7 +21,7 @@ from rover_sweep.identification.imu_place import wrong_place_in
 from rover_sweep.identification.pipeline import Identification, identify
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
-NAMED = "the IMU's place has the wrong sign"
+NAMED = "the IMU's position has the wrong sign"
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_a_wrong_sign_is_named(
 ) -> None:
     found = identified(runs, true, told)
     sentence = found.models["roll-yaw"].verdict.sentences[0]
-    assert sentence.startswith(f"{NAMED}: with {axis} of imu.position the other way round, J_ave falls from")
+    assert sentence.startswith(f"{NAMED}: with {axis} of imu.position reversed, J_ave falls from")
     assert found.models["roll-yaw"].verdict.level in ("poor", "not identifiable")
     assert any(NAMED in words for words in found.summary)
 

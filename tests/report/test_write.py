@@ -85,7 +85,7 @@ def test_a_place_that_is_no_folder_is_a_usage_error(stock: Any, tmp_path: Path) 
 
 
 def test_runs_that_carry_no_model_still_make_a_report_that_says_so(nominal: Any, tmp_path: Path) -> None:
-    why = "nothing can be identified: no band where the yaw rate follows the steering"
+    why = "nothing can be identified: the yaw rate follows the steering in no frequency band"
     nothing = replace(nominal.result, models={}, refused={"bicycle": why}, recommended=None, summary=(why,))
     files = write_report(nothing, tmp_path, nominal.provenance)
     told = json.loads(files.document.read_text(encoding="utf-8"))

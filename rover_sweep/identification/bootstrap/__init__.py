@@ -1,1 +1,1 @@
-"""Intervals of the parameters by a parametric bootstrap of the whole pipeline."""
+"""Confidence intervals of the parameters by a parametric bootstrap of the whole pipeline."""

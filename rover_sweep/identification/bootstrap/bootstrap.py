@@ -1,12 +1,21 @@
-"""Intervals of the parameters by a parametric bootstrap through the whole pipeline.
+"""Confidence intervals of the parameters by a parametric bootstrap of the whole pipeline.
 
-Windows overlap by 80 %, several lengths share the same data and one run of 55 s holds two independent
-windows of the longest length, so there is nothing to resample among windows. Instead the fitted model
-is driven by the measured steering, noise with the cross-spectra of the fit's own residuals is added in
-the time domain, and the responses, composites and parameters are estimated again. This keeps every
-correlation (between windows, lengths, neighbouring frequencies and responses) and shows the bias of
-the method itself, such as the leakage of the windows, which the intervals take out (basic bootstrap
-intervals, Davison & Hinkley 1997, section 5.2). What a model does not explain counts as noise.
+Windows cannot be resampled: they overlap by 80 %, all lengths share the same data, and a run of 55 s holds
+only two independent windows of the longest length. Therefore each of B replicates b repeats the experiment:
+
+1. y_b = model(theta^) driven by the measured steering + noise. The noise is Gaussian, with the
+   cross-spectra of the fit's residuals and their slow change of level in time (`spectra.noise`).
+2. y_b passes through the same windows, composite and usable-band choice as the data (`replicates`).
+3. The model is fitted to the replicate's responses, from theta^ (`refit`): theta_b.
+
+This keeps every correlation between windows, lengths, frequencies and responses. theta_b - theta^ is
+distributed like theta^ - theta (Efron & Tibshirani 1993, section 6.5), so with the quantiles q of theta_b
+
+    theta^ - theta in [q_(1-L)/2 - theta^, q_(1+L)/2 - theta^]  at level L
+    theta in [2 theta^ - q_(1+L)/2, 2 theta^ - q_(1-L)/2]
+
+the basic interval (Davison & Hinkley 1997, section 5.2), on ln(theta) for positive parameters. It removes
+the bias of the method, such as the leakage of the windows. Model errors count as noise.
 """
 
 from __future__ import annotations
@@ -26,7 +35,7 @@ from rover_sweep.identification.structure.state_space import Parameter
 
 
 class Bootstrap:
-    """Replicates of the responses of these groups, to which any number of models can be fitted again."""
+    """Replicates of the responses of these groups, shared by all models that are refitted to them."""
 
     def __init__(self, groups: Sequence[Group], conditions: Sequence[Condition]) -> None:
         self.groups = [GroupReplicator(g, c) for g, c in zip(groups, conditions, strict=True)]
@@ -34,7 +43,10 @@ class Bootstrap:
     def intervals(
         self, fit: FitResult, replicates: int = 200, level: float = LEVEL, seed: int = 0
     ) -> tuple[Intervals, ...]:
-        """Intervals of the free parameters of a fit to these very conditions; the same from the same seed."""
+        """Intervals of the free parameters of a fit to these conditions, reproducible for a seed.
+
+        level: coverage, 0..1. fit must be the optimum for the conditions of this bootstrap.
+        """
         thetas = self.estimates(fit, replicates, seed)
         free, log = fit.structure.free, logarithmic(fit.structure)
         ok = np.all(np.isfinite(thetas), axis=1)
@@ -43,7 +55,7 @@ class Bootstrap:
         )
 
     def estimates(self, fit: FitResult, replicates: int, seed: int) -> Array:
-        """Estimates (replicates, n_free) of the free parameters, nan where one ran off."""
+        """theta_b (replicates, n_free) in parameter units; nan in rows where the refit diverged."""
         rng = np.random.default_rng(seed)
         made = [group(fit.structure, replicates, rng) for group in self.groups]
         conditions = [restricted(g.condition, fit.structure) for g in self.groups]
@@ -51,7 +63,7 @@ class Bootstrap:
 
 
 def _interval(p: Parameter, log: bool, theta: Array, level: float, failed: int) -> Intervals:
-    """The basic interval 2 theta^ - quantiles, on a log scale for positive parameters."""
+    """The basic interval of the module's text. theta (n,): replicates; failed: number that diverged."""
     if theta.size < max(2, failed):
         return Intervals(p.name, np.nan, np.nan, level, np.nan, np.nan, theta.size, failed)
     x, best = (np.log(theta), np.log(p.value)) if log else (theta, p.value)

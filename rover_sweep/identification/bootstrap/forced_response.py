@@ -1,4 +1,4 @@
-"""What a model answers to the measured steering, free of any integration error."""
+"""The response of a model to the measured steering, computed in the frequency domain without step size."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from rover_sweep.data.recording import Array, LowPass, Signal
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.spectra.spectra import Complex
 
-RATE = 1000.0  # Hz: the samples between are interpolated
-TOP = 8.0  # of w_max: above it neither the input nor the model says anything about the band
-REST = 10.0  # s after the run in which the steering goes back and the answer dies out
+RATE = 1000.0  # Hz, of the output; other times are interpolated
+TOP = 8.0  # of w_max: higher frequencies do not affect the band
+RETURN_TIME = 10.0  # s after the run, in which the steering returns to its start and the response decays
 
 
 def forced_response(
@@ -24,34 +24,35 @@ def forced_response(
     w_max: float,
     filters: Mapping[str, LowPass],
 ) -> dict[str, Signal]:
-    """Outputs on a clock of 1 kHz over `span`, up to a constant, through the exact frequency response.
+    """Outputs {output: signal (n,)} at 1 kHz over `span` (start, end) [s], up to a constant.
 
-    The steering angle [rad] is taken as at rest before the run. vydot is given as its integral, V_y
-    [m/s], which is what was measured. No step size and no held input put a delay into the answer, and a
-    model with an unstable pole answers as its frequency response does.
+    y = IFFT(H(w) FFT(delta)), up to 8 w_max [rad/s]. delta [rad] is assumed constant before the run. vydot
+    is returned as its integral V_y [m/s], the measured channel. There is no delay from a step size or a held
+    input, and an unstable model gives the bounded response of its frequency response.
     """
     start, end = span
     t = start + np.arange(int((end - start) * RATE) + 1) / RATE
-    u = _returning(delta.on(t))
+    u = _with_smooth_return(delta.on(t))
     w = np.asarray(2 * np.pi * np.fft.rfftfreq(u.size, 1 / RATE), dtype=np.float64)
     used = np.flatnonzero((w > 0) & (w <= TOP * w_max))
     x = np.fft.rfft(u)[used]
 
-    def answer(output: str) -> Signal:
+    def simulated(output: str) -> Signal:
         h = structure.response(w[used], speed, output, filters)
         spectrum = np.zeros(w.size, dtype=complex)
         spectrum[used] = _measured(h, w[used], output) * x
         return Signal(t, np.fft.irfft(spectrum, u.size)[: t.size], "", f"{structure.name} model")
 
-    return {output: answer(output) for output in outputs}
+    return {output: simulated(output) for output in outputs}
 
 
-def _returning(u: Array) -> Array:
-    """The input from rest, followed by a soft return to rest, so that it may be repeated for ever."""
-    fade = int(REST / 2 * RATE)
+def _with_smooth_return(u: Array) -> Array:
+    """The input (n,) minus its start, extended by a smooth return to zero: periodic without a jump."""
+    fade = int(RETURN_TIME / 2 * RATE)
     back = (u[-1] - u[0]) * (0.5 + 0.5 * np.cos(np.pi * np.arange(1, fade + 1) / fade))
     return np.concatenate((u - u[0], back, np.zeros(fade)))
 
 
 def _measured(h: Complex, w: Array, output: str) -> Complex:
+    """The response (n_w,) of the measured channel: V_y for vydot."""
     return h / (1j * w) if output == "vydot" else h

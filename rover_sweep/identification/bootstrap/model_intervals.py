@@ -15,25 +15,26 @@ from rover_sweep.identification.model_results import ModelResult
 def with_intervals(
     models: Mapping[str, ModelResult], groups: Sequence[Group], settings: Settings
 ) -> dict[str, ModelResult]:
-    """The models with intervals of their free parameters, as many replicates as the settings ask for.
+    """The models with bootstrap intervals of their free parameters, from `settings.bootstrap` replicates.
 
-    Without any where responses are conditioned on another input: the replicates are driven by the
-    steering alone. A lumped model belongs to the first speed.
+    Unchanged for 0 replicates, and where responses are conditioned on another input, because the replicates
+    are driven by the steering alone. A lumped model uses the first speed only.
     """
     if not settings.bootstrap or any(g.others for g in groups):
         return dict(models)
 
     @cache
-    def maker(outputs: tuple[str, ...], count: int) -> Bootstrap:
+    def bootstrap_of(outputs: tuple[str, ...], count: int) -> Bootstrap:
         return Bootstrap(groups[:count], [g.condition(outputs) for g in groups[:count]])
 
-    def told(model: ModelResult) -> ModelResult:
+    def bootstrapped(model: ModelResult) -> ModelResult:
         count = 1 if model.fit.structure.name == "lumped" else len(groups)
-        return replace(model, fit=_told(model.fit, maker(tuple(model.fit.costs), count), settings.bootstrap))
+        bootstrap = bootstrap_of(tuple(model.fit.costs), count)
+        return replace(model, fit=_with_bootstrap(model.fit, bootstrap, settings.bootstrap))
 
-    return {name: told(model) for name, model in models.items()}
+    return {name: bootstrapped(model) for name, model in models.items()}
 
 
-def _told(fit: FitResult, maker: Bootstrap, replicates: int) -> FitResult:
-    found = {i.name: i for i in maker.intervals(fit, replicates)}
+def _with_bootstrap(fit: FitResult, bootstrap: Bootstrap, replicates: int) -> FitResult:
+    found = {i.name: i for i in bootstrap.intervals(fit, replicates)}
     return replace(fit, estimates=tuple(replace(e, interval=found.get(e.name)) for e in fit.estimates))

@@ -1,4 +1,10 @@
-"""The fit of a model to many replicates of its own responses, from its optimum, all at once."""
+"""Refits of a model to many replicates of its responses at once, by Gauss-Newton from its optimum.
+
+The residuals are those of `identification.cost`, exact at every step: e = 20/ln 10 Re, 180/pi Im of
+ln(H_replicate/H_model), weighted. The sensitivities S(x) = d ln H/dx are expanded once about the optimum,
+S(x) = S_0 + sum_q x_q dS/dx_q, with x = ln(theta/theta^) of positive parameters and theta - theta^ of the
+others; so a step needs no derivatives of the model. Step: (S^T W S) dx = S^T W e.
+"""
 
 from __future__ import annotations
 
@@ -14,39 +20,43 @@ from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.spectra.response import Band
 from rover_sweep.spectra.spectra import Complex
 
-STEPS = 8  # Gauss-Newton steps a replicate at most
-SETTLED = 1e-6  # of the cost: a step that promises to gain less is the last
+MAX_STEPS = 8  # most Gauss-Newton steps of a replicate
+CONVERGED = 1e-6  # of the cost: converged when the predicted gain of a step is smaller
 
 
 def refitted(
-    structure: ModelStructure, conditions: Sequence[Condition], made: Sequence[Sequence[Replicates]]
+    structure: ModelStructure, conditions: Sequence[Condition], replicates: Sequence[Sequence[Replicates]]
 ) -> Array:
-    """The fit to every replicate (count, n_free) by Gauss-Newton from the optimum, nan where it ran off.
+    """theta_b (count, n_free) in parameter units, nan in rows that did not converge or lack a usable band.
 
-    made: of each condition, in the order of its data. Residuals are exact, sensitivities linear in the
-    parameters; the bands and weights are each replicate's own.
+    replicates: per condition, one for each response in the order of its data. Each replicate has its own
+    bands and coherence weights.
     """
-    parts = [(c, r) for c, replicates in zip(conditions, made, strict=True) for r in replicates]
-    around = _Surroundings(structure, parts)
+    parts = [(c, r) for c, responses in zip(conditions, replicates, strict=True) for r in responses]
+    expansion = _Expansion(structure, parts)
     theta = np.full((len(parts[0][1].bands), len(structure.free)), np.nan)
-    alike: dict[tuple[Band | None, ...], list[int]] = {}
+    with_bands: dict[tuple[Band | None, ...], list[int]] = {}
     for i, bands in enumerate(zip(*(r.bands for _, r in parts), strict=True)):
-        alike.setdefault(bands, []).append(i)
-    for bands, rows in alike.items():
+        with_bands.setdefault(bands, []).append(i)
+    for bands, rows in with_bands.items():
         known = [b for b in bands if b is not None]
         if len(known) == len(parts):
-            theta[rows] = _descended(around, known, np.array(rows))
+            theta[rows] = _refit(expansion, known, np.array(rows))
     return theta
 
 
 def logarithmic(structure: ModelStructure) -> np.ndarray:
-    """Which of the free parameters are positive, and fitted as logarithms."""
+    """Mask (n_free,) of the positive parameters, which are fitted as logarithms."""
     return np.array([p.lower > 0 for p in structure.free])
 
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """One response at the points of its fit: where they lie in the grid, the data and the model there."""
+    """One response at the n points of its fit, w (n,) rad/s, for k replicates.
+
+    left (n,), share (n,): index and weight of linear interpolation in the replicates' grid. log_ratio (k, n)
+    = ln(replicate/model); weight (k, n) of the cost; model (n,): response without the sensor's low-pass.
+    """
 
     condition: Condition
     output: str
@@ -65,7 +75,10 @@ class _Points:
 def _points(
     structure: ModelStructure, condition: Condition, r: Replicates, band: Band, rows: np.ndarray
 ) -> _Points:
-    """As `fit.sampled`: interpolated over log w in dB and unwrapped phase."""
+    """The points as `cost.sampled` takes them: interpolated over log w in dB and unwrapped phase.
+
+    `interpolation_error` corrects log_ratio: the data are interpolated from the grid, the model is exact.
+    """
     w = np.geomspace(*band, POINTS)
     x, grid = np.log(w), np.log(r.w)
     left = np.clip(np.searchsorted(grid, x, "right") - 1, 0, r.w.size - 2)
@@ -74,49 +87,51 @@ def _points(
     known = condition.filters.get(r.output)
     exact = bare * known.response(w) if known else bare
     empty = _Points(condition, r.output, w, left, share, r.log_model, w, bare)
-    bend = np.log(np.exp(empty.between(r.log_model)) / exact)
+    interpolation_error = np.log(np.exp(empty.between(r.log_model)) / exact)
     coherence = np.clip(empty.between(r.coherence[rows]), 0.0, 1.0)
     weight = 20.0 / POINTS * (1.58 * (1.0 - np.exp(-coherence))) ** 2
-    ratio = empty.between(r.log_ratio[rows]) + bend
+    ratio = empty.between(r.log_ratio[rows]) + interpolation_error
     return _Points(condition, r.output, w, left, share, ratio, weight, bare)
 
 
-def _descended(around: _Surroundings, bands: Sequence[Band], rows: np.ndarray) -> Array:
-    """Parameters (n_rows, n_free) of the replicates `rows`, which have these bands."""
-    points = [_points(around.structure, c, r, b, rows) for (c, r), b in zip(around.parts, bands, strict=True)]
-    path = _Path(around, points)
+def _refit(expansion: _Expansion, bands: Sequence[Band], rows: np.ndarray) -> Array:
+    """theta_b (n_rows, n_free) of the replicates `rows`, which share these bands."""
+    points = [
+        _points(expansion.structure, c, r, b, rows) for (c, r), b in zip(expansion.parts, bands, strict=True)
+    ]
+    model = _PointModel(expansion, points)
     data = _stacked([p.log_ratio for p in points])
     weight = np.concatenate([np.tile(p.weight, 2) for p in points], axis=1)
-    x, left = np.zeros((rows.size, around.start.size)), data.copy()
+    x, residual = np.zeros((rows.size, expansion.start.size)), data.copy()
     moving = np.arange(rows.size)
-    for _ in range(STEPS):
-        step, gain = _step(path.sensitivities(x[moving]), weight[moving], left[moving])
-        x[moving] = around.inside(x[moving] + step)
-        cost = np.sum(weight[moving] * left[moving] ** 2, axis=1)
-        moving = moving[~(gain <= SETTLED * cost)]
+    for _ in range(MAX_STEPS):
+        step, gain = _step(model.sensitivities(x[moving]), weight[moving], residual[moving])
+        x[moving] = expansion.within_bounds(x[moving] + step)
+        cost = np.sum(weight[moving] * residual[moving] ** 2, axis=1)
+        moving = moving[~(gain <= CONVERGED * cost)]
         if not moving.size:
             break
-        left[moving] = data[moving] - path.moved(x[moving])
-    theta = around.theta(x)
+        residual[moving] = data[moving] - model.log_change(x[moving])
+    theta = expansion.theta(x)
     theta[moving] = np.nan
     return theta
 
 
-def _step(slope: Array, weight: Array, left: Array) -> tuple[Array, Array]:
-    """The Gauss-Newton step (count, n_free) and the cost (count,) that it promises to gain."""
+def _step(slope: Array, weight: Array, residual: Array) -> tuple[Array, Array]:
+    """The Gauss-Newton step (count, n_free) and its predicted decrease of the cost (count,)."""
     weighted = np.swapaxes(slope * weight[:, :, None], 1, 2)
-    gradient = (weighted @ left[..., None])[..., 0]
+    gradient = (weighted @ residual[..., None])[..., 0]
     normal = weighted @ slope
-    ridge = 1e-12 * np.einsum("bpp->bp", normal) + 1e-30  # for a parameter that the data do not see
+    ridge = 1e-12 * np.einsum("bpp->bp", normal) + 1e-30  # for a parameter without effect on the data
     normal = normal + ridge[:, :, None] * np.eye(slope.shape[2])
     step: Array = np.linalg.solve(normal, gradient[..., None])[..., 0]
     return step, np.sum(step * gradient, axis=1)
 
 
-class _Surroundings:
-    """The model around its optimum on the grids of the replicates, in x = ln(theta/theta^) of positive
+class _Expansion:
+    """The model about its optimum, expanded in x (see the module's text).
 
-    parameters and theta - theta^ of the others: sensitivities of ln H, and how they change with x.
+    slope: S_0 (n_free, n_w) of each response on its grid; curvature: dS/dx (n_free, n_free, n_w).
     """
 
     def __init__(self, structure: ModelStructure, parts: Sequence[tuple[Condition, Replicates]]) -> None:
@@ -126,15 +141,15 @@ class _Surroundings:
         )
         self.log = logarithmic(structure)
         self.slope = self._slopes(np.zeros(self.start.size))
-        bends = [self._bends(e) for e in np.eye(self.start.size)]
-        self.bend = [np.array([b[k] for b in bends]) for k in range(len(parts))]
+        curvatures = [self._curvature(e) for e in np.eye(self.start.size)]
+        self.curvature = [np.array([b[k] for b in curvatures]) for k in range(len(parts))]
 
     def theta(self, x: Array) -> Array:
-        """Parameter values (..., n_free)."""
+        """Parameter values theta (..., n_free) at x (..., n_free)."""
         return np.where(self.log, self.start * np.exp(np.where(self.log, x, 0.0)), self.start + x)
 
-    def inside(self, x: Array) -> Array:
-        """x with every parameter within its bounds."""
+    def within_bounds(self, x: Array) -> Array:
+        """x (..., n_free), clipped to the parameters' bounds."""
         small = np.where(self.log, np.clip(x, -50, 50), x)
         theta = np.clip(self.theta(small), self.lower, self.upper)
         return np.where(self.log, np.log(np.where(self.log, theta / self.start, 1.0)), theta - self.start)
@@ -149,29 +164,30 @@ class _Surroundings:
         structure, scale = self.at(x), np.where(self.log, self.theta(x), 1.0)
         return [(structure.log_sensitivity(r.w, c.speed, r.output) * scale).T for c, r in self.parts]
 
-    def _bends(self, direction: Array) -> list[Complex]:
+    def _curvature(self, direction: Array) -> list[Complex]:
+        """Derivative of the sensitivities along one parameter, by central differences."""
         h = 1e-4 * direction * np.where(self.log, 1.0, np.abs(self.start) + 1e-3)
         pairs = zip(self._slopes(h), self._slopes(-h), strict=True)
         return [(after - before) / (2 * np.sum(h)) for after, before in pairs]
 
 
-class _Path:
-    """The model at the points of one choice of bands, in [dB, weighted deg] of every response."""
+class _PointModel:
+    """The model at the points of one set of bands, in [dB, weighted deg] of every response (n in total)."""
 
-    def __init__(self, around: _Surroundings, points: Sequence[_Points]) -> None:
-        self.around, self.points = around, points
-        self.slope = _stacked([p.between(s) for p, s in zip(points, around.slope, strict=True)]).T
-        self.bend = np.swapaxes(
-            _stacked([p.between(b) for p, b in zip(points, around.bend, strict=True)]), 1, 2
+    def __init__(self, expansion: _Expansion, points: Sequence[_Points]) -> None:
+        self.expansion, self.points = expansion, points
+        self.slope = _stacked([p.between(s) for p, s in zip(points, expansion.slope, strict=True)]).T
+        self.curvature = np.swapaxes(
+            _stacked([p.between(b) for p, b in zip(points, expansion.curvature, strict=True)]), 1, 2
         )
 
     def sensitivities(self, x: Array) -> Array:
-        """d / dx (count, n, n_free), to first order in x (count, n_free)."""
-        return self.slope + np.einsum("bq,qnp->bnp", x, self.bend)
+        """S(x) (count, n, n_free), to first order in x (count, n_free)."""
+        return self.slope + np.einsum("bq,qnp->bnp", x, self.curvature)
 
-    def moved(self, x: Array) -> Array:
-        """By how much (count, n) the model at x (count, n_free) has moved; the low-passes cancel."""
-        models = [self.around.at(row) for row in x]
+    def log_change(self, x: Array) -> Array:
+        """ln(H(x)/H(0)) (count, n) at x (count, n_free), exact; the sensors' low-passes cancel."""
+        models = [self.expansion.at(row) for row in x]
         return _stacked(
             [
                 np.log(np.array([m.response(p.w, p.condition.speed, p.output) for m in models]) / p.model)
@@ -181,7 +197,7 @@ class _Path:
 
 
 def _stacked(logs: Sequence[np.ndarray]) -> Array:
-    """[dB, weighted deg] of every response, along the last axis."""
+    """Complex logarithms as [dB, weighted deg] of every response, along the last axis."""
     parts = []
     for z in logs:
         parts += [z.real * 20 / np.log(10), np.degrees(z.imag) * np.sqrt(PHASE_WEIGHT)]

@@ -1,6 +1,6 @@
-"""Replicates of measured responses: the model's answer to the measured steering plus fresh noise,
+"""Replicates of measured responses: the model's response to the measured steering plus generated noise,
 
-taken through the windows and the composite of the real data.
+transformed with the windows and the composite of the real data.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from rover_sweep.spectra.noise import CoarseTransformer, ResidualSpectra, fresh_
 from rover_sweep.spectra.response import RISING, Band, FrequencyResponse, composite, transformed, usable_band
 from rover_sweep.spectra.spectra import Complex, Transformer, WindowSpectra, effective_averages
 
-MARGIN = 1.15  # noise is made up to this times the highest frequency, and a few bins of the shortest window
+NOISE_MARGIN = 1.15  # noise reaches to this times the highest frequency, plus 4 bins of the shortest window
 
 
 @dataclass(frozen=True, eq=False)
 class Replicates:
-    """Of one output at w (n_w,) rad/s: log_ratio (count, n_w) = ln(replicate/model), coherence alike.
+    """Replicates of one output at w (n_w,) rad/s: log_ratio (count, n_w) = ln(replicate/model).
 
-    log_model (n_w,): ln of the model's response, its phase unwrapped; bands: of each replicate, chosen from
-    its coherence as that of the data was, None where it has none.
+    coherence (count, n_w); log_model (n_w,): ln of the model's response, phase unwrapped; bands: usable band
+    of each replicate [rad/s], None where it has none.
     """
 
     output: str
@@ -40,22 +40,25 @@ class Replicates:
 
 
 class RunReplicator:
-    """One run: its windows, the transforms of its steering, and what is shared by all models."""
+    """One run: its windows, the transforms of its steering, and other terms shared by all models.
+
+    windows: lengths [s]; w (n_w,) rad/s.
+    """
 
     def __init__(self, run: Recording, windows: Sequence[float], w: Array) -> None:
         self.run, self.w = run, w
         self.transform = Transformer(*run.span, windows, w)
         self.steering = self.transform(run.manoeuvre("delta"))
-        self.w_top = MARGIN * float(w[-1]) + 4 * 2 * np.pi / min(windows)
+        self.w_top = NOISE_MARGIN * float(w[-1]) + 4 * 2 * np.pi / min(windows)
         self.residual_spectra = ResidualSpectra(run.span, self.w_top)
         self.coarse = CoarseTransformer(run.span, self.transform.windows, w, self.w_top)
 
     def spectra(
         self, structure: ModelStructure, condition: Condition, count: int, rng: np.random.Generator
     ) -> list[tuple[Array, Array, Complex]]:
-        """Per window length: sums of |X|^2 (n_w,), |Y|^2 (count, n_outputs, n_w) and conj(X) Y."""
+        """Per window length, sums over windows: |X|^2 (n_w,), |Y|^2, conj(X) Y (count, n_outputs, n_w)."""
         outputs = [d.output for d in condition.data]
-        answers, residuals = self._answers(structure, condition, outputs)
+        answers, residuals = self._responses_and_residuals(structure, condition, outputs)
         noise = fresh_noise(
             self.residual_spectra(residuals),
             self.coarse.t,
@@ -71,10 +74,10 @@ class RunReplicator:
             _sums(x, y, n.reshape(len(x), *shape)) for x, y, n in zip(self.steering, model, made, strict=True)
         ]
 
-    def _answers(
+    def _responses_and_residuals(
         self, structure: ModelStructure, condition: Condition, outputs: Sequence[str]
     ) -> tuple[list[Signal], list[Signal]]:
-        """What is transformed of the model's answers, and the residuals of the measured channels."""
+        """The model's responses as signals to transform, and the residuals of the measured channels."""
         run, w_max = self.run, float(self.w[-1])
         answers = forced_response(
             structure, condition.speed, run.manoeuvre("delta"), run.span, outputs, w_max, condition.filters
@@ -91,7 +94,10 @@ class RunReplicator:
 
 
 def _sums(x: Complex, y: Complex, noise: NDArray[np.complex64]) -> tuple[Array, Array, Complex]:
-    """Of x (n_windows, n_w) and y + noise: y (n_windows, n_outputs, n_w), noise with a count before them."""
+    """Sums over the windows of |X|^2, |Y + noise|^2 and conj(X) (Y + noise).
+
+    x (n_windows, n_w), y (n_windows, n_outputs, n_w), noise (n_windows, count, n_outputs, n_w).
+    """
     power = np.zeros(noise.shape[1:])
     cross = np.zeros(noise.shape[1:], dtype=complex)
     for xs, ys, ns in zip(x, y, noise, strict=True):
@@ -102,11 +108,11 @@ def _sums(x: Complex, y: Complex, noise: NDArray[np.complex64]) -> tuple[Array, 
 
 
 class GroupReplicator:
-    """The runs of one speed: replicates of the responses of a fit, for any model."""
+    """The runs of one speed: generates replicates of the fitted responses for any model."""
 
     def __init__(self, group: Group, condition: Condition) -> None:
         if any(d.input != "delta" for d in condition.data):
-            raise ValueError("only responses to the steering alone can be replicated")
+            raise ValueError("the bootstrap needs responses to the steering only, without other inputs")
         self.condition = condition
         self.responses = {d.output: group.responses[d.output] for d in condition.data}
         first = self.responses[condition.data[0].output]
@@ -117,9 +123,9 @@ class GroupReplicator:
     def __call__(
         self, structure: ModelStructure, count: int, rng: np.random.Generator
     ) -> tuple[Replicates, ...]:
-        """`count` replicates of the responses that the structure has."""
-        seen = restricted(self.condition, structure)
-        per_run = [run.spectra(structure, seen, count, rng) for run in self.runs]
+        """`count` replicates of each response that the structure has, in the order of the condition."""
+        condition = restricted(self.condition, structure)
+        per_run = [run.spectra(structure, condition, count, rng) for run in self.runs]
         spectra = [self._averaged(i, [parts[i] for parts in per_run]) for i in range(len(self.windows))]
         flat = composite(spectra)
         xx, yy = (g.reshape(count, -1, self.w.size) for g in flat[:2])
@@ -127,11 +133,11 @@ class GroupReplicator:
         coherence = np.abs(xy) ** 2 / (xx * yy)
         return tuple(
             self._replicates(data.output, structure, xy[:, k] / xx[:, k], coherence[:, k])
-            for k, data in enumerate(seen.data)
+            for k, data in enumerate(condition.data)
         )
 
     def _averaged(self, i: int, parts: Sequence[tuple[Array, Array, Complex]]) -> WindowSpectra:
-        """Flattened to one axis (replicate, output, w), for `composite` asks nothing of the others."""
+        """Spectra of window length i, the axes (replicate, output, w) flattened to one for `composite`."""
         length, count = self.windows[i], sum(run.transform.windows[i][0].size for run in self.runs)
         resolved = self.w >= 2 * np.pi / length * (1 - 1e-9)
         scale = 2.0 / length / count * np.where(resolved, 1.0, np.nan)
@@ -155,7 +161,7 @@ class GroupReplicator:
         return Replicates(output, self.w, np.log(h * rise / model), coherence, log_model, bands)
 
     def _bands(self, measured: FrequencyResponse, coherence: Array) -> tuple[Band | None, ...]:
-        """Found anew in every replicate, unless that of the data was not found from its coherence either."""
+        """Usable band of each replicate from its coherence (count, n_w); the data's band if it was given."""
         if measured.band != usable_band(measured.w, measured.coherence):
             return (measured.band,) * len(coherence)
         return tuple(usable_band(self.w, g2) for g2 in coherence)

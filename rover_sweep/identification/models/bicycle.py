@@ -1,4 +1,9 @@
-"""Dynamic bicycle model, equation (17) of the paper as corrected (beta row: -(C1/(m V^2) + 1) r)."""
+"""Dynamic bicycle model, equation (17) of the paper with its rows put right:
+
+beta' = -(C0/(m V)) beta - (C1/(m V^2) + 1) r + (Cf/(m V)) delta(t - tau)
+r' = -(C1/Izz) beta - (C2/(Izz V)) r + (a Cf/Izz) delta(t - tau)
+C0 = Cf + Cr, C1 = a Cf - b Cr, C2 = a^2 Cf + b^2 Cr.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +19,7 @@ from rover_sweep.identification.structure.state_space import Matrices, ModelStru
 def bicycle(geometry: Geometry, tied: bool = True) -> ModelStructure:
     """States beta [rad], r [rad/s]; free C (Cf = Cr per axle, N/rad), Izz [kg m^2], tau [s].
 
-    tied: one C for both axles, as in Table 2; else Cf and Cr are free each.
+    tied: one C for both axles, as in Table 2 of the paper; otherwise Cf and Cr are free.
     """
     stiffness = 3.0 * geometry.mass * GRAVITY / 2
     inertia = geometry.yaw_inertia or geometry.mass * geometry.a * geometry.b
@@ -44,7 +49,7 @@ def stiffness_parameters(start: float, tied: bool) -> tuple[Parameter, ...]:
 
 
 def known_parameters(geometry: Geometry) -> tuple[Parameter, ...]:
-    """Mass, axle distances and the IMU's place, fixed."""
+    """Mass, axle distances and the IMU's position, fixed."""
     return (
         Parameter("m", "kg", geometry.mass, meaning="mass"),
         Parameter("a", "m", geometry.a, meaning="front axle to CG"),
@@ -54,12 +59,15 @@ def known_parameters(geometry: Geometry) -> tuple[Parameter, ...]:
 
 
 def axle_stiffness(p: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Cf, Cr of a tied or untied parameter set."""
+    """Cf, Cr [N/rad per axle] of a tied or untied parameter set."""
     return (p["C"], p["C"]) if "C" in p else (p["Cf"], p["Cr"])
 
 
 def matrices(p: Mapping[str, Any]) -> Matrices:
-    """M, F, G, H0, H1 at speed p["V"]; outputs r, ay = V (beta' + r) + x r', vydot = V beta' + x r'."""
+    """M, F, G, H0, H1 at speed p["V"] [m/s].
+
+    Outputs r, ay = V (beta' + r) + x r', vydot = V beta' + x r', with the IMU at x ahead of the CG.
+    """
     cf, cr = axle_stiffness(p)
     m, v, izz, a, b, x = p["m"], p["V"], p["Izz"], p["a"], p["b"], p["imu_x"]
     c0, c1, c2 = cf + cr, a * cf - b * cr, a * a * cf + b * b * cr

@@ -1,8 +1,7 @@
-"""Kinematic model: the yaw rate follows the steering at once, r = V delta / L_eff.
+"""Kinematic model, without tyre slip: r(t) = V delta(t - tau) / L_eff, ay = V r.
 
-Petrov and Nashashibi 2014 call it sufficient at parking speeds; ArduPilot's own SITL rover is one
-(its lateral acceleration is V r, without sideslip). L_eff is free, so that a wrong steering scale
-shows as L_eff != a + b and not as a poor fit.
+Sufficient at parking speeds (Petrov and Nashashibi 2014), and the model of ArduPilot's own SITL rover.
+L_eff is free, so that a wrong steering scale shows as L_eff != a + b instead of a poor fit.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from rover_sweep.identification.structure.state_space import Matrices, ModelStru
 def kinematic(geometry: Geometry) -> ModelStructure:
     """Outputs r, ay; free L_eff [m], the effective wheelbase, and tau [s].
 
-    A static relation in state-space form: one state far faster than any rover (1e4 rad/s).
+    A static relation in state-space form: one state with a pole at -1e4 rad/s.
     """
     base = geometry.wheelbase
     return ModelStructure(
@@ -36,7 +35,7 @@ def kinematic(geometry: Geometry) -> ModelStructure:
 
 
 def matrices(p: Mapping[str, Any]) -> Matrices:
-    """M, F, G, H0, H1 at p["V"]: ay = V r."""
+    """M, F, G, H0, H1 at speed p["V"] [m/s]."""
     fast, v = 1e4, p["V"]
     return Matrices(
         m=np.eye(1),

@@ -1,4 +1,8 @@
-"""Lumped (Taylor series) model, equation (19) of the paper: rows are V_y', phi'' (L), r' (N), phi'."""
+"""Lumped model of stability derivatives (Taylor series), equation (19) of the paper.
+
+Rows: V_y' (Y), phi'' (L), r' (N), phi'; columns: V_y, p, r, phi, delta(t - tau). The printed state vector
+repeats phi''. V r is kept apart from Y_r: V_y' = ... + (Y_r - V) r + ...
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ COLUMNS = {
 
 
 def lumped(geometry: Geometry, start: ModelStructure, speed: float) -> ModelStructure:
-    """States V_y [m/s], p, r [rad/s], phi [rad]; all fifteen derivatives and tau free.
+    """States V_y [m/s], p, r [rad/s], phi [rad]; all fifteen derivatives and tau [s] free.
 
     start: a roll-yaw model whose linearisation at `speed` [m/s] gives the first values.
     """
@@ -55,7 +59,10 @@ def lumped(geometry: Geometry, start: ModelStructure, speed: float) -> ModelStru
 
 
 def _bounds(first: Mapping[str, float], row: str, column: str) -> tuple[float, float]:
-    """Ten times the first value, or a tenth of the row's middle one: an over-full structure runs away."""
+    """+-10 times the larger of the first value and a tenth of the row's median.
+
+    Without bounds the fit of this over-parameterised structure diverges.
+    """
     middle = float(np.median([abs(first[f"{row}_{c}"]) for c in COLUMNS]))
     reach = 10 * max(abs(first[f"{row}_{column}"]), 0.1 * middle)
     return -reach, reach
@@ -73,7 +80,7 @@ def _derivatives(start: ModelStructure, speed: float) -> dict[str, float]:
 
 
 def matrices(p: Mapping[str, Any]) -> Matrices:
-    """M, F, G, H0, H1 at p["V"]; outputs as those of the roll-yaw model."""
+    """M, F, G, H0, H1 at speed p["V"] [m/s]; outputs as in the roll-yaw model."""
     v, x, z = p["V"], p["imu_x"], p["imu_z"]
     return Matrices(
         m=np.eye(4),

@@ -1,7 +1,13 @@
-"""Roll-yaw model, equation (18) of the paper as corrected, reduced to four states.
+"""Roll-yaw model, equation (18) of the paper with its misprints put right, reduced to four states.
 
-The two integrals of the slip angles of the printed form add two poles at 0 and nothing else, so
-the slip angles are eliminated: alpha_f = (V_y + a r)/V - delta, alpha_r = (V_y - b r)/V.
+m V_y' - h ms p' = -(C0/V) V_y - (C1/V + m V) r + Cf delta(t - tau)
+Izz r' + Ixz p' = -(C1/V) V_y - (C2/V) r + a Cf delta(t - tau)
+(Ixx + ms h^2) p' - h ms V_y' + Ixz r' = h ms V r - b_phi p - (k_phi - ms g h) phi
+phi' = p, with C0 = Cf + Cr, C1 = a Cf - b Cr, C2 = a^2 Cf + b^2 Cr.
+
+The printed form has two more states, the integrals of the slip angles, which only add two poles at 0.
+Here the slip angles are eliminated: alpha_f = (V_y + a r)/V - delta, alpha_r = (V_y - b r)/V.
+ISO axes: a roll outwards in a left turn is positive.
 """
 
 from __future__ import annotations
@@ -17,7 +23,11 @@ from rover_sweep.identification.structure.state_space import Matrices, ModelStru
 
 
 def roll_yaw(geometry: Geometry, tied: bool = True) -> ModelStructure:
-    """States V_y [m/s] at the roll axis' height, r, p [rad/s], phi [rad]; free C, Izz, k_phi, b_phi, tau."""
+    """States V_y [m/s] at the height of the roll axis, r, p [rad/s], phi [rad].
+
+    Free: C (Cf = Cr per axle, N/rad; Cf and Cr if not tied), Izz [kg m^2], k_phi [N m/rad], b_phi
+    [N m s/rad], tau [s]. ValueError when the geometry lacks sprung_mass, h or roll_inertia.
+    """
     ms, h, ixx = geometry.sprung_mass, geometry.h, geometry.roll_inertia
     if ms is None or h is None or ixx is None:
         raise ValueError("the roll-yaw model needs sprung_mass, h and roll_inertia")
@@ -58,7 +68,11 @@ def roll_yaw(geometry: Geometry, tied: bool = True) -> ModelStructure:
 
 
 def matrices(p: Mapping[str, Any]) -> Matrices:
-    """M, F, G, H0, H1 at p["V"]; ay = V_y' + V r + x r' - z p' + g phi, vydot = V_y' + x r' - z p'."""
+    """M, F, G, H0, H1 at speed p["V"] [m/s].
+
+    Outputs r, ay = V_y' + V r + x r' - z p' + g phi, vydot = V_y' + x r' - z p', p, with the IMU at
+    x ahead of the CG and z above the roll axis.
+    """
     cf, cr = axle_stiffness(p)
     m, ms, h, v = p["m"], p["ms"], p["h"], p["V"]
     a, b, x, z = p["a"], p["b"], p["imu_x"], p["imu_z"]

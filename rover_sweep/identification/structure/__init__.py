@@ -1,1 +1,1 @@
-"""Model structures M x' = F x + G u(t - tau): as data, and as a user's TOML text."""
+"""Model structures M x' = F x + G u(t - tau): as Python objects, and read from a user's TOML text."""

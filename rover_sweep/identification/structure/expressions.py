@@ -1,6 +1,7 @@
-"""Small formulas such as "(a*Cf - b*Cr)/(m*V)", read as text and evaluated without Python's eval.
+"""Formulas such as "(a*Cf - b*Cr)/(m*V)", parsed from text and evaluated without Python's eval.
 
-Only numbers, names, + - * / ** and parentheses; so every formula is analytic, as complex steps need.
+Only numbers, names, + - * / ** and parentheses are allowed, so every formula is analytic. Derivatives by
+complex step need that.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-LONGEST = 500  # characters; what is longer is no entry of a matrix
+LONGEST = 500  # characters of an entry
 OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -24,7 +25,7 @@ Evaluate = Callable[[Mapping[str, Any]], Any]
 
 @dataclass(frozen=True, eq=False)
 class Expression:
-    """A formula. names: what it depends on; calling it with {name: value} gives its value."""
+    """A formula. names: the names in it; calling it with {name: value} gives its value."""
 
     text: str
     names: frozenset[str]
@@ -44,7 +45,9 @@ def parsed(source: str | float) -> Expression:
     try:
         tree = ast.parse(text, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ValueError(f"{text!r} is no formula; use numbers, names, + - * / ** and parentheses") from None
+        raise ValueError(
+            f"{text!r} is not a formula; use numbers, names, + - * / ** and parentheses"
+        ) from None
     names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
     return Expression(text, names, _compiled(tree.body, text))
 
@@ -64,7 +67,7 @@ def _compiled(node: ast.expr, text: str) -> Evaluate:
         case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
             return _binary(OPERATORS[type(op)], _compiled(left, text), _compiled(right, text))
     raise ValueError(
-        f"{text!r} holds {ast.unparse(node)!r}, which is not allowed; use numbers, names, + - * / ** and "
+        f"{text!r} contains {ast.unparse(node)!r}, which is not allowed; use numbers, names, + - * / ** and "
         "parentheses"
     )
 

@@ -1,6 +1,13 @@
-"""Model structures as data: M x' = F x + G u(t - tau), y = H0 x + H1 x' (equations 9 and 10).
+"""Model structures M x' = F x + G u(t - tau), y = H0 x + H1 x' (equations 9 and 10 of the paper).
 
-Several inputs are the columns of G; each input and each output may have a delay of its own.
+Each input is a column of G; each input and each output may have its own delay. With s = jw the response and,
+for a parameter theta that changes the matrices by dM, dF, dG, dH0, dH1, its exact derivative are
+
+    H = (H0 + s H1) X,  X = (s M - F)^-1 G,  both times exp(-s tau)
+    dH = (H0 + s H1) (s M - F)^-1 (dG + dF X - s dM X) + (dH0 + s dH1) X
+
+The changes of the matrices come by complex step (Squire and Trapp 1998): dF = Im F(theta + jh)/h with
+h = 1e-20, free of rounding errors.
 """
 
 from __future__ import annotations
@@ -21,9 +28,9 @@ OUTPUTS = ("r", "ay", "vydot", "p")
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a structure. value in `unit`; lower and upper bound a free one.
+    """A parameter of a structure. value, lower and upper bound in `unit`; bounds apply to free ones.
 
-    tied: (name, factor), for one that always equals another parameter times a factor.
+    tied: (name, factor) for a parameter that always equals another one times a factor.
     """
 
     name: str
@@ -48,7 +55,7 @@ class Matrices:
 
     @property
     def input_matrix(self) -> NDArray[Any]:
-        """G (nx, nu), one column an input, however it was given."""
+        """G (nx, nu), one column for each input."""
         return self.g.reshape(len(self.g), -1)
 
 
@@ -59,11 +66,10 @@ Builder = Callable[[Mapping[str, Any]], Matrices]
 class ModelStructure:
     """A linear structure from `inputs` to `outputs`, a function of its parameters.
 
-    build maps {parameter: value, "V": m/s} to Matrices; it must be analytic in the values, because
-    sensitivities are taken by complex step. The first input is the steering angle [rad]. vydot is the
-    rate of the lateral velocity at the IMU [m/s^2]. input_delays, output_delays: the parameter [s] by
-    which an input or output comes late, by its name. units: of states, inputs and outputs that are not
-    SI units of the usual ones; source: the text it was read from, if any.
+    build: maps {parameter: value, "V": speed in m/s} to Matrices; analytic, for the complex step. The first
+    input is the steering angle [rad]. Outputs at the IMU: r [rad/s], ay [m/s^2], vydot [m/s^2] (rate of the
+    lateral velocity), p [rad/s]. input_delays, output_delays: {input or output: parameter that is its delay
+    [s]}. units: of further states, inputs and outputs; source: the TOML text it was read from, if any.
     """
 
     name: str
@@ -87,12 +93,12 @@ class ModelStructure:
 
     @property
     def delays(self) -> tuple[str, ...]:
-        """The parameters that are delays [s]."""
+        """Names of the parameters that are delays [s]."""
         return tuple(dict.fromkeys((*self.input_delays.values(), *self.output_delays.values())))
 
     @property
     def free(self) -> tuple[Parameter, ...]:
-        """The parameters that a fit may change."""
+        """The parameters that a fit changes, in the order of all (n_free,) arrays."""
         return tuple(p for p in self.parameters if p.free)
 
     @property
@@ -112,7 +118,7 @@ class ModelStructure:
         return replace(self, parameters=tuple(replace(p, free=p.name in names) for p in self.parameters))
 
     def fixed(self, name: str, value: float) -> ModelStructure:
-        """The structure with one parameter fixed at a value, and tied to nothing."""
+        """The structure with one parameter fixed at a value, and no longer tied."""
         return replace(
             self,
             parameters=tuple(
@@ -122,17 +128,17 @@ class ModelStructure:
         )
 
     def matrices(self, speed: float) -> Matrices:
-        """Numeric matrices at a speed [m/s]."""
+        """Matrices as numbers at a speed [m/s]."""
         return self.build({**self.values, "V": speed})
 
     def poles(self, speed: float) -> NDArray[np.complex128]:
-        """Eigenvalues [rad/s] at a speed [m/s]; a state without a rate in M has none."""
+        """Finite eigenvalues of (F, M) (n,) [rad/s] at a speed [m/s]."""
         mat = self.matrices(speed)
         found = np.asarray(eigvals(mat.f, mat.m), dtype=np.complex128)
         return found[np.isfinite(found)]
 
     def delay(self, input: str, output: str) -> float:
-        """Delay [s] from an input to an output."""
+        """Total delay [s] from an input to an output."""
         return float(_delay(self, self.values, input, output))
 
     def response(
@@ -143,9 +149,9 @@ class ModelStructure:
         filters: Mapping[str, LowPass] | None = None,
         input: str | None = None,
     ) -> Complex:
-        """Frequency response (n_w,) input -> output at w [rad/s], sensor filters included.
+        """Frequency response (n_w,) input -> output at w (n_w,) [rad/s], output unit per input unit.
 
-        input: the first one, the steering angle [rad], unless named.
+        speed [m/s]; filters: known low-passes of the sensors, by output. input: default the steering angle.
         """
         source = input or self.inputs[0]
         y = self._path(w, speed, output, source).response
@@ -154,7 +160,10 @@ class ModelStructure:
         return y * late * known.response(w) if known else y * late
 
     def log_sensitivity(self, w: Array, speed: float, output: str, input: str | None = None) -> Complex:
-        """d ln H / d theta (n_w, n_free): real part in nepers, imaginary part in rad, per parameter unit."""
+        """d ln H / d theta (n_w, n_free) at w (n_w,) [rad/s]: nepers + j rad, per parameter unit.
+
+        Low-passes of sensors do not change it.
+        """
         source, step = input or self.inputs[0], 1e-20
         if not self.free:
             return np.empty((w.size, 0), dtype=complex)
@@ -168,17 +177,21 @@ class ModelStructure:
         return _Path(self.matrices(speed), w, self.outputs.index(output), self.inputs.index(input))
 
     def _moved(self, name: str, step: complex) -> dict[str, Any]:
-        """All values with one parameter moved, and those tied to it with it."""
+        """All values with one parameter changed, and those tied to it."""
         values: dict[str, Any] = {**self.values, name: self.values[name] + step}
         return values | {p.name: p.tied[1] * values[p.tied[0]] for p in self.parameters if p.tied}
 
 
 def _tied(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """The parameters with the tied ones at their values; ValueError for a tie that leads nowhere."""
+    """The parameters with values for the tied ones; ValueError for a tie to an unknown or tied parameter."""
     known = {p.name: p for p in parameters}
     for p in parameters:
         if p.tied and (p.free or p.tied[0] not in known or known[p.tied[0]].tied):
-            reason = "is free" if p.free else "needs a parameter that is not tied itself"
+            reason = (
+                "cannot be free"
+                if p.free
+                else "must be tied to a parameter that exists and is not tied itself"
+            )
             raise ValueError(f"{p.name}, tied to {p.tied[0]}, {reason}")
     return tuple(replace(p, value=p.tied[1] * known[p.tied[0]].value) if p.tied else p for p in parameters)
 
@@ -193,7 +206,7 @@ def _imaginary(mat: Matrices, step: float) -> Matrices:
 
 
 class _Path:
-    """The response (n_w,) of one output to one input, without delay, and derivatives of it."""
+    """The response H (n_w,) of one output to one input, without delay, and its derivatives."""
 
     def __init__(self, mat: Matrices, w: Array, row: int, column: int) -> None:
         self.s, self.row, self.column = 1j * w[:, None], row, column
@@ -204,7 +217,7 @@ class _Path:
         self.response: Complex = np.einsum("wi,wi->w", observe, self.x)
 
     def derivatives(self, changes: Sequence[Matrices]) -> Complex:
-        """d response (n_w, n) for each of n changes of the matrices."""
+        """dH (n_w, n) for n changes of the matrices."""
         m, f = (np.array([getattr(d, name) for d in changes]) for name in ("m", "f"))
         g = np.array([d.input_matrix[:, self.column] for d in changes])
         h0, h1 = (np.array([getattr(d, name)[self.row] for d in changes]) for name in ("h0", "h1"))

@@ -17,7 +17,7 @@
     [delays]                             # by input or output; without it, tau delays the first input
     delta = "tau"
 
-Pure: text in, `ModelStructure` out; `StructureError` names every mistake at once.
+`StructureError` lists all mistakes at once. No files are read.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from rover_sweep.identification.structure.state_space import Matrices, ModelStru
 KEYS = ("name", "reference", "states", "inputs", "outputs", "parameters", "matrices", "delays", "units")
 PARAMETER_KEYS = ("value", "unit", "free", "lower", "upper", "tied", "meaning")
 MATRICES = ("M", "F", "G", "H0", "H1")
-TRIAL_SPEED = 2.0  # m/s, at which the matrices are tried out
+TRIAL_SPEED = 2.0  # m/s, at which the matrices are checked
 
 
 class StructureError(ValueError):
-    """A text that is no structure; the message has a sentence for each mistake."""
+    """A text that does not describe a structure; the message has one line for each mistake."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class FormulaMatrices:
 
 
 def structure_from_text(text: str) -> ModelStructure:
-    """The structure that a TOML text describes. Raises StructureError with a sentence for each mistake."""
+    """The structure that a TOML text describes. StructureError with one line for each mistake."""
     try:
         data = read_toml(text)
     except tomllib.TOMLDecodeError as error:
@@ -78,13 +78,11 @@ def structure_from_text(text: str) -> ModelStructure:
 
 
 class _Reader:
-    """Reads the parts of a structure and collects what is wrong with them."""
+    """Reads the parts of a structure and collects the mistakes in them."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
         self.data = data
-        self.problems = [
-            f"there is no key {k!r}; the keys are {', '.join(KEYS)}" for k in data if k not in KEYS
-        ]
+        self.problems = [f"unknown key {k!r}; the keys are {', '.join(KEYS)}" for k in data if k not in KEYS]
 
     def structure(self, text: str) -> ModelStructure | None:
         """The structure, or None with `problems` filled."""
@@ -120,7 +118,7 @@ class _Reader:
         name = self.data.get("name")
         if isinstance(name, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
             return name
-        self.problems.append(f'name is {name!r}; give one of letters, digits, - and _: name = "my-model"')
+        self.problems.append(f'name is {name!r}; use letters, digits, - and _: name = "my-model"')
         return ""
 
     def _names(self, key: str) -> tuple[str, ...]:
@@ -129,7 +127,7 @@ class _Reader:
             self.problems.append(f'{key} is {names!r}; give a list of names such as {key} = ["r"]')
             return ()
         if len(set(names)) < len(names):
-            self.problems.append(f"{key} holds a name twice: {', '.join(names)}")
+            self.problems.append(f"{key} has a name twice: {', '.join(names)}")
         if key == "inputs" and names[0] != "delta":
             self.problems.append(f"the first input is {names[0]!r}; it must be the steering angle, delta")
         return tuple(names)
@@ -146,17 +144,19 @@ class _Reader:
 
     def _parameter(self, name: str, entry: Any) -> Parameter | None:
         if not name.isidentifier() or keyword.iskeyword(name) or name == "V":
-            why = "is the speed" if name == "V" else "cannot stand in a formula"
+            why = "is the name of the speed" if name == "V" else "cannot be used in a formula"
             self.problems.append(f"parameter {name!r} {why}; choose another name")
             return None
         given = entry if isinstance(entry, dict) else {"value": entry}
         for key in given:
             if key not in PARAMETER_KEYS:
-                self.problems.append(f"{name} has a key {key!r}; the keys are {', '.join(PARAMETER_KEYS)}")
+                self.problems.append(
+                    f"{name} has an unknown key {key!r}; the keys are {', '.join(PARAMETER_KEYS)}"
+                )
         numbers = {k: self._number(name, k, given.get(k)) for k in ("value", "lower", "upper")}
         tied, free = self._tie(name, given.get("tied")), given.get("free", False)
         if not isinstance(free, bool):
-            self.problems.append(f"{name}: free is {free!r}; it is true or false")
+            self.problems.append(f"{name}: free is {free!r}; it must be true or false")
         if (numbers["value"] is None) == (tied is None):
             self.problems.append(f'{name} needs either a value or a tie, such as tied = "0.9 * C"')
         low = -math.inf if numbers["lower"] is None else numbers["lower"]
@@ -178,7 +178,7 @@ class _Reader:
         return float(value)
 
     def _tie(self, name: str, text: Any) -> tuple[str, float] | None:
-        """(other parameter, factor) of "0.9 * C": a formula of one name, proportional to it."""
+        """("C", 0.9) from "0.9 * C": a formula proportional to one other parameter."""
         if text is None:
             return None
         try:
@@ -197,7 +197,9 @@ class _Reader:
             if p.tied and p.tied[0] not in known:
                 self.problems.append(f"{p.name} is tied to {p.tied[0]!r}, which is not a parameter")
             elif p.tied and known[p.tied[0]].tied:
-                self.problems.append(f"{p.name} is tied to {p.tied[0]}, which is tied itself; name the first")
+                self.problems.append(
+                    f"{p.name} is tied to {p.tied[0]}, which is tied itself; tie it to one with a value"
+                )
 
     def _matrices(
         self, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
@@ -207,7 +209,9 @@ class _Reader:
             self.problems.append("there are no matrices; give a table [matrices] with F, G and H0")
             return None
         self.problems += [
-            f"there is no matrix {k!r}; they are {', '.join(MATRICES)}" for k in table if k not in MATRICES
+            f"unknown matrix {k!r}; the matrices are {', '.join(MATRICES)}"
+            for k in table
+            if k not in MATRICES
         ]
         if not {"H0", "H1"} & set(table):
             self.problems.append("matrix H0 is missing: no output depends on any state")
@@ -218,7 +222,7 @@ class _Reader:
 
     def _matrix(self, name: str, given: Any, rows: int, columns: int) -> tuple[tuple[Expression, ...], ...]:
         if given is None and name in ("F", "G"):
-            self.problems.append(f"matrix {name} is missing; it has {rows} rows of {columns}")
+            self.problems.append(f"matrix {name} is missing; it needs {rows} rows of {columns}")
             return ()
         if given is None:
             diagonal = 1.0 if name == "M" else 0.0
@@ -272,7 +276,7 @@ class _Reader:
                     wrong = sorted(e.names - known)
                     if wrong:
                         self.problems.append(
-                            f"{name} row {i} column {j}: {e.text!r} names {wrong[0]!r}, which is no parameter"
+                            f"{name} row {i} column {j}: {e.text!r} uses {wrong[0]!r}, which is no parameter"
                         )
         tied = {p.tied[0]: p.name for p in parameters if p.tied and p.name in build.names | delays}
         for p in parameters:
@@ -285,7 +289,7 @@ class _Reader:
 
 
 def _trial(structure: ModelStructure) -> list[str]:
-    """What goes wrong with the matrices at the starting values and a speed of 2 m/s."""
+    """Sentences on what is wrong with the matrices at the starting values and 2 m/s."""
     at = f"at the starting values and V = {TRIAL_SPEED:g} m/s"
     try:
         mat = structure.matrices(TRIAL_SPEED)
@@ -298,7 +302,7 @@ def _trial(structure: ModelStructure) -> list[str]:
         return [f"M has no inverse {at}"]
     w = np.array([1.0, 7.0])
     return [
-        f"no input reaches the output {o} {at}"
+        f"no input affects the output {o} {at}"
         for o in structure.outputs
         if not any(np.any(structure.response(w, TRIAL_SPEED, o, input=i)) for i in structure.inputs)
     ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from rover_sweep.data.recording import LowPass, Recording
 from rover_sweep.identification.fit import Estimate
-from rover_sweep.identification.model_results import tyres_unseen
+from rover_sweep.identification.model_results import tyres_not_identifiable
 from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.quality.coherence import CoherenceVerdict
 
@@ -28,7 +28,7 @@ def rejection(result: Identification, name: str) -> str | None:
     """
     if name == "kinematic" or result.models[name].verdict.level != "not identifiable":
         return None
-    return tyres_unseen(result.models)
+    return tyres_not_identifiable(result.models)
 
 
 def usable(result: Identification) -> dict[str, ModelResult]:
