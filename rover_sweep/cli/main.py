@@ -1,6 +1,6 @@
 """The command line `rover-sweep`: one line per subcommand, loaded only when it is called.
 
-Narration and errors go to stderr, results to stdout. Exit codes: 0 done, 1 a rover that does not fit
+Progress and errors go to stderr, results to stdout. Exit codes: 0 done, 1 a check of the rover failed
 (`firmware check`, `preflight`, `params diff`), 2 usage, 3 data refused, 4 link, 130 interrupted.
 """
 
@@ -15,35 +15,35 @@ from collections.abc import Sequence
 import click
 
 from rover_sweep._version import __version__
-from rover_sweep.cli.views.output import tell_error
+from rover_sweep.cli.views.output import print_error
 from rover_sweep.errors import RoverSweepError
 
-# The matrices here are small: threads of the linear algebra library cost more than they bring.
+# The matrices are small: more threads in the linear algebra library would slow it down.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # name -> one line of help, here so that `--help` imports nothing. `dry-run` is `commands.dry_run.dry_run`.
 COMMANDS: dict[str, str] = {
-    "dry-run": "The whole job on a simulated rover, no hardware needed.",
-    "session": "The whole afternoon on one screen, by single keys.",
-    "run": "Drive, record, judge and identify a real rover.",
-    "resume": "Drive what a session left to drive.",
-    "status": "What a session holds, and what is to drive.",
-    "firmware": "Applet and parameters: write, check, install.",
-    "preflight": "What must be right before a run, and put right.",
-    "params": "A rover's parameters: compare, set, save.",
-    "logs": "The autopilot's own logs: list, fetch.",
-    "design": "A sweep or doublet on paper, before it is driven.",
-    "identify": "Recorded runs in, identified models and a report out.",
-    "diagnose": "What the model leaves out: where, what, how much.",
-    "plan": "Which runs tell which effects apart, before they are driven.",
-    "coherence": "Is this run good enough? The verdict alone.",
+    "dry-run": "Run the whole workflow on a simulated rover (no hardware).",
+    "session": "Work through a whole session on one screen.",
+    "run": "Drive a real rover, record, check the data, identify.",
+    "resume": "Drive the remaining runs of a session.",
+    "status": "Show a session's runs and what remains to drive.",
+    "firmware": "Write, check or install the Lua applet and parameters.",
+    "preflight": "Check everything needed before a run; fix on request.",
+    "params": "Compare, set or save a rover's parameters.",
+    "logs": "List and download the autopilot's logs.",
+    "design": "Check a sweep or doublet on paper before driving it.",
+    "identify": "Identify models from recorded runs and write a report.",
+    "diagnose": "Find effects that the model leaves out, and their size.",
+    "plan": "Show which effects a set of runs can separate.",
+    "coherence": "Check whether a run's coherence is good enough.",
     "replay": "Play a recording: pause, jump, any speed.",
-    "redrive": "A log's own steering and speed through a simulation.",
-    "study": "The paper's comparison, repeated on a virtual rover.",
-    "export": "A model for MATLAB, python-control, or as JSON.",
-    "gains": "Steering gains for the autopilot, with margins.",
-    "inertia": "Moment of inertia from a swing test.",
-    "bench": "The steering on blocks: gain, play, lag into the vehicle file.",
+    "redrive": "Repeat a log's steering and speed in a simulation.",
+    "study": "Repeat the paper's comparison on a virtual rover.",
+    "export": "Export a model for MATLAB, python-control, or as JSON.",
+    "gains": "Compute steering gains for the autopilot, with margins.",
+    "inertia": "Compute a moment of inertia from a swing test.",
+    "bench": "Measure the steering on blocks: gain, play, lag.",
     "vehicle": "Print an example vehicle file, or check yours.",
 }
 
@@ -84,14 +84,14 @@ def _no_such_command(name: str) -> str:
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="rover-sweep", message="%(prog)s %(version)s")
 def cli() -> None:
-    """Find out how a rover really steers: design a sweep, drive it, identify models, verify them.
+    """Measure how a rover steers: design a sweep, drive it, identify models, verify them.
 
-    Begin with `rover-sweep dry-run`, which needs no hardware.
+    Start with `rover-sweep dry-run`, which needs no hardware.
     """
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line (sys.argv by default); returns its exit code, a user's mistake included."""
+    """Run the command line (sys.argv by default) and return its exit code; usage errors do not raise."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a plain ASCII terminal shows ? for ±, and no traceback
@@ -100,18 +100,18 @@ def run(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except RoverSweepError as error:
-        tell_error(str(error), getattr(error, "__notes__", ()))
+        print_error(str(error), getattr(error, "__notes__", ()))
         return error.exit_code
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         return 2
     except click.ClickException as error:
-        tell_error(f"{error.format_message()}{_see_help(error)}")
+        print_error(f"{error.format_message()}{_see_help(error)}")
         return error.exit_code
     except (click.Abort, KeyboardInterrupt) as error:
-        tell_error("interrupted", getattr(error, "__notes__", ()))
+        print_error("interrupted", getattr(error, "__notes__", ()))
         return 130
-    except BrokenPipeError:  # the reader of our output went away, as in `| head`
+    except BrokenPipeError:  # the reader of our output has closed, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
 

@@ -39,7 +39,7 @@ def test_a_terminal_has_a_bar_and_a_live_line() -> None:
     assert "straight before   1620 us" in text and "12.3 rad/s" in text
     assert " 50%" in text  # 33.5 of 67 s
     whole = shown(terminal=True)
-    assert "1620 us" not in whole.rpartition("not all was let go")[2]  # it ends with the run
+    assert "1620 us" not in whole.rpartition("not everything was released")[2]  # it ends with the run
 
 
 def test_a_file_has_lines_in_the_order_of_what_happened() -> None:
@@ -48,8 +48,8 @@ def test_a_file_has_lines_in_the_order_of_what_happened() -> None:
         "sweep1: sweep, +-150 us",
         "when ready, throw switch 6 high",
         "SWP: run 1 start sweep",
-        "sweep1 did not run to its end: roll 31.0 > 30 deg",
-        "sweep2 interrupted, but not all was let go: the vehicle did not answer",
+        "sweep1 is incomplete: roll 31.0 > 30 deg",
+        "sweep2 interrupted, but not everything was released: the vehicle did not answer",
     ]
     assert "SWP:" not in shown(terminal=False, talk=False)
 

@@ -28,7 +28,7 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     order = ["connected to", "sweep1: sweep, +-160", "sweep1: keep", "sweep2: sweep, +-320", "doublet: done"]
     places = [next(i for i, line in enumerate(lines) if words in line) for words in order]
     assert places == sorted(places) and "━" not in done.err + done.out
-    truth = done.out.partition("Simulated rover's own numbers")[2].splitlines()
+    truth = done.out.partition("True parameters of the simulated rover")[2].splitlines()
     inertia = next(line.split() for line in truth if line.startswith("I_zz"))
     true, found, percent = (float(x) for x in inertia[-3:])
     assert true == 0.071 and percent == pytest.approx(100 * (found / true - 1), abs=0.1)
@@ -36,7 +36,7 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     assert found == pytest.approx(written["models"]["roll-yaw"]["parameters"]["Izz"]["value"], rel=1e-3)
     assert [p.name for p in (tmp_path / "dry-run").iterdir()] == ["notes.txt"]
     again = told("dry-run", "--out", "dry-run-2")
-    assert again.code == 2 and "holds a session already" in again.err and again.err.count("\n") == 1
+    assert again.code == 2 and "already contains a session" in again.err and again.err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -84,8 +84,8 @@ def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(
                 program.send_signal(how)
     assert program.wait(20) == 130
     text = "".join(lines)
-    assert "sweep2 interrupted: the rover was let go" in text
-    assert f"kept in {tmp_path / 'x'}: sweep1.tlog, sweep2.tlog (no whole run)" in text
+    assert "sweep2 interrupted: the rover was released" in text
+    assert f"kept in {tmp_path / 'x'}: sweep1.tlog, sweep2.tlog (no complete run)" in text
 
 
 def test_a_simulated_rover_that_dies_says_why(

@@ -63,7 +63,7 @@ def test_no_reboot_without_consent(told: Tell, tmp_path: Path, monkeypatch: pyte
     with launcher.start_embedded(tmp_path, options=options) as rover:
         done = told("firmware", "install", "--connect", rover.connection)
         saved = (tmp_path / "parameters.txt").read_text()
-    assert "Reboot the rover, for SCHED_LOOP_RATE?" in asked
+    assert "Reboot the rover to apply SCHED_LOOP_RATE?" in asked
     assert "SCHED_LOOP_RATE will count after a reboot" in done.err
     assert "STAT_BOOTCNT 1.0" in saved and "SCHED_LOOP_RATE 100.0" in saved
 

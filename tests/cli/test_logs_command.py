@@ -62,7 +62,7 @@ def test_listed_and_fetched_byte_by_byte(
         assert log["sha256"] == hashlib.sha256(card.read_bytes()).hexdigest()
         assert log["checked"] and log["seconds"] > 0
     again = told("logs", "fetch", "latest", "--out", str(tmp_path), *where)
-    assert again.code == 0 and "log2.BIN was here already (checksum as on the card)" in again.out
+    assert again.code == 0 and "log2.BIN is already here (checksum matches the card)" in again.out
     assert len(list(tmp_path.iterdir())) == 2
 
 

@@ -34,7 +34,7 @@ def test_numbers_in_order_or_by_name(text: str, meant: Manoeuvre) -> None:
         (Multisine, "200,periods=1", "2, 3 .. whole periods"),
         (Multisine, "200,bias=50", "there is no 'bias'"),
         (BiasSweep, "80,100,5,2", "need 0 < w_min < w_max"),
-        (BiasSweep, "80,,", "is no number"),
+        (BiasSweep, "80,,", "is not a number"),
     ],
 )
 def test_nonsense_is_refused(kind: type[Manoeuvre], text: str, said: str) -> None:
@@ -55,7 +55,7 @@ def test_parameters_of_the_applet() -> None:
 
 @pytest.mark.parametrize("text", ["v_max=nan", "v_max=-inf", "v_max=", "v_max=fast"])
 def test_a_limit_that_is_no_number_is_refused(text: str) -> None:
-    with pytest.raises(click.BadParameter, match="is no number"):
+    with pytest.raises(click.BadParameter, match="is not a number"):
         LimitType().convert(text, None, None)
 
 

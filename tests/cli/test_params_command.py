@@ -48,8 +48,8 @@ def test_compared_set_booted_and_the_same(told: Tell, rover: launcher.Running, v
     found = json.loads(done.out)
     assert {"name": "SCHED_LOOP_RATE", "old": 50.0, "value": 100.0, "reboot": True} in found["set"]
     assert found["differences"] == found["reboot_due"] == []
-    assert "rebooting the rover, for SCR_ENABLE, SCHED_LOOP_RATE" in done.err
-    assert told("params", "diff", *where).out == "the rover has everything of identification\n"
+    assert "rebooting the rover to apply SCR_ENABLE, SCHED_LOOP_RATE" in done.err
+    assert told("params", "diff", *where).out == "all parameters of identification are set on the rover\n"
     assert json.loads(told("params", "diff", "--json", *where).out)["differences"] == []
 
 
@@ -98,10 +98,10 @@ def test_asked_before_it_is_set_and_before_the_reboot(
     answer(True, False)
     done = told(*push, "--json")
     assert done.code == 1 and json.loads(done.out)["reboot_due"] == ["SCR_ENABLE", "SCHED_LOOP_RATE"]
-    assert questions[1] == "Reboot the rover, for SCR_ENABLE, SCHED_LOOP_RATE?"
+    assert questions[1] == "Reboot the rover to apply SCR_ENABLE, SCHED_LOOP_RATE?"
     answer(True)
     done = told(*push)
-    assert done.code == 0 and questions == ["Reboot the rover, for SCR_ENABLE, SCHED_LOOP_RATE?"]
+    assert done.code == 0 and questions == ["Reboot the rover to apply SCR_ENABLE, SCHED_LOOP_RATE?"]
     assert told(*push).code == 0 and len(questions) == 1
 
 

@@ -27,17 +27,17 @@ def test_from_the_factory_to_a_rover_that_may_be_driven(
         assert done.code == 1 and done.err == ""
         assert "SCHED_LOOP_RATE is 50, wanted at least 100" in done.out
         assert "--fix parameters: set SCR_ENABLE" in done.out
-        assert done.out.splitlines()[-1].endswith("must be put right")
+        assert done.out.splitlines()[-1].endswith("checks must be fixed")
         assert (rover.directory / "parameters.txt").read_text() == before
         done = told(*where, "--fix", "parameters", "--fix", "applet", "--yes", "--json")
-        assert "rebooting the rover, for SCR_ENABLE, SCHED_LOOP_RATE" in done.err
+        assert "rebooting the rover to apply SCR_ENABLE, SCHED_LOOP_RATE" in done.err
         found = states(done.out)
         assert tuple(found) == NAMES
         settled = ("parameters", "applet", "loop_rate", "filters", "logging", "source", "switch", "rc")
         assert {name: found[name] for name in settled} == dict.fromkeys(settled, "good")
         assert "the .BIN log" in told(*where).out
         nothing = told(*where, "--fix", "filters", "--yes")
-        assert "filters: nothing to put right" in nothing.err
+        assert "filters: nothing to fix" in nothing.err
 
 
 def test_a_sweep_that_is_too_fast_for_the_loop_is_seen(told: Tell, ready: launcher.Running) -> None:
@@ -52,7 +52,7 @@ def test_a_sweep_that_is_too_fast_for_the_loop_is_seen(told: Tell, ready: launch
     ("arguments", "code", "said"),
     [
         (("--fix", "weather"), 2, "there is no check 'weather'; there are armed, firmware"),
-        (("--fix", "parameters"), 2, "no terminal to ask at: give --yes"),
+        (("--fix", "parameters"), 2, "stdin is not a terminal; give --yes"),
         ((), 4, "cannot open tcp:127.0.0.1:1"),
     ],
 )

@@ -44,7 +44,7 @@ def test_runs_are_driven_judged_fetched_and_identified(
     written = json.loads((out / "report" / "identification.json").read_text())
     assert [run["kind"] for run in written["runs"]] == ["sweep", "sweep"]
     again = told(*command)
-    assert again.code == 2 and "holds a session already (session.json)" in again.err
+    assert again.code == 2 and "already contains a session (session.json)" in again.err
     exported = told("export", str(out), "--model", "roll-yaw")  # of a session as well as of its report
     assert exported.code == 0 and json.loads(exported.out)["model"] == "roll-yaw"
 
@@ -77,7 +77,7 @@ def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
         *DRIVEN,
     )
     assert done.code == 0, done.err
-    assert "sweep2 interrupted: the rover was let go" in done.err and "it is disarmed" in done.err
+    assert "sweep2 interrupted: the rover was released" in done.err and "it is disarmed" in done.err
     assert "doublet" not in [p.stem for p in (tmp_path / "x").glob("*.tlog")]
     found = json.loads(done.out)  # nothing but the JSON; the tables are on stderr
     assert len(found["runs"]) == 1 and "Roll-yaw model" in done.err
@@ -111,7 +111,7 @@ def test_a_wrong_port_is_one_sentence_and_leaves_the_folder_usable(
         (("--throttle", "1700"), "allow arming too"),
         (("--sweep", "150,3,2"), "need 0 < w_min < w_max"),
         (("--sweep", "150,wtop=3"), "there is no 'wtop'"),
-        (("--sweep", "150,x"), "'x' is no number"),
+        (("--sweep", "150,x"), "'x' is not a number"),
         (("--sweep", "600"), "SWP_AMP 600 us is outside"),
         (("--doublet", "150,1,2,2.5"), "whole number"),
         (("--limit", "roll=3"), "there is no limit 'roll'"),

@@ -88,7 +88,7 @@ def test_the_question_takes_only_one_that_is_heard(
     ("command", "words"),
     [
         (("run", "--system", "3"), "give --connect too"),
-        (("gains", "x", "--signing-key", "k"), "--signing-key is for the vehicle behind --connect"),
+        (("gains", "x", "--signing-key", "k"), "--signing-key needs --connect"),
         (("preflight", "--connect", "tcp:127.0.0.1:1", "--signing-key", "/dev/null"), "holds no signing key"),
         (("preflight", "--connect", "tcp:127.0.0.1:1", "--signing-key", "nothing"), "nothing cannot be read"),
         (("preflight", "--connect", "tcp:127.0.0.1:1", "--system", "0"), "0 is not in the range"),

@@ -48,7 +48,7 @@ def test_a_run_waits_for_a_y_typed_after_the_question(keyboard: Callable[[str], 
     display = PlainDisplay(Console(file=said), talk=False)
     keyboard("y\n\ny\n")
     early, _ = answered(
-        lambda: display.ask("is the ground free?"), lambda: (keyboard("\n"), keyboard("y\n"))[1]
+        lambda: display.ask("is the area clear?"), lambda: (keyboard("\n"), keyboard("y\n"))[1]
     )
     assert not early
     assert said.getvalue().count("type y and Enter") == 1  # of the Enter alone

@@ -110,7 +110,7 @@ def test_export_writes_every_form(
     ("words", "said"),
     [
         (["--plant", "-o", "x.json"], "a simulated rover is a TOML file"),
-        (["--plant", "--speed", "3"], "--plant is a form of its own"),
+        (["--plant", "--speed", "3"], "--plant always writes TOML"),
         (["--model", "bicycle"], "holds one model"),
     ],
 )

@@ -114,7 +114,7 @@ def test_an_identified_model_is_the_baseline(engine: Engine, asked: Tell, tmp_pa
         ({}, ("--baseline", "bicycle"), "C of its bicycle model could not be identified"),
         ({"recommended": None}, (), "has no model None"),
         ({"format": "something"}, (), "is no identification.json"),
-        ({}, ("--simulation", str(SWEEP)), "--model and --simulation are two simulations"),
+        ({}, ("--simulation", str(SWEEP)), "--model and --simulation are alternatives"),
     ],
 )
 def test_a_model_that_cannot_be_used_ends_with_a_sentence(
@@ -181,7 +181,7 @@ def test_ctrl_c_once_ends_with_what_is_there(engine: Engine, asked: Tell, tmp_pa
     engine.before, before = pressed, signal.getsignal(signal.SIGINT)
     code, out, err = asked(SWEEP, DOUBLET)
     assert seen == [False, True]
-    assert code == 130 and "- Stopped by hand after" in out and "Ctrl-C again gives up" in err
+    assert code == 130 and "- Stopped by hand after" in out and "Ctrl-C again to quit" in err
     assert "stopped by hand" in (tmp_path / "out" / "diagnosis.json").read_text()
     assert signal.getsignal(signal.SIGINT) is before
 

@@ -102,11 +102,11 @@ def test_killed_while_driving_nothing_received_is_lost(
         assert [run.name for run in read(folder).to_drive] == ["doublet"]
 
         # The rest without any screen; identifying from it is tested elsewhere.
-        monkeypatch.setattr("rover_sweep.cli.driving.shared.identified_session", lambda *_: None)
+        monkeypatch.setattr("rover_sweep.cli.driving.session_display.identify_session", lambda *_: None)
         asked_for = ["--arm", "--throttle", "1710", "--throw-switch"]
         assert rover_sweep(["resume", str(folder), "--connect", rover.connection, *asked_for]) == 0
         assert rover_sweep(["resume", str(folder), "--connect", rover.connection, *asked_for]) == 2
-        assert "nothing is left to drive" in capsys.readouterr().err
+        assert "no runs remain" in capsys.readouterr().err
     content = read(folder)
     assert [(run.label, run.state) for run in content.runs] == [
         ("sweep1", "cut"),

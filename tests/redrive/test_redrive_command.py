@@ -23,7 +23,7 @@ RUN = "ardurover-4.6.3/applet/run2.BIN"
     [
         (("{log}", "--out", "{tmp}/again.csv"), 2, "give a name that ends in .BIN"),
         (("{log}", "--out", "{tmp}/none/again.BIN"), 2, "there is no folder"),
-        (("{log}", "--out", "{tmp}/old.BIN"), 2, "is there already; give another name"),
+        (("{log}", "--out", "{tmp}/old.BIN"), 2, "already exists; give another name"),
         (("{tmp}/none.BIN", "--out", "{tmp}/again.BIN"), 2, "there is no such file"),
         (("{log}", "--out", "{tmp}/again.BIN", "--variant", "icy"), 2, "no variant icy: give one of"),
         (("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/bad.toml"), 2, "there is no effect slack"),
@@ -111,7 +111,7 @@ def test_says_whose_numbers_it_takes(data: Path, tmp_path: Path, capsys: pytest.
     told = capsys.readouterr()
     assert "loose.toml" in told.err and "rover.toml" in told.err and "Izz 0.069" in told.err
     assert "steering_backlash (b 0.012)" in told.err
-    assert "the simulated speed is off by" in told.out
+    assert "simulated minus recorded speed: mean" in told.out
 
 
 def test_a_vehicle_file_replaces_what_it_measured_and_nothing_else(data: Path) -> None:

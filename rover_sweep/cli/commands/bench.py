@@ -1,4 +1,4 @@
-"""`rover-sweep bench`: the steering on blocks, moved standing still, measured, into the vehicle file."""
+"""`rover-sweep bench`: measure the steering with the front wheels off the ground, for the vehicle file."""
 
 from __future__ import annotations
 
@@ -35,34 +35,34 @@ STEPS = (50.0, 100.0, 150.0)
     "vehicle_file",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="Vehicle file, read and written (default: rover.toml here).",
+    help="Vehicle file to read and update (default: rover.toml here).",
 )
-@click.option("--hand", is_flag=True, help="Angles of the wheel are read by hand and typed.")
+@click.option("--hand", is_flag=True, help="Read the wheel angles by hand and type them.")
 @click.option(
     "--wheel-imu",
     metavar="FILE|URL",
-    help="An IMU on the wheel: CSV of its logger, or URL of a vehicle on it.",
+    help="IMU on the wheel: CSV file of its logger, or MAVLink URL of its autopilot.",
 )
 @click.option(
     "--wheel-clock",
     type=click.Choice(["own", "vehicle"]),
     default=None,
-    help="Whose clock the CSV is on; a delay needs the vehicle's. [default: own]",
+    help="Clock of the CSV. The delay needs the vehicle's clock. [default: own]",
 )
 @click.option(
     "--steps",
     type=NumbersType(),
     default=",".join(f"{s:g}" for s in STEPS),
     show_default=True,
-    help="Sizes in us from the servo's trim, each to both sides.",
+    help="Step sizes from the servo's trim, us; each is made to both sides.",
 )
-@click.option("--ramp", is_flag=True, help="With --hand: a slow ramp as well, to look at the wheels.")
+@click.option("--ramp", is_flag=True, help="With --hand: add a slow ramp, to watch the wheels.")
 @click.option(
     "--from",
     "from_folder",
     type=click.Path(file_okay=False),
     metavar="DIR",
-    help="Evaluate a bench that was recorded; nothing is connected.",
+    help="Evaluate a recorded bench test; nothing is connected.",
 )
 @click.option(
     "--out",
@@ -70,9 +70,9 @@ STEPS = (50.0, 100.0, 150.0)
     metavar="DIR",
     help="Folder for the recording. [default: bench, else bench-2, ...]",
 )
-@click.option("--no-write", is_flag=True, help="Leave the vehicle file as it is.")
-@click.option("--yes", "unasked", is_flag=True, help="Do not ask; only a simulated rover allows it.")
-@click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
+@click.option("--no-write", is_flag=True, help="Do not change the vehicle file.")
+@click.option("--yes", "unasked", is_flag=True, help="Do not ask; allowed only on a simulated rover.")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout.")
 def bench(
     connect: str | None,
     access: Access,
@@ -88,17 +88,19 @@ def bench(
     unasked: bool,
     as_json: bool,
 ) -> None:
-    """Measure the steering on blocks: gain, both sides, curve, play, band, lag, rate limit.
+    """Measure the steering on blocks: gain, asymmetry, curve, play, dead band, lag, rate limit.
 
-    The rover stands with its front wheels off the ground, DISARMED, in MANUAL, radio on and throttle stick at
-    rest: its motor cannot turn then. This program moves the steering channel alone, by RC override, after a
-    yes before each movement. What stops it without the laptop: the mode switch (HOLD) and the rover's power,
-    at once; arming, the throttle stick, a rover that moves, an output that does not follow make the program
-    let go; where it or its link dies the wheels are the radio's again after RC_OVERRIDE_TIME (3 s at the
-    most, else refused). Ctrl-C stops it too. The numbers go into the vehicle file.
+    Put the rover on blocks with its front wheels off the ground: DISARMED, in MANUAL, radio on, throttle
+    stick at rest. The motor cannot turn then. The program moves only the steering channel, by RC override,
+    and asks before each movement. It writes the results into the vehicle file.
 
-    The CSV has a header with a time (t, time_ms, time_us) and the wheel's angle (angle, angle_deg, yaw) or
-    rate (rate, rate_deg_s, gyro_z), left positive or not, 50 Hz or more; it is read when the movements end,
+    To stop at once without the laptop: set the mode switch to HOLD or cut the rover's power. The program
+    releases the steering when the rover is armed, the throttle stick moves, the rover moves or the output
+    does not follow; Ctrl-C stops it too. If the program or its link dies, the radio has the steering back
+    after RC_OVERRIDE_TIME, which must not exceed 3 s.
+
+    The CSV needs a header with a time (t, time_ms, time_us) and the wheel's angle (angle, angle_deg, yaw) or
+    rate (rate, rate_deg_s, gyro_z), of either sign, at 50 Hz or more. It is read after the last movement,
     or later with --from.
 
     \b
@@ -113,14 +115,14 @@ def bench(
     load(path)
     if (connect is None) == (from_folder is None):
         raise click.UsageError(
-            "give either --connect URL to bench a rover, or --from DIR to evaluate a bench"
+            "give either --connect URL to measure a rover, or --from DIR to evaluate a recorded bench test"
         )
     if from_folder is not None:
         folder, whole = BenchFolder(Path(from_folder)), True
     else:
         assert connect is not None
         if hand == (wheel_imu is not None):
-            raise click.UsageError("say how the wheel's angle is taken: --hand or --wheel-imu FILE or URL")
+            raise click.UsageError("choose how to measure the wheel angle: --hand or --wheel-imu FILE or URL")
         plan = _plan(steps, hand, ramp, _wheel(wheel_imu, wheel_clock), unasked)
         folder = BenchFolder(session_folder(out, "bench", ("bench.json", "readings.csv")))
         whole = _driven(connect, access, folder, plan)
@@ -149,12 +151,12 @@ def _plan(
     from rover_sweep.bench.programme import programme
 
     if not unasked and not sys.stdin.isatty():
-        raise UsageError("bench asks before each movement, and nobody can answer: stdin is no terminal")
+        raise UsageError("bench asks before each movement, but stdin is not a terminal; run it in a terminal")
     return BenchPlan(programme(steps, hand, ramp), wheel, unasked)
 
 
 def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> bool:
-    """Whether all movements were carried out; what is raised says where the recording lies."""
+    """True if all movements were carried out. Before an error leaves, prints where the recording is."""
     from rover_sweep.bench.drive import drive
     from rover_sweep.cli.views.bench_prompts import Terminal
     from rover_sweep.cli.views.interruption import let_go_on_signals
@@ -167,8 +169,7 @@ def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> b
             return drive(url, folder, plan, Terminal(lambda text: echo(text, err=True), plan.unasked), access)
     except (RoverSweepError, KeyboardInterrupt):
         echo(
-            f"the steering is let go; what was recorded is evaluated by: "
-            f"rover-sweep bench --from {folder.path}",
+            f"the steering is released; evaluate the recording with: rover-sweep bench --from {folder.path}",
             err=True,
         )
         raise
@@ -181,7 +182,7 @@ def _evaluated(
     from rover_sweep.data.vehicle_file import load
 
     if not whole:
-        echo("not all movements were carried out; what there is, is evaluated", err=True)
+        echo("not all movements were carried out; evaluating the recorded ones", err=True)
     return evaluate(folder, load(vehicle), wheel, None if clock is None else clock == "vehicle")
 
 
@@ -199,9 +200,9 @@ def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolde
         if number.told:
             span = f"{number.low:.4g} to {number.high:.4g}"
             echo(f"  {number.name:17} {number.value:>10.4g} {number.unit:8} {span:26} {number.meaning}")
-    echo("  (intervals hold 90 %)\n")
+    echo("  (90 % intervals)\n")
     for text in result.untold:
-        echo(bullet("-", f"not told: {text}"))
+        echo(bullet("-", f"not determined: {text}"))
     for text in result.remarks:
         echo(bullet("!", text))
     if written:

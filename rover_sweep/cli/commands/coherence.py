@@ -1,4 +1,4 @@
-"""`rover-sweep coherence`: the quick verdict on runs, before the rover leaves the car park."""
+"""`rover-sweep coherence`: a quick check of the runs' coherence while the rover is still in the field."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
     "vehicle_file",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="Vehicle file, for the friction and the sign of the steering.",
+    help="Vehicle file; gives the tyre friction and the steering sign.",
 )
 @click.option(
     "--servo",
     type=NumberRange(0, min_open=True),
     metavar="S",
-    help="Your servo's time for 60 deg by its data sheet [s].",
+    help="Time of your servo for 60 deg, from its data sheet, s.",
 )
-@click.option("--json", "as_json", is_flag=True, help="The verdicts as JSON on stdout.")
+@click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON on stdout.")
 def coherence(
     runs: tuple[str, ...],
     columns: str | None,
@@ -47,12 +47,12 @@ def coherence(
     servo: float | None,
     as_json: bool,
 ) -> None:
-    """Say of each run whether its coherence is good enough, and what to change if it is not.
+    """Check whether the coherence of each run is good enough, and say what to change if it is not.
 
-    RUN is a .BIN, a .tlog, a .csv, log.BIN+log.tlog, or the folder of a session. No vehicle
-    file is needed. Below stands the amplitude that the next run needs in each octave for a coherence of
-    0.8 and a random error of 10 %, as far as servo, tyres and applet allow. A poor run is an answer, not
-    an error: the exit code is 0.
+    RUN is a .BIN, a .tlog, a .csv, log.BIN+log.tlog, or a session's folder. No vehicle file is needed.
+    The last table gives the amplitude that the next run needs in each octave for a coherence of 0.8 and
+    a random error of 10 %, within the limits of servo, tyres and applet. A poor run is not an error: the
+    exit code is 0.
     """
     from rover_sweep.api.read import load_runs
     from rover_sweep.data.vehicle_file import load
@@ -73,7 +73,7 @@ def coherence(
 def _parameters(
     sources: Sequence[str], columns: str | None, found: Sequence[Recording]
 ) -> dict[str, dict[str, float]]:
-    """The vehicle's parameters by the run that they were recorded with."""
+    """Vehicle parameters recorded with each run, by the run's name."""
     from rover_sweep.logs import read_logs
 
     wanted = {file for run in found for file, _ in run.sources}
@@ -88,7 +88,7 @@ def _parameters(
 def _judged(
     run: Recording, parameters: Mapping[str, float], vehicle: Vehicle | None, servo: float | None
 ) -> tuple[CoherenceVerdict, AmplitudeProposal]:
-    """What the coherence says, with the advice that a session gives right after the run."""
+    """The coherence verdict and the amplitude for the next run, as `session` shows them after a run."""
     from rover_sweep.live.verdict.keep_or_repeat import advice
     from rover_sweep.live.verdict.run_verdict import proposed
     from rover_sweep.quality.coherence import assess, responses
@@ -117,7 +117,7 @@ def _as_json(verdict: CoherenceVerdict, proposal: AmplitudeProposal, run: Record
 
 
 def show(verdict: CoherenceVerdict, proposal: AmplitudeProposal, warnings: Sequence[str] = ()) -> None:
-    """One run's verdict: the sentence first, then what spoils the recording, then a line per response."""
+    """Print one run: verdict, warnings on the recording, a row per response, the next amplitude."""
     from rich.text import Text
 
     from rover_sweep.cli.views.output import results

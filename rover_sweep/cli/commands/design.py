@@ -1,4 +1,4 @@
-"""`rover-sweep design`: a sweep, doublet or multisine on paper, before it is driven."""
+"""`rover-sweep design`: check a sweep, doublet or multisine on paper before driving it."""
 
 from __future__ import annotations
 
@@ -25,51 +25,64 @@ POSITIVE = NumberRange(0, min_open=True)
 
 
 @click.command()
-@click.option("--type", "kind", type=click.Choice(list(ONLY_FOR)), default="sweep", show_default=True)
+@click.option(
+    "--type",
+    "kind",
+    type=click.Choice(list(ONLY_FOR)),
+    default="sweep",
+    show_default=True,
+    help="Kind of manoeuvre.",
+)
 @click.option("--amplitude", type=POSITIVE, default=150.0, show_default=True, help="Steering offset, us.")
 @click.option("--wmin", type=POSITIVE, default=0.3, show_default=True, help="Sweep: lowest frequency, rad/s.")
 @click.option(
     "--wmax", type=POSITIVE, default=25.0, show_default=True, help="Sweep: highest frequency, rad/s."
 )
-@click.option("--trec", type=POSITIVE, default=55.0, show_default=True, help="Sweep: length of the law, s.")
+@click.option("--trec", type=POSITIVE, default=55.0, show_default=True, help="Sweep: duration T_rec, s.")
 @click.option(
     "--fade", type=NumberRange(0), default=2.0, show_default=True, help="Sweep: fade in and out, s."
 )
-@click.option("--dwell", type=NumberRange(0), default=2.0, show_default=True, help="Sweep: hold at wmin, s.")
+@click.option(
+    "--dwell", type=NumberRange(0), default=2.0, show_default=True, help="Sweep: time at wmin before it, s."
+)
 @click.option(
     "--runs",
     type=click.IntRange(1, 20),
     default=2,
     show_default=True,
-    help="Sweep: runs identified together.",
+    help="Sweep: number of runs identified together.",
 )
 @click.option(
     "--periods", type=click.IntRange(2, 20), default=3, show_default=True, help="Multisine: periods in T_rec."
 )
 @click.option(
-    "--bias",
-    type=float,
-    default=100.0,
-    show_default=True,
-    help="Bias sweep: steering offset about which it steers, us.",
+    "--bias", type=float, default=100.0, show_default=True, help="Bias sweep: mean steering offset, us."
 )
-@click.option("--pulse", type=POSITIVE, default=1.0, show_default=True, help="Doublet: length of a step, s.")
+@click.option(
+    "--pulse", type=POSITIVE, default=1.0, show_default=True, help="Doublet: duration of a step, s."
+)
 @click.option(
     "--pause", type=NumberRange(0), default=2.0, show_default=True, help="Doublet: pause after each, s."
 )
-@click.option("--count", type=click.IntRange(1, 50), default=2, show_default=True, help="Doublet: how many.")
 @click.option(
-    "--straight", type=NumberRange(0), default=3.0, show_default=True, help="Straight before and after, s."
+    "--count", type=click.IntRange(1, 50), default=2, show_default=True, help="Doublet: number of doublets."
+)
+@click.option(
+    "--straight",
+    type=NumberRange(0),
+    default=3.0,
+    show_default=True,
+    help="Time without steering before and after, s.",
 )
 @click.option(
     "--vehicle",
     "vehicle_path",
     type=click.Path(dir_okay=False),
-    help="Vehicle file, for wheel angles and space.",
+    help="Vehicle file; gives wheel angles and space needed.",
 )
-@click.option("--speed", type=POSITIVE, help="Speed, m/s, for the space and the lateral acceleration.")
+@click.option("--speed", type=POSITIVE, help="Speed, m/s; gives space needed and lateral acceleration.")
 @click.option(
-    "--servo", type=NumberRange(0.01, 2), help="Your servo's time for 60 deg, s, from its data sheet."
+    "--servo", type=NumberRange(0.01, 2), help="Time of your servo for 60 deg, from its data sheet, s."
 )
 @click.option(
     "--loop-rate", type=NumberRange(10, 2000), default=50.0, show_default=True, help="SCHED_LOOP_RATE, Hz."
@@ -77,7 +90,7 @@ POSITIVE = NumberRange(0, min_open=True)
 @click.option("--gyro-filter", type=POSITIVE, default=4.0, show_default=True, help="INS_GYRO_FILTER, Hz.")
 @click.option("--accel-filter", type=POSITIVE, default=10.0, show_default=True, help="INS_ACCEL_FILTER, Hz.")
 @click.option("--plot", type=click.Path(dir_okay=False), help="Write a picture (.png, .svg, .pdf).")
-@click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout.")
 @click.pass_context
 def design(
     ctx: click.Context,
@@ -88,10 +101,10 @@ def design(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """A manoeuvre on paper, before it is driven.
+    """Check a manoeuvre on paper before driving it.
 
-    Says what it asks of servo, ground, tyres, loop rate, telemetry and filters, and what to change. The
-    defaults are the sweep of the paper and the settings of a factory-fresh ArduRover.
+    Shows the demands on servo, space, tyres, loop rate, telemetry and filters, and what to change. The
+    defaults are the paper's sweep and ArduRover's default settings.
 
     \b
     rover-sweep design --wmin .3 --wmax 25 --trec 55 --amplitude 150 --speed 2.5 --vehicle rover.toml
@@ -104,9 +117,9 @@ def design(
 
     vehicle = load(vehicle_path) if vehicle_path else None
     if speed and vehicle:
-        vehicle.steering()  # refuses in words before anything is computed
+        vehicle.steering()  # raises here if the file has no steering gain, before any computation
     manoeuvre = _manoeuvre(ctx, options)
-    parameters_of(manoeuvre)  # refuses what the applet would refuse
+    parameters_of(manoeuvre)  # raises for values that the applet would refuse
     planned = plan(
         manoeuvre,
         vehicle,
@@ -143,9 +156,7 @@ def _manoeuvre(ctx: click.Context, options: dict[str, Any]) -> Manoeuvre:
         return Doublet(amplitude, options["pulse"], options["pause"], options["count"], straight)
     if options["wmin"] >= options["wmax"]:
         raise click.UsageError(
-            f"--wmin {options['wmin']:g} must lie below --wmax {options['wmax']:g} rad/s; a sweep needs "
-            f"a span",
-            ctx,
+            f"--wmin {options['wmin']:g} must lie below --wmax {options['wmax']:g} rad/s", ctx
         )
     band = amplitude, options["wmin"], options["wmax"], options["trec"]
     ends = {name: options[name] for name in ("fade", "dwell", "straight")}

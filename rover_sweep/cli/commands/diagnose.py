@@ -1,4 +1,4 @@
-"""`rover-sweep diagnose`: what the model leaves out of the recorded runs."""
+"""`rover-sweep diagnose`: find effects in the recorded runs that the model leaves out."""
 
 from __future__ import annotations
 
@@ -27,52 +27,48 @@ BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
     metavar="FILE",
     help="Vehicle file (default: the session's, or rover.toml here).",
 )
-@click.option(
-    "--baseline",
-    type=click.Choice(BASELINES),
-    help="The model that something may be left out of (default: roll-yaw).",
-)
+@click.option("--baseline", type=click.Choice(BASELINES), help="Baseline model to test (default: roll-yaw).")
 @click.option(
     "--model",
     "model_file",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="An identified model as the baseline: the identification.json of a report.",
+    help="Test an identified model: the identification.json of a report.",
 )
 @click.option(
     "--simulation",
     "simulated",
     multiple=True,
     metavar="RUN",
-    help="A recording of a simulation that was driven as the RUNs; may be repeated.",
+    help="Recording of a simulation driven like the RUNs; may be repeated.",
 )
 @click.option(
     "--hold-out",
     "held_out",
     multiple=True,
     metavar="RUN",
-    help="A run that fit and choice must not see; may be repeated (else: doublets).",
+    help="Run kept out of the fit, to check the result; may be repeated (default: the doublets).",
 )
-@click.option("--only", type=EFFECTS, default=(), help="The only candidates to try.")
-@click.option("--without", type=EFFECTS, default=(), help="Candidates to leave out.")
+@click.option("--only", type=EFFECTS, default=(), help="Test only these effects.")
+@click.option("--without", type=EFFECTS, default=(), help="Do not test these effects.")
 @click.option(
     "--time-limit",
     type=click.FloatRange(1),
     metavar="S",
-    help="End after this time with what was found until then.",
+    help="Stop after this time and report the findings so far.",
 )
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the bootstrap.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Random seed of the bootstrap."
+)
 @reading_options
 @click.option(
     "--out",
     required=True,
     type=click.Path(file_okay=False),
     metavar="DIR",
-    help="Folder of the report; made if it is not there.",
+    help="Folder of the report; created if missing.",
 )
-@click.option(
-    "--json", "as_json", is_flag=True, help="diagnosis.json on stdout; the tables then go to stderr."
-)
+@click.option("--json", "as_json", is_flag=True, help="Print diagnosis.json on stdout; tables go to stderr.")
 def diagnose(
     runs: tuple[str, ...],
     vehicle_file: str | None,
@@ -91,11 +87,11 @@ def diagnose(
     out: str,
     as_json: bool,
 ) -> None:
-    """Say what the model leaves out of the recorded RUNs: where, what, how much, and on what evidence.
+    """Find physical effects in the recorded RUNs that the model leaves out: where, size and evidence.
 
-    RUN is a .BIN, a .tlog, a .csv (with --columns), log.BIN+log.tlog, or a session's folder. Two
-    amplitudes and two speeds tell most effects apart; `rover-sweep plan` says which. Ctrl-C ends with what
-    was found until then, and with exit code 130.
+    RUN is a .BIN, a .tlog, a .csv (with --columns), log.BIN+log.tlog, or a session's folder. Runs at two
+    amplitudes and two speeds separate most effects; `rover-sweep plan` shows which. Ctrl-C reports the
+    findings so far and exits with code 130.
     """
     from rover_sweep.api.diagnosis_input import material
     from rover_sweep.api.read import Reading, load
@@ -129,7 +125,7 @@ def _settings(
     from rover_sweep.diagnosis.settings import DiagnosisSettings
 
     if model_file and simulated:
-        raise UsageError("--model and --simulation are two simulations; give one of them")
+        raise UsageError("--model and --simulation are alternatives; give only one of them")
     limit = time_limit_of(time_limit)
     name, values = nominal_of(Path(model_file), baseline) if model_file else (baseline or "roll-yaw", {})
     chosen, left_out = candidates_left(only, without, None if simulated else name)

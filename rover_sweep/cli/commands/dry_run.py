@@ -1,4 +1,4 @@
-"""`rover-sweep dry-run`: the whole job on a simulated rover, from switch 6 to three models and a report."""
+"""`rover-sweep dry-run`: the whole workflow on a simulated rover, from switch 6 to the report."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.driving.rover_numbers import SIMULATORS, own_numbers, rover_text, variants, vehicle_in
+from rover_sweep.cli.driving.rover_numbers import SIMULATORS, rover_text, truth_view, variants, vehicle_in
 from rover_sweep.cli.types.manoeuvres import ManoeuvreType
 from rover_sweep.cli.types.options import NumberRange, output_options
 from rover_sweep.cli.types.which_vehicle import access_options
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     "--out",
     type=click.Path(file_okay=False),
     metavar="DIR",
-    help="Folder for all that comes of it. [default: dry-run, else dry-run-2, ...]",
+    help="Folder for recordings and report. [default: dry-run, else dry-run-2, ...]",
 )
 @click.option(
     "--vehicle",
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     default="embedded",
     show_default=True,
     type=click.Choice(SIMULATORS),
-    help="The embedded rover, or the real firmware in SITL before the same physics.",
+    help="The embedded rover, or the real firmware in SITL with the same physics.",
 )
 @click.option(
     "--ardurover",
@@ -41,13 +41,11 @@ if TYPE_CHECKING:
     help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
 )
 @click.option(
-    "--connect",
-    metavar="URL",
-    help="A vehicle that runs already: tcp:HOST:PORT, udp:HOST:PORT or a serial port.",
+    "--connect", metavar="URL", help="Use a running vehicle: tcp:HOST:PORT, udp:HOST:PORT or a serial port."
 )
 @access_options
 @click.option(
-    "--arm-and-drive", is_flag=True, help="With --connect: let this program arm and drive that vehicle."
+    "--arm-and-drive", is_flag=True, help="With --connect: allow this program to arm and drive that vehicle."
 )
 @click.option(
     "--rover-file",
@@ -70,36 +68,50 @@ if TYPE_CHECKING:
     metavar="US",
     help="Amplitude of the first sweep, up to 200 us; the second has twice that.",
 )
-@click.option("--wmin", type=NumberRange(0, min_open=True), default=0.3, show_default=True, metavar="RAD/S")
-@click.option("--wmax", type=NumberRange(0, min_open=True), default=25.0, show_default=True, metavar="RAD/S")
+@click.option(
+    "--wmin",
+    type=NumberRange(0, min_open=True),
+    default=0.3,
+    show_default=True,
+    metavar="RAD/S",
+    help="Lowest frequency.",
+)
+@click.option(
+    "--wmax",
+    type=NumberRange(0, min_open=True),
+    default=25.0,
+    show_default=True,
+    metavar="RAD/S",
+    help="Highest frequency.",
+)
 @click.option(
     "--trec",
     type=NumberRange(0, min_open=True),
     default=55.0,
     show_default=True,
     metavar="S",
-    help="Length of the law between the two.",
+    help="Sweep duration T_rec.",
 )
 @click.option(
     "--multisine",
     "multisines",
     type=ManoeuvreType(Multisine),
     multiple=True,
-    help="A further run: peak in us, rad/s, s; shows 2nd and 3rd harmonics at once.",
+    help="Additional multisine: peak in us, rad/s, s; shows 2nd and 3rd harmonics.",
 )
 @click.option(
     "--bias-sweep",
     "bias_sweeps",
     type=ManoeuvreType(BiasSweep),
     multiple=True,
-    help="A further run: a sweep about a steering offset in us, e.g. 80,100.",
+    help="Additional sweep about a steering offset in us, e.g. 80,100.",
 )
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
     default=1,
     show_default=True,
-    help="Of noise and road; the timing of messages still varies from run to run.",
+    help="Random seed of noise and road; message timing still varies.",
 )
 @output_options
 def dry_run(
@@ -121,14 +133,14 @@ def dry_run(
     as_json: bool,
     verbose: bool,
 ) -> None:
-    """Do the whole job on a simulated rover: no hardware, about half a minute.
+    """Run the whole workflow on a simulated rover: no hardware, about half a minute.
 
     Starts the embedded rover, talks MAVLink to it over a loopback socket, uploads the sweep, arms,
     throws switch 6, records, judges the coherence after each run, drives a sweep at two amplitudes and
     a doublet, identifies the bicycle, roll-yaw and lumped models, verifies them on the doublet and
     writes a report.
     """
-    from rover_sweep.cli.driving.shared import driven, identified_session
+    from rover_sweep.cli.driving.session_display import identify_session, show_session
     from rover_sweep.cli.types.folders import session_folder
     from rover_sweep.session.dry_run import DryRun
     from rover_sweep.session.dry_run import dry_run as drive
@@ -146,12 +158,12 @@ def dry_run(
         url=connect,
         consent=arm_and_drive,
     )
-    _ = settings.plan  # refuses in words before anything is written
+    _ = settings.plan  # raises a usage error before anything is written
     text = None if rover_file else rover_text(variant)
     folder = session_folder(out, "dry-run", also=() if rover_file else ("rover.toml",))
     rover = vehicle_in(folder, rover_file, text)
-    session = driven(drive(settings, folder, access), folder)
-    identified_session(session, rover, as_json, verbose, None if settings.url else own_numbers(variant))
+    session = show_session(drive(settings, folder, access), folder)
+    identify_session(session, rover, as_json, verbose, None if settings.url else truth_view(variant))
 
 
 def _sweep(amplitude: float, wmin: float, wmax: float, trec: float) -> Any:

@@ -1,4 +1,4 @@
-"""`rover-sweep export`: a model for python-control, MATLAB, anything that reads JSON, or the simulation."""
+"""`rover-sweep export`: write a model for python-control, MATLAB, any JSON reader, or the simulation."""
 
 from __future__ import annotations
 
@@ -17,40 +17,40 @@ FORMATS = {".json": "json", ".m": "matlab", ".py": "python", ".mat": "mat"}
 JUDGED_GOOD = ("good", "acceptable", "none", "explained")
 
 
-@click.command(short_help="A model for MATLAB, python-control, the simulated rover, or as JSON.")
+@click.command(short_help="Export a model for MATLAB, python-control, the simulated rover, or as JSON.")
 @click.argument("place", metavar="DIR|FILE", type=click.Path())
 @click.option(
     "--model",
     "name",
     metavar="NAME",
-    help="bicycle, roll-yaw, lumped or kinematic; the recommended one if not said.",
+    help="bicycle, roll-yaw, lumped or kinematic. [default: the recommended one]",
 )
 @click.option(
     "--format",
     "form",
     type=click.Choice(["json", "matlab", "python", "mat"]),
-    help="By the suffix of FILE if not said; json without a FILE.",
+    help="Output format. [default: from the suffix of FILE; json without FILE]",
 )
 @click.option(
     "--speed",
     type=NumberRange(0.1, 50),
     metavar="M/S",
-    help="Another speed than that of the runs (not for the lumped model).",
+    help="Speed of the model, if not that of the runs (not for the lumped model).",
 )
 @click.option(
-    "--plant", is_flag=True, help="A diagnosis' model as a simulated rover: the file that --variant takes."
+    "--plant", is_flag=True, help="Export the model of a diagnosis as a simulated rover, for --variant."
 )
-@click.option("-o", "--output", metavar="FILE", default="-", help="Where to write; stdout if not said.")
+@click.option("-o", "--output", metavar="FILE", default="-", help="File to write. [default: stdout]")
 def export(
     place: str, name: str | None, form: str | None, speed: float | None, plant: bool, output: str
 ) -> None:
-    """Export a model out of DIR, the report folder of `identify` or `diagnose`, or out of a diagnosis.json.
+    """Export a model from DIR, the report folder of `identify` or `diagnose`, or from a diagnosis.json.
 
-    Of a diagnosis' model goes out what is linear, and words on what is not; --plant takes all of it.
+    From a diagnosis, exports the linear part of the model and describes the rest; --plant exports all of it.
 
-    Continuous-time A, B, C, D (and M, F, G, H0, H1), names and units of states, input and outputs, the
-    input's delay tau, and the sensors' low-passes apart: they belong to the instruments, not to the rover.
-    The python form computes responses with numpy alone; its system() needs `pip install control`.
+    Writes continuous-time A, B, C, D (and M, F, G, H0, H1), names and units of states, input and outputs,
+    and the input delay tau. The sensors' low-pass filters are listed separately: they are not part of the
+    rover. The python file computes responses with numpy alone; its system() needs `pip install control`.
     """
     if plant:
         _plant(Path(place), (name, form, speed), output)
@@ -58,7 +58,7 @@ def export(
     model = _model(Path(place), name, speed)
     content = _content(model, form or _by_suffix(output))
     if isinstance(content, bytes) and output == "-":
-        raise UsageError("a .mat file does not go to the terminal; give a file with -o FILE.mat")
+        raise UsageError("a .mat file is binary and cannot go to stdout; give a file with -o FILE.mat")
     _write(output, content, f"{model['model']} model at {model['speed_m_s']:.3g} m/s")
     if output != "-" and model["verdict"] not in JUDGED_GOOD:
         judged = "diagnosis" if model.get("augmented") else "fit"
@@ -66,14 +66,12 @@ def export(
 
 
 def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
-    """The variant of the simulated rover that a diagnosis' model is."""
+    """Write the diagnosed model as a variant of the simulated rover (TOML)."""
     from rover_sweep.api.export import diagnosis_file, model_of
     from rover_sweep.report.export.plant_variant import variant_text
 
     if any(option is not None for option in other):
-        raise UsageError(
-            "--plant is a form of its own, at any speed: leave --model, --format and --speed out"
-        )
+        raise UsageError("--plant always writes TOML for any speed; remove --model, --format and --speed")
     if output != "-" and Path(output).suffix.lower() != ".toml":
         raise UsageError(f"{output}: a simulated rover is a TOML file; give a name that ends in .toml")
     found = diagnosis_file(place)
@@ -86,7 +84,7 @@ def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
 
 
 def _model(place: Path, name: str | None, speed: float | None) -> dict[str, Any]:
-    """An identified model where there is one, else a diagnosis'."""
+    """The identified model of a report, else the linear part of a diagnosed one."""
     from rover_sweep.api.export import diagnosis_file, exported
 
     folder = _report(place)
@@ -94,13 +92,13 @@ def _model(place: Path, name: str | None, speed: float | None) -> dict[str, Any]
     if found is not None and not (folder / "identification.json").is_file():
         return exported(found, name, speed)
     if place.is_file():
-        raise UsageError(f"{place} is no diagnosis.json; of `identify` give the folder of its report")
+        raise UsageError(f"{place} is not a diagnosis.json; for a model of `identify` give its report folder")
     model = _load(folder, name)
     return model if speed is None else _moved(model, speed)
 
 
 def _write(output: str, content: str | bytes, what: str) -> None:
-    """To stdout, which takes text alone, or into a file, with a word on it."""
+    """Write to stdout (text only) or into a file; for a file, `what` is reported on stderr."""
     from rover_sweep.files.replaced import write_file
 
     if output == "-":
@@ -108,7 +106,7 @@ def _write(output: str, content: str | bytes, what: str) -> None:
         return
     path = Path(output)
     if not path.parent.is_dir():
-        raise UsageError(f"there is no folder {path.parent} to write {path.name} into; make it")
+        raise UsageError(f"cannot write {path.name}: there is no folder {path.parent}; create it")
     write_file(path, content)
     echo(f"{what} written to {output}", err=True)
 
@@ -118,7 +116,7 @@ def _by_suffix(output: str) -> str:
     if output != "-" and suffix not in FORMATS:
         said = suffix or "no suffix"
         raise UsageError(
-            f"{output}: no format goes with {said}; say --format, or end it in .json, .m, .mat, .py"
+            f"{output}: no format is known for {said}; give --format, or use .json, .m, .mat or .py"
         )
     return FORMATS.get(suffix, "json")
 
@@ -137,7 +135,7 @@ def _content(model: dict[str, Any], form: str) -> str | bytes:
 
 
 def _report(directory: Path) -> Path:
-    """The folder itself, or its report/ where that is what holds the identification."""
+    """The folder itself, or its subfolder report/ if the identification is there."""
     inside = directory / "report"
     here = (directory / "identification.json").is_file()
     return inside if not here and (inside / "identification.json").is_file() else directory
@@ -149,14 +147,14 @@ def _load(directory: Path, name: str | None) -> dict[str, Any]:
     wanted = name or document.get("recommended")
     there = sorted(p.stem for p in (directory / "models").glob("*.json"))
     if wanted is None:
-        raise DataRefused(f"{directory}: no model was recommended; say which with --model {'|'.join(there)}")
+        raise DataRefused(f"{directory}: no model is recommended; choose one with --model {'|'.join(there)}")
     if wanted not in there:
         raise _absent(directory, wanted, there, document)
     return _read(directory / "models" / f"{wanted}.json", f"{wanted}.json cannot be read; run identify again")
 
 
 def _absent(directory: Path, wanted: str, there: list[str], document: dict[str, Any]) -> Exception:
-    """Why a model is not there: refused, rejected, or never asked for."""
+    """The error for a model that the report lacks: refused, rejected, or not requested."""
     reasons = dict(document.get("refused", {}))
     for model, entry in document.get("models", {}).items():
         reasons.setdefault(model, "; ".join(entry.get("verdict", {}).get("sentences", [])[:1]))
@@ -183,6 +181,6 @@ def _moved(model: dict[str, Any], speed: float) -> dict[str, Any]:
     if model["model"] == "lumped":
         there = f"{model['speed_m_s']:.3g} m/s"
         raise UsageError(
-            f"the lumped model holds at {there} alone; take the roll-yaw or bicycle model for --speed"
+            f"the lumped model is valid only at {there}; use the roll-yaw or bicycle model with --speed"
         )
     return at_speed(model, speed)

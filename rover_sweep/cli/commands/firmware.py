@@ -1,4 +1,4 @@
-"""`rover-sweep firmware`: what the autopilot needs - applet and parameters - shown, checked, installed."""
+"""`rover-sweep firmware`: write, check or install the Lua applet and the parameters on the autopilot."""
 
 from __future__ import annotations
 
@@ -20,21 +20,19 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.setup.survey import Survey, SurveyedParameter
 
 NAMES = ("identification", "raw_imu")
-_output = click.option(
-    "-o", "--output", default="-", metavar="FILE", help="Where to write; stdout if not said."
-)
+_output = click.option("-o", "--output", default="-", metavar="FILE", help="File to write. [default: stdout]")
 _name = click.argument("name", type=click.Choice(NAMES), default=NAMES[0])
 
 
 @click.group()
 def firmware() -> None:
-    """What the autopilot needs: the Lua applet that drives the sweep, and parameters with a reason each."""
+    """Set up the autopilot: the Lua applet that drives the sweep, and the parameters with their reasons."""
 
 
 @firmware.command(short_help="Write the Lua applet.")
 @_output
 def applet(output: str) -> None:
-    """Write the Lua applet; it belongs into APM/scripts on the autopilot's card."""
+    """Write the Lua applet; copy it to APM/scripts on the autopilot's SD card."""
     from firmware_params.applet_parameters import applet_source
     from rover_sweep.cli.types.text_file import write_text
 
@@ -45,20 +43,20 @@ def applet(output: str) -> None:
 @_name
 @_output
 def params(name: str, output: str) -> None:
-    """Write a parameter file for any ground station: identification, or raw_imu on top of it."""
+    """Write a parameter file for any ground station: identification, or raw_imu in addition to it."""
     from firmware_params.param_files import shipped
     from rover_sweep.cli.types.text_file import write_text
 
     write_text(output, shipped(name).read_text(encoding="utf-8"))
 
 
-@firmware.command(short_help="Compare a rover with what is needed; changes nothing.")
+@firmware.command(short_help="Check a rover's applet and parameters; changes nothing.")
 @_name
 @connect_option
 def check(name: str, connect: str, access: Access) -> int:
-    """Compare a rover's parameters and its applet with what is needed. Changes nothing.
+    """Compare a rover's parameters and applet with the required ones. Changes nothing.
 
-    Exit code 0 if everything fits, 1 if something does not.
+    Exit code 0 if everything matches, 1 if not.
     """
     from rover_sweep.vehicle.setup.survey import survey
 
@@ -68,15 +66,15 @@ def check(name: str, connect: str, access: Access) -> int:
     return 0 if found.fits else 1
 
 
-@firmware.command(short_help="Bring applet and parameters onto a rover, after asking.")
+@firmware.command(short_help="Install applet and parameters on a rover, after asking.")
 @_name
 @connect_option
-@click.option("--yes", is_flag=True, help="Do not ask, not before a reboot either.")
+@click.option("--yes", is_flag=True, help="Do not ask, not even before a reboot.")
 def install(name: str, connect: str, access: Access, yes: bool) -> int:
-    """Bring the applet (by MAVLink FTP) and the parameters onto a rover.
+    """Install the applet (by MAVLink FTP) and the parameters on a rover.
 
-    Shows first what differs, and asks; asks again before a reboot. The rover must be disarmed. Exit code
-    0 if everything fits afterwards, 1 if something does not.
+    Shows the differences and asks first; asks again before a reboot. The rover must be disarmed. Exit code
+    0 if everything matches afterwards, 1 if not.
     """
     from firmware_params.applet_parameters import applet_path
     from rover_sweep.cli.views.display import PlainDisplay
@@ -85,14 +83,14 @@ def install(name: str, connect: str, access: Access, yes: bool) -> int:
     from rover_sweep.vehicle.setup.survey import survey
 
     if not yes and not sys.stdin.isatty():
-        raise UsageError("there is no terminal to ask at: give --yes to install without questions")
+        raise UsageError("cannot ask, stdin is not a terminal; give --yes to install without questions")
     wanted = _wanted(name)
     with unkept_link(connect, access) as link:
         found = survey(link, wanted)
         _show(found, whole=False)
         if found.fits:
             return 0
-        if not yes and not confirmed(f"Make {found.vehicle.firmware} fit?"):
+        if not yes and not confirmed(f"Install on {found.vehicle.firmware}?"):
             return 1
 
         display = PlainDisplay(narration(), talk=True)
@@ -110,7 +108,7 @@ def _wanted(name: str) -> tuple[WantedParameter, ...]:
 
 
 def _show(found: Survey, whole: bool = True) -> None:
-    """The table, whole or of what does not fit, and a verdict on stdout."""
+    """Print all parameters (or those that differ), the state of the applet and the verdict on stdout."""
     from rich.text import Text
 
     from rover_sweep.cli.views.output import results
@@ -121,9 +119,9 @@ def _show(found: Survey, whole: bool = True) -> None:
     console.print(Text(found.applet.sentence, "" if found.applet.fits else "yellow"))
     wrong = sum(not p.fits for p in found.parameters)
     if found.fits:
-        console.print(f"{found.vehicle.firmware} has everything", style="green")
+        console.print(f"{found.vehicle.firmware} has everything needed", style="green")
     elif wrong:
-        console.print(f"{wrong} of {len(found.parameters)} parameters do not fit", style="yellow")
+        console.print(f"{wrong} of {len(found.parameters)} parameters do not match", style="yellow")
 
 
 def _table(rows: Sequence[SurveyedParameter]) -> RenderableType:

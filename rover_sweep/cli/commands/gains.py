@@ -1,4 +1,4 @@
-"""`rover-sweep gains`: the steering controller's gains out of an identified model."""
+"""`rover-sweep gains`: compute the steering controller's gains from an identified model."""
 
 from __future__ import annotations
 
@@ -19,35 +19,38 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.link.access import Access
 
 
-@click.command(short_help="Steering gains for the autopilot out of an identified model.")
+@click.command(short_help="Compute steering gains for the autopilot from an identified model.")
 @click.argument("place", metavar="IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path())
 @click.option(
-    "--speed",
-    type=NumberRange(0.1, 50),
-    metavar="M/S",
-    help="Speed they are for; that of the runs if not said.",
+    "--speed", type=NumberRange(0.1, 50), metavar="M/S", help="Design speed. [default: that of the runs]"
 )
 @click.option(
-    "--model", "name", metavar="NAME", help="roll-yaw, bicycle or kinematic; the recommended one if not said."
+    "--model", "name", metavar="NAME", help="roll-yaw, bicycle or kinematic. [default: the recommended one]"
 )
 @click.option(
     "--vehicle",
     "vehicle_file",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="Vehicle file with rad_per_us, where the identification has none.",
+    help="Vehicle file with rad_per_us, if the identification has none.",
 )
 @click.option(
-    "--now", type=click.Path(dir_okay=False), metavar="FILE.param|LOG.BIN", help="What the vehicle flies now."
+    "--now",
+    type=click.Path(dir_okay=False),
+    metavar="FILE.param|LOG.BIN",
+    help="Current parameters of the vehicle, to compare.",
 )
 @click.option(
-    "--connect", "url", metavar="URL", help="The same, read from the vehicle; nothing is changed on it."
+    "--connect", "url", metavar="URL", help="Read the current parameters from the vehicle; changes nothing."
 )
 @access_options
 @click.option(
-    "--out", type=click.Path(dir_okay=False), metavar="FILE.param", help="Write the proposal as parameters."
+    "--out",
+    type=click.Path(dir_okay=False),
+    metavar="FILE.param",
+    help="Write the proposed parameters to this file.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Everything as JSON on stdout.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON on stdout.")
 def gains(
     place: str,
     speed: float | None,
@@ -61,16 +64,17 @@ def gains(
 ) -> None:
     """Compute ATC_STR_RAT_FF, P, I, D and IMAX from the report of `identify`, `run` or `diagnose`.
 
-    With gain and phase margins, the step they will show, the speeds at which they hold, and the same for what
-    the vehicle flies now. P and I keep 6 dB and 45 deg for every rover within the parameters' intervals, from
-    the speed over 1.5 to 1.5 times it; the firmware's scaling with speed (MOT_SPD_SCA_BASE) is part of the
-    loop. What the identification does not carry is said, and then no file is written.
+    Shows gain and phase margins, the predicted step response, the valid speed range, and the same for the
+    current parameters. P and I keep margins of 6 dB and 45 deg for all parameter values within their 90 %
+    intervals, from speed/1.5 to 1.5 speed. The loop includes the firmware's scaling with speed
+    (MOT_SPD_SCA_BASE). If the identification does not support gains, the reasons are shown and no file is
+    written.
 
     \b
     rover-sweep gains report --now log.BIN --speed 2.5 --out gains.param
 
-    Nothing is changed on a vehicle: load the file with a ground station, and try it with the wheels off the
-    ground first.
+    Nothing is changed on a vehicle. Load the file with a ground station, and test it first with the wheels
+    off the ground.
     """
     from rover_sweep.api.gains import steering_gains
     from rover_sweep.cli.views.output import echo_json, narration, results
@@ -89,16 +93,16 @@ def gains(
 
 
 def _flown(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
-    """The vehicle's parameters out of a file or over a link; none where neither is given."""
+    """The vehicle's current parameters, from a file or over a link; empty if neither is given."""
     from rover_sweep.api.gains import parameters_of
 
     if now and url:
-        raise UsageError("--now and --connect both say what the vehicle flies; give one of them")
+        raise UsageError("--now and --connect both give the current parameters; give only one of them")
     return parameters_of(Path(now)) if now else _parameters_over(url, access) if url else {}
 
 
 def _parameters_over(url: str, access: Access) -> dict[str, float]:
-    """Those of a vehicle; only reads."""
+    """The steering parameters read from a vehicle; nothing is written to it."""
     from rover_sweep.cli.types.vehicle_link import unkept_link
     from rover_sweep.gains.steering_chain import DEFAULTS, SERVO_DEFAULTS, SERVO_OUTPUTS
     from rover_sweep.vehicle.parameters.read_write import read_present
@@ -114,13 +118,13 @@ def _parameters_over(url: str, access: Access) -> dict[str, float]:
 
 
 def _write(proposal: Proposal, path: Path) -> str:
-    """Writes the file, or says why not."""
+    """Write the file; returns a sentence that it was written, or why not."""
     from rover_sweep.files.replaced import write_file
     from rover_sweep.gains.write_param_file import param_text
 
     if proposal.proposed is None:
-        return f"{path} was not written: there is nothing to propose"
+        return f"{path} was not written: there are no gains to propose"
     if not path.parent.is_dir():
-        raise UsageError(f"there is no folder {path.parent} to write {path.name} into; make it")
+        raise UsageError(f"cannot write {path.name}: there is no folder {path.parent}; create it")
     write_file(path, param_text(proposal))
     return f"parameters written to {path}"

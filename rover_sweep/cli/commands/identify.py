@@ -1,4 +1,4 @@
-"""`rover-sweep identify`: recorded runs in, identified models and a report out."""
+"""`rover-sweep identify`: identify models from recorded runs and write a report."""
 
 from __future__ import annotations
 
@@ -41,16 +41,22 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
     "verify_runs",
     multiple=True,
     metavar="RUN",
-    help="A run that the fit must not see, such as a doublet; may be repeated.",
+    help="Run for verification only, such as a doublet; may be repeated.",
 )
-@click.option("--models", type=ChoicesType(MODELS), default=",".join(MODELS), show_default=True)
+@click.option(
+    "--models",
+    type=ChoicesType(MODELS),
+    default=",".join(MODELS),
+    show_default=True,
+    help="Models to identify.",
+)
 @click.option(
     "--fit",
     "fitted",
     type=ChoicesType(OUTPUTS),
     default="r,ay,p",
     show_default=True,
-    help="Responses that the fit uses; all four are reported.",
+    help="Responses used in the fit; all four are reported.",
 )
 @click.option(
     "--structure",
@@ -58,40 +64,42 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
     type=click.Path(dir_okay=False),
     multiple=True,
     metavar="FILE",
-    help="A structure of your own (TOML), fitted beside the models; may be repeated.",
+    help="Additional model structure of your own (TOML); may be repeated.",
 )
 @click.option(
     "--condition-on",
     "condition_on",
     multiple=True,
     metavar="CHANNEL",
-    help="What else moves the rover, e.g. throttle: taken out of the responses.",
+    help="Second input whose effect is removed from the responses, e.g. throttle.",
 )
-@click.option("--untied", is_flag=True, help="Free Cf and Cr each, in place of one C for both axles.")
-@click.option("--no-reduction", is_flag=True, help="Keep every free parameter, told by the data or not.")
+@click.option("--untied", is_flag=True, help="Fit Cf and Cr separately instead of one C for both axles.")
+@click.option(
+    "--no-reduction", is_flag=True, help="Keep all parameters, even those the data cannot determine."
+)
 @click.option(
     "--keep",
     multiple=True,
     metavar="NAME",
-    help="A parameter that the structure reduction leaves free, e.g. Ixx or Y_phi.",
+    help="Parameter that the structure reduction keeps free, e.g. Ixx or Y_phi.",
 )
 @click.option(
     "--band",
     "bands",
     type=BandType(),
     multiple=True,
-    help="Usable band of a response in place of the one found from its coherence.",
+    help="Frequency band used of a response, rad/s. [default: from its coherence]",
 )
 @click.option("--wmin", type=NumberRange(0, min_open=True), metavar="RAD/S", help="Lowest swept frequency.")
 @click.option("--wmax", type=NumberRange(0, min_open=True), metavar="RAD/S", help="Highest swept frequency.")
-@click.option("--windows", type=NumbersType(), metavar="S,S,...", help="Window lengths, s.")
+@click.option("--windows", type=NumbersType(), metavar="S,S,...", help="Window lengths of the spectra, s.")
 @click.option(
     "--bootstrap",
     type=click.IntRange(min=0),
     default=200,
     show_default=True,
     metavar="N",
-    help="Replicates for the 90 % intervals of the parameters; 0: no intervals.",
+    help="Number of replicates for the 90 % intervals of the parameters; 0: no intervals.",
 )
 @reading_options
 @click.option(
@@ -99,7 +107,7 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
     required=True,
     type=click.Path(file_okay=False),
     metavar="DIR",
-    help="Folder of the report; made if it is not there.",
+    help="Folder of the report; created if missing.",
 )
 @output_options
 def identify(
@@ -128,9 +136,9 @@ def identify(
 ) -> None:
     """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
 
-    RUN is a .BIN, a .tlog, a .csv (with --columns), a pair of both logs of one drive as
-    log.BIN+log.tlog, or the folder of a session. Several runs are used together. Doublets among
-    them verify the models unless --verify names runs for that.
+    RUN is a .BIN, a .tlog, a .csv (with --columns), both logs of one drive as log.BIN+log.tlog, or a
+    session's folder. Several runs are fitted together. Doublets among them are used to verify the models,
+    unless --verify names other runs.
     """
     from rover_sweep.api.identify_settings import parameter_names
     from rover_sweep.api.read import Reading, load

@@ -29,7 +29,7 @@ from rover_sweep.data.vehicle_file import Measured, Vehicle, load, set_number
 from rover_sweep.errors import DataRefused, UsageError
 
 MASS = MeasuredType(0.05, 5000, "kg", "give kilograms")
-LEAST_GYRATION = 0.1  # of the wheelbase: about the roll axis of a narrow rover it may be as little
+LEAST_GYRATION = 0.1  # of the wheelbase; a narrow rover may come this low about its roll axis
 LENGTH = MeasuredType(0.05, 20, "m", "give metres")
 
 
@@ -39,49 +39,49 @@ LENGTH = MeasuredType(0.05, 20, "m", "give metres")
     type=click.Choice(["yaw", "roll"]),
     default="yaw",
     show_default=True,
-    help="Which axis hung vertical.",
+    help="Axis of the rover that is vertical in the test.",
 )
 @click.option(
-    "--mass", type=MASS, help="Mass hung, kg. [default for yaw: mass of the file of --vehicle or --write]"
+    "--mass",
+    type=MASS,
+    help="Mass on the wires, kg. [default for yaw: mass in the --vehicle or --write file]",
 )
-@click.option("--length", type=LENGTH, required=True, help="h, length of the wires from clamp to clamp, m.")
-@click.option("--spacing", type=LENGTH, required=True, help="d, distance between the two wires, m.")
+@click.option("--length", type=LENGTH, required=True, help="h, length of the wires between the clamps, m.")
+@click.option("--spacing", type=LENGTH, required=True, help="d, distance between the wires, m.")
 @click.option(
-    "--times", type=TimesType(), required=True, help="Times of the turning swing, each for --swings swings."
-)
-@click.option(
-    "--swings",
-    type=click.IntRange(1),
-    default=1,
-    show_default=True,
-    help="Full swings, there and back, in each time.",
+    "--times", type=TimesType(), required=True, help="Times of the twisting swing, each for --swings swings."
 )
 @click.option(
-    "--check-times", type=TimesType(), help="Times of the swing to and fro in the plane of the wires."
+    "--swings", type=click.IntRange(1), default=1, show_default=True, help="Full periods in each time."
 )
+@click.option("--check-times", type=TimesType(), help="Times of the swing in the plane of the wires.")
 @click.option(
-    "--check-swings", type=click.IntRange(1), help="Full swings in each of them. [default: --swings]"
+    "--check-swings", type=click.IntRange(1), help="Full periods in each check time. [default: --swings]"
 )
-@click.option("--rig-mass", type=MASS, help="Mass of a board or cradle that carried the rover, kg.")
-@click.option("--rig-times", type=TimesType(), help="Times of the rig swung alone, each for --swings swings.")
+@click.option("--rig-mass", type=MASS, help="Mass of a board or cradle under the rover, kg.")
+@click.option(
+    "--rig-times", type=TimesType(), help="Times of the rig without the rover, each for --swings swings."
+)
 @click.option(
     "--timer-sd",
     type=NumberRange(0, 5),
     default=0.2,
     show_default=True,
-    help="Uncertainty of one timing, s; 0.2 by hand.",
+    help="Standard deviation of one time, s; 0.2 by hand.",
 )
 @click.option(
     "--vehicle",
     "vehicle_path",
     type=click.Path(dir_okay=False),
-    help="Vehicle file to take the mass from and compare with.",
+    help="Vehicle file that gives the mass, for comparison.",
 )
 @click.option(
-    "--write", type=click.Path(dir_okay=False), help="Vehicle file to write the result into; comments stay."
+    "--write",
+    type=click.Path(dir_okay=False),
+    help="Vehicle file to write the result into; keeps its comments.",
 )
-@click.option("--force", is_flag=True, help="With --write: write a test that is not good, too.")
-@click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
+@click.option("--force", is_flag=True, help="With --write: write the result even if a check fails.")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout.")
 def inertia(
     axis: Axis,
     mass: Measured | None,
@@ -99,12 +99,12 @@ def inertia(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Moment of inertia from a swing test.
+    """Compute a moment of inertia from a swing test.
 
-    Hang the rover on two parallel vertical wires of the same length, one on either side of its CG. First
-    swing it to and fro in the plane of the wires: that must give 9.81 m/s^2 (--check-times). Then turn it
-    by a few degrees about the vertical, let go, and time the swings (--times). Numbers may carry their
-    uncertainty, as in --length 1.200+-0.003.
+    Hang the rover on two parallel vertical wires of the same length, one on each side of its CG. First
+    swing it in the plane of the wires and time the swings (--check-times): they must give 9.81 m/s^2. Then
+    twist it by a few degrees about the vertical, release it, and time the swings (--times). A number may
+    have a standard deviation, as in --length 1.200+-0.003.
 
     \b
     rover-sweep inertia --mass 2.66+-0.005 --length 1.200+-0.003 --spacing 0.300+-0.001 \\
@@ -120,8 +120,8 @@ def inertia(
     result = moment_of_inertia(test)
     if result.moment.value <= 0:
         raise UsageError(
-            "the rig alone comes out with more inertia than rover and rig together "
-            f"({result.moment.value:.3g} kg m^2 is left): are --times and --rig-times exchanged?"
+            "the rig has more inertia than rover and rig together "
+            f"(difference {result.moment.value:.3g} kg m^2); check --times and --rig-times"
         )
     swing = Swings(check_times, check_swings or swings, timer_sd).period if check_times else None
     check = gravity_check(length, swing) if swing else None
@@ -137,7 +137,7 @@ def inertia(
         faults = _faults(check, gyration)
         if faults and not force:
             raise DataRefused(
-                f"not written into {write}: {'; '.join(faults)}; swing again (--force writes it)"
+                f"not written into {write}: {'; '.join(faults)}; repeat the test, or use --force"
             )
         set_number(write, KEY[axis], rounded(result.moment))
         echo(
@@ -150,50 +150,52 @@ def _mass(axis: Axis, mass: Measured | None, rover: Vehicle | None) -> Measured:
         return mass
     if axis == "roll":
         raise click.UsageError(
-            "--mass is missing: for the roll axis say what hung there, "
-            "at best the chassis without wheels and axles"
+            "--mass is missing: for the roll axis give the mass on the wires, "
+            "preferably the chassis without wheels and axles"
         )
     if rover is None:
-        raise click.UsageError("--mass is missing, and no --vehicle file was given to take it from")
+        raise click.UsageError("--mass is missing; give it, or a --vehicle file that has the mass")
     return rover.mass
 
 
 def _against(axis: Axis, hung: Measured, rover: Vehicle | None) -> list[str]:
-    """What the vehicle file says to it."""
+    """Remarks where the mass on the wires differs from the vehicle file."""
     whole_body = (
         "roll_inertia is that of the sprung mass about its own CG: swing the chassis without wheels and "
-        "axles, or take this as an upper bound"
+        "axles, or use this value as an upper bound"
     )
     if rover is None:
-        return [f"{whole_body} if the whole vehicle hung there"] if axis == "roll" else []
+        return [f"{whole_body} if the whole vehicle was on the wires"] if axis == "roll" else []
     said = []
     expected = rover.mass if axis == "yaw" else rover.sprung_mass
     if expected and abs(hung.value / expected.value - 1) > 0.02:
         what = "mass" if axis == "yaw" else "sprung_mass"
-        said.append(f"{hung.value:g} kg hung there, but the vehicle file says {what} = {expected.value:g} kg")
+        said.append(
+            f"the mass on the wires is {hung.value:g} kg; the vehicle file has {what} = {expected.value:g} kg"
+        )
         if axis == "roll":
             said.append(whole_body)
     return said
 
 
 def _gyration(result: Inertia, rover: Vehicle | None) -> str:
-    """What is wrong with the radius of gyration beside the wheelbase, '' if nothing or not known."""
+    """A sentence if the radius of gyration is implausible for the wheelbase, else ''."""
     if rover is None:
         return ""
     share = result.radius_of_gyration / rover.wheelbase
     if LEAST_GYRATION <= share <= 1:
         return ""
     return (
-        f"a radius of gyration of {result.radius_of_gyration:.2g} m is {share:.2g} times the wheelbase of "
-        f"{rover.wheelbase:.3g} m, and {LEAST_GYRATION:g} to 1 is possible: check the units, the number of "
-        "swings, and which period is which"
+        f"the radius of gyration {result.radius_of_gyration:.2g} m is {share:.2g} times the wheelbase "
+        f"{rover.wheelbase:.3g} m (possible: {LEAST_GYRATION:g} to 1); check the units, the number of "
+        "swings, and that --times and --check-times are not swapped"
     )
 
 
 def _faults(check: GravityCheck | None, gyration: str) -> list[str]:
-    """Why a test is no measurement, in words; empty if nothing speaks against it."""
+    """The failed checks of a test, as sentences; empty if all passed."""
     failed = check is not None and not check.passed
-    words = f"g comes out {check.percent:+.1f} % off" if check is not None and failed else ""
+    words = f"g is {check.percent:+.1f} % off" if check is not None and failed else ""
     return [fault for fault in (words, gyration) if fault]
 
 
@@ -210,7 +212,7 @@ def _print(
     percent = 100 * (result.moment.sd or 0.0) / result.moment.value
     echo(f"Swing test, {axis} axis: {AXES[axis]}\n")
     if check is not None:
-        verdict = "fine" if check.passed else "NOT GOOD"
+        verdict = "passed" if check.passed else "FAILED"
         echo(f"  g, equation (1)      {rounded(check.gravity)} m/s^2, {check.percent:+.1f} %: {verdict}")
     echo(f"  period               {rounded(test.period)} s ({times} x {swings} swings)")
     echo(f"  inertia, eq. (2)     {moment} kg m^2 ({percent:.1f} %)")
@@ -219,7 +221,7 @@ def _print(
     echo(f"  uncertainty from     {', '.join(f'{n} {100 * s:.0f} %' for n, s in shares if s >= 0.005)}\n")
     for text in said:
         echo(bullet("!", text))
-    echo("\nHolds for")
+    echo("\nValid for")
     for text in CAVEATS:
         echo(bullet("-", text))
 

@@ -1,4 +1,4 @@
-"""`rover-sweep logs`: the autopilot's own logs, listed and fetched."""
+"""`rover-sweep logs`: list and download the autopilot's logs."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.logs.fetch import FetchedFile
     from rover_sweep.vehicle.sources import Via
 
-_via = via_option("Library that fetches; the same bytes come either way.")
+_via = via_option("Library used for the download; the result is the same.")
 
 
 @click.group()
 def logs() -> None:
-    """The autopilot's own logs, over the link; only of a disarmed rover."""
+    """List and download the autopilot's logs over the link. The rover must be disarmed."""
 
 
-@logs.command("list", short_help="Which logs are on the card.")
+@logs.command("list", short_help="List the logs on the SD card.")
 @connect_option
 @json_option
 @_via
 def list_(connect: str, access: Access, as_json: bool, via: Via) -> None:
-    """List the logs on the card, oldest first."""
+    """List the logs on the SD card, oldest first."""
     from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.vehicle.sources import log_source
 
     with unkept_link(connect, access) as link:
         entries = log_source(link, via).logs()
     if as_json:
-        echo_json(json.dumps({"logs": [_told(e) for e in entries]}, indent=2))
+        echo_json(json.dumps({"logs": [_log_document(e) for e in entries]}, indent=2))
         return
     console = results()
     if not entries:
@@ -46,20 +46,24 @@ def list_(connect: str, access: Access, as_json: bool, via: Via) -> None:
         console.print(f"{entry.number:5}  {entry.size / 1e6:9.2f} MB  {_when(entry)}", markup=False)
 
 
-@logs.command(short_help="Bring logs here: a number, latest or all.")
+@logs.command(short_help="Download logs: a number, latest or all.")
 @click.argument("which", metavar="[NUMBER|latest|all]", default="latest")
 @connect_option
 @click.option(
-    "--out", type=click.Path(file_okay=False), default=".", metavar="DIR", help="Folder; here if not said."
+    "--out",
+    type=click.Path(file_okay=False),
+    default=".",
+    metavar="DIR",
+    help="Folder to save into. [default: here]",
 )
 @json_option
 @_via
 def fetch(which: str, connect: str, access: Access, out: str, as_json: bool, via: Via) -> None:
-    """Bring logs here as log<NUMBER>.BIN; what is here already is not fetched again.
+    """Download logs as log<NUMBER>.BIN; a log that is already here is not downloaded again.
 
-    latest: the last one that may hold a drive, not the stump that the autopilot begins after a download.
-    An interrupted download goes on where it ended. Size and, where the autopilot has MAVLink FTP, the
-    checksum are compared with the file on the card. The rover must be disarmed.
+    latest: the last log that may contain a drive; skips the short log that the autopilot starts after a
+    download. An interrupted download continues where it stopped. The size and, if the autopilot has MAVLink
+    FTP, the checksum are compared with the file on the card. The rover must be disarmed.
     """
     from rover_sweep.cli.types.folders import check_writable
     from rover_sweep.cli.views.output import echo, echo_json, results
@@ -80,33 +84,33 @@ def fetch(which: str, connect: str, access: Access, out: str, as_json: bool, via
                 last = tenth
                 echo(f"log {event.number}: {event.done / 1e6:.1f} of {event.total / 1e6:.1f} MB", err=True)
     if as_json:
-        echo_json(json.dumps({"logs": [_file(f) for f in fetched]}, indent=2))
+        echo_json(json.dumps({"logs": [_file_document(f) for f in fetched]}, indent=2))
 
 
 def _sentence(f: FetchedFile) -> str:
-    how = "checksum as on the card" if f.checked else "size as on the card; it told no checksum"
+    how = "checksum matches the card" if f.checked else "size matches the card; no checksum available"
     if not f.seconds:
-        return f"{f.path} was here already ({how})"
+        return f"{f.path} is already here ({how})"
     return (
         f"{f.path}: {f.size / 1e6:.2f} MB in {f.seconds:.1f} s, {f.size / 1e6 / f.seconds:.2f} MB/s ({how})"
     )
 
 
-def _file(f: FetchedFile) -> dict[str, object]:
+def _file_document(f: FetchedFile) -> dict[str, object]:
     import hashlib
 
     with f.path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    told = {"number": f.number, "path": str(f.path), "size": f.size, "seconds": f.seconds}
-    return told | {"checked": f.checked, "sha256": digest}
+    document = {"number": f.number, "path": str(f.path), "size": f.size, "seconds": f.seconds}
+    return document | {"checked": f.checked, "sha256": digest}
 
 
-def _told(entry: LogEntry) -> dict[str, object]:
+def _log_document(entry: LogEntry) -> dict[str, object]:
     return {"number": entry.number, "size": entry.size, "time_utc": entry.time_utc}
 
 
 def _when(entry: LogEntry) -> str:
-    """In UTC; a log that began before the GPS told the time has none."""
+    """Start time in UTC; "-" for a log that began before GPS time was available."""
     return (
         datetime.fromtimestamp(entry.time_utc, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
         if entry.time_utc

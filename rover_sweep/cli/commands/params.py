@@ -1,4 +1,4 @@
-"""`rover-sweep params`: a rover's parameters compared with a file, set from it, written into one."""
+"""`rover-sweep params`: compare a rover's parameters with a file, set them, or save them."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.link.link import Link
     from rover_sweep.vehicle.sources import Via
 
-_via = via_option("Library that reads and writes; the same values come either way.")
+_via = via_option("Library used to read and write; the result is the same.")
 _file = click.argument("file", metavar="[FILE]", default="identification")
-_NOTES = Path()  # the note on a reboot that is due lies where the command is given
+_NOTES = Path()  # folder of reboot-pending.json: the current one
 
 
 @click.group()
 def params() -> None:
-    """A rover's parameters against a .param file: of this program (identification, raw_imu) or your own.
+    """Compare or set a rover's parameters from a .param file: identification, raw_imu or your own file.
 
-    What a rover counts by itself (STAT_BOOTCNT and its like) is neither compared nor set.
+    Counters of the rover such as STAT_BOOTCNT are neither compared nor set.
     """
 
 
-@params.command(short_help="What differs; changes nothing.")
+@params.command(short_help="Show the differences; changes nothing.")
 @_file
 @connect_option
 @json_option
@@ -48,25 +48,25 @@ def diff(file: str, connect: str, access: Access, as_json: bool, via: Via) -> in
     with unkept_link(connect, access) as link:
         found = _differences(link, wanted, via)
     if as_json:
-        echo_json(json.dumps({"file": file, "differences": [_told(d) for d in found]}, indent=2))
+        echo_json(json.dumps({"file": file, "differences": [_document(d) for d in found]}, indent=2))
     else:
         _show(found, file)
     return 1 if found else 0
 
 
-@params.command(short_help="Set what differs, after asking.")
+@params.command(short_help="Set the parameters that differ, after asking.")
 @_file
 @connect_option
-@click.option("--yes", is_flag=True, help="Do not ask, not before a reboot either.")
+@click.option("--yes", is_flag=True, help="Do not ask, not even before a reboot.")
 @json_option
 @_via
 def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via: Via) -> int:
-    """Set what differs from FILE; every value is read back and compared.
+    """Set the parameters that differ from FILE; every value is read back and compared.
 
-    Shows first what differs, and asks; asks again before a reboot. Interrupted, it goes on when it is
-    called again: a reboot that is still due is noted in reboot-pending.json here. A parameter that the
-    rover does not have, or that does not stay as it was set, is told, and the others are set. The rover
-    must be disarmed. Exit code 0 if nothing differs afterwards and no reboot is due, 1 else.
+    Shows the differences and asks first; asks again before a reboot. After an interruption, run it again: a
+    pending reboot is noted in reboot-pending.json in the current folder. Missing or rejected parameters are
+    reported; the rest are set. The rover must be disarmed. Exit code 0 if nothing differs afterwards and no
+    reboot is pending, else 1.
     """
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.cli.views.output import narration
@@ -77,7 +77,7 @@ def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via:
     from rover_sweep.vehicle.sources import parameter_source
 
     if not yes and not sys.stdin.isatty():
-        raise UsageError("there is no terminal to ask at: give --yes to set them without questions")
+        raise UsageError("cannot ask, stdin is not a terminal; give --yes to set them without questions")
     wanted, was_set = wanted_of(file), list[ParameterSet]()
     with unkept_link(connect, access) as link:
         found = _differences(link, wanted, via)
@@ -91,18 +91,22 @@ def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via:
             was_set += [event] if isinstance(event, ParameterSet) else []
         left, due = _differences(link, wanted, via) if found else [], waiting(link, _NOTES)
     if as_json:
-        told = {"file": file, "set": [asdict(e) for e in was_set], "differences": [_told(d) for d in left]}
-        echo_json(json.dumps(told | {"reboot_due": list(due)}, indent=2))
+        document = {
+            "file": file,
+            "set": [asdict(e) for e in was_set],
+            "differences": [_document(d) for d in left],
+        }
+        echo_json(json.dumps(document | {"reboot_due": list(due)}, indent=2))
     return 1 if left or due else 0
 
 
-@params.command(short_help="Write all of the rover's parameters into a file.")
+@params.command(short_help="Save all parameters of the rover to a file.")
 @click.argument("file", metavar="[FILE]", default="-")
 @connect_option
 @json_option
 @_via
 def pull(file: str, connect: str, access: Access, as_json: bool, via: Via) -> None:
-    """Write all parameters of the rover into FILE (default: stdout), as any ground station reads them."""
+    """Save all parameters of the rover to FILE (default: stdout), in the format of the ground stations."""
     from rover_sweep.cli.types.text_file import refuse_no_folder, write_text
     from rover_sweep.vehicle.identity import identify_vehicle
     from rover_sweep.vehicle.parameters.read_write import await_booted
@@ -110,20 +114,20 @@ def pull(file: str, connect: str, access: Access, as_json: bool, via: Via) -> No
 
     refuse_no_folder(file)
     if file != "-" and Path(file).is_file():
-        raise UsageError(f"{file} is there already and is kept; give another name")
+        raise UsageError(f"{file} already exists; give another name")
     with unkept_link(connect, access) as link:
         vehicle = identify_vehicle(link)
         await_booted(link, _wait)
         values = dict(sorted(parameter_source(link, via).read_all().items()))
-    told = f"{len(values)} parameters of {vehicle.firmware}"
+    summary = f"{len(values)} parameters of {vehicle.firmware}"
     if file != "-" or not as_json:
-        write_text(file, "\n".join([f"# {told} ({vehicle.git_hash})", *_lines(values), ""]), told)
+        write_text(file, "\n".join([f"# {summary} ({vehicle.git_hash})", *_lines(values), ""]), summary)
     if as_json:
         echo_json(json.dumps({"firmware": vehicle.firmware, "parameters": values}, indent=2))
 
 
 def _lines(values: dict[str, float]) -> Iterator[str]:
-    """NAME VALUE, with as many digits as bring the same float32 back."""
+    """Lines "NAME VALUE", with enough digits to restore the same float32."""
     for name, value in values.items():
         yield f"{name} {value:.0f}" if value.is_integer() and abs(value) < 1e9 else f"{name} {value:.9g}"
 
@@ -139,23 +143,23 @@ def _differences(link: Link, wanted: Sequence[WantedParameter], via: Via) -> lis
     if not one_by_one:
         await_booted(link, _wait)
     has = {} if one_by_one else parameter_source(link, via).read_all()
-    # A list leaves out what lies behind a switch that is off, such as SCR_HEAP_SIZE behind SCR_ENABLE.
+    # The full list omits parameters of a disabled feature, such as SCR_HEAP_SIZE with SCR_ENABLE 0.
     has |= read_present(link, [p.name for p in wanted if p.name not in has])
     return list(compare(has, wanted))
 
 
 def _wait(seconds: float) -> None:
-    echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its whole list", err=True)
+    echo(f"the rover has just booted: waiting up to {seconds:.0f} s for its full parameter list", err=True)
 
 
-_FEW = 100  # parameters that are asked for one by one; all 1300 come in the time of 30
+_FEW = 100  # below this, parameters are read one by one; reading all 1300 takes as long as 30 of them
 
 
-def _told(d: Difference) -> dict[str, object]:
+def _document(d: Difference) -> dict[str, object]:
     from rover_sweep.vehicle.setup.push import needs_reboot
 
-    told = {"name": d.name, "wanted": d.wanted, "found": d.found, "reason": d.reason}
-    return told | {"reboot": needs_reboot(d.name, d.needs_reboot)}
+    document = {"name": d.name, "wanted": d.wanted, "found": d.found, "reason": d.reason}
+    return document | {"reboot": needs_reboot(d.name, d.needs_reboot)}
 
 
 def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None:
@@ -167,7 +171,7 @@ def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None
 
     console = results(as_json)
     if not found:
-        console.print(f"the rover has everything of {file}", style="green", markup=False)
+        console.print(f"all parameters of {file} are set on the rover", style="green", markup=False)
         return
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
     for heading in ("parameter", "rover", "file", "reboot", "why"):

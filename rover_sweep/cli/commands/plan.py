@@ -1,4 +1,4 @@
-"""`rover-sweep plan`: which effects a set of runs can tell apart, before or after it is driven."""
+"""`rover-sweep plan`: which effects a set of runs can detect and separate, before or after driving."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 
 _NUMBER = r"[0-9]+\.?[0-9]*"
-MOST_US, MOST_SPEED = 500, 30  # what a servo output and an applet take
+MOST_US, MOST_SPEED = 500, 30  # us from trim and m/s: limits of the servo output and of the applet
 _RUN = re.compile(rf"({_NUMBER})(?:([+-]{_NUMBER}))?@({_NUMBER})(?:@(-?{_NUMBER}))?")
 
 
 class PlannedRunType(click.ParamType):
-    """A run as AMPLITUDE@SPEED, us and m/s; with a heading 150@2.4@90; about a bias 100+150@2.4."""
+    """A run as AMPLITUDE@SPEED in us and m/s; with a heading in deg 150@2.4@90; with a bias 100+150@2.4."""
 
     def __init__(self, kind: str) -> None:
         self.kind = kind
@@ -34,18 +34,18 @@ class PlannedRunType(click.ParamType):
 
     @property
     def biased(self) -> bool:
-        """Does the run need a bias."""
+        """True for a bias sweep, which needs a bias."""
         return self.kind == "bias_sweep"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> PlannedRun:
-        """The run; a usage error that says how it is written."""
+        """The run; a usage error that shows the correct form."""
         from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 
         if isinstance(value, PlannedRun):
             return value
         found = _RUN.fullmatch(str(value).strip())
         if not found or (found[2] is not None) != self.biased:
-            self.fail(self._slip(str(value).strip()), param, ctx)
+            self.fail(self._mistake(str(value).strip()), param, ctx)
         amplitude, bias, speed = float(found[1]), float(found[2] or 0.0), float(found[3])
         if not (amplitude >= 1 and amplitude + abs(bias) <= MOST_US and 0 < speed <= MOST_SPEED):
             peak = ", bias included" if self.biased else ""
@@ -57,21 +57,21 @@ class PlannedRunType(click.ParamType):
         heading = float(found[4]) % 360.0 if found[4] else None
         return PlannedRun(self.kind, amplitude, speed, heading, bias)  # type: ignore[arg-type]
 
-    def _slip(self, value: str) -> str:
-        """What is wrong with a run, and how it is written."""
+    def _mistake(self, value: str) -> str:
+        """The mistake in a run's text, and the correct form."""
         example = "100+150@2.4" if self.biased else "150@2.4"
         written = f"write it as {example}, us and m/s (@90 for a heading)"
         if re.fullmatch(rf"{_NUMBER}([+-]{_NUMBER})?", value):
             return f"{value!r} has no speed; {written}"
         if value.startswith("-"):
-            return f"{value!r} has a negative amplitude, which is a peak; {written}"
+            return f"{value!r} has a negative amplitude; give the peak, which is positive; {written}"
         if "," in value:
             return f"{value!r} has a decimal comma; {written}"
         if self.biased and "@" in value and not re.search(r"[0-9][+-][0-9]", value):
             return f"{value!r} has no bias; {written}"
         if not self.biased and re.match(rf"{_NUMBER}[+-]", value):
-            return f"{value!r} has a bias, which is for --bias-sweep; {written}"
-        return f"{value!r} is no run; {written}"
+            return f"{value!r} has a bias, which only --bias-sweep takes; {written}"
+        return f"{value!r} is not a run; {written}"
 
 
 def _run_option(name: str, kind: str, words: str) -> Any:
@@ -86,24 +86,22 @@ def _run_option(name: str, kind: str, words: str) -> Any:
     metavar="FILE",
     help="Vehicle file (default: rover.toml here).",
 )
-@click.option("--have", multiple=True, metavar="RUN", help="A run that was driven; may be repeated.")
-@_run_option("--sweep", "sweep", "A sweep of this peak and speed, us and m/s")
-@_run_option("--doublet", "doublet", "A doublet")
-@_run_option("--bias-sweep", "bias_sweep", "A sweep about a steering bias, as 100+150@2.4")
-@_run_option("--multisine", "multisine", "An odd/even multisine, which shows harmonics")
+@click.option("--have", multiple=True, metavar="RUN", help="A run already driven; may be repeated.")
+@_run_option("--sweep", "sweep", "Sweep with this peak (us) and speed (m/s)")
+@_run_option("--doublet", "doublet", "Doublet")
+@_run_option("--bias-sweep", "bias_sweep", "Sweep about a steering bias, as 100+150@2.4")
+@_run_option("--multisine", "multisine", "Odd/even multisine, which shows harmonics")
 @click.option(
     "--servo-test",
     "servo_test",
     multiple=True,
     type=NumberRange(1, MOST_US),
     metavar="US",
-    help="The wheel's angle measured on blocks while a sweep of this peak runs.",
+    help="Sweep of this peak on blocks with the wheel angle measured.",
 )
-@click.option(
-    "--want", type=EFFECTS, default=(), help="Only these effects must be found and told from all others."
-)
+@click.option("--want", type=EFFECTS, default=(), help="Only these effects must be detected and separated.")
 @reading_options
-@click.option("--json", "as_json", is_flag=True, help="The plan as JSON on stdout.")
+@click.option("--json", "as_json", is_flag=True, help="Print the plan as JSON on stdout.")
 def plan(
     vehicle_file: str | None,
     have: tuple[str, ...],
@@ -119,14 +117,14 @@ def plan(
     system: int | None,
     as_json: bool,
 ) -> None:
-    """Say which effects a set of runs tells apart, and propose the fewest runs that do.
+    """Show which effects a set of runs can separate, and propose the smallest set that separates them.
 
     \b
     rover-sweep plan --vehicle rover.toml --sweep 120@2.4 --sweep 240@2.4 --doublet 150@2.4
     rover-sweep plan --vehicle rover.toml --have run1.BIN --have run2.BIN --want tyre_saturation,load_transfer
 
-    Equal runs are repeats, which tell noise from distortion. Without any run it proposes a first set. Two
-    effects are told apart at twice the size at which either is found.
+    Equal runs count as repeats, which separate noise from distortion. Without any run, a first set is
+    proposed. Two effects count as separated at twice their detectable sizes.
     """
     from rover_sweep.api.diagnosis_input import effects_named
     from rover_sweep.api.plan import as_planned, merged, planned
@@ -138,7 +136,7 @@ def plan(
 
     wanted = effects_named(want)
     vehicle = load_vehicle(Path(vehicle_path(vehicle_file, have)))
-    vehicle.steering()  # refuses in words before anything is read
+    vehicle.steering()  # raises here if the file has no steering gain, before anything is read
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
     driven = load(have, vehicle, reading) if have else ()
     refuse_overlap(driven, ())
@@ -146,7 +144,7 @@ def plan(
     runs = merged(
         [*(as_planned(run, vehicle) for run in driven), *sweep, *doublet, *bias_sweep, *multisine, *blocks]
     )
-    with narration().status("looking at what these runs can tell apart") as status:
+    with narration().status("computing which effects these runs separate") as status:
         found = planned(
             runs, vehicle, wanted, driven, lambda what, share: status.update(f"{100 * share:3.0f} %  {what}")
         )

@@ -1,4 +1,4 @@
-"""`rover-sweep preflight`: what must be right before a run, and one thing of it put right."""
+"""`rover-sweep preflight`: check the rover before a run, and fix single checks on request."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yell
     "names",
     multiple=True,
     metavar="NAME",
-    help="Put this check right, e.g. --fix parameters. May be repeated.",
+    help="Fix this check, e.g. --fix parameters; may be repeated.",
 )
 @click.option(
     "--w-max",
     type=NumberRange(0, min_open=True),
     metavar="RAD/S",
-    help="Top of the sweep to come. [default: the applet's]",
+    help="Highest frequency of the planned sweep. [default: the applet's]",
 )
 @click.option(
     "--out",
     type=click.Path(file_okay=False),
     default=".",
     metavar="DIR",
-    help="Folder of the recordings to come; here if not said.",
+    help="Folder for the recordings. [default: here]",
 )
-@click.option("--yes", is_flag=True, help="Do not ask before something is changed or the rover rebooted.")
+@click.option("--yes", is_flag=True, help="Do not ask before a change or a reboot.")
 @json_option
 def preflight(
     connect: str,
@@ -59,11 +59,11 @@ def preflight(
     yes: bool,
     as_json: bool,
 ) -> int:
-    """Look at everything that must be right before a run: firmware, applet, parameters, rates, filters,
+    """Check everything needed before a run: firmware, applet, parameters, rates, filters,
     streams, clock, log, disk, battery, GPS, EKF, radio, switch, mode.
 
-    Changes nothing; --fix does, after asking, and looks again afterwards. Nothing moves or arms. Exit code
-    0 if nothing is bad, 1 if something is.
+    Changes nothing, except with --fix, which asks first and checks again afterwards. Nothing moves or arms.
+    Exit code 0 if no check is bad, else 1.
     """
     from rover_sweep.vehicle.preflight.all_checks import NAMES
     from rover_sweep.vehicle.preflight.all_checks import preflight as look
@@ -72,7 +72,7 @@ def preflight(
         if name not in NAMES:
             raise UsageError(f"there is no check {name!r}; there are {', '.join(NAMES)}")
     if names and not yes and not sys.stdin.isatty():
-        raise UsageError("there is no terminal to ask at: give --yes to put it right without questions")
+        raise UsageError("cannot ask, stdin is not a terminal; give --yes to fix without questions")
     folder = Path(out)
     with unkept_link(connect, access) as link:
         checks = look(link, folder, w_max)
@@ -94,7 +94,7 @@ def _fix(link: Link, checks: Sequence[Check], name: str, folder: Path, yes: bool
     console = narration()
     check = next((c for c in checks if c.name == name), None)
     if check is None or check.remedy is None:
-        console.print(f"{name}: nothing to put right", markup=False)
+        console.print(f"{name}: nothing to fix", markup=False)
         return
     if not check.remedy.by_hand and not yes and not confirmed(f"{name}: {check.remedy.words}?"):
         return
@@ -104,7 +104,7 @@ def _fix(link: Link, checks: Sequence[Check], name: str, folder: Path, yes: bool
 
 
 def _show(checks: Sequence[Check]) -> None:
-    """One line a check; what is not good has its sentence and its remedy below."""
+    """Print one line per check; below one that is not good, its sentence and its remedy."""
     from rich.text import Text
 
     from rover_sweep.cli.views.output import results
@@ -122,5 +122,5 @@ def _show(checks: Sequence[Check]) -> None:
                 key = "by hand" if check.remedy.by_hand else f"--fix {check.name}"
                 console.print(Text(f"  {key}: {check.remedy.words}", "cyan"), soft_wrap=True)
     bad = sum(check.state == "bad" for check in checks)
-    words = f"{bad} of {len(checks)} must be put right" if bad else "nothing stands in the way of a run"
+    words = f"{bad} of {len(checks)} checks must be fixed" if bad else "ready for a run"
     console.print(words, style="red" if bad else "green")

@@ -1,4 +1,4 @@
-"""`rover-sweep redrive`: a log's own steering and speed through a simulation, recorded like a drive."""
+"""`rover-sweep redrive`: repeat a log's steering and speed in a simulation, recorded like a drive."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
     default="plant",
     show_default=True,
     type=click.Choice(("plant", "embedded", "ardurover")),
-    help="The physics alone, the embedded rover, or the real firmware in SITL before the same physics.",
+    help="Only the physics, the embedded rover, or the real firmware in SITL with the same physics.",
 )
 @click.option(
     "--variant",
     default="nominal",
     show_default=True,
     metavar="NAME|FILE",
-    help="Physics of the simulated rover: a name as in dry-run, or a TOML file; its table "
-    "[effects] switches physics on that is not nominal.",
+    help="Physics of the simulated rover: a name as in dry-run, or a TOML file, whose table "
+    "[effects] adds effects to the nominal physics.",
 )
 @click.option(
     "--rover-file",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="rover.toml, whose masses, lengths and steering replace the variant's.",
+    help="rover.toml; its masses, lengths and steering replace those of the variant.",
 )
 @click.option(
     "--ardurover",
@@ -52,22 +52,20 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
     metavar="FILE",
     help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of noise and road.")
 @click.option(
-    "--out",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    required=True,
-    help="The recording to write (.BIN).",
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Random seed of noise and road."
+)
+@click.option(
+    "--out", type=click.Path(dir_okay=False), metavar="FILE", required=True, help="Recording to write (.BIN)."
 )
 def redrive(
     log: str, simulator: str, variant: str, rover_file: str | None, ardurover: str | None, seed: int, out: str
 ) -> None:
-    """Drive LOG once more in a simulation: its steering PWM at its times, its speed followed.
+    """Repeat LOG in a simulation: the same steering PWM at the same times, at the same speed.
 
-    What comes out is a recording that every command reads like LOG, on LOG's clock, so that
-    `rover-sweep diagnose LOG --simulation OUT` can tell where field and simulation differ. The plant
-    takes about a second a drive; the firmware drives in real time.
+    Writes a recording on LOG's clock that every command reads like LOG. Use it in
+    `rover-sweep diagnose LOG --simulation OUT` to find where field and simulation differ. The plant
+    takes about one second per drive; the firmware runs in real time.
     """
     from rover_sweep.cli.views.output import narration
     from rover_sweep.redrive.recorded_course import course_of
@@ -83,7 +81,7 @@ def redrive(
     console.print(
         f"{simulator}, {described(parameters, variant, rover_file)}", highlight=False, soft_wrap=True
     )
-    with _made_whole(target) as made:
+    with _complete_file(target) as made:
         if simulator == "plant":
             from sitl.redrive.open_loop import redrive as drive
 
@@ -97,12 +95,12 @@ def redrive(
             binary = Path(ardurover) if ardurover else None
             for line in played(course, parameters, made, simulator, binary, seed):
                 console.print(line, soft_wrap=True, markup=False)
-    _tell(runs, target)
+    _show_speeds(runs, target)
 
 
 @contextmanager
-def _made_whole(target: Path) -> Iterator[Path]:
-    """Where to write the recording; it is put at the target whole or, with a UsageError, not at all."""
+def _complete_file(target: Path) -> Iterator[Path]:
+    """Yields the path to write; the target then gets the complete file or, with a UsageError, none."""
     from rover_sweep.files.replaced import write_file
 
     try:
@@ -113,7 +111,7 @@ def _made_whole(target: Path) -> Iterator[Path]:
         if error.errno not in _NO_ROOM:
             raise
         where = f"{target} cannot be written: {error.strerror} in {tempfile.gettempdir()}"
-        raise UsageError(f"{where}; make room there, or set TMPDIR to another place") from error
+        raise UsageError(f"{where}; free space there, or set TMPDIR to another folder") from error
     write_file(target, data)
 
 
@@ -122,32 +120,32 @@ def _target(out: str, log: str) -> Path:
     if path.suffix.lower() != ".bin":
         raise UsageError(f"--out {out}: the recording is a DataFlash log; give a name that ends in .BIN")
     if path.exists():
-        raise UsageError(f"--out {out} is there already; give another name")
+        raise UsageError(f"--out {out} already exists; give another name")
     if not path.parent.is_dir():
         raise UsageError(f"--out {out}: there is no folder {path.parent}")
     return path
 
 
 def _runs(source: str) -> Sequence[Recording]:
-    """The runs of the log; DataRefused, as everywhere, where there is none."""
+    """The runs of the log; DataRefused if there is none."""
     from rover_sweep.logs.read import read_runs
 
     return read_runs(source)
 
 
 def _one_log(source: str) -> Log:
-    """The drive to repeat; refused where the source holds several."""
+    """The log to repeat; UsageError if the source holds several."""
     from rover_sweep.logs.read import read_logs
     from rover_sweep.logs.readers.implausible import screened
 
     logs = read_logs(source)
     if len(logs) != 1:
-        raise UsageError(f"{source} holds {len(logs)} logs; part them and give one")
+        raise UsageError(f"{source} holds {len(logs)} logs; give a source with only one")
     return screened(logs[0])
 
 
-def _tell(runs: Sequence[Recording], target: Path) -> None:
-    """How the speeds of both recordings agree, read back as every command will read them."""
+def _show_speeds(runs: Sequence[Recording], target: Path) -> None:
+    """Print the difference of the two recordings' speeds; the new one is read back from the file."""
     import numpy as np
 
     from rover_sweep.cli.views.output import results
@@ -159,8 +157,9 @@ def _tell(runs: Sequence[Recording], target: Path) -> None:
         speed = run.manoeuvre("speed")
         off = again["speed"].on(speed.t) - speed.x
         console.print(
-            f"{run.name}: {run.span[1] - run.span[0]:.1f} s at {run.mean_speed:.2f} m/s; the simulated speed "
-            f"is off by {np.mean(off):+.3f} m/s, rms {np.sqrt(np.mean(off**2)):.3f} m/s",
+            f"{run.name}: {run.span[1] - run.span[0]:.1f} s at {run.mean_speed:.2f} m/s; "
+            f"simulated minus recorded speed: mean {np.mean(off):+.3f} m/s, "
+            f"rms {np.sqrt(np.mean(off**2)):.3f} m/s",
             soft_wrap=True,
             markup=False,
         )

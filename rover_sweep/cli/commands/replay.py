@@ -1,4 +1,4 @@
-"""`rover-sweep replay`: a recording through the same screen that a vehicle is driven with."""
+"""`rover-sweep replay`: play a recording on the screen that `session` uses for a vehicle."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     "--speed",
     type=NumberRange(0, min_open=True),
     metavar="X",
-    help="Times real time; 1 on the screen, as fast as it goes as text.",
+    help="Playback speed, times real time. [default: 1 on the screen, unlimited as text]",
 )
 @click.option(
     "--from",
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     type=NumberRange(0),
     default=0.0,
     metavar="S",
-    help="Begin this many seconds after the recording's start.",
+    help="Start this many seconds into the recording.",
 )
-@click.option("--text", is_flag=True, help="Plain lines; so it is without a terminal.")
+@click.option("--text", is_flag=True, help="Plain text (default when not in a terminal).")
 def replay(log: str, speed: float | None, start: float, text: bool) -> None:
-    """Play a .tlog or .BIN: what the screen showed when it was driven, the runs in it and their verdicts.
+    """Play a .tlog or .BIN on the screen of `session`, with its runs and their verdicts.
 
-    Runs are found whether the applet drove them or a person did. Nothing is asked of any vehicle.
+    Finds runs steered by the applet and by hand. No vehicle is contacted.
     """
     from rover_sweep.cli.views.output import narration, results
     from rover_sweep.live.played.played_source import PlayedSource
@@ -51,26 +51,26 @@ def replay(log: str, speed: float | None, start: float, text: bool) -> None:
 
 
 def as_lines(source: PlayedSource) -> None:
-    """The recording to its end, a line for each thing that matters."""
+    """Play the recording to its end as plain text, one line per event."""
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.cli.views.output import results
     from rover_sweep.live.source import Judged, Played
     from rover_sweep.vehicle import events as e
 
-    told: queue.SimpleQueue[Told] = queue.SimpleQueue()
+    messages: queue.SimpleQueue[Told] = queue.SimpleQueue()
     shown = PlainDisplay(results(), talk=True)
     runs = len(source.track.places)
     many = {0: "no run", 1: "1 run"}.get(runs, f"{runs} runs")
     shown.say(f"{source.path.name}: {source.track.length:.1f} s, {many}")
-    source.start(told.put)
+    source.start(messages.put)
     try:
         while True:
-            match told.get():
+            match messages.get():
                 case Played(t, length):
                     if t >= length:
                         return
                 case e.RunFinished(completed=True):
-                    pass  # its verdict follows
+                    pass  # shown with its verdict, which comes next
                 case Judged(verdict):
                     shown.say(f"  {verdict.run}: {verdict.sentence}")
                     for remark in verdict.remarks:

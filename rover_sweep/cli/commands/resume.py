@@ -1,4 +1,4 @@
-"""`rover-sweep resume`: drive what a session left to drive, as `run` does, into the same folder."""
+"""`rover-sweep resume`: drive the remaining runs of a session, as `run` does, into the same folder."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _PILOT_PATIENCE = 900.0  # s, as `run` waits for the pilot
     metavar="FILE",
     help="Vehicle file (default: the session's, or rover.toml here).",
 )
-@click.option("--arm", is_flag=True, help="Let this program arm and disarm the rover.")
+@click.option("--arm", is_flag=True, help="Allow this program to arm and disarm the rover.")
 @click.option(
     "--throttle",
     type=click.IntRange(1000, 2000),
     metavar="US",
-    help="With --arm: let this program drive, with this throttle PWM.",
+    help="With --arm: allow this program to drive, with this throttle PWM.",
 )
 @click.option(
     "--throw-switch",
@@ -47,9 +47,9 @@ _PILOT_PATIENCE = 900.0  # s, as `run` waits for the pilot
     flag_value="override",
     type=click.Choice(TRIGGERS),
     default="pilot",
-    help="Let this program throw the applet's switch, as in `run`.",
+    help="Allow this program to operate the applet's switch, as in `run`.",
 )
-@click.option("--no-log", is_flag=True, help="Leave the rover's log on its card.")
+@click.option("--no-log", is_flag=True, help="Do not download the rover's log.")
 @output_options
 def resume(
     folder: Path,
@@ -63,13 +63,13 @@ def resume(
     as_json: bool,
     verbose: bool,
 ) -> None:
-    """Drive what is still to drive of the session in FOLDER, and identify from all of it.
+    """Drive the remaining runs of the session in FOLDER, and identify models from all its runs.
 
-    The applet's limits are those that the session was begun with. Who arms, drives and throws the switch
-    has to be said anew: without --arm, --throttle and --throw-switch all of it is the pilot's. Switch low
-    ends a run at once, without the laptop; Ctrl-C does too.
+    The applet's limits stay as at the start of the session. Permissions are not kept: without --arm,
+    --throttle and --throw-switch the pilot arms, drives and operates the switch. Switch low ends a run at
+    once, without the laptop; so does Ctrl-C.
     """
-    from rover_sweep.cli.driving.shared import driven, identified_session
+    from rover_sweep.cli.driving.session_display import identify_session, show_session
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.session.folder import read
     from rover_sweep.session.session import drive
@@ -85,27 +85,25 @@ def resume(
         from rover_sweep.vehicle.events import RunStarted
 
         if isinstance(event, RunStarted) and arm and sys.stdin.isatty():
-            display.ask(f"{event.name} arms the rover: is the ground free? y starts it, Ctrl-C ends")
+            display.ask(f"{event.name} arms the rover: is the area clear? y starts the run, Ctrl-C stops")
 
     announce(plan, folder)
     events = drive(connect, folder, plan, vehicle_file=path, access=access)
-    session = driven(events, folder, talk=True, go_on=True, answer=answer)
-    identified_session(session, (vehicle, path), as_json, verbose)
+    session = show_session(events, folder, talk=True, go_on=True, answer=answer)
+    identify_session(session, (vehicle, path), as_json, verbose)
 
 
 def _plan(
     content: Content, folder: Path, arm: bool, throttle: int | None, trigger: Trigger, logs: bool
 ) -> SessionPlan:
-    """The session's plan under its limits, with what this program may do now."""
+    """The session's remaining runs with its limits and the permissions given now."""
     from firmware_params.param_files import read, shipped
     from rover_sweep.manoeuvre.applet_values import parameters_of
     from rover_sweep.session.session import SessionPlan
     from rover_sweep.vehicle.run.settings import RunSettings
 
     if not content.to_drive:
-        raise UsageError(
-            f"nothing is left to drive in {folder}; identify it with: rover-sweep identify {folder}"
-        )
+        raise UsageError(f"no runs remain in {folder}; identify models with: rover-sweep identify {folder}")
     extra = dict(content.settings.get("extra", {})) | ({"gcs": 1.0} if throttle is not None else {})
     settings = RunSettings(arm, throttle, trigger, extra, patience=_PILOT_PATIENCE)
     for planned in content.to_drive:

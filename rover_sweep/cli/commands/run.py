@@ -1,4 +1,4 @@
-"""`rover-sweep run`: the sweeps on a real rover, watched, recorded, judged and identified."""
+"""`rover-sweep run`: drive sweeps on a rover, record and check them, and identify models."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.driving.job import TRIGGERS, Job, announce, diagnosed_session, folder_for
+from rover_sweep.cli.driving.job import TRIGGERS, Job, announce, diagnose_session, folder_for
 from rover_sweep.cli.driving.rover_numbers import SIMULATORS
 from rover_sweep.cli.driving.simulated import (
     on_simulated,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.run.controls import Trigger
     from rover_sweep.vehicle.run.settings import RunSettings
 
-_PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disarm at the end
+_PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm, operate the switch, or disarm at the end
 
 
 @click.command()
@@ -43,60 +43,60 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm, to throw the switch, to disar
 @click.option(
     "--vehicle",
     metavar="FILE|embedded|ardurover",
-    help="Vehicle file (default: rover.toml here); or a simulated rover to start.",
+    help="Vehicle file (default: rover.toml here), or the simulated rover to start.",
 )
 @click.option(
     "--sweep",
     "sweeps",
     type=ManoeuvreType(Sweep),
     multiple=True,
-    help="In us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.",
+    help="Sweep in us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.",
 )
 @click.option(
     "--doublet",
     "doublets",
     type=ManoeuvreType(Doublet),
     multiple=True,
-    help="In us and s; the models are verified on it. May be repeated.",
+    help="Doublet in us and s, to verify the models. May be repeated.",
 )
 @click.option(
     "--multisine",
     "multisines",
     type=ManoeuvreType(Multisine),
     multiple=True,
-    help="Peak in us, rad/s, s; shows 2nd and 3rd harmonics at once. May be repeated.",
+    help="Multisine: peak in us, rad/s, s; shows 2nd and 3rd harmonics. May be repeated.",
 )
 @click.option(
     "--bias-sweep",
     "bias_sweeps",
     type=ManoeuvreType(BiasSweep),
     multiple=True,
-    help="A sweep about a steering offset in us, e.g. 80,100. May be repeated.",
+    help="Sweep about a steering offset in us, e.g. 80,100. May be repeated.",
 )
 @click.option(
     "--limit",
     "limits",
     type=LimitType(),
     multiple=True,
-    help="A limit of the applet, e.g. v_max=3; the rover's own if not said.",
+    help="Limit of the applet, e.g. v_max=3. [default: as set on the rover]",
 )
-@click.option("--arm", is_flag=True, help="Let this program arm and disarm the rover.")
+@click.option("--arm", is_flag=True, help="Allow this program to arm and disarm the rover.")
 @click.option(
     "--throttle",
     type=click.IntRange(1000, 2000),
     metavar="US",
-    help="With --arm: let this program drive, with this throttle PWM.",
+    help="With --arm: allow this program to drive, with this throttle PWM.",
 )
 @click.option(
     "--throw-switch",
     is_flag=False,
     flag_value="override",
     type=click.Choice(TRIGGERS),
-    help="Let this program throw the applet's switch, by RC override if nothing is said, or by "
-    "MAV_CMD_DO_AUX_FUNCTION; pilot: it does not.",
+    help="Allow this program to operate the applet's switch: by RC override (default) or by "
+    "MAV_CMD_DO_AUX_FUNCTION (aux); pilot: not allowed.",
 )
-@click.option("--no-log", is_flag=True, help="Leave the rover's log on its card; identify from telemetry.")
-@click.option("--diagnose", is_flag=True, help="Say at the end what the model leaves out of the runs.")
+@click.option("--no-log", is_flag=True, help="Do not download the rover's log; identify from telemetry.")
+@click.option("--diagnose", is_flag=True, help="Run `diagnose` on the runs at the end.")
 @simulation_options
 @click.option(
     "--out",
@@ -124,21 +124,21 @@ def run(
     verbose: bool,
     **simulated: Any,
 ) -> None:
-    """Drive sweeps and doublets on a rover, record them, say whether they are good, and identify from them.
+    """Drive sweeps and doublets on a rover, record them, check their quality, and identify models.
 
-    The pilot arms, drives and throws the switch (RC6_OPTION 300); this program sets the applet's
-    parameters, records, and moves nothing unless --arm, --throttle or --throw-switch say so. Switch low
-    ends a run at once, without the laptop; Ctrl-C does too, and goes on to log and report with the runs
-    that are whole. Without any manoeuvre: two sweeps and a doublet of 150 us.
+    The pilot arms, drives and operates the switch (RC6_OPTION 300). This program sets the applet's
+    parameters and records; it moves nothing without --arm, --throttle or --throw-switch. Switch low ends a
+    run at once, without the laptop. Ctrl-C also ends it, and continues to log and report with the complete
+    runs. Without any manoeuvre given: two sweeps and a doublet of 150 us.
 
     \b
     rover-sweep run --connect /dev/ttyUSB0,57600 --vehicle rover.toml \\
       --sweep 120 --sweep 200,wmax=20 --doublet 150 --out today
 
-    With --vehicle ardurover the whole job is done on the official firmware in simulation: the applet is
-    brought onto it by MAVLink FTP, parameters are set, it is rebooted, armed and driven.
+    With --vehicle ardurover the whole workflow runs on the official firmware in simulation: the program
+    uploads the applet by MAVLink FTP, sets parameters, reboots, arms and drives.
     """
-    from rover_sweep.cli.driving.shared import identified_session
+    from rover_sweep.cli.driving.session_display import identify_session
 
     runs = _planned(sweeps, multisines, bias_sweeps, doublets)
     job = Job(runs, dict(limits), throw_switch, not no_log)
@@ -148,9 +148,9 @@ def run(
     else:
         refuse_without_simulation(connect, simulated)
         rover, session, more = *_on_rover(job, connect or "", access, vehicle, out, arm, throttle), None
-    identified_session(session, rover, as_json, verbose, more)
+    identify_session(session, rover, as_json, verbose, more)
     if diagnose:
-        diagnosed_session(session, rover)
+        diagnose_session(session, rover)
 
 
 def _on_rover(
@@ -162,9 +162,9 @@ def _on_rover(
     arm: bool,
     throttle: int | None,
 ) -> tuple[tuple[Vehicle, Path], SessionFinished]:
-    """The session on a rover behind `connect`; what could only fail after the drive is refused before."""
+    """The session on the rover at `connect`; checks before the drive all that could fail after it."""
     from firmware_params.param_files import read, shipped
-    from rover_sweep.cli.driving.shared import driven
+    from rover_sweep.cli.driving.session_display import show_session
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.manoeuvre.applet_values import parameters_of
     from rover_sweep.session.session import SessionPlan, drive
@@ -185,7 +185,7 @@ def _on_rover(
     announce(plan, folder)
     with RecordedLine(conversation_in(folder)) as line:
         events = drive(connect, folder, plan, line, path, access)
-        session = driven(events, folder, talk=True, go_on=True, answer=_asking(settings), logs=job.logs)
+        session = show_session(events, folder, talk=True, go_on=True, answer=_asking(settings), logs=job.logs)
     return (vehicle, path), session
 
 
@@ -195,7 +195,7 @@ def _planned(
     bias_sweeps: tuple[BiasSweep, ...],
     doublets: tuple[Doublet, ...],
 ) -> tuple[SessionRun, ...]:
-    """Named runs in the order in which they are driven; two sweeps and a doublet if there are none."""
+    """Named runs in driving order; two sweeps and a doublet if no manoeuvre is given."""
     from rover_sweep.session.session import SessionRun
 
     if not (sweeps or multisines or bias_sweeps or doublets):
@@ -209,11 +209,11 @@ def _planned(
 
 
 def _asking(settings: RunSettings) -> Callable[[PlainDisplay, Event], None]:
-    """Where this program arms and somebody sits at the terminal: a question before each run."""
+    """Asks before each run if this program arms the rover and stdin is a terminal."""
     from rover_sweep.vehicle.events import RunStarted
 
     def answer(display: PlainDisplay, event: Event) -> None:
         if isinstance(event, RunStarted) and settings.arm and sys.stdin.isatty():
-            display.ask(f"{event.name} arms the rover: is the ground free? y starts it, Ctrl-C ends")
+            display.ask(f"{event.name} arms the rover: is the area clear? y starts the run, Ctrl-C stops")
 
     return answer

@@ -1,4 +1,4 @@
-"""`rover-sweep session`: the whole afternoon on one screen, keys alone."""
+"""`rover-sweep session`: a whole session in the terminal UI, by single keys."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from rover_sweep.cli.types.which_vehicle import access_options
 if TYPE_CHECKING:
     from rover_sweep.vehicle.link.access import Access
 
-_PILOT_PATIENCE = 900.0  # s for the pilot to arm and to throw the switch, as `rover-sweep run` waits
+_PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm and operate the switch, as in `rover-sweep run`
 
 
 @click.command()
-@click.option("--connect", "url", default="", metavar="URL", help="Put first in the list; as for `run`.")
+@click.option("--connect", "url", default="", metavar="URL", help="URL to list first, as for `run`.")
 @access_options
 @click.option(
     "--vehicle",
     "vehicle_file",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="Vehicle file (default: the session's own, else rover.toml here).",
+    help="Vehicle file (default: the session's, or rover.toml here).",
 )
 @click.option(
     "--out",
@@ -32,25 +32,27 @@ _PILOT_PATIENCE = 900.0  # s for the pilot to arm and to throw the switch, as `r
     default="session",
     show_default=True,
     metavar="FOLDER",
-    help="Folder of the session; one that is there is taken up again.",
+    help="Folder of the session; an existing session is continued.",
 )
 @click.option(
     "--limit",
     "limits",
     type=LimitType(),
     multiple=True,
-    help="A limit of the applet, e.g. v_max=3; the rover's own if not said.",
+    help="Limit of the applet, e.g. v_max=3. [default: as set on the rover]",
 )
 @click.option(
-    "--arm", is_flag=True, help="Let this program arm and disarm the rover; it asks before each run."
+    "--arm", is_flag=True, help="Allow this program to arm and disarm the rover; it asks before each run."
 )
 @click.option(
     "--throttle",
     type=click.IntRange(1000, 2000),
     metavar="US",
-    help="With --arm: let this program drive, with this throttle PWM.",
+    help="With --arm: allow this program to drive, with this throttle PWM.",
 )
-@click.option("--throw-switch", is_flag=True, help="Let this program throw the applet's switch; it asks.")
+@click.option(
+    "--throw-switch", is_flag=True, help="Allow this program to operate the applet's switch; it asks first."
+)
 def session(
     url: str,
     access: Access,
@@ -63,9 +65,9 @@ def session(
 ) -> None:
     """Connect, check, plan, drive, judge, identify and diagnose on one screen, by single keys.
 
-    The pilot arms, drives and throws the switch, unless --arm, --throttle or --throw-switch say that this
-    program may; it then asks before each run. SPACE or ESC end a run at once; without the laptop the switch
-    low, disarming or another mode does.
+    The pilot arms, drives and operates the switch, unless --arm, --throttle or --throw-switch allow this
+    program to do it; it then asks before each run. SPACE or ESC ends a run at once. Without the laptop,
+    switch low, disarming or a mode change ends it.
     """
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.live.vehicle.vehicle_source import VehicleSource
@@ -102,7 +104,7 @@ def session(
 
 
 def _vehicle_path(given: str | None, folder: Path) -> Path | None:
-    """The vehicle file: as given, else that of the session, else rover.toml here, else none."""
+    """The vehicle file: as given, else the session's, else rover.toml here, else None."""
     if given:
         return Path(given)
     return next((p for p in (folder / "rover.toml", Path("rover.toml")) if p.is_file()), None)

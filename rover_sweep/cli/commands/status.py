@@ -1,4 +1,4 @@
-"""`rover-sweep status`: what a session's folder holds, and what is still to drive."""
+"""`rover-sweep status`: the runs in a session's folder, and the runs that remain."""
 
 from __future__ import annotations
 
@@ -21,18 +21,20 @@ _STATES = {"begun": "", "done": "green", "stopped": "yellow", "cut": "yellow"}
 
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="session.json as it stands, and to_drive, on stdout.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print session.json and the remaining runs (to_drive) on stdout."
+)
 def status(folder: Path, as_json: bool) -> None:
-    """Say what was driven in the session in FOLDER, with what verdict, and what is still to drive.
+    """Show the driven runs of the session in FOLDER with their verdicts, and the runs that remain.
 
-    Changes nothing; the session may be under way.
+    Changes nothing; the session may be running.
     """
     from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.session.content import to_json
     from rover_sweep.session.folder import is_session, read
 
     if not is_session(folder):
-        raise UsageError(f"{folder} holds no session: neither session.json nor any .tlog")
+        raise UsageError(f"{folder} is not a session folder: it has neither session.json nor a .tlog")
     content = read(folder)
     if as_json:
         document = to_json(content) | {"to_drive": [run.name for run in content.to_drive]}
@@ -43,9 +45,9 @@ def status(folder: Path, as_json: bool) -> None:
     console.print(f"{folder}: {firmware}, {len(content.runs)} runs, {len(content.logs)} logs", markup=False)
     if content.runs:
         console.print(_table(content))
-    left = ", ".join(f"{run.name} ({_words(run.manoeuvre)})" for run in content.to_drive)
-    told = f"still to drive: {left}" if left else "nothing is left to drive"
-    console.print(told, markup=False, soft_wrap=True)
+    left = ", ".join(f"{run.name} ({_describe(run.manoeuvre)})" for run in content.to_drive)
+    remaining = f"still to drive: {left}" if left else "no runs remain"
+    console.print(remaining, markup=False, soft_wrap=True)
 
 
 def _table(content: Content) -> RenderableType:
@@ -53,23 +55,23 @@ def _table(content: Content) -> RenderableType:
     from rich.text import Text
 
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
-    for heading in ("run", "manoeuvre", "state", "log", "what was said of it"):
-        table.add_column(heading, no_wrap=heading != "what was said of it")
+    for heading in ("run", "manoeuvre", "state", "log", "verdict"):
+        table.add_column(heading, no_wrap=heading != "verdict")
     for run in content.runs:
         held = next((log.file for log in content.logs if run.label in log.runs), "-")
         state = Text(run.state, _STATES[run.state])
-        table.add_row(Text(run.label), _words(run.manoeuvre), state, Text(held), Text(_said(run)))
+        table.add_row(Text(run.label), _describe(run.manoeuvre), state, Text(held), Text(_verdict(run)))
     return table
 
 
-def _said(run: DrivenRun) -> str:
-    """The verdict of a whole run; why another one ended."""
+def _verdict(run: DrivenRun) -> str:
+    """The verdict of a complete run; the reason why another run ended."""
     if run.state != "done":
         return run.reason
-    return str(run.verdict["sentence"]) if run.verdict else "not judged; see coherence"
+    return str(run.verdict["sentence"]) if run.verdict else "not checked; use rover-sweep coherence"
 
 
-def _words(manoeuvre: Manoeuvre | None) -> str:
+def _describe(manoeuvre: Manoeuvre | None) -> str:
     return (
         "unknown" if manoeuvre is None else f"{manoeuvre.kind.replace('_', ' ')} {manoeuvre.amplitude:g} us"
     )

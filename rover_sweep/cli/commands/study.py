@@ -15,16 +15,18 @@ STYLES = {"came out": "green", "came out in part": "cyan", "did not come out": "
     required=True,
     type=click.Path(file_okay=False),
     metavar="DIR",
-    help="Folder for tables, figures and page; made if it is not there.",
+    help="Folder for tables, figures and page; created if missing.",
 )
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of noise and road.")
-@click.option("--json", "as_json", is_flag=True, help="study.json on stdout; the tables then go to stderr.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Random seed of noise and road."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print study.json on stdout; tables go to stderr.")
 def study(out: str, seed: int, as_json: bool) -> None:
     """Repeat the comparison of Ivler, Gowans and Marfise (2022) on a virtual rover with their numbers.
 
-    Drives the sweeps of Table 1 and doublets on asphalt, on artificial grass and at 4 m/s, identifies the
-    bicycle, roll-yaw and lumped models, and sets Tables 2 to 7 and Figures 2, 3, 6, 7 and 8 beside the
-    published ones, with a word on each finding. No hardware; about half a minute.
+    Drives the sweeps of Table 1 and doublets on asphalt, on artificial grass and at 4 m/s, and identifies
+    the bicycle, roll-yaw and lumped models. Compares Tables 2 to 7 and Figures 2, 3, 6, 7 and 8 with the
+    published ones and comments on each finding. No hardware; about half a minute.
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
     from rich.text import Text
@@ -43,12 +45,12 @@ def study(out: str, seed: int, as_json: bool) -> None:
     with Progress(*columns, console=narration(), transient=True) as progress:
         bar = progress.add_task("", total=1.0)
 
-        def told(share: float, what: str) -> None:
+        def report(share: float, what: str) -> None:
             progress.update(bar, completed=share, description=what)
 
-        result = run(seed, lambda share, what: told(0.75 * share, what))
+        result = run(seed, lambda share, what: report(0.75 * share, what))
         found = all_findings(result)
-        files = write_study(result, found, Path(out), lambda share, what: told(0.75 + 0.25 * share, what))
+        files = write_study(result, found, Path(out), lambda share, what: report(0.75 + 0.25 * share, what))
     for table in tables(result):
         console.print(rich_table(table))
         console.print()

@@ -1,4 +1,4 @@
-"""`rover-sweep vehicle`: an example vehicle file, and the check of one."""
+"""`rover-sweep vehicle`: print an example vehicle file, or check a file."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from rover_sweep.data.vehicle_rules import KEYS
 
 
 @click.group(invoke_without_command=True)
-@click.option("--example", "show_example", is_flag=True, help="Print a commented example file and stop.")
+@click.option("--example", "show_example", is_flag=True, help="Print a commented example file and exit.")
 @click.pass_context
 def vehicle(ctx: click.Context, show_example: bool) -> None:
-    """The vehicle file rover.toml: what rover-sweep must know of the rover.
+    """Print an example of the vehicle file rover.toml, or check yours.
 
-    Begin one with: rover-sweep vehicle --example > rover.toml
+    Create one with: rover-sweep vehicle --example > rover.toml
     """
     if show_example:
         echo(example(), nl=False)
@@ -29,13 +29,13 @@ def vehicle(ctx: click.Context, show_example: bool) -> None:
         echo(ctx.get_help())
 
 
-@vehicle.command(short_help="Check FILE and say which models it is enough for.")
+@vehicle.command(short_help="Check FILE and show which models it is sufficient for.")
 @click.argument("file", type=click.Path(dir_okay=False))
-@click.option("--json", "as_json", is_flag=True, help="The numbers as JSON on stdout.")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout.")
 def check(file: str, as_json: bool) -> None:
-    """Read FILE, show what was understood and which models it is enough for.
+    """Read FILE, show its values and the models for which they are sufficient.
 
-    Every problem is told at once; exit code 2 if there is any.
+    Reports all problems at once; exit code 2 if there are any.
     """
     found = load(file)
     if as_json:
@@ -52,8 +52,8 @@ def _show(found: Vehicle, file: str) -> None:
     table = Table(
         title=f"{file}: {found.name or 'no name'}", title_justify="left", box=None, padding=(0, 2, 0, 0)
     )
-    for heading, justify in (("key", "left"), ("value", "right"), ("unit", "left"), ("what", "left")):
-        table.add_column(heading, justify=justify, no_wrap=heading != "what")  # type: ignore[arg-type]
+    for heading, justify in (("key", "left"), ("value", "right"), ("unit", "left"), ("meaning", "left")):
+        table.add_column(heading, justify=justify, no_wrap=heading != "meaning")  # type: ignore[arg-type]
     for key, rule in KEYS.items():
         name = key.partition(".")[2]
         number = getattr(found, name)
@@ -66,7 +66,7 @@ def _show(found: Vehicle, file: str) -> None:
     console.print()
     for model in get_args(Model):
         missing = found.missing_for(model)
-        console.print(f"{model}: " + (f"needs {', '.join(missing)} too" if missing else "enough"))
+        console.print(f"{model}: " + (f"also needs {', '.join(missing)}" if missing else "sufficient"))
     for text in _remarks(found):
         console.print(text)
 
@@ -75,13 +75,13 @@ def _remarks(found: Vehicle) -> list[str]:
     remarks = []
     if found.material:
         sizes = (f"{k} {size:g} {MATERIAL[k].unit}".rstrip(" -") for k, size in found.material.items())
-        remarks.append(f"below these sizes nothing is a finding: {', '.join(sizes)}")
+        remarks.append(f"diagnose ignores effects smaller than: {', '.join(sizes)}")
     if found.rad_per_us is None:
         remarks.append(
-            "no [steering]: a PWM cannot be turned into a road-wheel angle (a measured angle can be used)"
+            "no [steering]: a PWM cannot be converted to a road-wheel angle (a measured angle can be used)"
         )
     if found.imu_position is None:
         remarks.append(
-            "no [imu] position: the IMU is taken to sit at the CG, and a_y suffers where it does not"
+            "no [imu] position: the IMU is assumed at the CG; if it is elsewhere, a_y has an error"
         )
     return remarks

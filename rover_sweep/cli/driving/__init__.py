@@ -1,1 +1,1 @@
-"""What the commands that drive a rover share: the session before the user's eyes, then the models."""
+"""Shared by the commands that drive a rover: show the session, then identify and diagnose."""

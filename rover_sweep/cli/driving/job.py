@@ -1,4 +1,4 @@
-"""What `run` does around a session, whatever the rover: says who moves what, diagnoses at the end."""
+"""Steps of `run` for real and simulated rovers: choose the folder, announce the plan, diagnose."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.run.controls import Trigger
 
 TRIGGERS = ("override", "aux", "pilot")
-_SWITCHING = {"override": "throws the switch", "aux": "throws the switch by command"}
+_SWITCHING = {"override": "operates the switch", "aux": "operates the switch by command"}
 
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be driven. limits: of the applet; trigger: who throws the switch, None as the rover's kind
-    has it; logs: fetch the rover's log."""
+    """The runs to drive. limits: of the applet; trigger: who operates the switch, None for the default of the
+    rover's kind; logs: download the rover's log."""
 
     runs: tuple[SessionRun, ...]
     limits: dict[str, float]
@@ -29,13 +29,13 @@ class Job:
 
 
 def folder_for(out: str | None) -> Path:
-    """As `session_folder` (`out`, else run, run-2, ...); also one in which a session was begun and nothing
-    driven, as after a wrong port or on a rover without the applet."""
+    """As `session_folder` (`out`, else run, run-2, ...), but reuses a session without any run or log, as
+    after a wrong port or on a rover without the applet."""
     from rover_sweep.cli.types.folders import session_folder
 
     numbered = (Path("run" if n == 1 else f"run-{n}") for n in count(1))
-    there = [Path(out)] if out else list(takewhile(Path.exists, numbered))
-    return next((f for f in there if _nothing_driven(f)), None) or session_folder(out, "run")
+    existing = [Path(out)] if out else list(takewhile(Path.exists, numbered))
+    return next((f for f in existing if _nothing_driven(f)), None) or session_folder(out, "run")
 
 
 def _nothing_driven(folder: Path) -> bool:
@@ -48,29 +48,29 @@ def _nothing_driven(folder: Path) -> bool:
 
 
 def announce(plan: SessionPlan, folder: Path) -> None:
-    """Who moves what, before anything is connected."""
+    """Print, before connecting, what this program and what the pilot will move."""
     from rover_sweep.cli.views.output import narration
 
     throttle, trigger = plan.settings.throttle_us, plan.settings.trigger
     own = ["arms the rover"] if plan.settings.arm else []
     own += [f"drives with throttle {throttle} us"] if throttle is not None else []
     own += [_SWITCHING[trigger]] if trigger in _SWITCHING else []
-    words = f"this program {', '.join(own)}" if own else "arming, driving and the switch are the pilot's"
+    words = f"this program {', '.join(own)}" if own else "the pilot arms, drives and operates the switch"
     seconds = sum(planned.manoeuvre.duration for planned in plan.runs)
     console = narration()
     console.print(
-        f"{len(plan.runs)} runs, {seconds:.0f} s of steering in all, into {folder}; {words}",
+        f"{len(plan.runs)} runs, {seconds:.0f} s of steering in total, into {folder}; {words}",
         markup=False,
         soft_wrap=True,
     )
 
 
-def diagnosed_session(session: SessionFinished, rover: tuple[Vehicle, Path]) -> None:
-    """What the model leaves out of a session's runs, into its report/; doublets are held out."""
+def diagnose_session(session: SessionFinished, rover: tuple[Vehicle, Path]) -> None:
+    """Diagnose a session's runs into its report/; doublets are held out."""
     from rover_sweep.api.diagnosis_input import material
-    from rover_sweep.cli.driving.shared import recordings
+    from rover_sweep.cli.driving.session_display import complete_runs
     from rover_sweep.cli.driving.show_diagnosed import show_diagnosed
     from rover_sweep.diagnosis.settings import DiagnosisSettings
 
-    given = material(recordings(session, rover[0]), ())
+    given = material(complete_runs(session, rover[0]), ())
     show_diagnosed(given, rover, DiagnosisSettings(), session.folder / "report", False)

@@ -1,4 +1,4 @@
-"""What `dry-run` and `run` share of a simulated rover: its vehicle file, and its own numbers."""
+"""Simulated rovers of `dry-run` and `run`: their vehicle files and true parameters."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ SIMULATORS = ("embedded", "ardurover")
 
 
 def variants() -> tuple[str, ...]:
-    """Names of the physics that come with the program."""
+    """Names of the built-in physics."""
     from sitl.plant.variant import variant_names
 
     return variant_names()
 
 
 def rover_text(variant: str) -> str:
-    """rover.toml of a simulated rover: its numbers as its owner would have measured them."""
+    """rover.toml of a simulated rover: the values that an owner could measure."""
     from sitl.plant.variant import load_variant
     from sitl.rover_file import rover_file
 
@@ -39,8 +39,8 @@ def rover_text(variant: str) -> str:
 
 def firmware_rover_text() -> str:
     """rover.toml of ArduPilot's own simulated rover (SIM_Rover.h, 4.6.3): 35 deg of steering at 500 us, and
-    the wheelbase that its turning circle of 1.8 m then means. It has no tyres and no body: the masses,
-    which are the nominal plant's, play no part in what is identified of it."""
+    the wheelbase that follows from its turning circle of 1.8 m. It has no tyres and no body, so the masses
+    (those of the nominal plant) do not affect the identified model."""
     from dataclasses import replace
 
     from sitl.plant.variant import load_variant
@@ -57,7 +57,7 @@ def firmware_rover_text() -> str:
 
 
 def vehicle_in(folder: Path, rover_file: str | None, text: str | None) -> tuple[Vehicle, Path]:
-    """The vehicle file given, else the text written into the folder."""
+    """(vehicle, path) of the given file, else of the text, written into the folder."""
     from rover_sweep.data.vehicle_file import load
 
     path = Path(rover_file) if rover_file else folder / "rover.toml"
@@ -66,10 +66,10 @@ def vehicle_in(folder: Path, rover_file: str | None, text: str | None) -> tuple[
     return load(path), path
 
 
-def own_numbers(variant: str) -> Callable[[Identification], RenderableType]:
-    """Shows what the simulated rover is made of beside what was identified."""
+def truth_view(variant: str) -> Callable[[Identification], RenderableType]:
+    """A function that renders the table of true and identified parameters."""
 
-    def shown(result: Identification) -> RenderableType:
+    def view(result: Identification) -> RenderableType:
         from rover_sweep.cli.views.truth import truth_table
         from rover_sweep.report.identification.terminal import rich_table
         from sitl.plant.effects.replaced_numbers import resolved
@@ -78,4 +78,4 @@ def own_numbers(variant: str) -> Callable[[Identification], RenderableType]:
         table = truth_table(result, resolved(load_variant(variant)))
         return rich_table(table) if table else ""
 
-    return shown
+    return view

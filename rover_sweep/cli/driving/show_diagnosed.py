@@ -1,4 +1,4 @@
-"""A diagnosis made and shown: what `diagnose` prints, and `run` at its end."""
+"""Diagnose, write the report and print the summary: for `diagnose`, and for `run --diagnose`."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 def show_diagnosed(
     given: Material, rover: tuple[Vehicle, Path], settings: DiagnosisSettings, out: Path, as_json: bool
 ) -> None:
-    """Diagnoses, writes the report into `out` and prints summary and path; DataRefused for that verdict."""
+    """Diagnose, write the report into `out`, print summary and path; DataRefused if data are refused."""
     from datetime import datetime
 
-    from rover_sweep.cli.views.output import echo_json, narration, results, tell_warnings
+    from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
     from rover_sweep.report.diagnosis.terminal import WIDTH, summary
     from rover_sweep.report.wording.provenance import provenance
 
     console, shown = narration(), results(as_json)
-    tell_warnings(console, (*given.runs, *given.held_out))
+    print_warnings(console, (*given.runs, *given.held_out))
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
     found, files, interrupted = _computed(given, rover[0], settings, origin, out)
@@ -41,17 +41,17 @@ def show_diagnosed(
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))
     if found.verdict == "refused":
-        raise DataRefused("the data were refused, see above; the report says why as well")
+        raise DataRefused("the data were refused; see the reasons above or in the report")
     if interrupted:
-        raise click.Abort  # the exit code tells a script that the search was cut short
+        raise click.Abort  # so that a script sees from the exit code that the search was stopped early
 
 
 def _computed(
     given: Material, vehicle: Vehicle, settings: DiagnosisSettings, origin: DiagnosisOrigin, out: Path
 ) -> tuple[Diagnosis, DiagnosisFiles, bool]:
-    """(diagnosis, its files, was it cut short), behind a progress bar.
+    """(diagnosis, its files, True if stopped early), with a progress bar.
 
-    Ctrl-C once ends the search, twice the program.
+    The first Ctrl-C ends the search, the second the program.
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -62,15 +62,15 @@ def _computed(
 
     console = narration()
     columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(), TimeElapsedColumn())
-    words = "stopping with what was found until now; Ctrl-C again gives up"
+    words = "stopping with the findings so far; press Ctrl-C again to quit without a report"
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task("", total=1.0)
 
-        def told(what: str, share: float) -> None:
+        def report(what: str, share: float) -> None:
             progress.update(bar, completed=0.9 * share, description=what)
 
         with Interruption(lambda: console.print(words, style="yellow")) as asked:
-            found = diagnosed(given, vehicle, settings, told, asked.to_stop)
+            found = diagnosed(given, vehicle, settings, report, asked.to_stop)
         files = write_diagnosis(
             found, out, origin, lambda share, what: progress.update(bar, completed=0.9 + 0.1 * share)
         )

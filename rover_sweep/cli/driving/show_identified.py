@@ -1,4 +1,4 @@
-"""Models out of runs, shown: what `identify` prints, and `run` and `dry-run` at their end."""
+"""Identify models, write the report and print the comparison: for `identify`, `run` and `dry-run`."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ def show_identified(
     more: Callable[[Identification], RenderableType] | None = None,
     structures: Sequence[ModelStructure] = (),
 ) -> None:
-    """Identifies, writes the report into `out`, and prints comparison, `more`, conclusion and its path.
+    """Identify, write the report into `out`, print comparison, `more`, conclusion and the report's path.
 
-    structures: of the user's own. as_json: identification.json on stdout, all else on stderr.
+    structures: the user's own. as_json: identification.json on stdout, everything else on stderr.
     """
     from rover_sweep.api.identify import identified as identified_models
-    from rover_sweep.cli.views.output import echo_json, narration, results, tell_warnings
+    from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
     from rover_sweep.report.identification.terminal import comparison, conclusion
 
     console, shown = narration(), results(as_json)
-    tell_warnings(console, (*sweeps, *checks))
+    print_warnings(console, (*sweeps, *checks))
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     with console.status("identifying"):
         result = identified_models(sweeps, checks, rover, settings, structures, command=command)

@@ -1,7 +1,7 @@
-"""`run --vehicle embedded|ardurover`: the whole job on a simulated rover that is started for it.
+"""`run --vehicle embedded|ardurover`: start a simulated rover and run the whole workflow on it.
 
-It is as from the factory: applet and parameters are brought onto it as onto a real one. It is armed and
-driven without a question, which is what a simulated rover is for.
+The rover starts with factory settings: applet and parameters are installed as on a real one. The program
+arms and drives it without asking.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import click
 from rover_sweep.cli.driving.job import Job, announce
 from rover_sweep.cli.driving.rover_numbers import (
     firmware_rover_text,
-    own_numbers,
     rover_text,
+    truth_view,
     variants,
     vehicle_in,
 )
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     Numbers = Callable[[Identification], RenderableType]
 
 _LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0}
-_PWM_MAX = 250.0  # SWP_PWM_MAX as it comes
+_PWM_MAX = 250.0  # us, default of SWP_PWM_MAX
 _DEFAULTS = {"physics": "plant", "variant": "nominal", "seed": 1}
 
 
@@ -47,31 +47,31 @@ def simulation_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--rover-file",
             type=click.Path(dir_okay=False),
             metavar="FILE",
-            help="Simulated: a vehicle file instead of the one that its physics make.",
+            help="Simulated rover: vehicle file to use instead of the true one.",
         ),
         click.option(
             "--seed",
             type=click.IntRange(min=0),
             default=_DEFAULTS["seed"],
-            help="Simulated: of noise and road. [default: 1]",
+            help="Simulated rover: random seed of noise and road. [default: 1]",
         ),
         click.option(
             "--variant",
             default=_DEFAULTS["variant"],
             metavar="NAME|FILE",
-            help=f"Simulated: {', '.join(variants())}, or a TOML file. [default: nominal]",
+            help=f"Simulated rover: physics; {', '.join(variants())}, or a TOML file. [default: nominal]",
         ),
         click.option(
             "--ardurover",
             type=click.Path(dir_okay=False),
             metavar="FILE",
-            help="ArduRover's SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
+            help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
         ),
         click.option(
             "--physics",
             type=click.Choice(("plant", "own")),
             default=_DEFAULTS["physics"],
-            help="Behind the firmware: our plant, or the firmware's own rover. [default: plant]",
+            help="Physics for the firmware: our plant, or the firmware's own rover. [default: plant]",
         ),
     ):
         command = decorate(command)
@@ -79,15 +79,15 @@ def simulation_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def refuse_on_simulated(connect: str | None, arm: bool, throttle: int | None) -> None:
-    """UsageError for what only makes sense on a rover that is there already."""
+    """UsageError for options that only make sense with an existing rover."""
     if connect:
-        raise UsageError("--vehicle embedded or ardurover starts a rover of its own; leave --connect out")
+        raise UsageError("--vehicle embedded or ardurover starts its own rover; remove --connect")
     if arm or throttle is not None:
-        raise UsageError("a simulated rover is armed and driven anyway; leave --arm and --throttle out")
+        raise UsageError("a simulated rover is always armed and driven; remove --arm and --throttle")
 
 
 def refuse_without_simulation(connect: str | None, options: Mapping[str, Any]) -> None:
-    """UsageError for options of a simulated rover where none is asked for, and for no rover at all."""
+    """UsageError for options of a simulated rover without one, and for no rover at all."""
     if not connect:
         raise UsageError(
             "no rover: give --connect URL, or --vehicle embedded or ardurover for a simulated one"
@@ -108,8 +108,8 @@ def on_simulated(
     seed: int,
     rover_file: str | None,
 ) -> tuple[tuple[Vehicle, Path], SessionFinished, Numbers | None]:
-    """(vehicle file, session, what shows the rover's own numbers) after the job on a simulated rover."""
-    from rover_sweep.cli.driving.shared import driven
+    """Drive the job on a simulated rover; (vehicle and its file, session, view of the true parameters)."""
+    from rover_sweep.cli.driving.session_display import show_session
     from rover_sweep.cli.types.folders import session_folder
     from rover_sweep.session.session import drive
     from rover_sweep.session.simulated_rover import SimulatedRover, pilot, started
@@ -133,17 +133,19 @@ def on_simulated(
         line = stack.enter_context(RecordedLine(conversation_in(folder)))
         answer = None
         if plan.settings.trigger == "pilot":
-            told = stack.enter_context(pilot(running, simulation.throttle_us))
+            follow = stack.enter_context(pilot(running, simulation.throttle_us))
 
             def answer(_: PlainDisplay, event: Event) -> None:
-                told(event)
+                follow(event)
 
-        session = driven(drive(running.connection, folder, plan, line), folder, go_on=True, answer=answer)
-    return rover, session, None if physics == "own" else own_numbers(variant)
+        session = show_session(
+            drive(running.connection, folder, plan, line), folder, go_on=True, answer=answer
+        )
+    return rover, session, None if physics == "own" else truth_view(variant)
 
 
 def _plan(job: Job, simulation: SimulatedRover) -> SessionPlan:
-    """As a session; UsageError for what the applet would refuse."""
+    """The plan of the session; UsageError for values that the applet would refuse."""
     from firmware_params.applet_parameters import applet_path
     from firmware_params.param_files import read, shipped
     from rover_sweep.manoeuvre.applet_values import parameters_of
@@ -152,7 +154,7 @@ def _plan(job: Job, simulation: SimulatedRover) -> SessionPlan:
 
     trigger = job.trigger or "override"
     if trigger == "pilot" and simulation.simulator == "embedded":
-        raise UsageError("the embedded rover has no stick to throw switch 6; take override or aux")
+        raise UsageError("the embedded rover has no radio for switch 6; use --throw-switch override or aux")
     highest = max(run.manoeuvre.peak for run in job.runs)
     extra = {"pwm_max": max(_PWM_MAX, highest), **_LIMITS, **job.limits}
     for run in job.runs:

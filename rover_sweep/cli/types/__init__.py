@@ -1,1 +1,1 @@
-"""Values of the command line: options and arguments as the commands need them."""
+"""Option and argument types of the command line."""

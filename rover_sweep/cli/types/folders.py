@@ -1,4 +1,4 @@
-"""Folders to write into: usable before the work begins, and never one that holds somebody's work."""
+"""Output folders: checked before the work starts, and never one that contains earlier work."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SESSION = ("session.json", "*.tlog", "*.BIN", "report")
 
 
 def check_writable(folder: Path) -> None:
-    """UsageError where files cannot be put into `folder`; leaves nothing behind."""
+    """UsageError if `folder` is not writable; leaves nothing behind."""
     try:
         made = [p for p in (folder, *folder.parents) if not p.exists()]
         folder.mkdir(parents=True, exist_ok=True)
@@ -25,10 +25,10 @@ def check_writable(folder: Path) -> None:
 
 
 def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> Path:
-    """An empty place for a session, made: `given`, else `name`, `name`-2, ..., the first that is free.
+    """Create an empty folder for a session: `given`, else the first free of `name`, `name`-2, ...
 
-    also: patterns of further files that must not be there. UsageError where the place given holds a
-    session, or cannot be written.
+    also: glob patterns of further files that must not exist. UsageError if the given folder contains a
+    session, or is not writable.
     """
     if given is None:
         numbered = (Path(name if n == 1 else f"{name}-{n}") for n in count(1))
@@ -37,8 +37,8 @@ def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> 
         folder = Path(given)
         if held := _held(folder, (*_SESSION, *also)):
             raise UsageError(
-                f"{folder} holds a session already ({held}); go on with it by `rover-sweep resume`, or give "
-                "another --out"
+                f"{folder} already contains a session ({held}); continue it with `rover-sweep resume`, or "
+                "give another --out"
             )
     check_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> 
 
 
 def _held(folder: Path, patterns: tuple[str, ...]) -> str | None:
-    """The first thing in the folder that matches."""
+    """Name of the first file in the folder that matches."""
     if not folder.is_dir():
         return None
     return next((path.name for pattern in patterns for path in sorted(folder.glob(pattern))), None)

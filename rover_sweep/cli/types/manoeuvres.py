@@ -21,7 +21,7 @@ _SWEEP = {
 _DOUBLET = {name: name for name in ("amplitude", "pulse", "pause", "count", "straight")}
 _MULTISINE = dict(list(_SWEEP.items())[:4]) | {"periods": "periods"} | dict(list(_SWEEP.items())[4:])
 _BIAS_SWEEP = {"amplitude": "amplitude", "bias": "bias"} | _SWEEP
-_KEYS: dict[type[Manoeuvre], tuple[dict[str, str], int]] = {  # names in order, how many are shown in --help
+_KEYS: dict[type[Manoeuvre], tuple[dict[str, str], int]] = {  # names in order, number of them shown in --help
     Sweep: (_SWEEP, 4),
     Doublet: (_DOUBLET, 3),
     Multisine: (_MULTISINE, 5),
@@ -41,7 +41,7 @@ class ManoeuvreType(click.ParamType):
         self.name = f"{first[0]}[,{','.join(first[1:])}]"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Manoeuvre:
-        """The manoeuvre; a usage error that names what is wrong."""
+        """The manoeuvre; a usage error that names the wrong part."""
         if isinstance(value, Manoeuvre):
             return value
         numbers: dict[str, float] = {}
@@ -71,7 +71,7 @@ class ManoeuvreType(click.ParamType):
             number = math.nan
         if not math.isfinite(number):
             self.fail(
-                f"{whole!r}: {text!r} is no number; write it as 150,0.3,25,55 or 150,wmax=20", param, ctx
+                f"{whole!r}: {text!r} is not a number; write it as 150,0.3,25,55 or 150,wmax=20", param, ctx
             )
         return number
 
@@ -94,5 +94,5 @@ class LimitType(click.ParamType):
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
-            self.fail(f"{value!r}: {text!r} is no number", param, ctx)
+            self.fail(f"{value!r}: {text!r} is not a number", param, ctx)
         return name, number

@@ -1,4 +1,4 @@
-"""Command-line values that several commands share."""
+"""Option types that several commands share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OUTPUTS = ("r", "ay", "vydot", "p")
 
 
 class BandType(click.ParamType):
-    """A usable band of one response, e.g. p=0.6:20 (rad/s)."""
+    """The frequency band used of one response, e.g. p=0.6:20 (rad/s)."""
 
     name = "RESPONSE=LOW:HIGH"
 
@@ -30,7 +30,7 @@ class BandType(click.ParamType):
         except ValueError:
             self.fail(f"{value!r} is not a band such as p=0.6:20 (rad/s)", param, ctx)
         if name not in OUTPUTS or not 0 < band[0] < band[1]:
-            self.fail(f"{value!r}: give one of {', '.join(OUTPUTS)} and 0 < low < high in rad/s", param, ctx)
+            self.fail(f"{value!r}: use one of {', '.join(OUTPUTS)} and 0 < low < high in rad/s", param, ctx)
         return name, band
 
 
@@ -43,7 +43,7 @@ class NumberRange(click.FloatRange):
         """The number."""
         number = float(super().convert(value, param, ctx))
         if not math.isfinite(number):
-            self.fail(f"{value!r} is no finite number; write it in figures", param, ctx)
+            self.fail(f"{value!r} is not a finite number", param, ctx)
         return number
 
 
@@ -85,7 +85,7 @@ class ChoicesType(click.ParamType):
 
 
 class NamesType(click.ParamType):
-    """Names joined by commas; whether they exist is for the command to say."""
+    """Names joined by commas; the command checks that they exist."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -98,7 +98,7 @@ class NamesType(click.ParamType):
             return value
         names = tuple(part.strip() for part in str(value).split(",") if part.strip())
         if not names:
-            self.fail(f"{value!r} names nothing; leave the option out, or name what is meant", param, ctx)
+            self.fail(f"{value!r} contains no name; give a name or remove the option", param, ctx)
         return names
 
 
@@ -106,7 +106,7 @@ EFFECTS = NamesType("ID,ID,...")
 
 
 def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
-    """The vehicle file: as given, else that of the sessions among the runs, else rover.toml here."""
+    """The vehicle file: as given, else that of a session among the runs, else rover.toml here."""
     from rover_sweep.session.folder import VEHICLE_FILE, kept_vehicle_file
 
     if given:
@@ -116,7 +116,7 @@ def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
     if Path(VEHICLE_FILE).is_file():
         return VEHICLE_FILE
     raise UsageError(
-        "no vehicle file: give --vehicle rover.toml; begin one with "
+        "no vehicle file: give --vehicle rover.toml; create one with "
         "`rover-sweep vehicle --example > rover.toml`"
     )
 
@@ -134,19 +134,19 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--accel-filter",
             type=NumberRange(0),
             metavar="HZ",
-            help="INS_ACCEL_FILTER of the drive, where the log does not hold it (0: off).",
+            help="INS_ACCEL_FILTER during the drive, if the log lacks it (0: off).",
         ),
         click.option(
             "--gyro-filter",
             type=NumberRange(0),
             metavar="HZ",
-            help="INS_GYRO_FILTER of the drive, where the log does not hold it (0: off).",
+            help="INS_GYRO_FILTER during the drive, if the log lacks it (0: off).",
         ),
         click.option(
             "--system",
             type=click.IntRange(1, 255),
             metavar="N",
-            help="MAVLink system id of the vehicle, in a .tlog that holds several.",
+            help="MAVLink system id of the vehicle, if a .tlog contains several.",
         ),
         click.option(
             "--columns",
@@ -165,13 +165,13 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--verbose",
             is_flag=True,
-            help="Show the steps of the structure reduction and the fits without filters as well.",
+            help="Also show the steps of the structure reduction and the fits without filters.",
         ),
         click.option(
             "--json",
             "as_json",
             is_flag=True,
-            help="identification.json on stdout; the tables then go to stderr.",
+            help="Print identification.json on stdout; tables go to stderr.",
         ),
     ):
         command = decorate(command)

@@ -1,4 +1,4 @@
-"""Text that a command was asked to write: to stdout for `-`, else into a file of a folder that is there."""
+"""Text output of a command: to stdout for `-`, else into a file in an existing folder."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from rover_sweep.errors import UsageError
 
 
 def refuse_no_folder(output: str) -> None:
-    """UsageError where the file's folder is not there: a slip of the pen is not to become a folder."""
+    """UsageError if the file's folder does not exist; a mistyped folder is not created."""
     folder = Path(output).parent
     if output != "-" and not folder.is_dir():
-        raise UsageError(f"{output} cannot be written: there is no folder {folder}; make it, or give another")
+        raise UsageError(f"cannot write {output}: there is no folder {folder}; create it, or give another")
 
 
-def write_text(output: str, text: str, told: str = "written") -> None:
-    """`told` of the file is said on stderr."""
+def write_text(output: str, text: str, report: str = "written") -> None:
+    """Write the text; for a file, print its name and `report` on stderr."""
     if output == "-":
         echo(text, nl=False)
         return
@@ -24,4 +24,4 @@ def write_text(output: str, text: str, told: str = "written") -> None:
 
     refuse_no_folder(output)
     write_file(Path(output), text)
-    echo(f"{output}: {told}", err=True)
+    echo(f"{output}: {report}", err=True)

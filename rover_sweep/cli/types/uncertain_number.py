@@ -1,4 +1,4 @@
-"""Command-line numbers with an uncertainty."""
+"""Option types for measured numbers: a number with its standard deviation, and times."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class MeasuredType(click.ParamType):
         self.low, self.high, self.unit, self.hint = low, high, unit, hint
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Measured:
-        """The number; a usage error if it is none or lies outside low..high."""
+        """The number; a usage error if it is not a number or outside low..high."""
         if isinstance(value, Measured):
             return value
         parts = [part.strip() for part in re.split(r"\+-|\+/-|±", str(value))]
@@ -47,7 +47,7 @@ class TimesType(click.ParamType):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...]:
-        """The times; a usage error if one is no positive number."""
+        """The times; a usage error if one is not a positive number."""
         if isinstance(value, tuple):
             return value
         try:
@@ -55,5 +55,5 @@ class TimesType(click.ParamType):
         except ValueError:
             self.fail(f"{value!r} is not a list of times in s such as 47.5,47.3,47.6", param, ctx)
         if not all(0 < time < 3600 for time in times):
-            self.fail(f"{value!r}: every time must be above 0 s", param, ctx)
+            self.fail(f"{value!r}: every time must be between 0 and 3600 s", param, ctx)
         return times

@@ -1,4 +1,4 @@
-"""The vehicle behind --connect, for commands that only ask or set it: their options, and their link."""
+"""Options and link of the commands that only read or set a vehicle, without driving it."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ if TYPE_CHECKING:
 URL_HELP = "tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200."
 
 _connect = click.option("--connect", required=True, metavar="URL", help=URL_HELP)
-json_option = click.option("--json", "as_json", is_flag=True, help="JSON on stdout, nothing else there.")
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print JSON on stdout, and nothing else there."
+)
 
 
 def connect_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--connect, which must be given, and what says which vehicle there is meant."""
+    """--connect (required), with --system and --signing-key."""
     return _connect(access_options(command))
 
 
 def via_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """--via, the library that talks to the vehicle; meaning: what it does for the command."""
+    """--via, the library that talks to the vehicle; meaning: the help text."""
     return click.option(
         "--via", type=click.Choice(["mavlink", "mavsdk"]), default="mavlink", show_default=True, help=meaning
     )
@@ -36,7 +38,7 @@ def via_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any
 
 @contextmanager
 def unkept_link(url: str, access: Access) -> Iterator[Link]:
-    """A link whose recording is thrown away: nothing is driven on it."""
+    """A link whose recording is deleted at the end; not for driving."""
     from rover_sweep.vehicle.link.link import Link
 
     with (

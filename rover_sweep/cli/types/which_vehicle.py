@@ -1,4 +1,4 @@
-"""Which vehicle behind --connect is meant, as the command line says it, or asked at the terminal."""
+"""Options that choose the vehicle at --connect; if several are heard, the user is asked."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ _SYSTEM = click.option(
     "--system",
     type=click.IntRange(1, 255),
     metavar="N",
-    help="MAVLink system id of the vehicle, where several are heard.",
+    help="MAVLink system id of the vehicle, if several are heard.",
 )
 
 _KEY = click.option(
     "--signing-key",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="MAVLink signing key: 32 bytes, 64 hex digits, or else a passphrase, whose SHA-256 "
-    "is the key (as in Mission Planner).",
+    help="File with the MAVLink signing key: 32 bytes, 64 hex digits, or a passphrase "
+    "(its SHA-256 is the key, as in Mission Planner).",
 )
 
 
 def access_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--system and --signing-key, of every command with --connect; the command gets an `access` of them."""
+    """--system and --signing-key of a command with --connect; the command gets them as `access`."""
 
     @functools.wraps(command)
     def with_access(*args: Any, system: int | None, signing_key: str | None, **rest: Any) -> Any:
         given = "--system" if system is not None else "--signing-key" if signing_key else ""
         if given and None in (rest.get("connect", ""), rest.get("url", "")):
-            raise UsageError(f"{given} is for the vehicle behind --connect; give --connect too")
+            raise UsageError(f"{given} needs --connect; give --connect too")
         return command(*args, access=_access(system, signing_key), **rest)
 
     return _SYSTEM(_KEY(with_access))
@@ -50,16 +50,16 @@ def _access(system: int | None, key: str | None) -> Access:
     from rover_sweep.vehicle.link.access import Access
     from rover_sweep.vehicle.link.signing import read_key
 
-    asked = _asked if sys.stdin.isatty() else None
-    return Access(system, asked, _tell, read_key(Path(key)) if key else None)
+    choose = _ask_system if sys.stdin.isatty() else None
+    return Access(system, choose, _warn, read_key(Path(key)) if key else None)
 
 
-def _asked(heard: Sequence[Heard]) -> int:
+def _ask_system(heard: Sequence[Heard]) -> int:
     echo(f"{len(heard)} vehicles are heard:", err=True)
     for one in heard:
         echo(f"  {one}", err=True)
     return int(chosen_of("Which system?", [str(one.system) for one in heard]))
 
 
-def _tell(sentence: str) -> None:
+def _warn(sentence: str) -> None:
     narration().print(sentence, style="yellow", markup=False, soft_wrap=True)

@@ -1,1 +1,1 @@
-"""What the commands print on a terminal, and what they ask there."""
+"""Output of the commands on a terminal, and their questions."""

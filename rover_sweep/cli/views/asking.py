@@ -1,4 +1,4 @@
-"""Yes or no, at the terminal."""
+"""Questions at the terminal."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from rover_sweep.files.printable import printable_lines
 
 
 def confirmed(question: str) -> bool:
-    """Asked on stderr; what was typed before is no answer."""
+    """True if the user answers yes, asked on stderr; drops what was typed before the question."""
     forget_typed()
     return click.confirm(printable_lines(question), err=True)
 
 
 def chosen_of(question: str, answers: Sequence[str]) -> str:
-    """One of `answers`, asked on stderr until it is one; what was typed before is no answer."""
+    """The user's choice of `answers`, asked on stderr until valid; drops what was typed before."""
     forget_typed()
     return str(click.prompt(printable_lines(question), type=click.Choice(answers), err=True))
 
 
 def reboot_consent(given: bool) -> Callable[[tuple[str, ...]], bool]:
-    """Consent to a reboot for some reasons, asked when it is due; given: beforehand, for every one."""
-    return lambda because: given or confirmed(f"Reboot the rover, for {', '.join(because)}?")
+    """A function that asks for consent to a reboot, given its reasons; given: consent without asking."""
+    return lambda because: given or confirmed(f"Reboot the rover to apply {', '.join(because)}?")

@@ -1,4 +1,4 @@
-"""The person beside the rover, at a terminal: asked before each movement and for angles; the link goes on."""
+"""Questions of `bench` at the terminal: before each movement, and for angles; the link stays alive."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NUMBER = re.compile(r"\s*([+-]?\d+(?:[.,]\d*)?|[+-]?[.,]\d+)\s*(?:deg|°)?\s*([
 
 
 def parse_angle(text: str) -> float | None:
-    """rad, left positive, of `12.5`, `-3`, `4,2 l` or `4.2r`; None where it is no such angle."""
+    """Angle in rad, left positive, from `12.5`, `-3`, `4,2 l` or `4.2r`; None for other text."""
     match = _NUMBER.fullmatch(text)
     if not match:
         return None
@@ -31,7 +31,7 @@ def parse_angle(text: str) -> float | None:
 
 
 class Terminal:
-    """An `Operator`. unasked: movements are allowed without a question (a simulated rover)."""
+    """An `Operator` at a terminal. unasked: allow movements without asking (simulated rover)."""
 
     def __init__(self, say: Callable[[str], None], unasked: bool = False) -> None:
         self._say, self._unasked = say, unasked
@@ -41,18 +41,18 @@ class Terminal:
         self._say(text)
 
     def allow(self, movement: Movement, stops: str, keep: Keep) -> bool:
-        """A typed yes moves; anything else leaves this movement out."""
+        """True if the user types yes; any other answer skips this movement."""
         self._say(f"\n{movement.name}: {movement.words}\n{stops}")
         if self._unasked:
             return True
         self._forget()
-        self._say("wheels off the ground, hands and cables clear? yes moves, anything else leaves it out:")
+        self._say("wheels off the ground, hands and cables clear? yes to move, anything else to skip:")
         return self._line(keep).strip().lower() in _YES
 
     def angle(self, number: int, of: int, offset: float, keep: Keep) -> tuple[float, str]:
-        """Asked until an angle is typed; an empty line leaves it out."""
+        """Ask until an angle is typed; (rad, text), (nan, "") for an empty line."""
         self._forget()
-        self._say(f"{number}/{of}, {offset:+.0f} us: angle of the wheel [deg], l or r (empty: none)")
+        self._say(f"{number}/{of}, {offset:+.0f} us: wheel angle [deg], l or r (empty: skip)")
         while True:
             typed = self._line(keep).strip()
             if not typed:
@@ -61,31 +61,31 @@ class Terminal:
             if angle is not None:
                 return angle, typed
             self._say(
-                f"{typed!r} is no angle of up to {LARGEST:g} deg such as 12.5l, 3 r or -4 (left positive)"
+                f"{typed!r} is not an angle; type up to {LARGEST:g} deg, as 12.5l, 3 r or -4 (left positive)"
             )
 
     def _forget(self) -> None:
-        """What was typed before a question, at a terminal."""
+        """Drop what was typed before the question."""
         if sys.stdin.isatty():
             self._pending = b""
             forget_typed()
 
     def _line(self, keep: Keep) -> str:
-        """A line of stdin; meanwhile the link is kept going. UsageError where nobody can answer any more."""
+        """A line of stdin; keeps the link alive meanwhile. UsageError at the end of input."""
         try:
             source = sys.stdin.fileno()
         except (OSError, ValueError, AttributeError):  # not a file, as in a program that calls this one
             text = sys.stdin.readline()
             if text:
                 return text
-            raise UsageError("nobody answers (end of input); the steering was let go") from None
+            raise UsageError("no answer (end of input); the steering was released") from None
         while b"\n" not in self._pending:
             keep()
             if not select.select([source], [], [], 0.0)[0]:
                 continue
             data = os.read(source, 4096)
             if not data:
-                raise UsageError("nobody answers (end of input); the steering was let go")
+                raise UsageError("no answer (end of input); the steering was released")
             self._pending += data
         line, _, self._pending = self._pending.partition(b"\n")
         return line.decode(errors="replace")

@@ -1,4 +1,4 @@
-"""The picture of a design: wave, frequency, spectrum, and the track over ground."""
+"""Figure of a design: wave, frequency, spectrum, and the track on the ground."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 
 
 def draw(design: Design, vehicle: Vehicle | None, path: Path) -> None:
-    """Write the picture to `path`; its ending says the format. UsageError if it cannot be written."""
+    """Write the figure to `path`; the suffix gives the format. UsageError if it cannot be written."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 8 if design.space else 6.5), layout="constrained")
@@ -33,7 +33,7 @@ def draw(design: Design, vehicle: Vehicle | None, path: Path) -> None:
 
 
 def _split(figure: Any, axes: Any) -> tuple[Any, Any]:
-    """Two axes side by side in the place of one."""
+    """Two axes side by side instead of one."""
     spec = axes.get_subplotspec().subgridspec(1, 2)
     axes.remove()
     return figure.add_subplot(spec[0]), figure.add_subplot(spec[1])
@@ -73,7 +73,7 @@ def _draw_track(axes: Any, design: Design, vehicle: Vehicle, speed: float) -> No
         label = "trim exact" if error == 0 else f"trim {error:+g} us off"
         axes.plot(path.x, path.y, style, linewidth=1.5 if error == 0 else 0.9, label=label)
     axes.plot(0, 0, "ko", label="start")
-    axes.set(xlabel="forward, m", ylabel="left, m", title=f"track at {speed:g} m/s (nobody steers)")
+    axes.set(xlabel="forward, m", ylabel="left, m", title=f"track at {speed:g} m/s (without corrections)")
     axes.set_aspect("equal", adjustable="datalim")
     axes.legend(fontsize="small")
     axes.grid(alpha=0.3)

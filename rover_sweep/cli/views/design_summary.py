@@ -1,4 +1,4 @@
-"""A design as a person and as a program reads it."""
+"""A design as text for the terminal, and as JSON."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ SPAN_DB = 40.0
 
 
 def show_json(design: Design) -> None:
-    """All numbers on stdout; the units are those of the Design's docstrings."""
+    """Print all numbers as JSON on stdout; units as in the docstrings of Design."""
     echo_json(json.dumps(asdict(design), indent=2))
 
 
 def show(design: Design, vehicle: Vehicle | None) -> None:
-    """The design on stdout: pictures, a table of facts, and what to mind."""
+    """Print the design on stdout: plots, a table of facts, and notes."""
     echo(_title(design) + "\n")
     if _can_draw():
         echo("\n".join(_wave_lines(design)) + "\n")
@@ -52,7 +52,7 @@ def show(design: Design, vehicle: Vehicle | None) -> None:
             if note.level == level:
                 echo(bullet(mark, note.text))
     if not any(note.level == "warning" for note in design.notes):
-        echo("\nNothing speaks against it.")
+        echo("\nNo problems found.")
 
 
 def _can_draw() -> bool:
@@ -104,7 +104,7 @@ def _spectrum_lines(design: Design) -> list[str]:
 
 
 def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
-    facts = [("one run", _duration(design)), ("", "and the standstill before and after it")]
+    facts = [("one run", _duration(design)), ("", "plus the standstill before and after it")]
     if isinstance(design.manoeuvre, Sweep) and design.windows:
         facts.append(
             (
@@ -118,7 +118,7 @@ def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
         facts += _window_facts(design.windows, design.runs)
     if isinstance(design.manoeuvre, Doublet):
         pulse = design.manoeuvre.pulse
-        band = f"most at {DOUBLET_PEAK / pulse:.2g} rad/s, nothing at {2 * math.pi / pulse:.2g} rad/s"
+        band = f"peak at {DOUBLET_PEAK / pulse:.2g} rad/s, zero at {2 * math.pi / pulse:.2g} rad/s"
         facts.append(("excites", band))
     facts += _servo_facts(design.servo)
     facts += _space_facts(design.space) if design.space else [("space", _why_no_space(vehicle))]
@@ -131,7 +131,7 @@ def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
         )
     )
     loop = f"SCHED_LOOP_RATE {rates.loop:g}: log {rates.loop:g} Hz, telemetry up to {rates.stream:.0f} Hz"
-    facts.append(("", loop + (f"; {rates.loop_needed} is enough" if rates.loop_needed else "")))
+    facts.append(("", loop + (f"; {rates.loop_needed} is sufficient" if rates.loop_needed else "")))
     for number, effect in enumerate(design.filters):
         lag = f"gain {effect.gain:.2f}, lag {effect.lag_deg:.0f} deg ({effect.lag_ms:.0f} ms)"
         text = f"{effect.parameter} {effect.cutoff_hz:g} Hz: {lag}"
@@ -144,7 +144,9 @@ def _line_facts(m: Multisine) -> list[tuple[str, str]]:
         f"{m.lines.size} excited, odd multiples of {m.base:.3g} rad/s, {m.periods} periods of "
         f"{m.t_rec / m.periods:.3g} s; crest factor {m.crest_factor:.1f}"
     )
-    kept = f"{m.even.size} even lines show 2nd, {m.odd_left_out.size} odd ones left out 3rd harmonics"
+    kept = (
+        f"2nd harmonics at {m.even.size} even lines, 3rd harmonics at {m.odd_left_out.size} unused odd lines"
+    )
     return [("lines", lines), ("", kept)]
 
 
@@ -154,7 +156,7 @@ def _duration(design: Design) -> str:
         each = f"({m.pulse:g} + {m.pulse:g} + pause {m.pause:g})"
         return f"{m.duration:g} s: straight {m.straight:g}, {m.count} x {each}, straight {m.straight:g}"
     return (
-        f"{m.duration:g} s: straight {m.straight:g}, fade {m.fade:g}, dwell {m.dwell:g}, law {m.t_rec:g}, "
+        f"{m.duration:g} s: straight {m.straight:g}, fade {m.fade:g}, dwell {m.dwell:g}, T_rec {m.t_rec:g}, "
         f"fade {m.fade:g}, straight {m.straight:g}"
     )
 
@@ -166,7 +168,7 @@ def _window_facts(windows: Windows, runs: int) -> list[tuple[str, str]]:
     )
     longest, resolves = max(windows.lengths), f"the longest resolves {windows.lowest:.2f} rad/s"
     if longest > 1.001 * windows.t_max:
-        resolves = f"the longest goes past it to hold w_min, and resolves {windows.lowest:.2f} rad/s"
+        resolves = f"the longest exceeds it to include w_min, and resolves {windows.lowest:.2f} rad/s"
     return [("windows", f"{lengths} s for {runs} run{'s' if runs > 1 else ''}"), ("", f"{rule}; {resolves}")]
 
 
@@ -178,10 +180,7 @@ def _servo_facts(servo: ServoDemand) -> list[tuple[str, str]]:
         ]
     else:
         facts = [
-            (
-                "servo",
-                f"{servo.us_s:.0f} us/s, {servo.horn_deg_s:.0f} deg/s at the horn (servos do {typical})",
-            )
+            ("servo", f"{servo.us_s:.0f} us/s, {servo.horn_deg_s:.0f} deg/s at the horn (typical: {typical})")
         ]
     if servo.wheel_deg is not None:
         rate = f", {servo.wheel_deg_s:.0f} deg/s" if servo.wheel_deg_s else ""
@@ -197,7 +196,7 @@ def _space_facts(space: Space) -> list[tuple[str, str]]:
     return [
         ("space", f"{space.length:.0f} x {space.width:.0f} m at {space.speed:g} m/s: {reach} m of the start"),
         ("", f"{space.path:.0f} m driven, {turning}"),
-        ("at the peak", f"yaw rate {space.yaw_rate_deg_s:.0f} deg/s, {sideways} (tyres hold 0.5..0.9 g)"),
+        ("at the peak", f"yaw rate {space.yaw_rate_deg_s:.0f} deg/s, {sideways} (tyre limit 0.5..0.9 g)"),
     ]
 
 

@@ -1,4 +1,4 @@
-"""A session's events on the screen: bars and a live line on a terminal, plain lines in order elsewhere."""
+"""Events of a session: progress bars and a live line on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WARNING = 4  # MAV_SEVERITY_WARNING
 
 
 class PlainDisplay:
-    """One line for each thing that matters. talk: also what applet and vehicle say, for a pilot."""
+    """One line per important event. talk: also the messages of applet and vehicle, for a pilot."""
 
     def __init__(self, console: Console, talk: bool = False) -> None:
         self.console, self.talk = console, talk
@@ -36,7 +36,7 @@ class PlainDisplay:
             case e.ParameterSet() if self.talk and not event.name.startswith("SWP_"):
                 self.say(f"{event.name} {event.old:g} -> {event.value:g}")
             case e.Rebooting():
-                self.say(f"rebooting the rover, for {', '.join(event.because)}")
+                self.say(f"rebooting the rover to apply {', '.join(event.because)}")
             case e.Said() if self.talk and (event.text.startswith("SWP") or event.severity <= _WARNING):
                 self.say(f"  {event.text}")
             case e.SwitchWanted():
@@ -55,18 +55,18 @@ class PlainDisplay:
                 self.say(f"log fetched: {event.path}, {event.size / 1e6:.1f} MB")
 
     def say(self, text: str, style: str = "") -> None:
-        """A line, wrapped on a terminal alone."""
+        """Print a line; wrapped only on a terminal."""
         from rich.text import Text
 
         self.console.print(Text(text, style), soft_wrap=not self.console.is_terminal)
 
     def ask(self, question: str) -> None:
-        """Wait for a typed y. KeyboardInterrupt where the answer is Ctrl-C, or no terminal is left."""
+        """Wait for a typed y. KeyboardInterrupt for Ctrl-C or at the end of input."""
         forget_typed()
         words = printable_lines(question)
         try:
             while self.console.input(f"{words} ", markup=False).strip().lower() not in ("y", "yes"):
-                self.say("type y and Enter to start it, or Ctrl-C to end")
+                self.say("type y and Enter to start, or Ctrl-C to stop")
         except EOFError:
             raise KeyboardInterrupt from None
 
@@ -74,27 +74,27 @@ class PlainDisplay:
         self.say(_title(event))
 
     def moved(self, event: e.StateChanged | e.Sample) -> None:
-        """Nothing: a file needs no live line."""
+        """Does nothing: a file needs no live line."""
 
     def run_finished(self, event: e.RunFinished) -> None:
         if event.completed:
             self.say(f"  {event.name}: {_verdict(event)}")
         else:
-            self.say(f"  {event.name} did not run to its end: {event.reason}", "bold red")
+            self.say(f"  {event.name} is incomplete: {event.reason}", "bold red")
 
     def interrupted(self, event: e.Interrupted) -> None:
         self.say(interrupted_words(event), "bold yellow")
 
     def fetching(self, event: e.LogProgress) -> None:
-        """Nothing: the log that was saved is told."""
+        """Does nothing: only the saved log is reported."""
 
     def _switch_wanted(self, event: e.SwitchWanted) -> None:
-        what = "when ready, throw" if event.position == "high" else "throw"
-        self.say(f"{what} switch {event.channel} {event.position}", "bold cyan")
+        words = "when ready, throw" if event.position == "high" else "throw"
+        self.say(f"{words} switch {event.channel} {event.position}", "bold cyan")
 
 
 class TerminalDisplay(PlainDisplay):
-    """With a bar for each run and a live line of what the rover does."""
+    """With a bar per run and a live line of the rover's state."""
 
     def __init__(self, live: Live, progress: Progress, talk: bool = False) -> None:
         super().__init__(live.console, talk)
@@ -142,7 +142,7 @@ class TerminalDisplay(PlainDisplay):
             self._fetching,
             completed=event.done,
             total=event.total,
-            description=f"fetching log {event.number}",
+            description=f"downloading log {event.number}",
         )
 
     def _line(self, text: str) -> None:
@@ -155,7 +155,7 @@ class TerminalDisplay(PlainDisplay):
 
 @contextmanager
 def display(console: Console, talk: bool = False) -> Iterator[PlainDisplay]:
-    """The display that fits the console."""
+    """The display for this console: bars on a terminal, else plain lines."""
     if not console.is_terminal:
         yield PlainDisplay(console, talk)
         return
@@ -165,8 +165,8 @@ def display(console: Console, talk: bool = False) -> Iterator[PlainDisplay]:
     title = TextColumn("{task.description:<34}", markup=False)
     columns = (title, BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     progress = Progress(*columns, console=console)
-    live = Live(progress, console=console, refresh_per_second=10)  # started by the first bar, so that what
-    try:  # is asked before a run, such as which rover is meant, is not drawn over
+    live = Live(progress, console=console, refresh_per_second=10)
+    try:  # the first bar starts it, so that it does not draw over questions before a run
         yield TerminalDisplay(live, progress, talk)
     finally:
         live.stop()
@@ -182,17 +182,17 @@ def live_line(sample: e.Sample, state: str) -> str:
 
 
 def _number(value: float, form: str) -> str:
-    """A number, or a dash of the same width while it is not known."""
+    """The number, or a dash of the same width for NaN."""
     text = format(value if math.isfinite(value) else 0.0, form)
     return text if math.isfinite(value) else "-".rjust(len(text))
 
 
 def interrupted_words(event: e.Interrupted) -> str:
-    """What became of the rover after Ctrl-C."""
+    """A sentence on the rover's state after Ctrl-C."""
     if event.failures:
-        return f"{event.name} interrupted, but not all was let go: {'; '.join(event.failures)}"
+        return f"{event.name} interrupted, but not everything was released: {'; '.join(event.failures)}"
     now = "it is still armed" if event.armed else "it is disarmed"
-    return f"{event.name} interrupted: the rover was let go, steering and throttle are its pilot's; {now}"
+    return f"{event.name} interrupted: the rover was released, the pilot has steering and throttle; {now}"
 
 
 def _title(event: e.RunStarted) -> str:
@@ -204,7 +204,7 @@ def _title(event: e.RunStarted) -> str:
 
 
 def _verdict(event: e.RunFinished) -> str:
-    """The verdict on a run from its telemetry; "done" for a doublet, which is kept whatever its coherence."""
+    """Verdict on a run from its telemetry; "done" for a doublet, which needs no coherence."""
     from rover_sweep.live.verdict.run_verdict import judge
 
     verdict = judge(event.tlog, event.span, event.name)

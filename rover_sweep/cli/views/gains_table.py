@@ -1,4 +1,4 @@
-"""Gains now and proposed in the terminal."""
+"""Current and proposed gains on the terminal."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def show(console: Console, proposal: Proposal) -> None:
-    """The verdict, a table of both, and what must be known of them."""
+    """Print the verdict, a table of current and proposed gains, and notes."""
     _say(console, _verdict(proposal))
-    for why in proposal.support.reasons:
-        _say(console, f"  because {why}")
+    for reason in proposal.support.reasons:
+        _say(console, f"  because {reason}")
     columns = [j for j in (proposal.now, proposal.proposed) if j is not None]
     if columns:
         console.print()
@@ -30,9 +30,9 @@ def show(console: Console, proposal: Proposal) -> None:
 def _verdict(proposal: Proposal) -> str:
     at, (low, high) = f"for {proposal.speed:.2f} m/s", proposal.holds
     words = {
-        "gains": f"Gains {at}, good from {low:.2f} to {high:.2f} m/s",
-        "feed-forward only": f"Only the feed-forward can be proposed {at}",
-        "none": f"This identification supports no gains {at}",
+        "gains": f"Gains {at}, valid from {low:.2f} to {high:.2f} m/s",
+        "feed-forward only": f"Only the feed-forward gain can be computed {at}",
+        "none": f"No gains can be computed from this identification {at}",
     }
     return f"{words[proposal.support.level]} ({proposal.found.name} model, {proposal.found.level})."
 
@@ -60,12 +60,12 @@ def _column(judged: AssessedGains) -> dict[str, str]:
         "phase margin": _deg(margins.phase_deg),
         "worst gain margin": _db(judged.worst_gain[0]),
         "worst phase margin": _deg(judged.worst_phase[0]),
-        "loop's gain is 1 at": _number(margins.crossover, "rad/s"),
+        "crossover frequency": _number(margins.crossover, "rad/s"),
         "bandwidth of r / target": _number(judged.bandwidth, "rad/s"),
         f"step of {math.degrees(step.size):.0f} deg/s: rise": _number(step.rise, "s"),
         "  overshoot": f"{step.overshoot:.1f} %",
         "  settling to 5 %": _number(step.settling, "s"),
-        "  steering used": f"{100 * step.used:.0f} % of its travel",
+        "  steering used": f"{100 * step.used:.0f} % of travel",
         "steady r / target without I": f"{100 * judged.steady:.0f} %",
     }
 
@@ -74,9 +74,9 @@ def _footnote(proposal: Proposal) -> str:
     worst = proposal.proposed or proposal.now
     assert worst is not None
     return (
-        "Worst: over the 90 % intervals of the parameters and these speeds; gain margin at "
+        "Worst margins within the 90 % intervals of the parameters and the valid speeds; gain margin at "
         f"{worst.worst_gain[1]}, phase margin at {worst.worst_phase[1]}. "
-        "Steps with the firmware's limits of the target."
+        "Steps include the firmware's limits on the target."
     )
 
 

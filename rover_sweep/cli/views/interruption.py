@@ -1,4 +1,4 @@
-"""What ends a command from outside: Ctrl-C, `kill`, a closed terminal."""
+"""Stopping a command from outside: Ctrl-C, `kill`, a closed terminal."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any
 
 
 class Interruption:
-    """A context in which the first Ctrl-C is a wish (`to_stop`), the second a KeyboardInterrupt."""
+    """A context in which the first Ctrl-C only requests a stop (`to_stop`), the second raises."""
 
-    def __init__(self, told: Callable[[], object]) -> None:
-        self._told, self._asked = told, False
+    def __init__(self, on_request: Callable[[], object]) -> None:
+        self._on_request, self._requested = on_request, False
         self._before: Any = None
 
     def to_stop(self) -> bool:
-        """Has Ctrl-C been pressed."""
-        return self._asked
+        """True once Ctrl-C has been pressed."""
+        return self._requested
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():  # elsewhere signals cannot be caught
@@ -31,18 +31,18 @@ class Interruption:
             signal.signal(signal.SIGINT, self._before)
 
     def _pressed(self, number: int, frame: FrameType | None) -> None:
-        if self._asked:
+        if self._requested:
             raise KeyboardInterrupt
-        self._asked = True
-        self._told()
+        self._requested = True
+        self._on_request()
 
 
 @contextmanager
 def let_go_on_signals() -> Iterator[None]:
-    """Meanwhile `kill` or a closed terminal ends like Ctrl-C: a rover is let go, not left to its timeout.
+    """Within it, `kill` and a closed terminal act like Ctrl-C, so that a rover is released at once.
 
-    So does Ctrl-C in a program that was started in the background, where Python would ignore it. Under nohup
-    a closed terminal ends nothing.
+    Ctrl-C also works in a program started in the background, where Python would ignore it. Under nohup a
+    closed terminal has no effect.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

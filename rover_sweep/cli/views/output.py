@@ -1,4 +1,4 @@
-"""Where output goes: results to stdout, narration to stderr; --json leaves stdout to the JSON."""
+"""Output streams: results to stdout, progress and warnings to stderr; with --json only JSON to stdout."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ if TYPE_CHECKING:
     from rover_sweep.data.recording import Recording
 
 _LONGEST = 6000  # characters of an error; a damaged file may quote a megabyte of itself
-PLAIN_WIDTH = 120  # columns where nobody's window sets a limit
+PLAIN_WIDTH = 120  # columns when not in a terminal
 
 
 def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
-    """As click.echo: the door to the terminal for plain text, which no control character passes."""
+    """As click.echo, with control characters made visible; for plain text."""
     click.echo(printable_lines(text), err=err, nl=nl)
 
 
 def echo_json(text: str) -> None:
-    """JSON to stdout: what JSON need not escape and a terminal would obey is escaped as JSON does."""
+    """Print JSON on stdout, with control characters that a terminal would obey escaped."""
     click.echo(within_json(text).removesuffix("\n"))
 
 
-def tell_error(words: str, notes: Sequence[str] = ()) -> None:
-    """The last sentence of a command that failed, and what could not be undone after it, a line each."""
-    echo(f"rover-sweep: {shortened(words, _LONGEST)}", err=True)
+def print_error(message: str, notes: Sequence[str] = ()) -> None:
+    """Print the error of a failed command, then one line per note (such as failed clean-up)."""
+    echo(f"rover-sweep: {shortened(message, _LONGEST)}", err=True)
     for note in notes:
         echo(shortened(note, _LONGEST), err=True)
 
 
 def results(as_json: bool = False) -> Console:
-    """For tables, conclusions and paths; as_json: stdout belongs to the JSON."""
+    """Console for tables, conclusions and paths: stdout, or stderr with as_json."""
     return _console(stderr=as_json)
 
 
 def narration() -> Console:
-    """For progress and warnings."""
+    """Console for progress and warnings: stderr."""
     return _console(stderr=True)
 
 
-def tell_warnings(console: Console, runs: Sequence[Recording]) -> None:
-    """What spoils a recording, once for all runs of the same file."""
+def print_warnings(console: Console, runs: Sequence[Recording]) -> None:
+    """Print the warnings on the recordings, each once."""
     texts = dict.fromkeys(f"{r.name}: {n.text}" for r in runs for n in r.notes if n.level == "warning")
     for text in texts:
         console.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Sentences on a terminal."""
+"""Wrapped text on a terminal."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ WIDTH = 80
 
 
 def bullet(mark: str, text: str) -> str:
-    """`text` wrapped to the terminal (at most 80 columns), indented by two, hanging behind `mark`."""
+    """`text` wrapped to the terminal (at most 80 columns), indented by two, with `mark` before it."""
     return _hanging(f"  {mark} ", text)
 
 
 def fact(name: str, text: str) -> str:
-    """`text` in a column of its own behind `name`, wrapped likewise."""
+    """`name` and `text` in two columns, wrapped likewise."""
     return _hanging(f"  {name:<16}", text)
 
 

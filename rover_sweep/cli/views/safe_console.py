@@ -1,4 +1,4 @@
-"""A rich console that no control character of a shown text passes; its own colours and cursor moves do."""
+"""A rich console that makes control characters in text visible, but keeps rich's own control codes."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from rover_sweep.files.printable import printable_lines
 
 
 class SafeConsole(Console):
-    """Whatever is printed, table or bar, becomes segments of text here."""
+    """Filters the text segments that every renderable, table or bar, is turned into."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """As rich, each segment of text printable; rich's own control codes are segments of their own."""
+        """As rich, with each text segment made printable; rich's control codes are separate segments."""
         for segment in super().render(renderable, options):
             safe = segment.control or segment.text.isprintable()
             yield segment if safe else segment._replace(text=printable_lines(segment.text))

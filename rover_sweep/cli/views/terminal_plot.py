@@ -1,4 +1,4 @@
-"""Small plots of characters: braille dots for a wave, blocks for a spectrum."""
+"""Small text plots: braille dots for a wave, blocks for a spectrum."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def blocks(values: Array, low: float, high: float) -> str:
 
 
 def ruler(labels: list[tuple[float, str]], width: int) -> str:
-    """A line of `width` with each label centred on its place 0..1; one that would overlap is left out."""
+    """A line of `width` characters with each label centred at its position 0..1; skips overlapping labels."""
     line = [" "] * width
     for place, label in labels:
         start = min(max(round(place * (width - 1) - len(label) / 2), 0), width - len(label))

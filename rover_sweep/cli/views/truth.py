@@ -1,4 +1,4 @@
-"""A simulated rover's own numbers beside the identified ones."""
+"""A simulated rover's true parameters compared with the identified ones."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ if TYPE_CHECKING:
     from rover_sweep.report.identification.comparison import Table
     from sitl.plant.variant import PlantParameters
 
-_PHYSICAL = ("roll-yaw", "bicycle")  # models whose parameters the simulation has too
+_PHYSICAL = ("roll-yaw", "bicycle")  # models with physical parameters, whose true values are known
 
 
 def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
-    """True and found values of the recommended physical model, else the richest; None without one."""
+    """True and identified values of the recommended physical model, else the largest; None without one."""
     from rover_sweep.report.identification.comparison import Cell, Table
     from rover_sweep.report.wording.acceptance import TITLES, usable
     from rover_sweep.report.wording.number_format import change, number, symbol, unit
@@ -36,13 +36,13 @@ def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
     )
     note = "Cf = Cr: mean of both axles, at zero slip. τ: lag and delay of the servo."
     if rover.effects:
-        note += f" Beyond what the models have: {', '.join(rover.effects)}."
+        note += f" The rover also has effects that no model includes: {', '.join(rover.effects)}."
     headings = ("", "", "true", f"{TITLES[name]} model", "difference %")
-    return Table("Simulated rover's own numbers", headings, rows, note, 2)
+    return Table("True parameters of the simulated rover", headings, rows, note, 2)
 
 
 def truth(rover: PlantParameters) -> dict[str, float]:
-    """The plant's numbers by the models' names, SI units."""
+    """The plant's true parameters by the models' names, in SI units."""
     front, rear = rover.front_cornering_stiffness, rover.rear_cornering_stiffness
     return {
         "C": (front + rear) / 2,

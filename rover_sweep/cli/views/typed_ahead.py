@@ -1,4 +1,4 @@
-"""What was typed before a question was asked is no answer to it."""
+"""Drops keys typed before a question, so that they do not answer it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 
 
 def forget_typed() -> None:
-    """Drop what waits at the terminal: a key pressed meanwhile must not move a vehicle. A pipe is let be."""
+    """Drop pending input of a terminal: a key pressed earlier must not move a vehicle. A pipe is not read."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         if sys.stdin.isatty():
             _flush()

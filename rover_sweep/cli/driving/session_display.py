@@ -1,4 +1,4 @@
-"""What `dry-run` and `run` share: drive a session before the user's eyes, then identify from it."""
+"""Show a session while it is driven (`dry-run`, `run`, `resume`), then identify from its runs."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ if TYPE_CHECKING:
     from rover_sweep.identification.pipeline import Identification
 
 Events = Generator[Event, None, None]
-Answer = Callable[[PlainDisplay, Event], None]
+AfterEvent = Callable[[PlainDisplay, Event], None]
 _NOTHING = "nothing was recorded"
 
 
-def driven(
+def show_session(
     events: Events,
     folder: Path,
     *,
     talk: bool = False,
     go_on: bool = False,
-    answer: Answer | None = None,
+    answer: AfterEvent | None = None,
     logs: bool = True,
 ) -> SessionFinished:
-    """Shows the events to the end of the session.
+    """Show the events of a session until it has finished.
 
-    logs: whether the vehicle's logs are fetched at its end. answer is called after each event was shown, and
-    may ask the user. Ctrl-C during a run lets the rover go; go_on: and the session goes on to the logs.
-    Otherwise it comes out, as errors do, after the rover was let go and the user was told what was kept.
+    logs: whether the vehicle's logs are downloaded at the end. answer is called after each event is shown,
+    and may ask the user. Ctrl-C during a run releases the rover; with go_on the session then continues to
+    the logs. Otherwise KeyboardInterrupt, like any error, is raised after the rover was released and the
+    recordings that exist were listed.
     """
     console, finished, interrupted = narration(), list[RunFinished](), False
     granted = dict[str, float]()
@@ -56,16 +57,16 @@ def driven(
     except (KeyboardInterrupt, RoverSweepError) as stop:
         events.close()
         if isinstance(stop, KeyboardInterrupt) and not interrupted:
-            console.print("no run was under way: nothing moves", markup=False)
+            console.print("no run was in progress: nothing moves", markup=False)
         kept = _kept(folder, finished)
-        if kept != _NOTHING or isinstance(stop, KeyboardInterrupt):  # an error says itself what is lacking
+        if kept != _NOTHING or isinstance(stop, KeyboardInterrupt):  # an error explains itself
             console.print(kept, markup=False, soft_wrap=True)
         raise
     raise AssertionError("a session ends with SessionFinished")
 
 
-def _shown(events: Events, display: PlainDisplay, answer: Answer | None) -> Iterator[Event]:
-    """The events, each shown; a Ctrl-C that comes meanwhile reaches the session, which lets the rover go."""
+def _shown(events: Events, display: PlainDisplay, answer: AfterEvent | None) -> Iterator[Event]:
+    """Show and yield each event; a Ctrl-C meanwhile is thrown into the session, which releases the rover."""
     caught: KeyboardInterrupt | None = None
     while True:
         try:
@@ -83,7 +84,7 @@ def _shown(events: Events, display: PlainDisplay, answer: Answer | None) -> Iter
 
 
 def _telemetry(event: Event, granted: dict[str, float], logs: bool) -> str:
-    """How the telemetry of a run came that is over. granted: Hz by message, learnt on the way."""
+    """Sentence on the telemetry quality of a finished run, else "". granted: Hz by message, updated."""
     from rover_sweep.vehicle.preflight.arrival import arrival_clock
     from rover_sweep.vehicle.preflight.telemetry_quality import telemetry_words
 
@@ -95,18 +96,18 @@ def _telemetry(event: Event, granted: dict[str, float], logs: bool) -> str:
 
 
 def _kept(folder: Path, finished: list[RunFinished]) -> str:
-    """Which recordings are there, and which of them hold a whole run."""
+    """A sentence that lists the recordings, and marks those without a complete run."""
     whole = {run.tlog.name for run in finished if run.completed}
     tlogs = [p.name for p in sorted(folder.glob("*.tlog")) if p.stem not in ("connect", "fetch")]
-    told = [name if name in whole else f"{name} (no whole run)" for name in tlogs]
-    told += [p.name for p in sorted(folder.glob("*.BIN"))]
-    return f"kept in {folder}: {', '.join(told)}" if told else _NOTHING
+    files = [name if name in whole else f"{name} (no complete run)" for name in tlogs]
+    files += [p.name for p in sorted(folder.glob("*.BIN"))]
+    return f"kept in {folder}: {', '.join(files)}" if files else _NOTHING
 
 
-def recordings(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording, ...]:
-    """The runs of a session that came to their end: out of the vehicle's logs, else out of the telemetry.
+def complete_runs(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording, ...]:
+    """The complete runs of a session, from the vehicle's logs, else from the telemetry.
 
-    DataRefused where none did.
+    DataRefused if there is none.
     """
     from rover_sweep.api.read import Reading, load
 
@@ -116,20 +117,20 @@ def recordings(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording, .
         raise DataRefused(f"{refusal}; {_kept(session.folder, list(session.runs))}") from refusal
 
 
-def identified_session(
+def identify_session(
     session: SessionFinished,
     rover: tuple[Vehicle, Path],
     as_json: bool,
     verbose: bool,
     more: Callable[[Identification], RenderableType] | None = None,
 ) -> None:
-    """Identifies from the whole runs of a session, verifies on its doublets, reports into its report/."""
+    """Identify from the complete runs of a session, verify on its doublets, write its report/."""
     from rover_sweep.api.run_roles import divided
     from rover_sweep.cli.driving.show_identified import show_identified
     from rover_sweep.identification.grouping import Settings
     from rover_sweep.session.recording_choice import origin_words
 
-    runs = recordings(session, rover[0])
+    runs = complete_runs(session, rover[0])
     for words in origin_words(session.folder, runs):
         narration().print(words, markup=False, soft_wrap=True)
     sweeps, doublets = divided(runs)
