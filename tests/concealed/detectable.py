@@ -60,7 +60,7 @@ def sizes(folder: Path, seed: int) -> Sizes:
         own = dict(entry)
         for p in effect.parameters:
             name = CALLED.get((effect.id, p.name), p.name)
-            if p.name in effect.reads or name not in entry:
+            if p.nominal or name not in entry:
                 continue
             rows = _grown(problem, fitted, model, effect, p.name, seen)
             least = material_sizes(effect, model.spread).get(p.name, 0.0)

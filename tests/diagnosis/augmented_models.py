@@ -57,10 +57,8 @@ def model(*effects: str, baseline: str = "roll-yaw", **x: float) -> AugmentedMod
     found = dict(ORDINARY)
     for name in effects:
         effect = library()[name]
-        own = {effect.reads.get(p.name, effect.key(p.name)): p for p in effect.parameters}
-        found |= SIZES.get(name) or {
-            key: found.get(key, 0.0) + p.size * effect.per.get(p.name, 1.0) for key, p in own.items()
-        }
+        own = {effect.coordinate_name(p): p for p in effect.parameters}
+        found |= SIZES.get(name) or {key: found.get(key, 0.0) + p.size * p.per for key, p in own.items()}
     filters = {c: LowPass(20.0, "test") for c in ("r", "p", "ay")}
     return AugmentedModel(
         baseline, geometry_of(VEHICLE), effects, found | x, SPEED, filters, VEHICLE.steering(), wait=0.005

@@ -8,6 +8,7 @@ import pytest
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.effects.kinds import SpeedEffect
 from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
@@ -16,7 +17,7 @@ from rover_sweep.manoeuvre.sweep import Sweep
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.07, 0.02, 0.03)
 MODEL = Model("roll-yaw", ROVER, Tolerances())
 NOMINAL = {c.name: c.start for c in MODEL.free}
-TERMS = [e for e in library().values() if e.id not in WHOLE and e.stage != "speed"]
+TERMS = [e for e in library().values() if e.id not in WHOLE and not isinstance(e, SpeedEffect)]
 
 
 def driven() -> Experiment:
@@ -53,9 +54,9 @@ PLAIN = logged(RUN, MODEL.structure, NOMINAL, SENSORS)
 def coordinates_of(effect, factor):
     out = {}
     for p in effect.parameters:
-        name = effect.reads.get(p.name, effect.key(p.name))
-        out[name] = NOMINAL.get(name, 0.0) + factor * p.size * effect.per.get(p.name, 1.0)
-    if effect.stage == "grip":
+        name = effect.coordinate_name(p)
+        out[name] = NOMINAL.get(name, 0.0) + factor * p.size * p.per
+    if effect.in_one_run:
         out[effect.key("t")] = 10.0
     return out
 

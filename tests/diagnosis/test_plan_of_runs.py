@@ -55,7 +55,7 @@ def yaw_rate_cosines(runs: Sequence[PlannedRun]) -> dict[str, float]:
     """Cosines from r alone, C, Izz, k_phi and b_phi refitted."""
     model = Model("roll-yaw", ROVER, Tolerances(lag=0.5, delay=0.5))
     driven = [as_experiment(run, ROVER, SCALE, ["r"]) for run in runs]
-    effects = [e for e in possible(model, driven)[0] if e.stage not in ("grip", "speed")]
+    effects = [e for e in possible(model, driven)[0] if not e.in_one_run]
     at = {
         "lag": 0.03,
         "delay": 0.03,

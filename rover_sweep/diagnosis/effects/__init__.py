@@ -1,4 +1,4 @@
-"""The library of left-out effects: one small file each; dropping a file in adds it everywhere."""
+"""The library of left-out effects, one file each; a new file with an `EFFECT` is found by itself."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["Effect", "EffectParameter", "library"]
 
 @cache
 def library() -> dict[str, Effect]:
-    """{id: effect} of every module of this package that defines EFFECT, in the order of their ids."""
+    """{id: effect} of every module of this package that defines `EFFECT`, sorted by id."""
     modules = [import_module(f"{__name__}.{m.name}") for m in iter_modules(__path__)]
     found = [m.EFFECT for m in modules if hasattr(m, "EFFECT")]
     return {e.id: e for e in sorted(found, key=lambda e: e.id)}

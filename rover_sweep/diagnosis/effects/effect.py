@@ -1,8 +1,10 @@
-"""What every left-out effect is: an equation, its parameters, and where it acts in the simulation.
+"""The contract of every left-out effect: its texts, its parameters, and when it is a finding.
 
-A value and its coordinate: the fit moves coordinates, whose absent value is 0. For most parameters they
-are the same; `inverse` ones (a rate limit, a friction, a cut-off) have the coordinate 1/value, and a
-`ratio` the coordinate ln(value).
+The kinds of effect in `kinds` add where the effect acts in the simulation, and how.
+
+A parameter has a physical value and a coordinate, which the fit moves; the coordinate 0 means absent. They
+are equal except for two forms: `inverse` (a rate limit, a cut-off) has the coordinate 1/value, and `ratio`
+has the coordinate ln(value).
 """
 
 from __future__ import annotations
@@ -10,21 +12,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import exp, inf, log
-from typing import Any, Literal
+from typing import ClassVar, Literal
 
-from rover_sweep.data.recording import Array
-
-Stage = Literal["command", "servo", "linkage", "vehicle", "force", "grip", "sensor", "filter", "speed"]
 Values = Mapping[str, float]
+Reported = dict[str, tuple[float, str, str]]  # {name: (value, unit, convention)}, for a user
 
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect.
+    """A parameter of an effect. All numbers but `per` are coordinates.
 
-    size: coordinate at which the effect is plain to see on a small rover, used for the first look and as
-    the scale of the fit. low, high: bounds of the coordinate. convention: what the number means.
-    tiny: standard deviation of the coordinate in an ordinary rover that nobody would call faulty.
+    size: plainly visible on a rover of 2 to 3 kg; used for the first look and as the scale of the fit.
+    low, high: bounds. convention: meaning and sign of the value, for a user.
+    tolerance: standard deviation over normal rovers.
+    matters: an effect below this size is within normal tolerance; None: twice the tolerance.
+    doubt: standard deviation that no data of this kind can reduce.
+    nominal: the coordinate of the nominal model that is this parameter; "" if the effect adds its own.
+    per: nominal coordinate per unit of the value.
     """
 
     name: str
@@ -33,8 +37,12 @@ class EffectParameter:
     low: float
     high: float
     convention: str
-    tiny: float = 0.0
     form: Literal["plain", "inverse", "ratio"] = "plain"
+    tolerance: float = 0.0
+    matters: float | None = None
+    doubt: float = 0.0
+    nominal: str = ""
+    per: float = 1.0
 
     def value(self, coordinate: float) -> float:
         """The physical value at a coordinate."""
@@ -49,93 +57,67 @@ class EffectParameter:
         return log(value) if self.form == "ratio" else value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Effect:
     """A left-out effect; every module of this package that has an `EFFECT` is in the library.
 
-    id: of the vocabulary. equation, source: in the field's symbols, and from where. shows: where it is seen.
-    apart: what tells it from its neighbours; needs: which experiment shows it; next_run: what to drive to
-    settle it. excites: what brings it out, in words.
-    stage: where it acts. `act`, by stage:
-      command, linkage: (steer (n,) rad, q) -> steer (n,), before and after the servo
-      servo: no function; the coordinates fill the servo's slots (lag, delay, inv_rate)
-      sensor: ({channel: (n,)}, motion {name: (n,)}, q) -> {channel: (n,)}
-      filter: (w (k,) rad/s, q) -> {channel: frequency response (k,)}
-      force: (motion {name: (n,)}, q, mass kg) -> (Fy, Mz, Mx), each (n,) N, N m, N m or 0.0
-      grip: (t (n,), q) -> (n,) factor of both axles' stiffness
-      speed: (speed (n,), motion, q) -> speed (n,) as the effect predicts it
-      vehicle: no function; the coordinates fill slots of the compiled kernel
-    slots: {parameter: slot}. iterate: a force that depends on the motion it makes;
-    weight: a force that an accelerometer does not feel. shown: ({parameter: value}) -> {name: (value,
-    unit, convention)} where the parameters that a user reads are others than the fitted ones. doubt: standard
-    deviation of a parameter's coordinate that no data of this kind can take away.
-    reads: {parameter: nominal coordinate that it is read off}; per: coordinates of one unit of its value.
-    q: {parameter: coordinate}. releases: coordinates of the nominal model that the effect sets free beyond
-    the material size, {name: (low, high)}. material: what a number of this effect must exceed to be more
-    than a nuisance, {parameter: coordinate}. baselines: the models it can be missing from. channels: at
-    least one of these must have been recorded. speeds: how many it takes. signed: either sign has a meaning.
+    id: name in files and on the command line. title, equation: for reports, in the field's symbols, SI
+    units, ISO axes. source: a reference. shows: how it appears in the data. apart: how it differs from
+    similar effects. next_run: what to drive or measure to confirm it.
+    baselines: the models that can lack it. channels: at least one of these must be recorded.
+    signed: both signs of the parameters are possible.
+    releases: {nominal coordinate: (low, high)} that the effect frees beyond the normal tolerance.
+    report_values: ({parameter: value}) -> what a user reads, where that differs from the fitted parameters.
     """
+
+    in_one_run: ClassVar[bool] = False
+    """True where it happens in one run at an instant, the parameter `t`."""
 
     id: str
     title: str
     equation: str
     source: str
     parameters: tuple[EffectParameter, ...]
-    stage: Stage
     shows: str
     apart: str
-    needs: str
-    excites: str
     next_run: str
-    act: Callable[..., Any] | None = None
-    slots: Mapping[str, str] = field(default_factory=dict)
-    reads: Mapping[str, str] = field(default_factory=dict)
-    per: Mapping[str, float] = field(default_factory=dict)
-    releases: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    material: Mapping[str, float] = field(default_factory=dict)
     baselines: tuple[str, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")
     channels: tuple[str, ...] = ("r", "ay", "p", "vy")
-    speeds: int = 1
     signed: bool = True
-    iterate: bool = False
-    weight: bool = False
-    shown: Callable[[Values], dict[str, tuple[float, str, str]]] | None = None
-    doubt: Mapping[str, float] = field(default_factory=dict)
+    releases: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    report_values: Callable[[Values], Reported] | None = None
 
     def key(self, parameter: str) -> str:
-        """Name of a coordinate in the whole model: "<id>.<parameter>"."""
+        """Name of an added coordinate in the whole model: "<id>.<parameter>"."""
         return f"{self.id}.{parameter}"
 
-    @property
-    def adds(self) -> tuple[str, ...]:
-        """The parameters with a coordinate of their own; the others are read off a released one."""
-        return tuple(p.name for p in self.parameters if p.name not in self.reads)
+    def coordinate_name(self, parameter: EffectParameter) -> str:
+        """Name of the parameter's coordinate in the whole model: a nominal one, or one that is added."""
+        return parameter.nominal or self.key(parameter.name)
+
+    def coordinates(self, x: Values) -> dict[str, float]:
+        """{parameter: added coordinate} from the coordinates x of the whole model, 0 where absent."""
+        return {p.name: x.get(self.key(p.name), 0.0) for p in self.parameters}
 
     def values(self, x: Values) -> dict[str, float]:
-        """{parameter: physical value} out of the whole model's coordinates."""
-        return {
-            p.name: p.value(x.get(self.reads.get(p.name, self.key(p.name)), 0.0) / self.per.get(p.name, 1.0))
-            for p in self.parameters
-        }
+        """{parameter: physical value} from the coordinates x of the whole model."""
+        return {p.name: p.value(x.get(self.coordinate_name(p), 0.0) / p.per) for p in self.parameters}
 
-    def reported(self, x: Values) -> dict[str, tuple[float, str, str]]:
+    def reported(self, x: Values) -> Reported:
         """What a user reads: {name: (value, unit, convention)}."""
         found = self.values(x)
-        if self.shown:
-            return self.shown(found)
+        if self.report_values:
+            return self.report_values(found)
         return {p.name: (found[p.name], p.unit, p.convention) for p in self.parameters}
 
-    def counts(self, x: Values) -> bool:
-        """True where any parameter reaches its material size, twice the tiny one where none is stated."""
+    @property
+    def thresholds(self) -> dict[str, float]:
+        """{parameter: coordinate from which the effect is a finding}, of the parameters that have one."""
+        sizes = {p.name: 2.0 * p.tolerance if p.matters is None else p.matters for p in self.parameters}
+        return {name: size for name, size in sizes.items() if size > 0}
+
+    def exceeds(self, x: Values, thresholds: Mapping[str, float]) -> bool:
+        """True where any parameter reaches its threshold, or no parameter has one."""
         found = self.values(x)
-        sizes = {p.name: self.material.get(p.name, 2.0 * p.tiny) for p in self.parameters}
-        sizes = {name: size for name, size in sizes.items() if size > 0}
-        coordinates = {p.name: abs(p.coordinate(found[p.name])) for p in self.parameters}
-        return not sizes or any(coordinates[name] >= size for name, size in sizes.items())
-
-    def coordinates(self, values: Values) -> dict[str, float]:
-        """{parameter: coordinate} out of the whole model's values, 0 where absent."""
-        return {p.name: values.get(self.key(p.name), 0.0) for p in self.parameters}
-
-
-Motion = Mapping[str, Array]
+        size = {p.name: abs(p.coordinate(found[p.name])) for p in self.parameters}
+        return not thresholds or any(size[name] >= least for name, least in thresholds.items())

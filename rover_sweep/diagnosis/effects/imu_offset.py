@@ -1,27 +1,52 @@
-"""IMU elsewhere than the vehicle file says."""
+"""The IMU is not at the position that the vehicle file gives.
+
+    a_y measured = a_y + x r' - z p'
+
+x, z [m]: the IMU is further forward and further up than the vehicle file says. r', p': yaw and roll
+acceleration [rad/s^2]. Bounds: -1 to 1 m. The error grows as w relative to r (x) and as w^2 relative to phi
+(z), so high frequencies show it best; one sweep is enough, and so is a ruler. Acceleration of a point of a
+rigid body.
+"""
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
+from rover_sweep.diagnosis.effects.effect import EffectParameter
+from rover_sweep.diagnosis.effects.kinds import NominalEffect
 
-EFFECT = Effect(
+KNOWN_TO = 0.005  # m, to which a vehicle file gives the CG and the roll axis
+
+EFFECT = NominalEffect(
     id="imu_offset",
     title="the IMU is not where the vehicle file says",
     equation="a_y + x r' - z p'",
-    source="method.md, sensor position",
+    source="acceleration of a point of a rigid body",
     parameters=(
-        EffectParameter("x", "m", 0.05, -1.0, 1.0, "IMU further forward than the file says"),
-        EffectParameter("z", "m", 0.05, -1.0, 1.0, "IMU further up than the file says"),
+        EffectParameter(
+            "x",
+            "m",
+            0.05,
+            -1.0,
+            1.0,
+            "IMU further forward than the file says",
+            matters=0.012,
+            doubt=KNOWN_TO,
+            nominal="imu_x",
+        ),
+        EffectParameter(
+            "z",
+            "m",
+            0.05,
+            -1.0,
+            1.0,
+            "IMU further up than the file says",
+            matters=0.012,
+            doubt=KNOWN_TO,
+            nominal="imu_z",
+        ),
     ),
-    stage="sensor",
-    shows="a_y alone; x grows as w against r, z as w^2 against phi",
-    apart="r and p are right, a filter would turn the phase without the gain rising",
-    needs="one sweep; a ruler",
-    excites="high frequency",
+    shows="in a_y alone; x grows as w relative to r, z as w^2 relative to phi",
+    apart="r and p are correct; a filter changes the phase and does not raise the gain",
     next_run="a ruler: from the CG to the autopilot",
-    reads={"x": "imu_x", "z": "imu_z"},
     releases={"imu_x": (-1.0, 1.0), "imu_z": (-1.0, 1.0)},
-    doubt={"x": 0.005, "z": 0.005},  # to which a vehicle file knows the CG and the roll axis
-    material={"x": 0.012, "z": 0.012},
     channels=("ay",),
 )

@@ -1,4 +1,12 @@
-"""IMU mounted askew."""
+"""The IMU is mounted at an angle.
+
+    r + pitch p,  p - pitch r,  a_y - yaw a_x,  a_y + g sin(roll)
+
+roll, pitch, yaw: mounting angles [rad], see the parameters for the signs; bounds -0.5 to 0.5 rad (yaw 0.6).
+roll adds a constant to a_y, also at standstill, which is the nominal coordinate `bias_ay` [m/s^2]; pitch
+mixes p and r, yaw mixes a_x and a_y. Needs standstill and two headings. Rotation of the sensor axes:
+Titterton and Weston 2004, chapter 3.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +14,12 @@ import numpy as np
 
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Motion, Values
+from rover_sweep.diagnosis.effects.effect import EffectParameter, Values
+from rover_sweep.diagnosis.effects.kinds import Motion, SensorEffect
 
 
-def tilted(measured: Motion, motion: Motion, q: Values) -> dict[str, Array]:
-    """r, p turned by the pitch angle, a_y by yaw; the constant of the roll angle is the nominal's bias."""
+def rotated(measured: Motion, motion: Motion, q: Values) -> dict[str, Array]:
+    """r and p rotated by the pitch angle, a_y by the yaw angle; the roll angle is in the bias of a_y."""
     out = dict(measured)
     c, s = np.cos(q["pitch"]), np.sin(q["pitch"])
     if "r" in measured and "p" in measured:
@@ -22,11 +31,11 @@ def tilted(measured: Motion, motion: Motion, q: Values) -> dict[str, Array]:
     return out
 
 
-EFFECT = Effect(
+EFFECT = SensorEffect(
     id="imu_tilt",
     title="the IMU is mounted askew",
     equation="r + pitch p, p - pitch r, a_y - yaw a_x, a_y + g sin(roll)",
-    source="rotation of the sensor's axes; left_out_physics",
+    source="rotation of the sensor axes; Titterton and Weston 2004, chapter 3",
     parameters=(
         EffectParameter(
             "roll",
@@ -35,21 +44,29 @@ EFFECT = Effect(
             -0.5,
             0.5,
             "IMU's y axis turned down on its right: a_y + g sin(roll)",
-            tiny=0.01,
+            tolerance=0.01,
+            matters=0.0306,
+            doubt=0.015,  # the bias of an accelerometer is up to 0.3 m/s^2
+            nominal="bias_ay",
+            per=GRAVITY,
         ),
-        EffectParameter("pitch", "rad", 0.08, -0.5, 0.5, "nose of the IMU down: yaw shows in p", tiny=0.01),
-        EffectParameter("yaw", "rad", 0.08, -0.6, 0.6, "IMU turned to the left", tiny=0.01),
+        EffectParameter(
+            "pitch",
+            "rad",
+            0.08,
+            -0.5,
+            0.5,
+            "nose of the IMU down: yaw shows in p",
+            tolerance=0.01,
+            matters=0.02,
+        ),
+        EffectParameter(
+            "yaw", "rad", 0.08, -0.6, 0.6, "IMU turned to the left", tolerance=0.01, matters=0.05
+        ),
     ),
-    stage="sensor",
-    shows="a constant of a_y whatever the heading, and mixing of p and r, of a_x and a_y",
-    apart="a slope turns with the heading; a trim moves r as well",
-    needs="standstill and two headings",
-    excites="standstill",
+    shows="a constant a_y at every heading, and mixing of p and r and of a_x and a_y",
+    apart="a slope changes with the heading; a trim changes r as well",
     next_run="standing still on a level floor at two headings: a_y",
-    act=tilted,
-    reads={"roll": "bias_ay"},
-    per={"roll": GRAVITY},
+    act=rotated,
     releases={"bias_ay": (-6.0, 6.0)},
-    doubt={"roll": 0.015},  # an accelerometer's own bias is up to .3 m/s^2
-    material={"roll": 0.0306, "pitch": 0.02, "yaw": 0.05},
 )

@@ -1,22 +1,27 @@
-"""Front wheels that steer as the body rolls."""
+"""The front wheels steer as the body rolls.
+
+    front steering angle = d + e phi
+
+d: road-wheel angle [rad]. phi: roll angle [rad]. e [-]: steering angle per roll angle, -3 to 3. Needs two
+speeds; the roll mode shows it best. Milliken and Milliken 1995.
+"""
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
+from rover_sweep.diagnosis.effects.effect import EffectParameter
+from rover_sweep.diagnosis.effects.kinds import VehicleEffect
 
-EFFECT = Effect(
+EFFECT = VehicleEffect(
     id="roll_steer",
     title="roll steer of the front axle",
     equation="d + e phi",
-    source="Milliken and Milliken 1995; left_out_physics",
-    parameters=(EffectParameter("e", "-", 0.3, -3.0, 3.0, "front steering angle per roll angle", tiny=0.02),),
-    stage="vehicle",
-    shows="follows the phase of the roll",
-    apart="changes the steady gain with the speed as an understeer does, and follows the roll mode",
-    needs="two speeds",
-    excites="the roll mode",
+    source="Milliken and Milliken 1995",
+    parameters=(
+        EffectParameter("e", "-", 0.3, -3.0, 3.0, "front steering angle per roll angle", tolerance=0.02),
+    ),
+    shows="follows the phase of the roll angle",
+    apart="changes the steady gain with the speed, as understeer does, but follows the roll mode",
     next_run="a sweep at a second speed across the roll mode",
-    slots={"e": "e_roll"},
+    fills={"e": "e_roll"},
     baselines=("roll-yaw",),
-    speeds=2,
 )

@@ -1,15 +1,25 @@
-"""Low-pass in a sensor's path that nobody knows of."""
+"""The signal of a sensor passes an unknown low-pass.
+
+    1/(1 + sqrt(2) s/w0 + (s/w0)^2),  w0 = 2 pi f
+
+f: cut-off [Hz], `gyro_hz` of r and p, `accel_hz` of a_y, 1 Hz and more (coordinate 1/f). Shows as a lag of
+r and p that differs from that of a_y and V_y'; one sweep is enough, and high frequencies show it best.
+Second-order Butterworth, as ArduPilot's LowPassFilter2p.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 from rover_sweep.data.recording import Array, LowPass
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
+from rover_sweep.diagnosis.effects.effect import EffectParameter, Values
+from rover_sweep.diagnosis.effects.kinds import FilterEffect
+
+OWN_DELAY = 0.007  # s of 1/f: 1.5 ms of the sensor's own delay
 
 
-def unknown(w: Array, q: Values) -> dict[str, Any]:
-    """Responses (k,) of the hidden low-passes at w [rad/s]."""
+def hidden_low_passes(w: Array, q: Values) -> dict[str, Any]:
+    """{channel: frequency response (k,)} at w (k,) rad/s."""
     out = {}
     if q["gyro_hz"] > 0:
         out["r"] = out["p"] = LowPass(1.0 / q["gyro_hz"]).response(w)
@@ -18,27 +28,33 @@ def unknown(w: Array, q: Values) -> dict[str, Any]:
     return out
 
 
-EFFECT = Effect(
+def _cutoff(name: str, convention: str) -> EffectParameter:
+    return EffectParameter(
+        name,
+        "Hz",
+        0.15,
+        0.0,
+        1.0,
+        convention,
+        form="inverse",
+        tolerance=0.008,
+        matters=0.035,
+        doubt=OWN_DELAY,
+    )
+
+
+EFFECT = FilterEffect(
     id="sensor_filter",
     title="an unknown sensor filter",
     equation="1/(1 + sqrt(2) s/w0 + (s/w0)^2), w0 = 2 pi f",
-    source="ArduPilot LowPassFilter2p; left_out_physics",
+    source="second-order Butterworth, ArduPilot LowPassFilter2p",
     parameters=(
-        EffectParameter(
-            "gyro_hz", "Hz", 0.15, 0.0, 1.0, "cut-off of the low-pass on r and p", form="inverse", tiny=0.008
-        ),
-        EffectParameter(
-            "accel_hz", "Hz", 0.15, 0.0, 1.0, "cut-off of the low-pass on a_y", form="inverse", tiny=0.008
-        ),
+        _cutoff("gyro_hz", "cut-off of the low-pass on r and p"),
+        _cutoff("accel_hz", "cut-off of the low-pass on a_y"),
     ),
-    stage="filter",
-    act=unknown,
-    shows="unequal lag of r, p against a_y, V_y'",
-    apart="a steering lag moves all channels alike",
-    needs="one sweep",
-    excites="high frequency",
+    shows="r and p lag by another time than a_y and V_y'",
+    apart="a steering lag delays all channels equally",
     next_run="read INS_GYRO_FILTER and INS_ACCEL_FILTER, or log raw IMU",
-    doubt={"gyro_hz": 0.007, "accel_hz": 0.007},  # s: 1.5 ms of any sensor's own delay
-    material={"gyro_hz": 0.035, "accel_hz": 0.035},
+    response=hidden_low_passes,
     signed=False,
 )

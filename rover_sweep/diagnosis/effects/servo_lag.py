@@ -1,21 +1,29 @@
-"""Steering servo slower than the material lag."""
+"""The steering servo is slow.
+
+    T d' = u - d
+
+u, d: commanded and true road-wheel angle [rad]. T [s]: time constant, 0 to 0.5. Up to 40 ms, or 70 ms
+together with the transport delay, are a normal tolerance of the baseline. One sweep is enough; high
+frequencies show it best. First-order lag.
+"""
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
+from rover_sweep.diagnosis.effects.effect import EffectParameter
+from rover_sweep.diagnosis.effects.kinds import NominalEffect
 
-EFFECT = Effect(
+EFFECT = NominalEffect(
     id="servo_lag",
     title="slow steering servo",
     equation="T d' = u - d",
-    source="first-order lag, left_out_physics: beyond 40 ms alone or 70 ms with the delay",
-    parameters=(EffectParameter("T", "s", 0.06, 0.0, 0.5, "time constant of the whole first-order lag"),),
-    stage="servo",
-    shows="all channels alike, gain falls with phase",
-    apart="a delay turns the phase and leaves the gain; a rate limit grows with the amplitude",
-    needs="one sweep",
-    excites="high frequency",
+    source="first-order lag; a finding above 40 ms alone or 70 ms with the delay",
+    parameters=(
+        EffectParameter(
+            "T", "s", 0.06, 0.0, 0.5, "time constant of the whole first-order lag", nominal="lag"
+        ),
+    ),
+    shows="in all channels equally, the gain falls with the phase",
+    apart="a delay changes the phase but not the gain; a rate limit grows with the amplitude",
     next_run="servo on blocks: a step of 100 us, angle of the wheel against time",
-    reads={"T": "lag"},
     releases={"lag": (0.0, 0.5)},
 )

@@ -1,21 +1,29 @@
-"""Speed lost in the turns."""
+"""Cornering drag lowers the speed.
+
+    V' = (V_set - V)/tau_V - D a_y^2
+
+D: loss [s^2/m], 0 to 2. It is judged in the measured speed, which also drives the simulation of all other
+effects. A large a_y for a long time, that is low frequencies, shows it best; one sweep is enough. The drag is
+the front side force times sin(d), which is proportional to a_y^2 for linear tyres.
+"""
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
+from rover_sweep.diagnosis.effects.effect import EffectParameter
+from rover_sweep.diagnosis.effects.kinds import SpeedEffect
 
-EFFECT = Effect(
+EFFECT = SpeedEffect(
     id="speed_variation",
     title="cornering drag takes speed",
     equation="V' = (V_set - V)/tau_V - D a_y^2",
-    source="Rajamani 2012, chapter 2; left_out_physics",
-    parameters=(EffectParameter("D", "s^2/m", 0.02, 0.0, 2.0, "loss of speed per a_y squared", tiny=0.002),),
-    stage="speed",
-    shows="the measured speed itself: even in the steering, at low frequency",
-    apart="nothing else moves the speed with the square of a_y",
-    needs="one sweep",
-    excites="large a_y for long",
+    source="front side force times sin(d), for linear tyres",
+    parameters=(
+        EffectParameter(
+            "D", "s^2/m", 0.02, 0.0, 2.0, "loss of speed per a_y squared", tolerance=0.002, matters=0.01
+        ),
+    ),
+    shows="in the measured speed: even in the steering, at low frequency",
+    apart="no other effect changes the speed with the square of a_y",
     next_run="hold the throttle by hand and by the speed controller, the same sweep",
-    material={"D": 0.01},
     signed=False,
 )

@@ -1,11 +1,18 @@
-"""Different steering gain to the left and to the right."""
+"""The steering gain differs to the left and to the right.
+
+    d = (1 + e) u for u > 0 (left),  (1 - e) u for u < 0
+
+u, d: angle before and after the linkage [rad]. e [-]: half the difference of the two gains over their mean,
+-0.6 to 0.6. Causes a second harmonic only, and a mean; one sweep of any amplitude is enough.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
+from rover_sweep.diagnosis.effects.effect import EffectParameter, Values
+from rover_sweep.diagnosis.effects.kinds import LinkageEffect
 
 
 def uneven(steer: Array, q: Values) -> Array:
@@ -13,11 +20,11 @@ def uneven(steer: Array, q: Values) -> Array:
     return steer + q["e"] * np.abs(steer)
 
 
-EFFECT = Effect(
+EFFECT = LinkageEffect(
     id="steering_asymmetry",
     title="steering gain differs left and right",
     equation="d = (1 + e) u for u > 0 (left), (1 - e) u for u < 0",
-    source="left_out_physics",
+    source="piecewise linear gain of the linkage",
     parameters=(
         EffectParameter(
             "e",
@@ -26,14 +33,11 @@ EFFECT = Effect(
             -0.6,
             0.6,
             "half the difference of the gains left and right over their mean",
-            tiny=0.01,
+            tolerance=0.01,
         ),
     ),
-    stage="linkage",
-    shows="second harmonic and a mean that follows the amplitude",
-    apart="second harmonic only; a trim has a mean that does not follow the amplitude",
-    needs="one sweep",
-    excites="any amplitude",
+    shows="second harmonic, and a mean that grows with the amplitude",
+    apart="second harmonic only; the mean that a trim causes does not change with the amplitude",
     next_run="turning circles left and right at the same command",
     act=uneven,
 )

@@ -1,32 +1,39 @@
-"""Servo that does not answer to small angles."""
+"""The servo does not respond to small commands.
+
+    0 for abs(u) < w, else u - w sgn(u)
+
+u: commanded road-wheel angle [rad]. w: half width of the band [rad], 0 to 0.15. Causes a third harmonic at
+low frequency and adds no phase lag. A small amplitude shows it best; one sweep, or the servo on blocks. Tao
+and Kokotovic 1996 (dead zone).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
+from rover_sweep.diagnosis.effects.effect import EffectParameter, Values
+from rover_sweep.diagnosis.effects.kinds import CommandEffect
 
 
-def dead(steer: Array, q: Values) -> Array:
-    """e -> 0 within w, e - w sgn(e) outside; steer (n,) rad."""
+def outside_band(steer: Array, q: Values) -> Array:
+    """0 within w, u - w sgn(u) outside; steer (n,) rad."""
     return steer - np.clip(steer, -q["w"], q["w"])
 
 
-EFFECT = Effect(
+EFFECT = CommandEffect(
     id="steering_deadband",
     title="deadband of the steering",
     equation="e -> 0 for abs(e) < w, else e - w sgn(e)",
-    source="left_out_physics",
+    source="Tao and Kokotovic 1996, dead zone",
     parameters=(
-        EffectParameter("w", "rad", 0.01, 0.0, 0.15, "half width of the band, road-wheel angle", tiny=0.001),
+        EffectParameter(
+            "w", "rad", 0.01, 0.0, 0.15, "half width of the band, road-wheel angle", tolerance=0.001
+        ),
     ),
-    stage="command",
-    shows="low frequency, third harmonic, no memory",
-    apart="no phase lag of its own, where a backlash lags; the smaller the amplitude the larger its share",
-    needs="one sweep; servo on blocks",
-    excites="small amplitude",
+    shows="third harmonic at low frequency, no memory",
+    apart="adds no phase lag, a backlash does; its share grows as the amplitude falls",
     next_run="servo on blocks: a slow ramp up and down, angle of the wheel against command",
-    act=dead,
+    act=outside_band,
     signed=False,
 )

@@ -1,31 +1,38 @@
-"""Steering gain that changes with the angle."""
+"""The steering gain changes with the angle.
+
+    d = u (1 + c3 u^2)
+
+u, d: angle before and after the linkage [rad]. c3 [1/rad^2], -25 to 25; the factor is at least 0.1, so that
+d never turns back. Causes a third harmonic at every frequency; the residual power grows 23 times when the
+amplitude doubles, so it needs two amplitudes. A large amplitude shows it best.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
+from rover_sweep.diagnosis.effects.effect import EffectParameter, Values
+from rover_sweep.diagnosis.effects.kinds import LinkageEffect
 
 
 def cubic(steer: Array, q: Values) -> Array:
-    """u (1 + c3 u^2); steer (n,) rad. The stretch is held where the curve would turn back."""
+    """u (1 + c3 u^2) with a factor of at least 0.1; steer (n,) rad."""
     return steer * np.maximum(1.0 + q["c3"] * steer * steer, 0.1)
 
 
-EFFECT = Effect(
+EFFECT = LinkageEffect(
     id="steering_nonlinearity",
     title="steering gain that changes with the angle",
     equation="d = u (1 + c3 u^2)",
-    source="left_out_physics",
+    source="first odd term of the series of any symmetric linkage",
     parameters=(
-        EffectParameter("c3", "1/rad^2", 3.0, -25.0, 25.0, "cubic stretch of the road-wheel angle", tiny=0.3),
+        EffectParameter(
+            "c3", "1/rad^2", 3.0, -25.0, 25.0, "cubic stretch of the road-wheel angle", tolerance=0.3
+        ),
     ),
-    stage="linkage",
-    shows="third harmonic at every frequency, residual power grows x23 when the amplitude doubles",
-    apart="does not depend on frequency, where a rate limit does; tyres saturate with a_y",
-    needs="two amplitudes",
-    excites="large amplitude",
+    shows="third harmonic at every frequency; residual power grows 23 times when the amplitude doubles",
+    apart="does not depend on frequency, a rate limit does; tyre saturation depends on a_y",
     next_run="servo on blocks: angle of the wheel at five commands from lock to lock",
     act=cubic,
 )

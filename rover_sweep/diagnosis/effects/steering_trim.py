@@ -1,24 +1,35 @@
-"""Wheels that do not point straight ahead at the trim."""
+"""The wheels do not point straight ahead at the trim.
+
+    d = u - u0
+
+u, d: commanded and true road-wheel angle [rad]. u0 [rad], left positive, -0.3 to 0.3. Adds constants to r and
+a_y in the ratio V; one sweep is enough, and straight driving shows it best.
+"""
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
+from rover_sweep.diagnosis.effects.effect import EffectParameter
+from rover_sweep.diagnosis.effects.kinds import NominalEffect
 
-EFFECT = Effect(
+EFFECT = NominalEffect(
     id="steering_trim",
     title="steering is not centred",
     equation="d = u - u0",
-    source="left_out_physics",
+    source="definition of a trim",
     parameters=(
-        EffectParameter("u0", "rad", 0.03, -0.3, 0.3, "angle taken off the commanded one, left positive"),
+        EffectParameter(
+            "u0",
+            "rad",
+            0.03,
+            -0.3,
+            0.3,
+            "angle taken off the commanded one, left positive",
+            matters=0.01,
+            nominal="trim",
+        ),
     ),
-    stage="linkage",
-    shows="mean of r and a_y in the ratio V",
-    apart="a tilted IMU moves a_y alone and at standstill too; a slope turns with the heading",
-    needs="one sweep",
-    excites="straight driving",
+    shows="means of r and a_y in the ratio V",
+    apart="a tilted IMU changes a_y alone, at standstill too; a slope changes with the heading",
     next_run="drive straight hands off, read the drift",
-    reads={"u0": "trim"},
     releases={"trim": (-0.3, 0.3)},
-    material={"u0": 0.01},
 )

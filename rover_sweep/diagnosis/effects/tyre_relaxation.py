@@ -1,23 +1,29 @@
-"""Side force that builds up over a distance."""
+"""The side force of the tyres builds up over a distance.
+
+    (sigma/V) F' + F = F0
+
+F0: steady side force of an axle [N]. V [m/s]. sigma: relaxation length of both axles [m], 0 to 1.5. Its lag
+is proportional to 1/V and adds to the yaw damping, so it needs two speeds; high frequency at low speed shows
+it best. Pacejka 2012, chapter 5.
+"""
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
+from rover_sweep.diagnosis.effects.effect import EffectParameter
+from rover_sweep.diagnosis.effects.kinds import VehicleEffect
 
-EFFECT = Effect(
+EFFECT = VehicleEffect(
     id="tyre_relaxation",
     title="relaxation length of the tyres",
     equation="(sigma/V) F' + F = F0",
     source="Pacejka 2012, chapter 5",
-    parameters=(EffectParameter("sigma", "m", 0.15, 0.0, 1.5, "relaxation length of both axles", tiny=0.01),),
-    stage="vehicle",
-    shows="lag that shrinks as 1/V, inside the yaw damping",
+    parameters=(
+        EffectParameter("sigma", "m", 0.15, 0.0, 1.5, "relaxation length of both axles", tolerance=0.01),
+    ),
+    shows="a lag proportional to 1/V, which adds to the yaw damping",
     apart="the lag of a servo or a delay does not change with the speed",
-    needs="two speeds",
-    excites="high frequency, low speed",
     next_run="the same sweep at half the speed",
-    slots={"sigma": "sigma"},
+    fills={"sigma": "sigma"},
     baselines=("roll-yaw", "bicycle"),
-    speeds=2,
     signed=False,
 )

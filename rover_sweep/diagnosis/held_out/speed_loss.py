@@ -53,7 +53,7 @@ class SpeedLoss:
     def found(self) -> bool:
         """True where it is beyond chance and its material size."""
         effect = library()["speed_variation"]
-        return self.gain > self.threshold and effect.counts({effect.key("D"): self.loss})
+        return self.gain > self.threshold and effect.exceeds({effect.key("D"): self.loss}, effect.thresholds)
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,7 +115,7 @@ class Stacked:
         """Nominal coordinates that are at their bounds where this effect is a finding."""
         if effect in LAGS or effect == "clock_offset":
             return {"lag", "delay"}
-        return set(library()[effect].reads.values()) & set(self._start.x)
+        return {p.nominal for p in library()[effect].parameters if p.nominal} & set(self._start.x)
 
     @cached_property
     def _start(self) -> Fitted:
@@ -165,7 +165,7 @@ class Stacked:
             left = length * np.sqrt(1.0 - self._explained(judged, k, two) ** 2)
             apart = (1.0 - self._explained(plain, k, two) ** 2) / (1.0 - ALIKE**2)
             sure.append(min(left / SURE, apart))
-        worst = max if library()[one].stage == "grip" else min  # a change of ground needs one good run
+        worst = max if library()[one].in_one_run else min  # a change of ground needs one good run
         return float(worst(sure))
 
     def _explained(self, rows: Array, k: int, effect: str) -> float:
@@ -175,7 +175,7 @@ class Stacked:
         if size < FAINT:
             return 0.0
         sign = -1.0 if self._early(self.found[k].effect) else 1.0
-        single = library()[effect].stage == "grip"
+        single = library()[effect].in_one_run
         ways = (1.0, -1.0) if self._free[k] else (sign,)
         best = 0.0
         for group in [[o] for o in others] if single else [others]:
@@ -225,7 +225,7 @@ def parameter_of(s: Signature) -> EffectParameter:
 
 
 def _per(s: Signature) -> float:
-    return library()[s.effect].per.get(s.parameter, 1.0)
+    return parameter_of(s).per
 
 
 def _size(stacked: Stacked, k: int, rows: Array) -> Size | None:
@@ -250,4 +250,4 @@ def _beyond(model: Model, effect: Effect, parameter: EffectParameter) -> float:
     if effect.id == "clock_offset" and not model.two_clocks:
         return EARLIER
     bound = {c.name: c.high for c in model.free if c.prior is None}
-    return bound.get(effect.reads.get(parameter.name, ""), 0.0) / effect.per.get(parameter.name, 1.0)
+    return bound.get(parameter.nominal, 0.0) / parameter.per

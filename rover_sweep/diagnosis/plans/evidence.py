@@ -74,7 +74,7 @@ def evidence(
     tiny = signatures(problem, base, model, effects, tolerances=True)
     if isinstance(problem, OnBlocks):
         tiny += _nuisances(problem, model, base.x)
-    return _few_rows(nominal, found, tiny, {e.id for e in effects if e.stage == "grip"} | {"servo_test"})
+    return _few_rows(nominal, found, tiny, {e.id for e in effects if e.in_one_run} | {"servo_test"})
 
 
 def start(model: Model, rows: int) -> Fitted:

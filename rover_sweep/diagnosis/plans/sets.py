@@ -80,7 +80,7 @@ class Planner:
     def effects(self) -> list[Effect]:
         """The effects that runs could show beside this baseline."""
         fresh = as_experiment(PlannedRun("sweep", 100.0, 2.0), self.rover, self.rad_per_us, list(NOISE))
-        return [e for e in possible(self.model, [fresh], without=self.settled)[0] if e.stage != "speed"]
+        return possible(self.model, [fresh], without=self.settled)[0]
 
     @property
     def asked(self) -> list[str]:

@@ -33,7 +33,7 @@ def detectable(
 
 def _own(size: Size, effect: str) -> float:
     """The coordinate where it is the effect's own, 0 where the nominal model has it."""
-    return 0.0 if size.parameter.name in library()[effect].reads else size.coordinate
+    return 0.0 if size.parameter.nominal else size.coordinate
 
 
 def _steep(first: Stacked, second: Stacked, size: Size) -> float:
@@ -61,10 +61,10 @@ def _told(effect: Effect, parameter: EffectParameter, coordinate: float, stacked
 
 def _reported(effect: Effect, parameter: EffectParameter, coordinate: float) -> tuple[str, str, float]:
     """(name, unit, value) as a user reads it, of one parameter alone."""
-    if not effect.shown:
+    if not effect.report_values:
         return parameter.name, parameter.unit, float(parameter.value(coordinate))
     way = -1.0 if effect.id == "clock_offset" else 1.0
     values = {p.name: p.value(0.0) for p in effect.parameters}
-    shown = effect.shown(values | {parameter.name: parameter.value(way * coordinate)})
+    shown = effect.report_values(values | {parameter.name: parameter.value(way * coordinate)})
     name = next(iter(shown))
     return name, shown[name][1], float(shown[name][0])

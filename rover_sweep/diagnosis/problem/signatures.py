@@ -56,16 +56,16 @@ def _wanted(
     problem: Problem, base: Fitted, model: Model, effect: Effect, at: Mapping[str, float], tolerances: bool
 ) -> list[tuple[Effect, EffectParameter, float, Structure, dict[str, float]]]:
     out = []
-    for run in problem.runs if effect.stage == "grip" else problem.runs[:1]:
-        where = run.name if effect.stage == "grip" else ""
+    for run in problem.runs if effect.in_one_run else problem.runs[:1]:
+        where = run.name if effect.in_one_run else ""
         structure = model.with_effect(effect.id, where).structure
         for p in effect.parameters:
-            name = effect.reads.get(p.name, effect.key(p.name))
-            size = p.tiny if tolerances else at.get(name, p.size)
-            if p.name == "t" or size == 0.0 or (tolerances and p.name in effect.reads):
+            name = effect.coordinate_name(p)
+            size = p.tolerance if tolerances else at.get(name, p.size)
+            if p.name == "t" or size == 0.0 or (tolerances and p.nominal):
                 continue
             x = {**base.x, name: base.x.get(name, 0.0) + size}
-            if effect.stage == "grip":
+            if effect.in_one_run:
                 x[effect.key("t")] = at.get(effect.key("t"), 0.5 * float(run.t[-1]))
             out.append((effect, p, size, structure, x))
     return out

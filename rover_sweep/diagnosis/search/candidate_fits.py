@@ -108,10 +108,7 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
         instants = np.linspace(0.12, 0.88, INSTANTS) * run.t[-1]
         size = effect.parameters[0].size
         return [{effect.key("ratio"): size, effect.key("t"): float(t)} for t in instants]
-    sizes = {
-        effect.reads.get(p.name, effect.key(p.name)): p.size * effect.per.get(p.name, 1.0)
-        for p in effect.parameters
-    }
+    sizes = {effect.coordinate_name(p): p.size * p.per for p in effect.parameters}
     limits = {c.name: (c.low, c.high) for c in model.free}
     out = []
     for one, size in sizes.items():
@@ -136,7 +133,7 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
     """The first look at an effect, in the run that shows it best; None where it explains nothing."""
     if effect.id in WHOLE:
         return Screened(effect.id, model.with_effect(effect.id), np.inf, {})
-    runs = [r.name for r in problem.runs] if effect.stage == "grip" else [""]
+    runs = [r.name for r in problem.runs] if effect.in_one_run else [""]
     extended = [model.with_effect(effect.id, run) for run in runs]
     found = [(m, linear_prediction(problem, base, space, m, effect)) for m in extended]
     screened = [Screened(effect.id, m, *one) for m, one in found if one is not None]

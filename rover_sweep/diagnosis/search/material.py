@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.tolerances import Tolerances
@@ -20,10 +19,11 @@ def material_sizes(effect: Effect, spread: Tolerances) -> dict[str, float]:
         "steering_trim": {"u0": spread.trim},
         "velocity_lag": {"T": spread.velocity_lag},
     }
-    own = {p.name: effect.material.get(p.name, 2.0 * p.tiny) for p in effect.parameters}
-    return {name: size for name, size in {**own, **moved.get(effect.id, {})}.items() if size > 0}
+    return {
+        name: size for name, size in {**effect.thresholds, **moved.get(effect.id, {})}.items() if size > 0
+    }
 
 
 def counts(effect: Effect, x: Mapping[str, float], spread: Tolerances) -> bool:
     """True where any parameter of the effect at the coordinates x is more than a nuisance on this rover."""
-    return replace(effect, material=material_sizes(effect, spread)).counts(x)
+    return effect.exceeds(x, material_sizes(effect, spread))

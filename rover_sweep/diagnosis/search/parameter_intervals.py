@@ -65,7 +65,7 @@ def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) ->
     out, drawn = [], _with_doubt(effect, drawn)
     for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
         low, high = _interval(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
-        begin = _begin(last) if effect.stage == "grip" and name == "t" else 0.0
+        begin = _begin(last) if effect.in_one_run and name == "t" else 0.0
         found = EffectValue(name, unit, value + begin, _number(low + begin), _number(high + begin), meaning)
         out.append(found if np.isfinite(value) else _unbounded(found))
     return tuple(out)
@@ -75,9 +75,11 @@ def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str,
     """The draws with what no data of this kind can tell."""
     random = np.random.default_rng(len(drawn))
     out = drawn
-    for parameter, size in effect.doubt.items():
-        name = effect.reads.get(parameter, effect.key(parameter))
-        moves = size * effect.per.get(parameter, 1.0) * random.standard_normal(len(out))
+    for p in effect.parameters:
+        if not p.doubt:
+            continue
+        name = effect.coordinate_name(p)
+        moves = p.doubt * p.per * random.standard_normal(len(out))
         out = [{**x, name: x.get(name, 0.0) + float(move)} for x, move in zip(out, moves, strict=True)]
     return out
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import Effect, library
+from rover_sweep.diagnosis.effects.kinds import DegreeOfFreedom, SpeedEffect
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.nominal import Coordinate, coordinates
 from rover_sweep.diagnosis.simulation.simulator import Structure
 
-WHOLE = ("tyre_slip", "roll_dof")  # add a degree of freedom, rather than a term
-SAME_SPEED = 0.12
+SAME_SPEED = 0.12  # relative
+WHOLE = frozenset(e.id for e in library().values() if isinstance(e, DegreeOfFreedom))
 
 
 @dataclass(frozen=True)
@@ -96,12 +97,8 @@ class Model:
 
 def own(effect: Effect) -> list[Coordinate]:
     """The coordinates that an effect adds (not those that it releases)."""
-    if effect.id in WHOLE or not effect.adds:
-        return []
     return [
-        Coordinate(effect.key(p.name), 0.0, p.low, p.high, p.size)
-        for p in effect.parameters
-        if p.name in effect.adds
+        Coordinate(effect.key(p.name), 0.0, p.low, p.high, p.size) for p in effect.parameters if not p.nominal
     ]
 
 
@@ -114,7 +111,7 @@ def possible(
     """
     found, unseen = [], {}
     for effect in library().values():
-        if effect.stage == "speed" or effect.id in model.effects or effect.id in without:
+        if isinstance(effect, SpeedEffect) or effect.id in model.effects or effect.id in without:
             continue
         if only and effect.id not in only:
             continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import exp, pi
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -14,12 +14,23 @@ from scipy.signal import lfilter
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import Effect
+from rover_sweep.diagnosis.effects.kinds import (
+    CommandEffect,
+    FilterEffect,
+    ForceEffect,
+    GripEffect,
+    LinkageEffect,
+    SensorEffect,
+    ServoEffect,
+    VehicleEffect,
+)
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.kernel import VehicleNumbers, roll_only, servo, single_track
 
 STEP = 1.0 / RATE
 PASSES = 3  # of a force that depends on the motion it makes
+Kind = TypeVar("Kind", bound=Effect)
 
 
 @dataclass(frozen=True)
@@ -36,9 +47,9 @@ class Structure:
     happened_in: str = ""
     lumped: bool = False
 
-    def of(self, stage: str) -> tuple[Effect, ...]:
-        """The effects that act at a stage."""
-        return tuple(e for e in self.effects if e.stage == stage)
+    def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
+        """The effects of a kind."""
+        return tuple(e for e in self.effects if isinstance(e, kind))
 
 
 Values = Mapping[str, float]
@@ -46,15 +57,13 @@ Values = Mapping[str, float]
 
 def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
     """Road-wheel angle (n,) rad out of the commanded one: delay, command, servo, linkage, trim."""
-    slots = {
-        e.slots[k]: v for e in structure.of("servo") for k, v in e.coordinates(x).items() if k in e.slots
-    }
+    limits = {name: value for e in structure.of(ServoEffect) for name, value in e.numbers(x).items()}
     d = late(run.steer * (1.0 + x.get("scale", 0.0)), run.t, x.get("delay", 0.0))
-    for effect in structure.of("command"):
-        d = effect.act(d, effect.coordinates(x)) if effect.act else d
-    d = servo(d, max(x.get("lag", 0.0), 0.0), x.get("lag_shape", 0.0), slots.get("inv_rate", 0.0), STEP)
-    for effect in structure.of("linkage"):
-        d = effect.act(d, effect.coordinates(x)) if effect.act else d
+    for effect in structure.of(CommandEffect):
+        d = effect.act(d, effect.coordinates(x))
+    d = servo(d, max(x.get("lag", 0.0), 0.0), x.get("lag_shape", 0.0), limits.get("inv_rate", 0.0), STEP)
+    for linkage in structure.of(LinkageEffect):
+        d = linkage.act(d, linkage.coordinates(x))
     return d - x.get("trim", 0.0)
 
 
@@ -80,12 +89,12 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     if structure.lumped:
         return _lumped(base, structure, x)
     grip = np.ones(delta.size)
-    for effect in structure.of("grip"):
-        if effect.act and structure.happened_in in ("", run.name):
+    for effect in structure.of(GripEffect):
+        if structure.happened_in in ("", run.name):
             grip = grip * effect.act(run.t, effect.coordinates(x))
     if not structure.slip:
         return _without_slip(base, structure, x, q, zero)
-    forces = structure.of("force")
+    forces = structure.of(ForceEffect)
     pushed = (zero, zero, zero)
     found = base
     for _ in range(PASSES if any(e.iterate for e in forces) else 1):
@@ -105,14 +114,14 @@ def _lumped(base: dict[str, Array], structure: Structure, x: Values) -> dict[str
 def _weight(structure: Structure, found: Mapping[str, Array], x: Values) -> Array:
     """Side force per mass (n,) m/s^2 that an accelerometer does not feel."""
     zero = np.zeros(found["t"].size)
-    heavy = tuple(e for e in structure.of("force") if e.weight)
+    heavy = tuple(e for e in structure.of(ForceEffect) if e.weight)
     return _pushed(heavy, found, x, structure.rover.mass, zero)[0] / structure.rover.mass if heavy else zero
 
 
 def _pushed(
-    forces: tuple[Effect, ...], found: Mapping[str, Array], x: Values, mass: float, zero: Array
+    forces: tuple[ForceEffect, ...], found: Mapping[str, Array], x: Values, mass: float, zero: Array
 ) -> tuple[Array, Array, Array]:
-    parts = [e.act(found, e.coordinates(x), mass) for e in forces if e.act]
+    parts = [e.act(found, e.coordinates(x), mass) for e in forces]
     sums = [zero + sum(np.asarray(p[k]) for p in parts) for k in range(3)]
     return sums[0], sums[1], sums[2]
 
@@ -161,18 +170,19 @@ def vehicle_numbers(structure: Structure, x: Values) -> VehicleNumbers:
         bend=x.get("bend", 0.0),
     )
     added: dict[str, float] = {}
-    for effect in structure.of("vehicle"):
-        q = effect.coordinates(x)
-        added |= {slot: q[name] for name, slot in effect.slots.items()}
+    for effect in structure.of(VehicleEffect):
+        added |= effect.numbers(x)
     return numbers._replace(**added)
 
 
-def sensed(run: Experiment, structure: Structure, x: Values, moved: Mapping[str, Array]) -> dict[str, Array]:
+def sensed(
+    run: Experiment, structure: Structure, x: Values, moved: Mapping[str, Array]
+) -> Mapping[str, Array]:
     """What the sensors show (n,) before any low-pass: r, p, ay at the IMU, vy at the IMU."""
     rover = structure.rover
     ahead = rover.imu_x + x.get("imu_x", 0.0)
     above = rover.imu_z + x.get("imu_z", 0.0)
-    out = {
+    out: Mapping[str, Array] = {
         "r": moved["r"],
         "p": moved["p"],
         "ay": moved["across"]
@@ -184,9 +194,8 @@ def sensed(run: Experiment, structure: Structure, x: Values, moved: Mapping[str,
         "vy": _lagged_velocity(moved, moved["v"] + ahead * moved["r"] - above * moved["p"], x)
         * (1.0 + x.get("vy_gain", 0.0)),
     }
-    for effect in structure.of("sensor"):
-        if effect.act:
-            out = effect.act(out, moved, effect.coordinates(x))
+    for effect in structure.of(SensorEffect):
+        out = effect.act(out, moved, effect.coordinates(x))
     return out
 
 
@@ -220,7 +229,7 @@ class Sensors:
 
     def through(self, signals: Mapping[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
         """The signals (n,) as they are logged."""
-        hidden = [e.act(self.w, e.coordinates(x)) for e in structure.of("filter") if e.act]
+        hidden = [e.response(self.w, e.coordinates(x)) for e in structure.of(FilterEffect)]
         out = {}
         for channel, y in signals.items():
             path = self.known.get(channel, 1.0) * self._lag(channel, x)

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Stage
+from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
+from rover_sweep.diagnosis.effects.kinds import ForceEffect, LinkageEffect, SensorEffect
 from rover_sweep.diagnosis.simulation.experiment import RATE
 
 Function = Callable[[Mapping[str, Array]], Array]
@@ -40,38 +42,35 @@ class Law:
 
 def laws() -> tuple[Law, ...]:
     """All of them, about sixty."""
+    force = partial(ForceEffect, iterate=True)
     return (
-        *(_law("steering", on, "linkage", _of_steering(f)) for on, f in _STEERING.items()),
-        *(_law("side force", on, "force", _of_force(0, f)) for on, f in _SIDE.items()),
-        *(_law("yaw moment", on, "force", _of_force(1, f)) for on, f in _YAW.items()),
-        *(_law("roll moment", on, "force", _of_force(2, f)) for on, f in _ROLL.items()),
+        *(_law("steering", on, LinkageEffect, _of_steering(f)) for on, f in _STEERING.items()),
+        *(_law("side force", on, force, _of_force(0, f)) for on, f in _SIDE.items()),
+        *(_law("yaw moment", on, force, _of_force(1, f)) for on, f in _YAW.items()),
+        *(_law("roll moment", on, force, _of_force(2, f)) for on, f in _ROLL.items()),
         *(
-            _law(f"sensor of {c}", on, "sensor", _of_sensor(c, f))
+            _law(f"sensor of {c}", on, SensorEffect, _of_sensor(c, f))
             for c in CHANNELS
             for on, f in {**_SENSOR, **_CROSSED.get(c, {})}.items()
         ),
     )
 
 
-def _law(place: str, on: str, stage: Stage, act: Callable[..., Any]) -> Law:
+def _law(place: str, on: str, kind: Callable[..., Effect], act: Callable[..., Any]) -> Law:
     amount = EffectParameter("amount", "-", AMOUNT, -np.inf, np.inf, "of the function, SI")
     return Law(
         place,
         on,
-        Effect(
+        kind(
             id=f"{place} {on}",
             title=on,
             equation=on,
             source="model-error model",
             parameters=(amount,),
-            stage=stage,
             shows="",
             apart="",
-            needs="",
-            excites="",
             next_run="",
             act=act,
-            iterate=stage == "force",
         ),
     )
 

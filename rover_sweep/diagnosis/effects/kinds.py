@@ -1,0 +1,99 @@
+"""The kinds of effect, by the place in the simulation where they act.
+
+In the functions, q is {parameter: added coordinate}, and a motion is {name: (n,)} as
+`simulation.simulator.motion` gives it, SI units, ISO axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects.effect import Effect, Values
+
+Motion = Mapping[str, Array]
+Force = tuple[Any, Any, Any]  # side force [N], yaw moment, roll moment [N m]; each (n,) or 0.0
+
+
+class NominalEffect(Effect):
+    """Frees coordinates that the nominal model has anyway, and adds no term."""
+
+
+class DegreeOfFreedom(Effect):
+    """Adds sideslip or roll, which the baseline does not have; `Model.slip` and `Model.roll` follow it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteeringEffect(Effect):
+    """Changes the road-wheel angle. act: (angle (n,) rad, q) -> angle (n,) rad."""
+
+    act: Callable[[Array, Values], Array]
+
+
+class CommandEffect(SteeringEffect):
+    """Acts on the commanded angle, before the servo."""
+
+
+class LinkageEffect(SteeringEffect):
+    """Acts on the angle behind the servo."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KernelEffect(Effect):
+    """Acts inside a compiled loop of `simulation.kernel`. fills: {parameter: number of the loop}."""
+
+    fills: Mapping[str, str]
+
+    def numbers(self, x: Values) -> dict[str, float]:
+        """{number of the loop: value} at the coordinates x of the whole model."""
+        return {self.fills[name]: value for name, value in self.coordinates(x).items() if name in self.fills}
+
+
+class ServoEffect(KernelEffect):
+    """Fills arguments of `kernel.servo`."""
+
+
+class VehicleEffect(KernelEffect):
+    """A term of the equations of motion; fills fields of `kernel.VehicleNumbers`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceEffect(Effect):
+    """Adds forces to the body. act: (motion, q, mass [kg]) -> side force, yaw moment, roll moment.
+
+    iterate: the force depends on the motion that it causes, so that the simulation repeats.
+    weight: the side force is a part of the weight, which an accelerometer does not measure.
+    """
+
+    act: Callable[[Motion, Values, float], Force]
+    iterate: bool = False
+    weight: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class GripEffect(Effect):
+    """Scales the stiffness of both axles in one run. act: (t (n,) s, q) -> factor (n,)."""
+
+    in_one_run: ClassVar[bool] = True
+
+    act: Callable[[Array, Values], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorEffect(Effect):
+    """Changes what the sensors measure. act: ({channel: (n,)}, motion, q) -> {channel: (n,)}."""
+
+    act: Callable[[Mapping[str, Array], Motion, Values], Mapping[str, Array]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilterEffect(Effect):
+    """A low-pass of channels. response: (w (k,) rad/s, q) -> {channel: complex frequency response (k,)}."""
+
+    response: Callable[[Array, Values], Mapping[str, Any]]
+
+
+class SpeedEffect(Effect):
+    """Acts on the speed alone, which is measured and drives the simulation; see `held_out.speed_loss`."""
