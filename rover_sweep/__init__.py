@@ -8,9 +8,9 @@ From logs to models in Python:
     result.models["roll-yaw"]
     result.report("report")
 
-`read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `simulate`, `to_control` and `to_scipy` are
-described where they are defined, in the files of `rover_sweep.api` and in
-`rover_sweep.identification.conversion`; nothing heavy is imported before one of them is used.
+`read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `simulate`, `to_control`, `to_scipy` and
+`harmonics` are documented at their definitions: in `rover_sweep.api`, `rover_sweep.identification.conversion`
+and `rover_sweep.spectra.harmonics`. Modules are imported at first use.
 """
 
 from __future__ import annotations
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from rover_sweep.errors import UsageError as UsageError
     from rover_sweep.identification.conversion import to_control as to_control
     from rover_sweep.identification.conversion import to_scipy as to_scipy
+    from rover_sweep.manoeuvre.multisine import Multisine as Multisine
+    from rover_sweep.spectra.harmonics import Harmonics as Harmonics
+    from rover_sweep.spectra.harmonics import harmonics as harmonics
 
 _HOMES = {
     "api.read": ("Runs", "read"),
@@ -43,6 +46,8 @@ _HOMES = {
     "api.diagnose": ("FullDiagnosis", "diagnose", "load_diagnosis"),
     "api.simulate": ("Simulation", "simulate"),
     "identification.conversion": ("to_control", "to_scipy"),
+    "manoeuvre.multisine": ("Multisine",),
+    "spectra.harmonics": ("Harmonics", "harmonics"),
     "errors": ("DataRefused", "RoverSweepError", "UsageError"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

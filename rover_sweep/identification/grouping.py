@@ -10,7 +10,7 @@ import numpy as np
 from rover_sweep.data.recording import Recording
 from rover_sweep.identification.cost import Condition, sampled
 from rover_sweep.quality.coherence import input_responses, sign_is_wrong
-from rover_sweep.spectra.conditioned import entanglement, moving
+from rover_sweep.spectra.conditioned import correlated_inputs, moving
 from rover_sweep.spectra.response import Band, FrequencyResponse
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
@@ -126,5 +126,5 @@ def _remarks(
         for c in wanted
         if c not in inputs
     ]
-    entangled = [words for o in ("r", "ay") if o in found and (words := entanglement(found[o]))]
+    entangled = [words for o in ("r", "ay") if o in found and (words := correlated_inputs(found[o]))]
     return (*still, *entangled[:1])

@@ -1,9 +1,9 @@
 """Responses to one of several correlated inputs: conditioned spectra and partial coherence.
 
-A throttle that moves with the steering, and moves the rover too, spoils the plain response to the
-steering. Per frequency H = Gxx^-1 Gxy; its element for one input equals the response of what is left
-of that input and of the output once all that follows the other inputs is taken out of both (Bendat and
-Piersol 2010, ch. 7; Tischler and Remple 2012, ch. 9). The output's autospectrum is conditioned as well.
+A throttle that moves with the steering and acts on the rover falsifies the simple response to the steering.
+At each frequency H = Gxx^-1 Gxy. Its element for one input equals the response between that input and the
+output after the part that follows the other inputs is removed from both (Bendat and Piersol 2010, chapter
+7; Tischler and Remple 2012, chapter 9). The output's autospectrum is conditioned as well.
 """
 
 from __future__ import annotations
@@ -23,16 +23,18 @@ from rover_sweep.spectra.spectra import (
     effective_averages,
 )
 
-ONE_AVERAGE = OVERLAP_CONSTANT**2  # what one independent average counts in n_d
-ENTANGLED = 0.5  # coherence between inputs above which Tischler and Remple advise to drive again
+ONE_AVERAGE = OVERLAP_CONSTANT**2  # of n_d for each independent average
+CORRELATED = (
+    0.5  # coherence between inputs, above which Tischler and Remple (chapter 9) advise to repeat the run
+)
 
 
 @dataclass(frozen=True, eq=False)
 class InputSpectra:
     """Averaged spectra of one window length among several inputs and outputs, nan below 2 pi/length.
 
-    gxx (n_w, nu, nu): conj(X_i) X_j; gxy {output: (n_w, nu)}: conj(X_i) Y; gyy {output: (n_w,)}; all
-    with 2/T_win. averages: n_d as `effective_averages` counts it.
+    gxx (n_w, nu, nu): conj(X_i) X_j; gxy {output: (n_w, nu)}: conj(X_i) Y; gyy {output: (n_w,)}; unit^2 s,
+    scaled by 2/T_win; w (n_w,) [rad/s], length [s]. averages: n_d of `effective_averages`.
     """
 
     length: float
@@ -44,12 +46,12 @@ class InputSpectra:
     averages: float
 
     def responses(self, output: str) -> Complex:
-        """H = Gxx^-1 Gxy (n_w, nu), the response of an output to each input."""
+        """H = Gxx^-1 Gxy (n_w, nu), the response of an output to each input, in their units."""
         h: Complex = np.einsum("wij,wj->wi", _inverse(self.gxx), self.gxy[output])
         return h
 
     def multiple_coherence(self, output: str) -> Array:
-        """Share (n_w,) of the output's power that follows the inputs together: Gyx Gxx^-1 Gxy / Gyy."""
+        """Share (n_w,) of the output's power that follows all inputs: Gyx Gxx^-1 Gxy / Gyy."""
         explained = np.einsum("wi,wi->w", self.gxy[output].conj(), self.responses(output)).real
         return np.asarray(explained / self.gyy[output])
 
@@ -58,21 +60,21 @@ class InputSpectra:
         k, rest = self._split(input)
         g = self.gxx[:, k, k].real
         return np.asarray(
-            1 - _left_of(self.gxx, rest, self.gxx[:, rest, k], self.gxx[:, rest, k], g).real / g
+            1 - _without(self.gxx, rest, self.gxx[:, rest, k], self.gxx[:, rest, k], g).real / g
         )
 
     def conditioned(self, input: str, output: str) -> WindowSpectra:
-        """The spectra input -> output with the other inputs taken out of both.
+        """The spectra input -> output with the effect of the other inputs removed from both.
 
-        Its coherence is the partial coherence |G1y.2|^2 / (G11.2 Gyy.2). Each other input costs one of
-        the independent averages, of which n_d counts each as C^2 (measured on correlated white noise:
-        the random error then holds within 6 %; without it, it is up to a fifth too small).
+        Its coherence is the partial coherence |G1y.2|^2 / (G11.2 Gyy.2). Each other input takes one
+        independent average, C^2 in n_d. On correlated white noise the random error is then right within 6 %;
+        without it, up to 20 % too small.
         """
         k, rest = self._split(input)
         x, y = self.gxx[:, rest, k], self.gxy[output][:, rest]
-        gxx = _left_of(self.gxx, rest, x, x, self.gxx[:, k, k]).real
-        gyy = _left_of(self.gxx, rest, y, y, self.gyy[output]).real
-        gxy = _left_of(self.gxx, rest, x, y, self.gxy[output][:, k])
+        gxx = _without(self.gxx, rest, x, x, self.gxx[:, k, k]).real
+        gyy = _without(self.gxx, rest, y, y, self.gyy[output]).real
+        gxy = _without(self.gxx, rest, x, y, self.gxy[output][:, k])
         left = self.averages - ONE_AVERAGE * len(rest)
         return WindowSpectra(self.length, self.w, gxx, gyy, gxy, left)
 
@@ -81,15 +83,15 @@ class InputSpectra:
         return k, [i for i in range(len(self.inputs)) if i != k]
 
 
-def _left_of(gxx: Complex, rest: list[int], a: Complex, b: Complex, gab: Complex | Array) -> Complex:
-    """G_ab - G_ac Gcc^-1 G_cb, what follows the inputs `rest` taken out; a, b (n_w, n_rest): G_ca, G_cb."""
+def _without(gxx: Complex, rest: list[int], a: Complex, b: Complex, gab: Complex | Array) -> Complex:
+    """G_ab.c = G_ab - G_ac Gcc^-1 G_cb (n_w,), c the inputs `rest`; a, b (n_w, n_rest): G_ca, G_cb."""
     inverse = _inverse(gxx[:, rest][:, :, rest])
     taken = np.einsum("wi,wij,wj->w", a.conj(), inverse, b)
     return np.asarray(gab - taken, dtype=np.complex128)
 
 
 def _inverse(g: Complex) -> Complex:
-    """Inverse (n_w, n, n) of input spectra, each scaled by its power; what is not excited is left out."""
+    """Pseudo-inverse (n_w, n, n) of input spectra, scaled by their power; inputs without power give 0."""
     usable = np.all(np.isfinite(g), axis=(1, 2))
     g = np.where(usable[:, None, None], g, np.eye(g.shape[-1]))
     power = np.sqrt(np.einsum("wii->wi", g).real)
@@ -109,15 +111,16 @@ def input_spectra(
 ) -> tuple[InputSpectra, ...]:
     """Averaged spectra of all inputs and outputs for each window length [s] at w [rad/s], over all runs.
 
-    runs: channels within the spans. No window crosses from one run into another. Lengths that fit in no
-    run, or that leave no average beside the other inputs, are left out. ValueError where the longest
-    of the rest does not resolve the lowest w.
+    runs: {channel: signal} within the spans (start, end) [s]. Each window lies within one run. Lengths that
+    leave too few averages for the number of inputs are left out. ValueError when the longest remaining window
+    does not resolve the lowest w.
     """
     total = sum(end - start for start, end in spans)
-    used = bearable_windows(lengths, spans, len(inputs))
+    used = windows_for_inputs(lengths, spans, len(inputs))
     if not used or w[0] < 2 * np.pi / max(used) * (1 - 1e-9):
         raise ValueError(
-            f"{total:g} s of runs with {len(inputs)} inputs bear no window that resolves {w[0]:g} rad/s"
+            f"{total:g} s of runs are too short for {len(inputs)} inputs down to {w[0]:g} rad/s: drive "
+            "longer runs or raise the lowest frequency"
         )
     names = (*inputs, *outputs)
     sums = [np.zeros((w.size, len(names), len(names)), dtype=complex) for _ in used]
@@ -136,7 +139,7 @@ def input_spectra(
     )
 
 
-def bearable_windows(
+def windows_for_inputs(
     lengths: Sequence[float], spans: Sequence[tuple[float, float]], inputs: int
 ) -> tuple[float, ...]:
     """The window lengths [s] that leave at least one independent average for each of the inputs."""
@@ -170,9 +173,9 @@ def conditioned_responses(
 ) -> dict[str, dict[str, FrequencyResponse]]:
     """{input: {output: composite response}}, each conditioned on all other inputs, over all runs.
 
-    The conditioned spectra of each window go through the same composite as plain ones. coherence is
-    the partial coherence, gxx and gyy are the conditioned autospectra. bands: usable bands of the first
-    input's responses in place of the choice from the partial coherence.
+    The conditioned spectra of each window length form a composite like ordinary ones. coherence is the
+    partial coherence; gxx and gyy are the conditioned autospectra. w (n_w,) [rad/s], windows [s]. bands:
+    {output: usable band [rad/s]} of the first input, instead of the choice from the partial coherence.
     """
     channels = [
         {i: run.manoeuvre(i) for i in inputs} | {f"to {o}": transformed(run, o) for o in outputs}
@@ -191,7 +194,7 @@ def conditioned_responses(
 def _response(
     spectra: Sequence[InputSpectra], input: str, output: str, units: tuple[str, str], band: Band | None
 ) -> FrequencyResponse:
-    """units: of the input, and of the signal that was transformed for the output."""
+    """The composite of one pair. units: of the input and of the transformed signal."""
     parts = [s.conditioned(input, f"to {output}") for s in spectra]
     plain = composite_response(input, output, *units, parts, band)
     weight = _weights(parts)
@@ -204,34 +207,34 @@ def _response(
 
 
 def _weights(parts: Sequence[WindowSpectra]) -> Array:
-    """W_i^2 (n_windows, n_w) of the composite's starting values, nought where a window sees nothing."""
+    """W_i^2 (n_windows, n_w) of the composite's starting values, 0 where a window does not resolve w."""
     error = np.array([s.random_error for s in parts])
     return np.where(np.isfinite(error), (error / np.nanmin(error, axis=0)) ** -8.0, 0.0)
 
 
 def _mean(weight: Array, values: Sequence[Array]) -> Array:
-    seen = np.where(weight > 0, np.array(values), 0.0)
-    return np.asarray(np.sum(weight * seen, axis=0) / np.sum(weight, axis=0))
+    usable = np.where(weight > 0, np.array(values), 0.0)
+    return np.asarray(np.sum(weight * usable, axis=0) / np.sum(weight, axis=0))
 
 
 def moving(runs: Sequence[Recording], channel: str) -> bool:
-    """True when a channel takes more than one value within the manoeuvres; it cannot be an input else."""
+    """True when a channel varies within the manoeuvres, as an input must."""
     parts = [run.manoeuvre(channel).x for run in runs]
     return any(x.size and float(np.ptp(x)) > 1e-9 * float(np.max(np.abs(x))) for x in parts)
 
 
-def entanglement(response: FrequencyResponse) -> str | None:
-    """A sentence where the input hardly moves by itself over the usable band, None where it does."""
+def correlated_inputs(response: FrequencyResponse) -> str | None:
+    """A sentence when the input is strongly correlated with the others in the usable band, else None."""
     if response.input_coherence is None or response.band is None:
         return None
     low, high = response.band
     inside = (response.w >= low) & (response.w <= high)
     shared = float(np.mean(response.input_coherence[inside]))
-    if shared <= ENTANGLED:
+    if shared <= CORRELATED:
         return None
     others = " and ".join(response.conditioned_on)
     return (
         f"{others} moves with the steering (mean coherence {shared:.2f} over {low:.2g}-{high:.3g} rad/s, "
-        f"guideline <= {ENTANGLED:g}): little is left to tell their effects apart, so drive again with "
-        f"{others} kept still or moved independently"
+        f"guideline <= {CORRELATED:g}), so their effects cannot be separated well: drive again with "
+        f"{others} constant or moved independently"
     )

@@ -1,4 +1,4 @@
-"""Fourier sums of stretches of samples at given frequencies, on any time stamps."""
+"""Fourier sums of samples at given frequencies, on any time stamps."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ def _exponentials(t: Array, w: Array) -> Complex:
 
 
 class Exponentials:
-    """exp(-j w t) of all stamps t (n,) s and frequencies w (n_w,) rad/s."""
+    """exp(-j w t) for time stamps t (n,) [s] and frequencies w (n_w,) [rad/s]."""
 
     def __init__(self, t: Array, w: Array) -> None:
         self._kernel = _exponentials(t, w)
 
     def sum(self, first: int, last: int, weights: Array) -> Complex:
-        """sum_k weights[k] exp(-j w t_k) (n_w,) over the stamps first <= k < last."""
+        """sum_k weights[k] exp(-j w t_k) (n_w,) over the time stamps first <= k < last."""
         total: Complex = weights @ self._kernel[first:last]
         return total
 
 
 class EvenExponentials:
-    """The same for evenly spaced frequencies, in rows of exp(-j t (coarse step)) times exp(-j t (fine step)).
+    """The same for evenly spaced frequencies w = w_0 + (a B + b) dw, faster.
 
-    Splitting w = w_0 + (a B + b) dw makes of n_w exponentials a stamp only 2 sqrt(n_w), and of the sums a
-    matrix product; they remain the direct sums, to rounding.
+    exp(-j w t) is the product of a coarse (a) and a fine (b) exponential, so each time stamp needs 2
+    sqrt(n_w) exponentials instead of n_w, and the sums are a matrix product. Equal to the direct sums up to
+    rounding.
     """
 
     def __init__(self, t: Array, w: Array) -> None:
@@ -41,6 +42,6 @@ class EvenExponentials:
         self._fine = _exponentials(t, w[:columns] - w[0])
 
     def sum(self, first: int, last: int, weights: Array) -> Complex:
-        """sum_k weights[k] exp(-j w t_k) (n_w,) over the stamps first <= k < last."""
+        """sum_k weights[k] exp(-j w t_k) (n_w,) over the time stamps first <= k < last."""
         rows = (self._coarse[first:last] * weights[:, None]).T @ self._fine[first:last]
         return np.asarray(rows.ravel()[: self._size])

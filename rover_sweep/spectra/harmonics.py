@@ -1,10 +1,10 @@
-"""2nd and 3rd harmonics at once: what a vehicle answers where an odd multisine does not excite it.
+"""2nd and 3rd harmonics from one run of an odd multisine: responses at frequencies it does not excite.
 
-Pintelon and Schoukens, System Identification: A Frequency Domain Approach (2012), section 4.3. Over a whole
-number P of periods of a wave that repeats itself, everything that follows the wave lies at multiples of its
-base frequency w0: what is linear at the excited lines, what is even (squares: a lopsided linkage, the drag
-of cornering) at even lines, what is odd (cubes: play, saturation) at odd ones, seen at those that were left
-out. Noise lies there as well, and at the P - 1 frequencies between two lines it lies alone.
+Pintelon and Schoukens, System Identification: A Frequency Domain Approach (2012), section 4.3. Over P whole
+periods of a periodic wave, the response lies at multiples (lines) of the base frequency w0. The linear part
+is at the excited lines, even nonlinearities (an asymmetric linkage, the drag of cornering) at even lines, odd
+ones (play, saturation) at odd lines, visible at those that are not excited. Noise is at all frequencies; the
+P - 1 frequencies between two lines hold noise only, which gives the noise floor.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ Bool = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 
 CHANNELS = ("pwm", "r", "ay", "p", "phi", "speed")
-STEP = 0.01  # s: grid on which the wave is looked for, and that of a staircase
-ALIKE = 0.95  # correlation of the recorded steering with the multisine
-TOP_SHARE = 0.7  # of the Nyquist frequency of a channel, up to which its lines are looked at
-RATE_SHARE = 8.0  # samples a period of the highest line; faster even samples are averaged
-NEIGHBOURS = 12  # noise frequencies to each side that tell the noise at a line
-SURE = 0.001  # chance of so high a level from noise alone
+STEP = 0.01  # s: grid of the search for the wave
+MIN_CORRELATION = 0.95  # of the recorded steering with the multisine
+TOP_SHARE = 0.7  # of the Nyquist frequency of a channel: its highest line
+RATE_SHARE = 8.0  # samples per period of the highest line; faster samples are averaged
+NEIGHBOURS = 12  # frequencies on each side of a line that give its noise floor
+SIGNIFICANCE = 0.001  # probability of such a level from noise only
 
 
 @dataclass(frozen=True, eq=False)
 class LineLevels:
-    """Levels of one channel at frequencies w (n,) [rad/s]: level (n,) in unit, root mean square of the sine.
+    """Levels of one channel at frequencies w (n,) [rad/s]: level (n,) in unit, the rms of the sine.
 
-    excited, even, odd, between: which of them (n,) are excited lines, even lines, odd lines left out, and
-    frequencies between lines. even_chance, odd_chance: how likely noise alone would be as strong at the even
-    lines, at the odd ones left out.
+    excited, even, odd, between: masks (n,) of excited lines, even lines, odd lines not excited, frequencies
+    between lines. even_chance, odd_chance: probability that noise alone is as strong at the even lines, at
+    the odd lines not excited.
     """
 
     channel: str
@@ -54,38 +54,38 @@ class LineLevels:
     odd_chance: float
 
     def db(self, lines: Bool) -> float:
-        """Root-mean-square level over `excited`, `even`, `odd` or `between`, dB re 1 unit."""
+        """Rms level over a mask: `excited`, `even`, `odd` or `between`; dB re 1 unit."""
         return float(10 * np.log10(np.mean(self.level[lines] ** 2))) if lines.any() else math.nan
 
     @property
     def second(self) -> float:
-        """Level at even lines over that at excited ones, dB; noise is in it, see `noise`."""
+        """2nd harmonic: level at even lines over that at excited lines, dB, noise included (see `noise`)."""
         return self.db(self.even) - self.db(self.excited)
 
     @property
     def third(self) -> float:
-        """Level at odd lines left out over that at excited ones, dB; noise is in it, see `noise`."""
+        """3rd harmonic: level at odd lines not excited over that at excited lines, dB, noise included."""
         return self.db(self.odd) - self.db(self.excited)
 
     @property
     def noise(self) -> float:
-        """Level between the lines over that at excited ones, dB."""
+        """Noise floor: level between the lines over that at excited lines, dB."""
         return self.db(self.between) - self.db(self.excited)
 
     @property
-    def sees_second(self) -> bool:
-        """Whether the even lines stand above the noise."""
-        return self.even_chance < SURE
+    def second_detected(self) -> bool:
+        """True when the even lines are above the noise."""
+        return self.even_chance < SIGNIFICANCE
 
     @property
-    def sees_third(self) -> bool:
-        """Whether the odd lines left out stand above the noise."""
-        return self.odd_chance < SURE
+    def third_detected(self) -> bool:
+        """True when the odd lines that are not excited are above the noise."""
+        return self.odd_chance < SIGNIFICANCE
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Harmonics(Shown):
-    """Levels of the channels of one run of a multisine, whose law began at `start` s of the recording."""
+    """Levels of the channels of one run of a multisine. start: of T_rec in the recording's time [s]."""
 
     run: str
     start: float
@@ -95,45 +95,45 @@ class Harmonics(Shown):
         return next(c for c in self.channels if c.channel == channel)
 
     def table(self) -> ShortTable:
-        """A row a channel, dB; a star where a level stands above the noise."""
+        """A row for each channel, dB; a star marks levels above the noise."""
         rows = tuple(
             (
                 c.channel,
                 f"{c.db(c.excited):.1f} re 1 {c.unit}",
-                f"{c.second:.1f}{'*' * c.sees_second}",
-                f"{c.third:.1f}{'*' * c.sees_third}",
+                f"{c.second:.1f}{'*' * c.second_detected}",
+                f"{c.third:.1f}{'*' * c.third_detected}",
                 f"{c.noise:.1f}",
             )
             for c in self.channels
         )
         headings = ("channel", "excited, dB", "2nd (even lines)", "3rd (odd lines)", "noise")
-        note = "2nd, 3rd, noise: dB from the excited lines; * above the noise with less than 0.1 % chance"
+        note = "2nd, 3rd, noise: dB re the excited lines; * above the noise (chance below 0.1 %)"
         return ShortTable(f"harmonics of {self.run}", headings, rows, (note,))
 
 
 def harmonics(run: Recording, multisine: Multisine, channels: Sequence[str] = CHANNELS) -> Harmonics:
-    """Levels at excited lines, even lines, odd lines left out and between lines, of the channels recorded.
+    """Levels of the recorded channels at the lines of a multisine and between them, over the whole T_rec.
 
-    Of the whole T_rec, by least squares on each channel's own time stamps (a PWM by the integral of its
-    steps), up to the lower of the band's end and .7 of the channel's Nyquist frequency. What the table says
-    of pwm is what the steering output itself held; only what exceeds it comes from the vehicle. DataRefused
-    where the recording does not hold this multisine, or not all of it.
+    run: one of `rs.read(...)`, driven with this multisine. Sines are fitted by least squares on each
+    channel's own time stamps (a PWM by the integral of its steps), up to the end of the band or .7 of the
+    channel's Nyquist frequency. The levels of pwm are in the steering output itself; only what exceeds them
+    comes from the vehicle. DataRefused when the recording does not hold the whole multisine.
     """
     start = law_start(run, multisine)
     end = start + multisine.t_rec
-    there = [c for c in channels if c in run]
-    for c in there:
+    recorded = [c for c in channels if c in run]
+    for c in recorded:
         t = run[c].between(start, end).t
         if t.size < 2 or t[0] > start + 1.0 or t[-1] < end - 1.0 or np.max(np.diff(t)) > 1.0:
-            raise DataRefused(f"{run.name}: {c} was not recorded throughout the multisine")
-    levels = tuple(_levels(c, run[c], multisine, start) for c in there)
+            raise DataRefused(f"{run.name}: {c} was not recorded over the whole multisine")
+    levels = tuple(_levels(c, run[c], multisine, start) for c in recorded)
     return Harmonics(run.name, start, levels)
 
 
 def law_start(run: Recording, multisine: Multisine) -> float:
-    """Time [s] in the recording at which the law of this multisine begins, found by its wave.
+    """Time [s] in the recording at which T_rec begins, by correlation of the steering with the wave.
 
-    DataRefused where the recorded steering is not alike.
+    DataRefused when the correlation is below .95.
     """
     name = "pwm" if "pwm" in run else "delta"
     wave_t = np.arange(multisine.straight, multisine.duration - multisine.straight, STEP)
@@ -146,19 +146,19 @@ def law_start(run: Recording, multisine: Multisine) -> float:
     product = np.fft.irfft(np.fft.rfft(x, size) * np.fft.rfft(wave, size).conj(), size)[: grid.size]
     power = np.concatenate(([0.0], np.cumsum(x**2)))
     held = power[np.minimum(np.arange(grid.size) + wave.size, grid.size)] - power[: grid.size]
-    alike = np.abs(product) / np.sqrt(np.maximum(held, 1e-12 * power[-1] + 1e-300) * np.sum(wave**2))
-    alike[held < 0.5 * power[-1]] = 0.0
-    best = int(np.argmax(alike))
-    if alike[best] < ALIKE:
+    correlation = np.abs(product) / np.sqrt(np.maximum(held, 1e-12 * power[-1] + 1e-300) * np.sum(wave**2))
+    correlation[held < 0.5 * power[-1]] = 0.0
+    best = int(np.argmax(correlation))
+    if correlation[best] < MIN_CORRELATION:
         raise DataRefused(
-            f"{run.name}: its steering is not this multisine (correlation {alike[best]:.2f}); give the one "
-            "that was driven, with its periods, T_rec and band, or a recording of the whole run"
+            f"{run.name}: the steering is not this multisine (correlation {correlation[best]:.2f}); give the "
+            "amplitude, band, T_rec and periods of the driven one, and a recording of the whole run"
         )
     return float(grid[best] + multisine.fade + multisine.dwell)
 
 
 def _levels(name: str, signal: Signal, multisine: Multisine, start: float) -> LineLevels:
-    """The channel at every frequency of the P periods within the band."""
+    """Levels of a channel at all multiples of w0/P up to its highest line."""
     periods = int(multisine.periods)
     top = min(int(multisine.odd[-1]) * multisine.base, TOP_SHARE * np.pi * signal.rate)
     m = np.arange(1, int(top / multisine.base * periods + 1e-6) + 1)
@@ -187,19 +187,21 @@ def _staircase_lines(steps: Signal, w: Array, start: float, length: float) -> Co
 
 
 def _sampled_lines(samples: Signal, w: Array) -> Complex:
-    """Complex amplitudes (n_w,) of sines at w [rad/s] fitted to the samples all at once, beside a line."""
+    """Complex amplitudes (n_w,) of sines at w [rad/s], fitted to the samples with a straight line."""
     t, x = _thinned(samples, float(w[-1]))
     t = t - t[0]
     turned = np.outer(t, w)
     basis = np.hstack((np.ones((t.size, 1)), (t / t[-1])[:, None], np.cos(turned), np.sin(turned)))
     if basis.shape[1] > t.size:
-        raise DataRefused(f"{samples.source or 'a channel'}: {t.size} samples are too few for {w.size} lines")
+        raise DataRefused(
+            f"{samples.source or 'a channel'}: {t.size} samples are too few for {w.size} frequencies"
+        )
     found = np.linalg.lstsq(basis, x, rcond=None)[0][2:]
     return np.asarray(found[: w.size] - 1j * found[w.size :])
 
 
 def _thinned(samples: Signal, w_top: float) -> tuple[Array, Array]:
-    """Samples far faster than the lines as means of several, which costs all lines alike."""
+    """(t, x) of samples much faster than the lines, averaged in groups; lowers all lines equally."""
     n = max(int(samples.rate * 2 * math.pi / w_top / RATE_SHARE), 1)
     whole = samples.t.size // n * n
     t, x = (a[:whole].reshape(-1, n).mean(axis=1) for a in (samples.t, samples.x))
@@ -207,7 +209,7 @@ def _thinned(samples: Signal, w_top: float) -> tuple[Array, Array]:
 
 
 def _noise(power: Array, between: Bool) -> Array:
-    """Noise power (n,) at every frequency: the mean of those between lines around it."""
+    """Noise power (n,) at every frequency: mean over the nearest frequencies between lines."""
     k = np.flatnonzero(between)
     total = np.concatenate(([0.0], np.cumsum(power[k])))
     at = np.searchsorted(k, np.arange(power.size))
@@ -216,7 +218,7 @@ def _noise(power: Array, between: Bool) -> Array:
 
 
 def _chance(power: Array, noise: Array, lines: Bool, between: Bool) -> float:
-    """Chance that noise alone is as strong at these lines: F test of power over the noise around."""
+    """Probability that noise alone is as strong at these lines: F test of their power over the noise."""
     from scipy.special import fdtrc
 
     count = int(lines.sum())

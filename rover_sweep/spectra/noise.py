@@ -1,4 +1,4 @@
-"""Noise of a run: its cross-spectra from the residuals of a fit, and fresh noise of the same spectra."""
+"""Noise of a run: cross-spectra of the residuals of a fit, and new random noise with these spectra."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Array, Signal
 from rover_sweep.spectra.spectra import Complex, Transformer, hann
 
-RESOLUTION = 10.0  # s, window of the residuals' spectra: noise is taken as smooth over 4 pi/10 rad/s
+RESOLUTION = 10.0  # s, window of the residuals' spectra; resolution 4 pi/10 rad/s
 HANN_POWER = 0.375  # mean square of a Hann window
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseSpectra:
-    """Noise of one run: a level that varies slowly in time, times stationary noise of these spectra.
+    """Noise of one run: stationary noise times a level that varies slowly in time.
 
-    density (n_w, n_outputs, n_outputs): two-sided cross-spectra, unit^2 s, at w [rad/s]; level
-    (n_outputs, n_times) at times t [s], of mean square 1.
+    density (n_w, n_outputs, n_outputs): two-sided cross-spectra, unit^2 s, at w (n_w,) [rad/s]; level
+    (n_outputs, n_times) at t (n_times,) [s], with mean square 1.
     """
 
     w: Array
@@ -30,7 +30,7 @@ class NoiseSpectra:
 
 
 class ResidualSpectra:
-    """Noise of the residuals of one run over `span` [s], up to w_max [rad/s]."""
+    """Cross-spectra of residuals of one run over `span` (start, end) [s], up to w_max [rad/s]."""
 
     def __init__(self, span: tuple[float, float], w_max: float) -> None:
         self.length = min(RESOLUTION, (span[1] - span[0]) / 3)
@@ -49,9 +49,10 @@ class ResidualSpectra:
 
 
 class CoarseTransformer:
-    """Transforms of band-limited signals at w [rad/s] of every window: many signals at once.
+    """Fourier transforms at w (n_w,) [rad/s] of every window, for many band-limited signals at once.
 
-    The signals (m, n) are on the clock `t` (n,), just fast enough for the band up to w_top [rad/s].
+    The signals (m, n) are sampled at t (n,) [s], just fast enough for w_top [rad/s]. windows: (starts,
+    length) [s] of each length.
     """
 
     def __init__(
@@ -63,12 +64,12 @@ class CoarseTransformer:
         self.windows, self.w = windows, w
         angle = np.outer(self.t, w)
         kernel = np.concatenate((np.cos(angle), -np.sin(angle)), axis=1) * (self.t[1] - self.t[0])
-        self.kernel = kernel.astype(np.float32)  # noise to 7 digits
+        self.kernel = kernel.astype(np.float32)  # 7 digits are enough for noise
         centred = np.column_stack((np.ones(n), self.t - self.t.mean()))
         self.basis = centred / np.linalg.norm(centred, axis=0)
 
     def __call__(self, x: Array) -> Iterator[NDArray[np.complex64]]:
-        """For each length, (n_windows, m, n_w)."""
+        """Transforms (n_windows, m, n_w) of the detrended signals, for each length."""
         levelled = (x - (x @ self.basis) @ self.basis.T).astype(np.float32)
         for starts, length in self.windows:
             out = np.empty((starts.size, len(levelled), self.w.size), dtype=np.complex64)
@@ -91,10 +92,11 @@ def fresh_noise(
     integrated: Sequence[bool],
     rng: np.random.Generator,
 ) -> Array:
-    """Gaussian noise (count, n_outputs, n_t) on the uniform clock t [s] with these spectra up to w_top.
+    """Gaussian noise (count, n_outputs, n_t) at even t (n_t,) [s], with these spectra up to w_top [rad/s].
 
-    integrated: which outputs are wanted as their integral. The noise repeats after twice the record, with
-    its level mirrored at the record's end.
+    At each frequency the Cholesky factor of the density times independent complex normal numbers, then the
+    inverse FFT. integrated: outputs to return as their integral. The noise has a period of twice the
+    record, its level mirrored at the end.
     """
     period = 2 * t.size * (t[1] - t[0])
     w = 2 * np.pi / period * np.arange(1, int(w_top * period / (2 * np.pi)) + 1)
@@ -112,7 +114,7 @@ def fresh_noise(
 
 
 def _integral(x: Array, period: float) -> Array:
-    """The periodic integral (count, n) of x less its mean."""
+    """The periodic integral (count, n) of x minus its mean."""
     lines = np.fft.rfft(x)
     lines[:, 0] = 0
     lines[:, 1:] /= 2j * np.pi / period * np.arange(1, lines.shape[1])

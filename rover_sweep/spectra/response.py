@@ -1,8 +1,17 @@
-"""Composite frequency responses out of several windows and runs, with coherence and random error.
+"""Composite frequency responses from several window lengths and runs, with coherence and random error.
 
-Composite windowing as Tischler & Remple 2012, section 10.4, with the cross-spectrum's real and
-imaginary parts normalised by its magnitude (the book divides by their own start values, which pass
-through zero). The four unknowns of each frequency are solved at all frequencies at once.
+Composite windowing (Tischler & Remple 2012, section 10.4) finds at each frequency the Gxx, Gyy, Re Gxy, Im
+Gxy closest to those of the windows i, with weights W_i = (eps_i/eps_min)^-4 of their random errors. With ~
+for the starting values, z = (Gxx/Gxx~, Gyy/Gyy~, Re/|Gxy~|, Im/|Gxy~|), d_i the same of window i, and
+c = g2/g2~ = (z3^2 + z4^2)/(z1 z2), it minimises sum_i W_i [ |z - d_i|^2 + 5 (c(z) - c_i)^2 ]. (The book
+divides Re and Im by their own starting values, which pass through zero.) Such a sum differs from
+
+    F(z) = |z - m|^2 + 5 (c(z) - c_m)^2,   m = sum W_i d_i / sum W_i,   c_m = sum W_i c_i / sum W_i
+
+times sum W_i by a constant only, so the windows enter by their means. Gauss-Newton with s = dc/dz: half the
+gradient is g = z - m + 5 (c - c_m) s, half the Hessian D + 5 s s^T, with D = I plus the damping. By
+Sherman-Morrison the step is -D^-1 g + 5 D^-1 s (s^T D^-1 g) / (1 + 5 s^T D^-1 s), for all frequencies at
+once.
 """
 
 from __future__ import annotations
@@ -16,19 +25,18 @@ from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
 from rover_sweep.spectra.spectra import Complex, WindowSpectra, window_spectra
 
-COHERENCE_GOOD = 0.6
+COHERENCE_GOOD = 0.6  # guideline of Tischler & Remple 2012
 Band = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse(Shown):
-    """Output over steering: h (n_w,) complex at w [rad/s] in output unit per input unit.
+    """Response of an output to an input: h (n_w,), complex, in `unit` (output per input) at w (n_w,) [rad/s].
 
-    coherence (n_w,), random_error (n_w,) normalised sd of |h|; windows: lengths used [s].
-    gxx, gyy: composite autospectra. band: usable band (lo, hi) rad/s, None where there is none.
-    conditioned_on: the inputs taken out of both, in which case coherence is the partial one;
-    multiple_coherence: share of the output that follows all inputs; input_coherence: share of this input
-    that follows the others; each (n_w,).
+    coherence (n_w,): 0..1; random_error (n_w,): normalised sd of |h|. gxx, gyy (n_w,): composite autospectra,
+    unit^2 s. windows: lengths [s]. band: usable (low, high) [rad/s], None for none. conditioned_on: inputs
+    whose effect is removed; coherence is then the partial one. multiple_coherence (n_w,): share of the output
+    that follows all inputs; input_coherence (n_w,): share of this input that follows the others.
     """
 
     input: str
@@ -48,22 +56,22 @@ class FrequencyResponse(Shown):
 
     @property
     def magnitude_db(self) -> Array:
-        """20 log10 |h|."""
+        """20 log10 |h| (n_w,)."""
         return 20 * np.log10(np.abs(self.h))
 
     @property
     def phase_deg(self) -> Array:
-        """Phase, unwrapped upwards from the lowest frequency, deg."""
+        """Phase (n_w,), deg, unwrapped from the lowest frequency upwards."""
         return np.degrees(np.unwrap(np.angle(self.h)))
 
     def at(self, w: Array) -> tuple[Complex, Array]:
-        """Response and coherence at w, interpolated over log w in dB and unwrapped phase."""
+        """(h, coherence) at other frequencies w (n,) [rad/s], interpolated over log w in dB and phase."""
         x, grid = np.log(w), np.log(self.w)
         db, phase = np.interp(x, grid, self.magnitude_db), np.interp(x, grid, np.unwrap(np.angle(self.h)))
         return 10 ** (db / 20) * np.exp(1j * phase), np.interp(x, grid, self.coherence)
 
     def table(self) -> ShortTable:
-        """Every so many frequencies, the usable band, the windows."""
+        """About nine frequencies, the usable band, the windows."""
         step = max(self.w.size // 8, 1)
         columns = (self.w, self.magnitude_db, self.phase_deg, self.coherence, self.random_error)
         formats = ("{:.3g}", "{:.1f}", "{:.0f}", "{:.2f}", "{:.3f}")
@@ -83,7 +91,8 @@ class FrequencyResponse(Shown):
 def default_windows(w_min: float, w_max: float, total: float, longest_run: float) -> tuple[float, ...]:
     """Five window lengths [s] from 20 periods of w_max to min(T_rec/2, T_F/5) (Tischler & Remple 2012).
 
-    w in rad/s; total: T_F, the time of all runs [s]; longest_run: stands for T_rec [s].
+    w in rad/s; total: T_F, time of all runs [s]; longest_run: taken as T_rec [s]. t_max is at least
+    1.5 periods of w_min, if half the longest run allows it.
     """
     t_min = 20 * 2 * np.pi / w_max
     t_max = min(longest_run / 2, total / 5)
@@ -92,11 +101,11 @@ def default_windows(w_min: float, w_max: float, total: float, longest_run: float
     return tuple(float(t) for t in np.geomspace(t_min, t_max, 5))
 
 
-LOWEST_BIN = 1.4  # of 2 pi/T_win: below it a Hann window takes in the mean and the drift
+LOWEST_BIN = 1.4  # of 2 pi/T_win: below it a Hann window leaks the mean and the drift
 
 
 def frequency_grid(w_min: float, w_max: float, windows: Sequence[float], points: int = 120) -> Array:
-    """Log-spaced frequencies [rad/s] from where the longest window still resolves, up to w_max."""
+    """Log-spaced frequencies (points,) [rad/s] from the lowest that the longest window resolves to w_max."""
     return np.geomspace(max(w_min, LOWEST_BIN * 2 * np.pi / max(windows)), w_max, points)
 
 
@@ -108,13 +117,13 @@ def frequency_responses(
     input: str = "delta",
     bands: Mapping[str, Band] | None = None,
 ) -> dict[str, FrequencyResponse]:
-    """Composite responses input -> outputs over all runs at w [rad/s] with windows [s].
+    """{output: composite response to the input} over all runs, at w (n_w,) [rad/s] with windows [s].
 
-    Outputs that vanish at w = 0 are jw times the response of their integral: vydot of vy (never a
-    differentiated signal), p of the integrated roll rate. The slope of the window leaks an error of
-    about 2 pi/(T_win w) of itself into a response that rises as w; into a flat one it leaks nothing
-    (measured on the recordings' truth: 3 dB and 34 deg of p at .3-.5 rad/s became .5 dB and 12 deg).
-    bands: overrides the automatic choice from the coherence.
+    Outputs that are zero at w = 0 are computed as jw times the response of their integral: vydot from vy
+    (never by differentiation), p from the integrated roll rate. A window leaks about 2 pi/(T_win w) of a
+    response that rises with w, and nothing of a flat one. (On recordings with known truth the error of p at
+    .3-.5 rad/s fell from 3 dB and 34 deg to .5 dB and 12 deg.) bands: {output: usable band [rad/s]}, default
+    from the coherence.
     """
     channels = [{input: run.manoeuvre(input)} | {o: transformed(run, o) for o in outputs} for run in runs]
     spectra = window_spectra(channels, [run.span for run in runs], outputs, windows, w, input)
@@ -125,18 +134,18 @@ def frequency_responses(
     }
 
 
-RISING = {"vydot": "m/s^2", "p": "rad/s"}  # outputs got as jw times their integral, and their units
+RISING = {"vydot": "m/s^2", "p": "rad/s"}  # outputs computed as jw times their integral, and their units
 
 
 def transformed(run: Recording, output: str) -> Signal:
-    """The signal whose transform is taken for an output."""
+    """The signal that is transformed for an output: vy for vydot, the integral of p for p."""
     if output == "p":
         return _integrated(run.manoeuvre("p"))
     return run.manoeuvre("vy" if output == "vydot" else output)
 
 
 def _integrated(p: Signal) -> Signal:
-    """The integral [rad] of a rate [rad/s], from its mean."""
+    """The integral [rad] of a rate [rad/s] minus its mean."""
     x = p.x - p.x.mean()
     angle = np.concatenate(([0.0], np.cumsum((x[1:] + x[:-1]) / 2 * np.diff(p.t))))
     return Signal(p.t, angle, "rad", f"integral of {p.source}")
@@ -145,7 +154,7 @@ def _integrated(p: Signal) -> Signal:
 def composite_response(
     input: str, output: str, per: str, unit: str, spectra: Sequence[WindowSpectra], band: Band | None
 ) -> FrequencyResponse:
-    """The composite of several windows; per, unit: of the input and of the signal that was transformed."""
+    """The composite of several window lengths. per, unit: of the input and of the transformed signal."""
     w = spectra[0].w
     gxx, gyy, gxy = composite(spectra)
     coherence = np.abs(gxy) ** 2 / (gxx * gyy)
@@ -167,10 +176,9 @@ def composite_response(
 
 
 def composite(spectra: Sequence[WindowSpectra]) -> tuple[Array, Array, Complex]:
-    """Composite Gxx, Gyy, Gxy (n_w,) of several windows: minimises at each frequency
+    """Composite Gxx, Gyy, Gxy (n_w,), unit^2 s, of several window lengths, as in the module's text.
 
-    sum_i W_i { ((Gxx-Gxx_i)/Gxx~)^2 + ((Gyy-Gyy_i)/Gyy~)^2 + ((Re-Re_i)/|Gxy~|)^2 + ((Im-Im_i)/|Gxy~|)^2
-    + 5 ((g2-g2_i)/g2~)^2 }, W_i = (eps_i/eps_min)^-4, from starts G~ = sum W_i^2 G_i / sum W_i^2.
+    Starting values: G~ = sum W_i^2 G_i / sum W_i^2. Windows count only where they resolve w.
     """
     error = np.array([s.random_error for s in spectra])
     used = np.isfinite(error)
@@ -197,10 +205,9 @@ def _filled(parts: Sequence[Array | Complex], used: np.ndarray) -> np.ndarray:
 
 
 def _solve(mean: Array, coherence: Array, start: Array) -> Array:
-    """Normalised Gxx, Gyy, Re, Im (n_w, 4), at all frequencies at once, by Levenberg-Marquardt.
+    """z (n_w, 4) that minimises F at all frequencies at once, by Levenberg-Marquardt.
 
-    The sum over the windows differs by a constant from sum W times |z - mean|^2 + 5 (c(z) - coherence)^2,
-    mean (n_w, 4) and coherence (n_w,), over its start value, being weighted means over the windows.
+    mean (n_w, 4): m; coherence (n_w,): c_m of the module's text.
     """
     z, damping = start.copy(), np.full(coherence.size, 1e-3)
     best = _objective(z, mean, coherence)
@@ -219,7 +226,7 @@ def _solve(mean: Array, coherence: Array, start: Array) -> Array:
 
 
 def _coherence_of(z: Array) -> Array:
-    """Over its start value."""
+    """c(z) (n_w,), the coherence over its starting value."""
     return np.asarray((z[:, 2] ** 2 + z[:, 3] ** 2) / (z[:, 0] * z[:, 1]))
 
 
@@ -229,7 +236,7 @@ def _objective(z: Array, mean: Array, coherence: Array) -> Array:
 
 
 def _step(z: Array, mean: Array, coherence: Array, damping: Array) -> Array:
-    """Damped Gauss-Newton step: the Hessian is diagonal plus 5 slope slope^T, inverted in closed form."""
+    """The damped Gauss-Newton step (n_w, 4) of the module's text; slope is s, diagonal is D."""
     c = _coherence_of(z)
     power = z[:, 2] ** 2 + z[:, 3] ** 2
     slope = np.column_stack((-c / z[:, 0], -c / z[:, 1], 2 * c * z[:, 2] / power, 2 * c * z[:, 3] / power))
@@ -241,10 +248,10 @@ def _step(z: Array, mean: Array, coherence: Array, damping: Array) -> Array:
 
 
 def usable_band(w: Array, coherence: Array, good: float = COHERENCE_GOOD) -> Band | None:
-    """The widest band (rad/s, in log w) of coherence >= good, local drops allowed between good sides.
+    """The widest band (low, high) [rad/s], in log w, with coherence >= good; None if below .3 decade.
 
-    A drop may span 20 % of a decade when the coherence stays above half the limit, as the paper
-    includes "local drops ... if the coherence is good on either side". None without a band of .3 decade.
+    w, coherence (n_w,). Like the paper ("local drops ... if the coherence is good on either side"), it allows
+    drops of up to 20 % of a decade in which the coherence stays above half of `good`.
     """
     x, ok = np.log10(w), coherence >= good
     runs = _stretches(ok)
@@ -269,7 +276,7 @@ def _stretches(ok: np.ndarray) -> list[tuple[int, int]]:
 def _bridgeable(
     x: Array, coherence: Array, left: tuple[int, int], right: tuple[int, int], good: float
 ) -> bool:
-    """True for a narrow, shallow gap between two stretches (first, last) that are not mere points."""
+    """True for a narrow, shallow gap between two stretches (first, last) of more than .05 decade."""
     gap = slice(left[1], right[0] + 1)
     wide_sides = min(x[left[1]] - x[left[0]], x[right[1]] - x[right[0]]) > 0.05
     return bool(wide_sides and x[right[0]] - x[left[1]] <= 0.2 and np.min(coherence[gap]) >= good / 2)

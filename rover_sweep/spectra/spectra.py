@@ -1,8 +1,8 @@
-"""Windowed spectra of signals on their own time stamps (method of Tischler & Remple 2012, ch. 7).
+"""Windowed spectra of signals on their own time stamps (Tischler & Remple 2012, chapter 7).
 
-Each signal is transformed where it was sampled: samples by the discrete-time Fourier sum with
-trapezoidal weights, a staircase (PWM) by the integral of its steps. Nothing is interpolated, so a
-10 Hz log loses neither gain nor phase below its Nyquist frequency.
+Each signal is transformed at its own time stamps: samples by a Fourier sum with trapezoidal weights, a
+staircase (PWM) by the integral of its steps. Without interpolation, a 10 Hz log loses neither gain nor phase
+below its Nyquist frequency.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from rover_sweep.spectra.averages import independent_averages
 from rover_sweep.spectra.band_limited import between, even_grid
 from rover_sweep.spectra.exponentials import Complex, EvenExponentials, Exponentials
 
-OVERLAP = 0.8
-PER_PERIOD = 24  # samples a period of w_max that even samples are averaged down to
-EVEN = 0.05  # sd of the sampling step over the step, up to which samples count as even
-MANY = 500  # frequencies, from which on spectra are taken on even grids and interpolated
+OVERLAP = 0.8  # of neighbouring windows
+PER_PERIOD = 24  # samples per period of w_max; faster even samples are averaged
+EVEN = 0.05  # largest sd of the sampling step over the step, of even samples
+MANY = 500  # frequencies; from this number on, spectra are computed on even grids and interpolated
 OVERLAP_CONSTANT = 0.50**0.5  # C of the random error at 80 % overlap (Tischler & Remple 2012)
 
 
@@ -28,8 +28,8 @@ OVERLAP_CONSTANT = 0.50**0.5  # C of the random error at 80 % overlap (Tischler 
 class WindowSpectra:
     """Averaged spectra of one window length over all runs; arrays (n_w,), nan below 2 pi/length.
 
-    gxx, gyy in unit^2 s, gxy = conj(X) Y, all with 2/T_win (equation 6 of the paper, its T read as
-    T_win). averages: n_d as `effective_averages` counts it, T_F/T_win where that is large.
+    gxx, gyy [unit^2 s], gxy = conj(X) Y, all times 2/T_win (equation 6 of the paper, its T read as T_win);
+    length: T_win [s], w [rad/s]. averages: n_d of `effective_averages`, T_F/T_win for long records.
     """
 
     length: float
@@ -41,12 +41,12 @@ class WindowSpectra:
 
     @property
     def coherence(self) -> Array:
-        """Ordinary coherence, equation (8)."""
+        """|Gxy|^2/(Gxx Gyy) (n_w,), equation (8)."""
         return np.abs(self.gxy) ** 2 / (self.gxx * self.gyy)
 
     @property
     def random_error(self) -> Array:
-        """Normalised random error of |H|: C sqrt(1 - g2) / (|g| sqrt(2 n_d))."""
+        """Normalised random error of |H| (n_w,): C sqrt(1 - g2) / (|g| sqrt(2 n_d)) (T&R 2012, ch. 7)."""
         g2 = np.clip(self.coherence, 1e-9, 1.0 - 1e-9)
         return OVERLAP_CONSTANT * np.sqrt(1.0 - g2) / np.sqrt(2.0 * self.averages * g2)
 
@@ -58,7 +58,7 @@ def hann(fraction: Array) -> Array:
 
 
 def detrended(signal: Signal) -> Signal:
-    """The signal less its least-squares line, weighted by the time each sample stands for."""
+    """The signal minus its least-squares line, samples weighted by their durations."""
     weight = np.sqrt(_durations(signal))
     centred = signal.t - signal.t.mean()
     basis = np.column_stack((np.ones_like(centred), centred))
@@ -67,7 +67,7 @@ def detrended(signal: Signal) -> Signal:
 
 
 def _durations(signal: Signal) -> Array:
-    """The time [s] that each sample stands for: trapezoidal, or until the next step of a staircase."""
+    """Duration (n,) [s] of each sample: trapezoidal, or until the next step of a staircase."""
     steps = np.diff(signal.t)
     if signal.hold:
         return np.append(steps, np.median(steps))
@@ -75,7 +75,7 @@ def _durations(signal: Signal) -> Array:
 
 
 def window_starts(start: float, end: float, length: float) -> Array:
-    """Starts of windows of `length` that cover start..end evenly with at least 80 % overlap."""
+    """Starts (n_windows,) [s] of windows of `length` [s], evenly over start..end with >= 80 % overlap."""
     room = end - start - length
     if room < -1e-9:
         return np.empty(0)
@@ -84,20 +84,20 @@ def window_starts(start: float, end: float, length: float) -> Array:
 
 
 def effective_averages(spans: Sequence[tuple[float, float]], length: float) -> float:
-    """n_d of windows of `length` over runs with these spans [s], such that the random error's formula holds.
+    """n_d of the random error's formula, for windows of `length` [s] over runs with spans (start, end) [s].
 
-    T_F/T_win where that is large; less near the length of the runs (15 s in 20 s: .72 in place of 1.33),
-    where the plain ratio made the error of the estimates half of what it is (measured on white noise).
+    T_F/T_win for long runs, less near the length of the runs (15 s in 20 s: .72 instead of 1.33). There
+    T_F/T_win would give half the true random error (checked on white noise).
     """
     starts = [window_starts(start, end, length) for start, end in spans]
     return OVERLAP_CONSTANT**2 * independent_averages(starts, length)
 
 
 def cell_means(signal: Signal, w: Array, w_max: float) -> tuple[Signal, Array]:
-    """The signal as means over cells short against 2 pi/w_max, and their gain (n_w,) at w [rad/s].
+    """The signal averaged over cells much shorter than 2 pi/w_max, and the gain (n_w,) of this at w [rad/s].
 
-    A staircase is averaged exactly (gain sinc); even samples far faster than w_max n at a time (gain
-    sin(n w T/2)/(n sin(w T/2))), which saves the time of transforming each; others stay as they are.
+    A staircase is averaged exactly (gain: sinc). Even samples much faster than w_max are averaged in groups
+    of n (gain: sin(n w T/2)/(n sin(w T/2))) to save time; other samples stay as they are.
     """
     if not signal.hold:
         return _thinned(signal, w, w_max)
@@ -121,8 +121,8 @@ def _thinned(signal: Signal, w: Array, w_max: float) -> tuple[Signal, Array]:
 class Transformer:
     """Fourier transforms at w [rad/s] of every window of every length over start..end [s].
 
-    Signals on the same time stamps share the exponentials, which cost most of the time. even: w is
-    evenly spaced, which is faster. w_max: highest frequency that is asked for in the end, w[-1] if none.
+    Signals on the same time stamps share the exponentials, which take most of the time. w (n_w,); even: w is
+    evenly spaced, which is faster. w_max [rad/s]: highest frequency of interest, default w[-1].
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class Transformer:
         self._kernels: list[tuple[Array, Exponentials | EvenExponentials]] = []
 
     def __call__(self, signal: Signal) -> list[Complex]:
-        """A list, per length, of (n_windows, n_w) arrays."""
+        """Transforms (n_windows, n_w), unit s, for each length."""
         points, cell = cell_means(signal, self.w, self.w_max)
         points = detrended(points)
         weighted = replace(points, x=points.x * _durations(points))
@@ -165,9 +165,9 @@ class Transformer:
 def _transformers(
     span: tuple[float, float], lengths: Sequence[float], w: Array
 ) -> list[tuple[Transformer, list[int]]]:
-    """Transformers, and which of the lengths each is for: one for all at few frequencies.
+    """[(transformer, indices of its lengths)]: one transformer for all lengths at few frequencies.
 
-    At many, each length has its own even grid, no finer than its windows tell frequencies apart.
+    For many frequencies, one for each length on its own even grid, as fine as its windows resolve.
     """
     if w.size < MANY:
         return [(Transformer(*span, lengths, w), list(range(len(lengths))))]
@@ -188,12 +188,15 @@ def window_spectra(
 ) -> dict[str, tuple[WindowSpectra, ...]]:
     """Averaged spectra input -> each output for each window length [s] at w [rad/s], over all runs.
 
-    runs: channels within the spans. No window crosses from one run into another. Lengths that fit
-    in no run are left out. ValueError where the longest does not resolve the lowest w.
+    runs: {channel: signal}, with spans (start, end) [s]. Each window lies within one run. Lengths that fit
+    into no run are left out. ValueError when the longest does not resolve the lowest w.
     """
     longest = max((n for n in lengths if any(e - s >= n for s, e in spans)), default=0.0)
     if not longest or w[0] < 2 * np.pi / longest * (1 - 1e-9):
-        raise ValueError(f"the longest usable window, {longest:g} s, resolves nothing at {w[0]:g} rad/s")
+        raise ValueError(
+            f"the longest usable window, {longest:g} s, is too short for {w[0]:g} rad/s: drive longer runs "
+            "or raise the lowest frequency"
+        )
     sums = {output: [_Sums() for _ in lengths] for output in outputs}
     for channels, span in zip(runs, spans, strict=True):
         for transform, which in _transformers(span, lengths, w):
@@ -213,7 +216,7 @@ def window_spectra(
 
 
 class _Sums:
-    """Running sums |X|^2, |Y|^2, conj(X) Y of one window length, at w or on an even grid around it."""
+    """Sums of |X|^2, |Y|^2, conj(X) Y over the windows of one length, at w or on an even grid."""
 
     def __init__(self) -> None:
         self.count, self.grid, self.total = 0, np.empty(0), np.zeros((3, 1), dtype=complex)

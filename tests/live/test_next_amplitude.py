@@ -61,7 +61,7 @@ def test_each_octave_gets_the_amplitude_that_makes_its_coherence() -> None:
     assert low.wanted == pytest.approx(60.0 * np.sqrt(4.0 / 36.0))  # .8 is four to one
     assert high.wanted == pytest.approx(120.0) and high.reached == pytest.approx(WANTED_COHERENCE)
     assert proposal.amplitude == pytest.approx(120.0) and proposal.w_max is None
-    assert proposal.sentence == "120 us: r needs it at 3.2-25.6 rad/s; below 3.2 rad/s 20 us would do"
+    assert proposal.sentence == "120 us: needed for r at 3.2-25.6 rad/s; below 3.2 rad/s 20 us is enough"
 
 
 def test_few_averages_ask_for_more_than_the_coherence_does() -> None:
@@ -73,8 +73,8 @@ def test_enough_is_enough_and_the_spare_is_told() -> None:
     proposal = propose({"r": made(np.full(W.size, 4.2))}, 60.0)
     assert proposal.amplitude is None and proposal.sentence == "60 us is enough"
     much = propose({"r": made(np.full(W.size, 64.0))}, 200.0)
-    assert much.amplitude is None and much.sentence == "200 us is enough; 50 us would do"
-    assert "80 us would do" in propose({"r": made(np.full(W.size, 64.0))}, 200.0, little=80.0).sentence
+    assert much.amplitude is None and much.sentence == "200 us is enough; 50 us would be enough"
+    assert "80 us would be enough" in propose({"r": made(np.full(W.size, 64.0))}, 200.0, least=80.0).sentence
 
 
 def test_the_neediest_answer_decides() -> None:
@@ -99,7 +99,7 @@ def test_where_nothing_answers_the_proposal_is_a_lower_bound() -> None:
     rng = np.random.default_rng(3)
     w = np.zeros(W.size) + 1e-9 * rng.random(W.size)
     proposal = propose({"r": made(w)}, 20.0)
-    assert all(band.drowned for band in proposal.bands)
+    assert all(band.below_noise for band in proposal.bands)
     assert proposal.sentence.startswith("at least ")
 
 

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.spectra.conditioned import conditioned_responses, entanglement, input_spectra, moving
+from rover_sweep.spectra.conditioned import conditioned_responses, correlated_inputs, input_spectra, moving
 from rover_sweep.spectra.response import frequency_responses
 from rover_sweep.spectra.spectra import effective_averages
 
@@ -165,12 +165,12 @@ def _constant(s: Signal) -> Signal:
 def test_inputs_that_move_as_one_are_told():
     run = two_input_run(3, share=0.97)
     response = conditioned_responses([run], ["r"], W, WINDOWS[:3], ("delta", "throttle"))["delta"]["r"]
-    assert "throttle moves with the steering" in (entanglement(response) or "")
+    assert "throttle moves with the steering" in (correlated_inputs(response) or "")
 
 
 def test_each_input_costs_an_average(runs):
     w = np.geomspace(2 * np.pi / 60, 20, 10)
     channels = {k: runs[0].manoeuvre(k) for k in ("delta", "throttle", "r")}
     channels |= dict.fromkeys(("wind", "slope"), channels["throttle"])
-    with pytest.raises(ValueError, match="4 inputs bear no window"):
+    with pytest.raises(ValueError, match="are too short for 4 inputs"):
         input_spectra([channels], [runs[0].span], ("delta", "throttle", "wind", "slope"), ("r",), [60.0], w)

@@ -75,19 +75,19 @@ def found(run: Recording) -> Harmonics:
 
 def test_square_shows_at_even_lines_alone() -> None:
     r = found(recorded(square))["r"]
-    assert r.second == pytest.approx(true_levels(square)[0], abs=0.5) and r.sees_second
-    assert not r.sees_third and r.third < r.second - 10
+    assert r.second == pytest.approx(true_levels(square)[0], abs=0.5) and r.second_detected
+    assert not r.third_detected and r.third < r.second - 10
 
 
 def test_cube_shows_at_odd_lines_left_out_alone() -> None:
     r = found(recorded(cube))["r"]
-    assert r.third == pytest.approx(true_levels(cube)[1], abs=0.5) and r.sees_third
-    assert not r.sees_second and r.second < r.third - 6
+    assert r.third == pytest.approx(true_levels(cube)[1], abs=0.5) and r.third_detected
+    assert not r.second_detected and r.second < r.third - 6
 
 
 def test_both_at_once() -> None:
     r = found(recorded(lambda x: square(x) + cube(x) - x))["r"]
-    assert r.sees_second and r.sees_third
+    assert r.second_detected and r.third_detected
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0, 400.0])
@@ -110,7 +110,7 @@ def test_linear_rover_shows_neither_and_the_noise_is_the_noise() -> None:
 
 def test_drift_is_no_harmonic() -> None:
     r = found(recorded(plain, drift=0.01))["r"]
-    assert not r.sees_second and not r.sees_third
+    assert not r.second_detected and not r.third_detected
 
 
 def test_steering_itself_holds_hardly_any() -> None:
@@ -126,12 +126,12 @@ def test_table_stars_what_is_seen() -> None:
 
 
 def test_other_steering_is_refused() -> None:
-    with pytest.raises(DataRefused, match="its steering is not this multisine"):
+    with pytest.raises(DataRefused, match="the steering is not this multisine"):
         law_start(recorded(plain), Multisine(amplitude=200, t_rec=40, periods=2, w_min=0.5, w_max=16))
 
 
 def test_part_of_a_run_is_refused() -> None:
     run = recorded(plain)
     short = {"pwm": run["pwm"], "r": run["r"].between(0.0, 40.0)}
-    with pytest.raises(DataRefused, match="r was not recorded throughout"):
+    with pytest.raises(DataRefused, match="r was not recorded over the whole"):
         harmonics(Recording("cut", short, run.span), M)

@@ -48,11 +48,11 @@ def test_lopsided_steering_shows_at_even_lines(tmp_path: Path) -> None:
     assert by_telemetry.kind == "multisine"
     for run in (runs[0], by_telemetry):
         levels = shown(run)
-        assert levels["r"].sees_second and levels["r"].second > levels["pwm"].second + 10
+        assert levels["r"].second_detected and levels["r"].second > levels["pwm"].second + 10
         assert levels["r"].third < levels["r"].second - 6
 
 
 def test_cubic_linkage_shows_at_odd_lines_left_out(tmp_path: Path) -> None:
     levels = shown(driven(tmp_path, CUBIC)[0])
-    assert levels["r"].sees_third and levels["r"].third > levels["pwm"].third + 10
+    assert levels["r"].third_detected and levels["r"].third > levels["pwm"].third + 10
     assert levels["r"].second < levels["r"].third - 6
