@@ -22,7 +22,7 @@ class Number:
     key: str = ""
 
     @property
-    def told(self) -> bool:
+    def determined(self) -> bool:
         """False where the data do not hold it (a rate limit that no step reached, say)."""
         return isfinite(self.value) and isfinite(self.sd)
 

@@ -110,7 +110,7 @@ def _timing(
         "servo_lag", "s", q["lag"], sd["lag"], factor, "first-order lag", "steering.servo_lag", 0.0
     )
     found = [lag, _limit(problem, q, sd, factor)]
-    if not found[1].told:
+    if not found[1].determined:
         untold.append(
             f"servo_rate_limit: no step reached it, it is above {found[1].low:.3g} rad/s; take larger steps"
         )

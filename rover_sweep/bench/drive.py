@@ -14,7 +14,7 @@ from typing import Protocol
 from rover_sweep._version import __version__
 from rover_sweep.bench.bench_folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, AngleReading, BenchFolder
 from rover_sweep.bench.programme import Movement, Target, path
-from rover_sweep.bench.standstill import ASTRAY, NotStanding, Standing
+from rover_sweep.bench.standstill import ASTRAY, NotAtStandstill, Standstill
 from rover_sweep.bench.steering_output import NAMES, SteeringOutput, names_of, steering_output
 from rover_sweep.bench.steering_override import SteeringOverride
 from rover_sweep.errors import LinkError, UsageError
@@ -79,7 +79,7 @@ def drive(
 ) -> bool:
     """Carry it out, recording into the folder; True where all was done. access: see `Link.open`.
 
-    NotStanding and other LinkErrors where the rover does not allow it; the steering is then let go.
+    NotAtStandstill and other LinkErrors where the rover does not allow it; the steering is then let go.
     """
     with ExitStack() as stack:
         link = stack.enter_context(Link.open(url, folder.path / TELEMETRY, access=access))
@@ -99,10 +99,10 @@ def drive(
         bench = _Bench(link, output, folder, operator, wheel)
         done: list[str] = []
         try:
-            with link.listening(bench.standing):
+            with link.listening(bench.standstill):
                 bench.wait(LOOK)
-                bench.standing.require()
-                if isnan(bench.standing.speed):
+                bench.standstill.require()
+                if isnan(bench.standstill.speed):
                     operator.tell("no GPS: that the rover stands is yours to see; disarmed, its motor is off")
                 for movement in plan.movements:
                     folder.describe(_content(url, vehicle, output, plan, done))
@@ -161,7 +161,7 @@ class _Bench:
     ) -> None:
         self.link, self.output, self.folder, self.operator = link, output, folder, operator
         self.wheel = wheel
-        self.standing = Standing(link, output)
+        self.standstill = Standstill(link, output)
 
     def wait(self, seconds: float, until: float | None = None) -> None:
         """Until the vehicle's clock is `seconds` on (or at `until`)."""
@@ -177,11 +177,11 @@ class _Bench:
 
     def _watched(self) -> None:
         self.keep()
-        self.standing.require()
+        self.standstill.require()
 
     def carry_out(self, movement: Movement) -> None:
         """One movement from the trim and back to it, let go at its end."""
-        self.standing.require()
+        self.standstill.require()
         reads, number = sum(target.read for target in movement.targets), 0
         with SteeringOverride(self.link, self.output) as steering:
             began, waited = self.link.clock.now, 0.0
@@ -204,16 +204,16 @@ class _Bench:
     def _read(self, movement: Movement, target: Target, number: int, reads: int) -> None:
         angle, typed = self.operator.angle(number, reads, target.offset, self._watched)
         self._follows(target.offset)
-        now, pwm = self.link.clock.now, self.standing.pwm
+        now, pwm = self.link.clock.now, self.standstill.pwm
         self.folder.add(AngleReading(now, movement.name, target.offset, pwm, angle, typed))
 
     def _follows(self, offset: float, astray: float = ASTRAY) -> None:
-        """NotStanding where the output is not within `astray` us of where it was asked to be."""
+        """NotAtStandstill where the output is not within `astray` us of where it was asked to be."""
         wanted, end = self.output.trim + offset, self.link.clock.now + FOLLOWS
-        while not abs(self.standing.pwm - wanted) <= astray:
+        while not abs(self.standstill.pwm - wanted) <= astray:
             if self.link.clock.now > end:
-                seen = f"{self.standing.pwm:.0f}" if isfinite(self.standing.pwm) else "nothing"
-                raise NotStanding(
+                seen = f"{self.standstill.pwm:.0f}" if isfinite(self.standstill.pwm) else "nothing"
+                raise NotAtStandstill(
                     f"the steering output does not follow: {seen} us, asked for {wanted:.0f}; is the radio "
                     "on (without one MANUAL holds the steering at its trim), and does nothing else steer?"
                 )

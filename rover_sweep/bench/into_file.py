@@ -34,10 +34,10 @@ def numbers_for_file(result: BenchResult) -> dict[str, Measured]:
     """
     out, together = {}, CURVE if bent(result) else ()
     slope = slope_of(result)
-    if slope is not None and slope.told and slope.sd < LEAST_SURE * abs(slope.value):
+    if slope is not None and slope.determined and slope.sd < LEAST_SURE * abs(slope.value):
         out["steering.rad_per_us"] = rounded(Measured(slope.value, slope.sd))
     for number in result.numbers:
-        if number.key in KEYS and number.told:
+        if number.key in KEYS and number.determined:
             nothing = _holds_0(number) and number.name not in together
             value, sd = (0.0, hypot(number.value, number.sd)) if nothing else (number.value, number.sd)
             out[number.key] = rounded(Measured(value, sd))

@@ -16,12 +16,12 @@ MANUAL = 0  # custom_mode of Rover
 ASTRAY = 12.0  # us that the output may differ from what was asked for
 
 
-class NotStanding(LinkError):
+class NotAtStandstill(LinkError):
     """The steering is let go: what was the case, in words."""
 
 
 @dataclass
-class Standing:
+class Standstill:
     """A listener of the link. pwm: steering output [us]; speed [m/s], throttle stick [us]; NaN: not told."""
 
     link: Link
@@ -63,6 +63,6 @@ class Standing:
         return ""
 
     def require(self) -> None:
-        """NotStanding where the steering must not move (on)."""
+        """NotAtStandstill where the steering must not move (on)."""
         if why := self.why_not:
-            raise NotStanding(why)
+            raise NotAtStandstill(why)

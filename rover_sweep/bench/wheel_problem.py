@@ -109,7 +109,7 @@ def problem_of(command: Command, wheel: Wheel, offset: float, slope: float) -> W
     names: tuple[str, ...] = ("k", "e", "c3", "w", "b", "lag", "slowness", "delay", "begin", "zero")
     names = names if cut.is_rate else (*names, "drift")
     noise = max(_noise(cut, stride), 1e-5)
-    spread = np.hypot(noise, slope * _rungs(command, cut.t))
+    spread = np.hypot(noise, slope * _ramp_steps(command, cut.t))
     return WheelProblem(command, cut, names, due, step, offset, noise, spread, usual / 12**0.5, stride)
 
 
@@ -126,7 +126,7 @@ def _noise(wheel: Wheel, stride: int) -> float:
     return 1.4826 * float(np.median(np.abs(np.diff(wheel.value, 2)))) / 6.0**0.5
 
 
-def _rungs(command: Command, t: Array) -> Array:
+def _ramp_steps(command: Command, t: Array) -> Array:
     """Standard deviation [us] of what a ramp had put out at t (n,): it climbs in rungs, each at some moment
     between two outputs that are recorded."""
     change = np.abs(np.diff(command.pwm))

@@ -120,13 +120,13 @@ class Played:
     rate: float
 
 
-Told = Event | Snapshot | Began | Ended | Several | Checked | Judged | Lost | Played
+Update = Event | Snapshot | Began | Ended | Several | Checked | Judged | Lost | Played
 
 
 class Source(Protocol):
     """A vehicle, or a recording."""
 
-    def start(self, tell: Callable[[Told], None]) -> None:
+    def start(self, tell: Callable[[Update], None]) -> None:
         """Begin to work; `tell` is called in the source's own thread and must return at once."""
         ...
 

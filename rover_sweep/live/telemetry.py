@@ -198,5 +198,7 @@ def switch_of(parameters: Mapping[str, float], otherwise: int = 6) -> int:
     """RC channel of the applet's switch: SWP_CHAN, else the one with RCn_OPTION 300."""
     if (raw := int(parameters.get(f"{PREFIX}CHAN", 0))) > 0:
         return raw
-    told = (int(m[1]) for n, x in parameters.items() if (m := _RADIO.match(n)) and round(x) == AUX_FUNCTION)
-    return next(told, otherwise)
+    channels = (
+        int(m[1]) for n, x in parameters.items() if (m := _RADIO.match(n)) and round(x) == AUX_FUNCTION
+    )
+    return next(channels, otherwise)

@@ -119,20 +119,20 @@ def from_json(data: Any) -> Content:
 
 
 def _vehicle(top: Entry) -> Mapping[str, Any]:
-    told: Mapping[str, Any] = top.get("vehicle", OBJECT)
-    entry = Entry(told, "vehicle")
+    values: Mapping[str, Any] = top.get("vehicle", OBJECT)
+    entry = Entry(values, "vehicle")
     for key, kind in (("firmware", TEXT), ("uid", WHOLE)):
         if key in entry:
             entry.get(key, kind)
-    return told
+    return values
 
 
 def _settings(top: Entry) -> Mapping[str, Any]:
-    told: Mapping[str, Any] = top.get("settings", OBJECT)
-    entry = Entry(told, "settings")
+    values: Mapping[str, Any] = top.get("settings", OBJECT)
+    entry = Entry(values, "settings")
     if "extra" in entry:
         entry.numbers("extra")
-    return told
+    return values
 
 
 def _planned(entry: Entry) -> SessionRun:

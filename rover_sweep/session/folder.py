@@ -25,7 +25,7 @@ from rover_sweep.session.content import (
 )
 from rover_sweep.session.entry import TEXT, Entry
 from rover_sweep.session.one_driver import Claim
-from rover_sweep.session.past_run import story_of
+from rover_sweep.session.past_run import outcome_of
 from rover_sweep.vehicle.link.recorder import writing
 
 DESCRIPTION, VEHICLE_FILE = "session.json", "rover.toml"
@@ -193,11 +193,11 @@ def read(folder: Path) -> Content:
     """What the folder holds; changes nothing in it. A run that was begun and not ended is told by its tlog,
     and so is a tlog that session.json does not know. UsageError for a session.json that is none."""
     said = _said(folder)
-    runs = [_mended(folder, run) if run.state == "begun" else run for run in said.runs]
+    runs = [_with_outcome(folder, run) if run.state == "begun" else run for run in said.runs]
     known = {run.tlog for run in runs}
     for path in sorted(folder.glob("*.tlog"), key=lambda p: p.stat().st_mtime):
         if path.name not in known and path.stem.rstrip("-0123456789") not in _NO_RUNS:
-            runs += _adopted(path)
+            runs += _run_of_tlog(path)
     return replace(said, runs=tuple(runs))
 
 
@@ -222,19 +222,19 @@ def _said(folder: Path) -> Content:
         ) from error
 
 
-def _mended(folder: Path, run: DrivenRun) -> DrivenRun:
+def _with_outcome(folder: Path, run: DrivenRun) -> DrivenRun:
     """A run whose end nobody wrote down."""
     path = folder / run.tlog
-    story = story_of(path) if path.is_file() else None
-    if story is None:
+    outcome = outcome_of(path) if path.is_file() else None
+    if outcome is None:
         return replace(run, state="cut", reason="the program ended before the run began")
-    return replace(run, state=story.state, reason=story.reason, span=story.span, number=story.number)
+    return replace(run, state=outcome.state, reason=outcome.reason, span=outcome.span, number=outcome.number)
 
 
-def _adopted(path: Path) -> list[DrivenRun]:
+def _run_of_tlog(path: Path) -> list[DrivenRun]:
     """A run that only its tlog tells of."""
-    story = story_of(path)
-    if story is None:
+    outcome = outcome_of(path)
+    if outcome is None:
         return []
-    told = (story.manoeuvre, story.state, story.reason, story.span, story.number)
-    return [DrivenRun(path.stem, path.name, *told)]
+    known = (outcome.manoeuvre, outcome.state, outcome.reason, outcome.span, outcome.number)
+    return [DrivenRun(path.stem, path.name, *known)]

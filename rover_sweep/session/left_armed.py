@@ -15,7 +15,7 @@ from rover_sweep.vehicle.run.controls import ARM, AUX, FORCE, SCRIPTING_1
 _SAME_DRIVE = 600.0  # s of the vehicle's clock after which a rover that is armed is somebody else's doing
 
 
-def still_ours(content: Content, now: float) -> bool:
+def armed_by_last_run(content: Content, now: float) -> bool:
     """Whether a rover that is armed is so from a run that this program armed it for and could not end.
 
     now: s since the vehicle's boot.
@@ -44,7 +44,7 @@ def disarm_left_armed(link: Link, content: Content) -> Iterator[Event]:
     """Let a rover go that the last run of this session left armed; nothing where it did not."""
     if link.armed and not link.clock.known:
         link.request_message("SYSTEM_TIME")  # since when it is armed is judged by its clock
-    if link.armed and still_ours(content, link.clock.now):
+    if link.armed and armed_by_last_run(content, link.clock.now):
         let_go = list(let_go_late(link, disarm=True))
         if read_present(link, [LAPSE]).get(LAPSE) == SHORT[LAPSE]:
             words = (

@@ -23,7 +23,7 @@ _STOPPED_STATE = 10
 
 
 @dataclass(frozen=True)
-class Story:
+class Outcome:
     """state: never "begun"; span [s since boot] from the applet's first state to its last."""
 
     state: State
@@ -33,7 +33,7 @@ class Story:
     manoeuvre: Manoeuvre | None
 
 
-def story_of(path: Path) -> Story | None:
+def outcome_of(path: Path) -> Outcome | None:
     """What the tlog tells; None where the applet did nothing in it.
 
     Only the part after the vehicle's last boot counts: a run does not outlive one.
@@ -52,32 +52,32 @@ def story_of(path: Path) -> Story | None:
     if not active:
         return None
     number = next((int(value) for _, name, value in reversed(named) if name == "SWP_RUN"), 0)
-    return _told(_texts(last), states, active[0][0], number, manoeuvre_of(values))
+    return _outcome(_texts(last), states, active[0][0], number, manoeuvre_of(values))
 
 
-def _told(
+def _outcome(
     texts: list[tuple[float, str]],
     states: list[tuple[float, int]],
     start: float,
     number: int,
     manoeuvre: Manoeuvre | None,
-) -> Story:
+) -> Outcome:
     """By the applet's last words, else by its last state."""
     end, state = states[-1]
     for t, text in reversed(texts):
         if t < start:
             break
         if match := _DONE.match(text):
-            return Story(
+            return Outcome(
                 "done", "the manoeuvre ran to its end", (start, max(t, end)), int(match[1]), manoeuvre
             )
         if match := _STOPPED.match(text):
             reason = match[2] or "stopped by the applet"
-            return Story("stopped", reason, (start, max(t, end)), int(match[1]), manoeuvre)
+            return Outcome("stopped", reason, (start, max(t, end)), int(match[1]), manoeuvre)
     if state == _STOPPED_STATE:
-        return Story("stopped", "stopped by the applet", (start, end), number, manoeuvre)
+        return Outcome("stopped", "stopped by the applet", (start, end), number, manoeuvre)
     reason = f"the recording ends {end - start:.0f} s into the run"
-    return Story("cut", reason, (start, end), number, manoeuvre)
+    return Outcome("cut", reason, (start, end), number, manoeuvre)
 
 
 def _named(boot: BootMessages) -> list[tuple[float, str, float]]:

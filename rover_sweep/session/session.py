@@ -27,7 +27,7 @@ from rover_sweep.vehicle.events import (
     SessionFinished,
     StreamsSet,
 )
-from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untried
+from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untested
 from rover_sweep.vehicle.link.access import Access
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, request_all, stop
@@ -82,7 +82,7 @@ def _drive(
     with Link.open(url, session.between(), line=line, access=access) as link:
         vehicle = identify_vehicle(link)
         session.on(asdict(vehicle))
-        if warning := untried(vehicle):
+        if warning := untested(vehicle):
             yield Notice("warning", warning)
         yield from disarm_left_armed(link, session.content)
         yield from install(link, plan.parameters, plan.applet)
@@ -104,7 +104,7 @@ def _drive(
             link.record_to(session.tlog("fetch"))
             for event in fetch(logs, session):
                 if isinstance(event, LogSaved):
-                    tell_runs(session, event.path.name)
+                    note_runs(session, event.path.name)
                 yield event
     saved = tuple(session.folder / log.file for log in session.content.logs)
     yield SessionFinished(session.folder, tuple(finished), saved)
@@ -218,7 +218,7 @@ def listed(logs: Sequence[LogEntry]) -> tuple[tuple[int, int, int], ...]:
 
 def fetch(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
     """Download the logs that are new or have grown since the session began, and are not here already.
-    After each LogSaved `tell_runs` is the caller's.
+    After each LogSaved `note_runs` is the caller's.
 
     The time of a log says nothing on this: 4.6.3 lists the same log with another one each time it is asked.
     """
@@ -233,7 +233,7 @@ def fetch(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
             yield event
 
 
-def tell_runs(session: Session, file: str) -> None:
+def note_runs(session: Session, file: str) -> None:
     """Find which runs a fetched log holds, and write it down."""
     try:
         runs = held(session.folder / file, session.content.runs)

@@ -118,7 +118,7 @@ def pilot(rover: Running, throttle_us: int) -> Iterator[Callable[[Event], None]]
         raise UsageError("the embedded rover has no stick to throw switch 6; take override or aux")
     transmitter = Transmitter(rover.radio)
 
-    def told(event: Event) -> None:
+    def react(event: Event) -> None:
         if isinstance(event, SwitchWanted):
             transmitter.hold(_SWITCH, _HIGH if event.position == "high" else _LOW)
         elif isinstance(event, StateChanged):
@@ -128,6 +128,6 @@ def pilot(rover: Running, throttle_us: int) -> Iterator[Callable[[Event], None]]
             transmitter.hold(_SWITCH, _LOW)
 
     try:
-        yield told
+        yield react
     finally:
         transmitter.close()

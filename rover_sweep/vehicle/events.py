@@ -1,4 +1,4 @@
-"""What happens in a session, as values: a display shows them, tests compare them."""
+"""The events of a session, as values: a display shows them, tests compare them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rover_sweep.vehicle.link.streams import Stream, StreamQuality
 
 @dataclass(frozen=True)
 class Connected:
-    """A rover with the applet answers on `url`."""
+    """A rover answers on `url`."""
 
     url: str
     vehicle: VehicleIdentity
@@ -21,7 +21,7 @@ class Connected:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """A parameter was changed, read back and found right."""
+    """A parameter was changed, and reads back as set. reboot: it takes effect after a reboot."""
 
     name: str
     old: float | None
@@ -31,7 +31,7 @@ class ParameterSet:
 
 @dataclass(frozen=True)
 class Rebooting:
-    """The rover was told to reboot, because of these parameters (or the applet)."""
+    """The rover is rebooting, because of these parameters (or the applet)."""
 
     because: tuple[str, ...]
 
@@ -45,7 +45,7 @@ class StreamsSet:
 
 @dataclass(frozen=True)
 class Notice:
-    """Something to tell the user. level 'warning' where it may spoil the result."""
+    """A sentence for the user. level: 'warning' if it may spoil the result."""
 
     level: Literal["info", "warning"]
     text: str
@@ -62,7 +62,7 @@ class Said:
 
 @dataclass(frozen=True)
 class RunStarted:
-    """The sweep parameters of this run are on the vehicle."""
+    """The sweep parameters of this run are set on the vehicle."""
 
     name: str
     manoeuvre: Manoeuvre
@@ -71,7 +71,7 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class Armed:
-    """The rover is armed (by us, on the user's word)."""
+    """The rover is armed, by the pilot or with the user's consent by us; t [s] on the vehicle's clock."""
 
     t: float
 
@@ -95,9 +95,10 @@ class StateChanged:
 
 @dataclass(frozen=True)
 class Sample:
-    """For a live display, thinned out. ISO axes: r [rad/s] and ay [m/s^2] are positive to the left.
+    """Values for a live display, about ten a second. ISO axes: r and ay are positive to the left.
 
-    t: vehicle clock [s]; pwm: steering output [us]; speed [m/s]; frequency of the sweep now [rad/s].
+    t: vehicle clock [s]; state: of the applet; pwm: steering output [us]; r: yaw rate [rad/s]; ay: lateral
+    acceleration [m/s^2]; speed [m/s]; frequency: present frequency of the sweep [rad/s].
     """
 
     t: float
@@ -113,8 +114,8 @@ class Sample:
 class RunFinished:
     """A run is over and its recording complete.
 
-    completed: the manoeuvre ran to its end; reason: in words. span: (start, end) s on the vehicle's
-    clock, from the switch to the last state. number: the applet's run counter (SWP_RUN).
+    completed: the manoeuvre ran to its end; reason: why it ended, for the user. span: (start, end) on the
+    vehicle's clock [s], from the switch to the last state. number: the applet's run counter (SWP_RUN).
     """
 
     name: str
@@ -128,9 +129,9 @@ class RunFinished:
 
 @dataclass(frozen=True)
 class Interrupted:
-    """Ctrl-C ended run `name`; the session goes on to fetch the logs.
+    """Ctrl-C ended run `name`; the session continues with fetching the logs.
 
-    failures: what could not be let go, in words, empty where all was. armed: whether the rover still is.
+    failures: sentences on what could not be released, empty if all was. armed: whether the rover still is.
     """
 
     name: str
@@ -141,7 +142,7 @@ class Interrupted:
 
 @dataclass(frozen=True)
 class LogProgress:
-    """Bytes of log `number` that are here."""
+    """`done` of `total` bytes of log `number` are downloaded."""
 
     number: int
     done: int
@@ -150,7 +151,7 @@ class LogProgress:
 
 @dataclass(frozen=True)
 class LogSaved:
-    """A log of the vehicle is on disk; seconds it took."""
+    """A log of the vehicle is on disk. size [bytes]; seconds: duration of the download."""
 
     path: Path
     size: int
@@ -159,7 +160,7 @@ class LogSaved:
 
 @dataclass(frozen=True)
 class SessionFinished:
-    """All runs are done; `folder` holds tlogs, logs and session.json. runs: those that came to an end."""
+    """The session is over; `folder` holds tlogs, logs and session.json. runs: those not interrupted."""
 
     folder: Path
     runs: tuple[RunFinished, ...]

@@ -1,4 +1,4 @@
-"""Who is at the other end: firmware, its version, and whether the applet runs on it."""
+"""The vehicle on the link: firmware, its version, and whether the applet runs on it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ _ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
 
 @dataclass(frozen=True)
 class VehicleIdentity:
-    """An ArduPilot Rover. version: (major, minor, patch); git_hash: first 8 characters; uid: of the board."""
+    """An ArduPilot Rover. version: (major, minor, patch); git_hash: first 8 characters; uid: of the board;
+    system: MAVLink system id."""
 
     firmware: str
     version: tuple[int, int, int]
@@ -28,12 +29,12 @@ class VehicleIdentity:
 
     @property
     def words(self) -> str:
-        """As it stands in a sentence: firmware, version and system id."""
+        """Firmware, version and system id, as a phrase."""
         return f"{self.firmware} (system {self.system})"
 
 
 def identify_vehicle(link: Link) -> VehicleIdentity:
-    """Ask for AUTOPILOT_VERSION. LinkError in words for anything but an ArduPilot Rover from 4.5 on."""
+    """Request AUTOPILOT_VERSION. LinkError for anything but an ArduPilot Rover from 4.5 on."""
     heartbeat = link.heartbeat
     assert heartbeat is not None  # Link.open waits for it
     if heartbeat.autopilot != _ARDUPILOT:
@@ -41,11 +42,11 @@ def identify_vehicle(link: Link) -> VehicleIdentity:
     if heartbeat.type != constant("MAV_TYPE_GROUND_ROVER"):
         raise LinkError(
             f"the vehicle on {link.url} is a {vehicle_type_name(heartbeat.type)}, not a ground rover; "
-            "sweeps are for wheeled vehicles that steer"
+            "sweeps need a wheeled vehicle with steering"
         )
     answer = link.request_message("AUTOPILOT_VERSION")
     if answer is None:
-        silent = f"the rover on {link.url} does not tell its version (AUTOPILOT_VERSION)"
+        silent = f"the rover on {link.url} does not report its version (AUTOPILOT_VERSION)"
         raise link.no_answer(silent, "is the link too slow?")
     version = link.version = _version(answer.flight_sw_version)
     if version[:2] < OLDEST:
@@ -62,26 +63,26 @@ def identify_vehicle(link: Link) -> VehicleIdentity:
     )
 
 
-def untried(vehicle: VehicleIdentity) -> str:
-    """A sentence where the firmware is newer than any the applet was tried on, else ''."""
+def untested(vehicle: VehicleIdentity) -> str:
+    """A warning if the firmware is newer than all versions that the applet was tested on, else ''."""
     if vehicle.version[:2] <= NEWEST:
         return ""
     return (
-        f"{vehicle.firmware} is newer than {NEWEST[0]}.{NEWEST[1]}, the last version the applet was tried on"
+        f"{vehicle.firmware} is newer than {NEWEST[0]}.{NEWEST[1]}, the last version the applet was tested on"
     )
 
 
 def check_applet(link: Link) -> dict[str, float]:
-    """The applet's parameters, which prove that it runs. LinkError in words where it does not, is
-    switched off, or is of another version."""
+    """The applet's parameters, which prove that it runs. LinkError if it does not run, is switched off, or
+    has another version."""
     present = read_present(link, [p.name for p in PARAMETERS])
     if "SWP_ENABLE" not in present:
         raise LinkError(_why_no_applet(link))
     lacking = [p.name for p in PARAMETERS if p.name not in present]
     if lacking:
         raise LinkError(
-            f"the applet on the rover is of another version (no {', '.join(lacking)}); "
-            "bring this one onto it with `rover-sweep firmware install`"
+            f"the applet on the rover has another version (no {', '.join(lacking)}); "
+            "install this program's with `rover-sweep firmware install`"
         )
     if present["SWP_ENABLE"] == 0:
         raise LinkError("the applet is switched off (SWP_ENABLE 0); set SWP_ENABLE to 1")
@@ -92,14 +93,14 @@ def _why_no_applet(link: Link) -> str:
     try:
         scripting = read(link, "SCR_ENABLE")
     except ParameterMissing:
-        return "this firmware has no Lua scripting (no SCR_ENABLE); use a board that has it"
+        return "this firmware has no Lua scripting (no SCR_ENABLE); use a board with scripting"
     if scripting == 0:
         return (
             "the sweep applet does not run: SCR_ENABLE is 0; `rover-sweep firmware install` sets it "
-            "and brings the applet"
+            "and installs the applet"
         )
     return (
-        "the sweep applet does not run (no parameter SWP_ENABLE); bring it onto the rover with "
+        "the sweep applet does not run (no parameter SWP_ENABLE); install it with "
         "`rover-sweep firmware install`, and look for script errors in the rover's messages"
     )
 

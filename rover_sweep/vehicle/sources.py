@@ -1,12 +1,10 @@
-"""Which library fetches logs and parameters: pymavlink's messages on our link, or MAVSDK riding on it.
+"""Which library fetches logs and parameters (`--via`): pymavlink, or MAVSDK, both through our link.
 
-Both speak through the same link, are recorded alike and give the same bytes; `--via` chooses. Default is
-"mavlink" for both, by figures measured on ArduRover 4.6.3 (SITL, real time, loop rate 100, TCP, MAVSDK
-4.1): a log of 54.6 MB came at 1.21 MB/s by "mavlink" and 0.39 MB/s by "mavsdk", byte-identical, and on a
-computer that was busy otherwise one of 11.6 MB at 0.45 to 0.95 and 0.06 to 0.48 MB/s; all 1298 parameters
-in 0.6 s either way, but MAVSDK takes 0.4 to 0.8 s before to find the vehicle, tells no progress, and begins
-an interrupted download anew. Its telemetry would have to be written down after it was decoded; here a
-message is on disk before anybody looks at it.
+Both are recorded in the same way and give the same bytes. The default is "mavlink", because it is faster.
+Measured on ArduRover 4.6.3 (SITL, real time, loop rate 100, TCP, MAVSDK 4.1): a log of 54.6 MB came at
+1.21 MB/s by "mavlink" and 0.39 MB/s by "mavsdk", byte-identical; on a busy computer a log of 11.6 MB at
+0.45 to 0.95 and 0.06 to 0.48 MB/s. Both read all 1298 parameters in 0.6 s, but MAVSDK needs another 0.4 to
+0.8 s to find the vehicle, reports no progress, and restarts an interrupted download from the beginning.
 """
 
 from __future__ import annotations
@@ -24,14 +22,14 @@ DEFAULT: Via = "mavlink"
 
 
 class ParameterSource(Protocol):
-    """Reads and writes parameters; both raise LinkError in words."""
+    """Reads and writes parameters; both may raise LinkError."""
 
     def read_all(self, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:
-        """Every parameter, by name; progress: called with (here, of how many)."""
+        """Every parameter, by name; progress: called with (number received, total)."""
         ...
 
     def write(self, name: str, value: float) -> Written:
-        """Set one where it differs, read it back and compare as float32."""
+        """Set a parameter if it differs, read it back and compare as float32."""
         ...
 
 
@@ -49,7 +47,7 @@ class MavlinkParameters:
 
 
 def log_source(link: Link, via: Via = DEFAULT) -> LogSource:
-    """UsageError, with mavsdk, where that library does not load; it shows at its first use."""
+    """The source of logs. With "mavsdk", the first use raises UsageError if that library does not load."""
     if via == "mavlink":
         return MavlinkLogs(link)
     from rover_sweep.vehicle.logs.by_mavsdk import MavsdkLogs
@@ -58,7 +56,7 @@ def log_source(link: Link, via: Via = DEFAULT) -> LogSource:
 
 
 def parameter_source(link: Link, via: Via = DEFAULT) -> ParameterSource:
-    """As `log_source`."""
+    """The source of parameters; errors as in `log_source`."""
     if via == "mavlink":
         return MavlinkParameters(link)
     from rover_sweep.vehicle.parameters.by_mavsdk import MavsdkParameters

@@ -12,14 +12,14 @@ import pytest
 
 from rover_sweep.cli import main
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters.read_param_file import kept_by_itself
+from rover_sweep.vehicle.parameters.read_param_file import written_by_vehicle
 from rover_sweep.vehicle.parameters.read_write import write
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import Running, start_ardurover
 
 pytestmark = pytest.mark.ardurover
 
-AT_BOOT = {"COMPASS_DEC"}  # which the firmware finds by itself, beside what `kept_by_itself` names
+AT_BOOT = {"COMPASS_DEC"}  # which the firmware finds by itself, beside what `written_by_vehicle` names
 ARMED = 12.0  # s, so that the log is a large one
 
 
@@ -73,7 +73,7 @@ def test_parameters_are_compared_set_and_read_by_both(program: Program) -> None:
     values = [program("params", "pull", "--via", via)[1]["parameters"] for via in ("mavlink", "mavsdk")]
     assert values[0].keys() ^ values[1].keys() == set() and len(values[0]) > 1000
     apart = {name for name in values[0] if values[0][name] != values[1][name]}
-    assert all(kept_by_itself(name) or name in AT_BOOT for name in apart)
+    assert all(written_by_vehicle(name) or name in AT_BOOT for name in apart)
 
 
 def test_a_rover_is_made_ready_and_a_lost_radio_is_seen(program: Program, rover: Running) -> None:

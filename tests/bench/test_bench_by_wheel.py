@@ -72,7 +72,7 @@ def test_an_imu_upside_down_is_turned_by_the_sign_in_the_vehicle_file():
 def test_a_rate_limit_that_no_step_reaches_is_not_told():
     command, wheel = seen_by_imu(rover(b=0.01, lag=0.04, rate=50.0), (60.0,), np.random.default_rng(6))
     limit = by_wheel(command, wheel, 1.0).get("servo_rate_limit")
-    assert limit is not None and not limit.told and limit.low > 1.0
+    assert limit is not None and not limit.determined and limit.low > 1.0
 
 
 def test_a_wheel_that_does_not_follow_is_refused():

@@ -13,7 +13,7 @@ import pytest
 from rover_sweep.bench.bench_folder import BenchFolder
 from rover_sweep.bench.drive import BenchPlan, Keep, drive
 from rover_sweep.bench.programme import Movement, programme
-from rover_sweep.bench.standstill import NotStanding
+from rover_sweep.bench.standstill import NotAtStandstill
 from rover_sweep.cli.main import run
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.errors import UsageError
@@ -149,7 +149,7 @@ def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: On
     def hold() -> None:
         threading.Thread(target=takes_it, daemon=True).start()  # the rover waits for who does not read
 
-    with pytest.raises(NotStanding, match="not in MANUAL"):
+    with pytest.raises(NotAtStandstill, match="not in MANUAL"):
         drive(url, folder, BenchPlan(programme((100.0,), True, False)), Beside(3, hold))
     assert 0 < len(folder.readings()) < 3
     with Link.open(url, tmp_path / "after.tlog") as link:
@@ -207,7 +207,7 @@ def test_an_armed_rover_is_refused(on_blocks: OnBlocks, tmp_path: Path):
             if link.clock.now > 4.0 and link.command("MAV_CMD_COMPONENT_ARM_DISARM", 1.0) == 0:
                 break
     operator = Beside()
-    with pytest.raises(NotStanding, match="the rover is armed"):
+    with pytest.raises(NotAtStandstill, match="the rover is armed"):
         drive(url, folder, BenchPlan(programme((100.0,), True, False)), operator)
     assert operator.asked == []
 

@@ -79,7 +79,7 @@ def study(name: str, draw: Callable[[np.random.Generator], Draw], count: int) ->
         for number in result.numbers:
             if number.name in truth:
                 held[number.name].append(number.low <= truth[number.name] <= number.high)
-                half[number.name].append(0.5 * (number.high - number.low) if number.told else np.nan)
+                half[number.name].append(0.5 * (number.high - number.low) if number.determined else np.nan)
     print(f"{name}, {count} rovers")
     for name_of, these in held.items():
         told, width = 100 * np.mean(np.isfinite(half[name_of])), np.nanmedian(half[name_of])

@@ -64,7 +64,7 @@ def test_no_reboot_without_consent(told: Tell, tmp_path: Path, monkeypatch: pyte
         done = told("firmware", "install", "--connect", rover.connection)
         saved = (tmp_path / "parameters.txt").read_text()
     assert "Reboot the rover to apply SCHED_LOOP_RATE?" in asked
-    assert "SCHED_LOOP_RATE will count after a reboot" in done.err
+    assert "SCHED_LOOP_RATE will take effect after a reboot" in done.err
     assert "STAT_BOOTCNT 1.0" in saved and "SCHED_LOOP_RATE 100.0" in saved
 
 

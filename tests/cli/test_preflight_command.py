@@ -66,4 +66,4 @@ def test_what_only_a_person_can_do_is_refused(told: Tell, ready: launcher.Runnin
     trim.write_text("RC1_TRIM 1600\n")
     assert told("params", "push", str(trim), "--yes", "--connect", ready.connection).code == 0
     done = told("preflight", "--fix", "rc", "--yes", "--connect", ready.connection)
-    assert done.code == 2 and "rc can only be put right by hand: leave the sticks alone" in done.err
+    assert done.code == 2 and "rc can only be corrected by hand: leave the sticks alone" in done.err

@@ -68,7 +68,7 @@ def test_two_rovers_are_named_and_one_is_taken_by_its_id(
     done = told(*where, "--system", "1")
     assert done.code == 1 and "does not run" in done.out
     done = told("preflight", "--connect", fresh.connection, "--system", str(STRANGER))
-    assert done.code == 1 and "does not tell its version" in done.out
+    assert done.code == 1 and "does not report its version" in done.out
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("click.termui.visible_prompt_func", lambda words: "1")
     done = told(*where)

@@ -9,7 +9,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 from firmware_params.param_files import read, shipped
-from rover_sweep.live.source import Connect, Ended, Request, Told
+from rover_sweep.live.source import Connect, Ended, Request, Update
 from rover_sweep.live.vehicle.vehicle_source import VehicleSource
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.session import SessionRun
@@ -31,12 +31,12 @@ class Asked:
     """told: everything so far with the time it was told, [(monotonic s, value)]."""
 
     def __init__(self, folder: Path, vehicle_file: Path | None = None) -> None:
-        self.told: list[tuple[float, Told]] = []
-        self._new: SimpleQueue[Told] = SimpleQueue()
+        self.told: list[tuple[float, Update]] = []
+        self._new: SimpleQueue[Update] = SimpleQueue()
         self.source = VehicleSource(folder, vehicle_file)
         self.source.start(self._tell)
 
-    def _tell(self, told: Told) -> None:
+    def _tell(self, told: Update) -> None:
         self.told.append((time.monotonic(), told))
         self._new.put(told)
 

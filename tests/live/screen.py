@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from rover_sweep.live.played.played_source import PlayedSource
-from rover_sweep.live.source import Played, Told
+from rover_sweep.live.source import Played, Update
 
 T = TypeVar("T")
 PATIENCE = 30.0  # s
@@ -19,11 +19,11 @@ class Screen:
 
     def __init__(self, source: PlayedSource) -> None:
         self.source = source
-        self.told: list[tuple[float, Told]] = []
+        self.told: list[tuple[float, Update]] = []
         self._news = threading.Condition()
         source.start(self._tell)
 
-    def _tell(self, told: Told) -> None:
+    def _tell(self, told: Update) -> None:
         with self._news:
             self.told.append((time.monotonic(), told))
             self._news.notify_all()

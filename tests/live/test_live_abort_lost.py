@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.live.source import Ended, FetchLogs, Told
+from rover_sweep.live.source import Ended, FetchLogs, Update
 from rover_sweep.live.vehicle import vehicle_source
 from rover_sweep.live.vehicle.vehicle_source import VehicleSource
 from rover_sweep.vehicle.events import Notice
@@ -65,7 +65,7 @@ def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(
         links.append(Found())
         return links[-1]
 
-    def greet(work: object, link: object) -> Iterator[Told]:
+    def greet(work: object, link: object) -> Iterator[Update]:
         done.append(("greeted", link))
         if len(links) == 1:
             source.abort()
@@ -74,7 +74,7 @@ def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(
         greeted.set()
         yield from ()
 
-    def let_go_late(link: object, disarm: bool) -> Iterator[Told]:
+    def let_go_late(link: object, disarm: bool) -> Iterator[Update]:
         done.append(("stopped", link))
         yield from ()
 

@@ -91,7 +91,7 @@ def test_a_restart_of_the_vehicle_takes_no_time(data: Path, tmp_path: Path, kind
     both.write_bytes(b"".join(part.read_bytes() for part in parts))
     first, second, joined = (open_track(part) for part in (*parts, both))
     assert joined.length == pytest.approx(first.length + second.length, abs=0.1)
-    assert [place.told for place in joined.places] == [True, False]
+    assert [place.from_applet for place in joined.places] == [True, False]
     offset = joined.length - second.length
     assert joined.places[1].begin == pytest.approx(offset + second.places[0].begin, abs=0.1)
     for at in (20.0, 70.0):

@@ -14,7 +14,7 @@ from seen import text_of
 from textual.events import Key
 
 from rover_sweep.cli.main import run as rover_sweep
-from rover_sweep.live.source import Source, Told
+from rover_sweep.live.source import Source, Update
 from rover_sweep.tui.app import SweepApp
 from rover_sweep.tui.model.setup import Setup
 
@@ -42,7 +42,7 @@ class Person:
     """Presses keys and waits for words on the screen. told: (monotonic s, what the source told)."""
 
     app: SweepApp
-    told: list[tuple[float, Told]] = field(default_factory=list)
+    told: list[tuple[float, Update]] = field(default_factory=list)
 
     @property
     def screen(self) -> str:
@@ -75,11 +75,11 @@ class Person:
 @asynccontextmanager
 async def using(app: SweepApp, size: tuple[int, int] = (80, 24)) -> AsyncIterator[Person]:
     """Shows it until the end of the block; the source is closed as `show` does."""
-    told: list[tuple[float, Told]] = []
+    told: list[tuple[float, Update]] = []
     start = app.source.start
 
-    def started(tell: Callable[[Told], None]) -> None:
-        def noted(one: Told) -> None:
+    def started(tell: Callable[[Update], None]) -> None:
+        def noted(one: Update) -> None:
             told.append((time.monotonic(), one))
             tell(one)
 

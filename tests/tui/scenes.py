@@ -26,7 +26,7 @@ from textual.pilot import Pilot
 
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Played, Preflight, Told
+from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Played, Preflight, Update
 from rover_sweep.tui.app import SweepApp
 from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.model.setup import Setup
@@ -38,7 +38,7 @@ ROVER_FILE = Path(__file__).parents[1] / "data" / "rover.toml"
 SETUP = Setup(url=URL, folder=Path("session"), vehicle_path=ROVER_FILE, vehicle=load(ROVER_FILE))
 OWN = RunSettings(arm=True, throttle_us=1710, trigger="override")
 
-Step = str | Sequence[Told]  # a key, or what the source tells
+Step = str | Sequence[Update]  # a key, or what the source tells
 
 _READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
 _DRIVEN: tuple[Step, ...] = (*_READY, "3", "g", under_way())
@@ -160,7 +160,7 @@ async def playing(
         yield app, source, pilot
 
 
-def _arrived(app: SweepApp, source: ScriptedSource, step: Sequence[Told]) -> None:
+def _arrived(app: SweepApp, source: ScriptedSource, step: Sequence[Update]) -> None:
     """All of them reach the state one by one; they are drawn once."""
     with mock.patch.object(app, "redraw"):
         for told in step:

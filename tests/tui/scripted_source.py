@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rover_sweep.live.snapshot import Band, Snapshot, Verdict
-from rover_sweep.live.source import Checked, Connect, DriveRequest, Ended, Judged, Request, Told
+from rover_sweep.live.source import Checked, Connect, DriveRequest, Ended, Judged, Request, Update
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle import events as e
@@ -29,9 +29,9 @@ class ScriptedSource:
     asked: list[Request] = field(default_factory=list)
     aborted: int = 0
     closed: bool = False
-    tell: Callable[[Told], None] = lambda told: None
+    tell: Callable[[Update], None] = lambda told: None
 
-    def start(self, tell: Callable[[Told], None]) -> None:
+    def start(self, tell: Callable[[Update], None]) -> None:
         self.tell = tell
 
     def ask(self, request: Request) -> None:
@@ -130,7 +130,7 @@ def snapshot(t: float, **changed: object) -> Snapshot:
     return replace(now, **changed)  # type: ignore[arg-type]
 
 
-def connected() -> list[Told]:
+def connected() -> list[Update]:
     """Connected, looked at."""
     still = snapshot(
         1.0,
@@ -154,7 +154,7 @@ def drive(name: str = "sweep1", settings: RunSettings | None = None) -> DriveReq
     return DriveRequest(SessionRun(name, SWEEP, 2.0), settings or RunSettings())
 
 
-def under_way() -> list[Told]:
+def under_way() -> list[Update]:
     """A sweep up to the middle of its law; the request is the screen's."""
     return [
         e.RunStarted("sweep1", SWEEP, TLOG),
@@ -167,7 +167,7 @@ def under_way() -> list[Told]:
     ]
 
 
-def finished() -> list[Told]:
+def finished() -> list[Update]:
     """Its end and verdict."""
     end = snapshot(75.0, state=0, state_name="idle", progress=math.nan, frequency=math.nan, switch=1000.0)
     return [

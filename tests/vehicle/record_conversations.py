@@ -26,7 +26,7 @@ from conversation_scenarios import (
     PARAMETERS,
     SCENARIOS,
     THROTTLE_US,
-    Told,
+    Update,
     carried_out,
     nobody,
 )
@@ -147,7 +147,7 @@ def _armed_for_a_moment(link: Link) -> None:
 
 
 @contextmanager
-def _pilot(rover: Running, name: str) -> Iterator[Told]:
+def _pilot(rover: Running, name: str) -> Iterator[Update]:
     """Who throws the switch where it is the pilot's: high when asked, low 3 s into the sweep."""
     if name != "switch":
         yield nobody

@@ -18,7 +18,7 @@ from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.dry_run import DryRun, dry_run
 from rover_sweep.vehicle.events import LogSaved, Notice, RunFinished, SessionFinished
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.streams import poor_words
+from rover_sweep.vehicle.link.streams import stream_fault
 from rover_sweep.vehicle.run.controls import pump
 from sitl import launcher
 
@@ -43,7 +43,9 @@ def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
         ("doublet", True, 3),
     ]
     for run in finished:
-        assert all(quality.hz == pytest.approx(50) and not poor_words(quality, 50) for quality in run.quality)
+        assert all(
+            quality.hz == pytest.approx(50) and not stream_fault(quality, 50) for quality in run.quality
+        )
         (recording,) = read_runs(str(run.tlog))
         assert recording.kind == ("doublet" if run.name == "doublet" else "sweep")
         assert run.span[0] < recording.span[0] < recording.span[1] < run.span[1]

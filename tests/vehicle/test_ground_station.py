@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rover_sweep.vehicle.link.ground_station import unheard
+from rover_sweep.vehicle.link.ground_station import why_overrides_ignored
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ from rover_sweep.vehicle.link.ground_station import unheard
     ],
 )
 def test_our_overrides_are_heard(have: dict[str, float]) -> None:
-    assert unheard(have) == ""
+    assert why_overrides_ignored(have) == ""
 
 
 @pytest.mark.parametrize(
@@ -30,6 +30,6 @@ def test_our_overrides_are_heard(have: dict[str, float]) -> None:
     ],
 )
 def test_ignored_overrides_are_named_with_the_parameter(have: dict[str, float], told: str) -> None:
-    sentence = unheard(have)
+    sentence = why_overrides_ignored(have)
     assert sentence.startswith(told)
     assert "this one is 255" in sentence

@@ -9,7 +9,7 @@ from fake_vehicle import FakeVehicle, wait_until
 from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untried
+from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untested
 from rover_sweep.vehicle.link import watch
 from rover_sweep.vehicle.link.clock import Periodic
 from rover_sweep.vehicle.link.link import Link
@@ -107,7 +107,7 @@ def test_reboot_and_reconnect(link: Link, vehicle: FakeVehicle, closes: bool) ->
 
 def test_who_it_is(link: Link) -> None:
     vehicle = identify_vehicle(link)
-    assert (vehicle.firmware, vehicle.git_hash, untried(vehicle)) == ("ArduRover 4.6.3", "3fc7011a", "")
+    assert (vehicle.firmware, vehicle.git_hash, untested(vehicle)) == ("ArduRover 4.6.3", "3fc7011a", "")
 
 
 @pytest.mark.parametrize(

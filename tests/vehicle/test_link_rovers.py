@@ -11,7 +11,7 @@ import pytest
 from air import EVER, Air
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.live.source import Connect, Ended, Several, Told
+from rover_sweep.live.source import Connect, Ended, Several, Update
 from rover_sweep.live.vehicle.vehicle_source import VehicleSource
 from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.vehicle.link.access import Access, Heard
@@ -118,7 +118,7 @@ def test_the_chosen_ones_silence_is_told_while_the_other_speaks(tmp_path: Path) 
 
 
 def test_a_screen_is_given_the_list_and_connects_to_one(tmp_path: Path) -> None:
-    told: SimpleQueue[Told] = SimpleQueue()
+    told: SimpleQueue[Update] = SimpleQueue()
     source = VehicleSource(tmp_path / "session", line=Air(BOTH))
     source.start(told.put)
     try:
@@ -126,13 +126,13 @@ def test_a_screen_is_given_the_list_and_connects_to_one(tmp_path: Path) -> None:
         several, ended = until(told, Several), until(told, Ended)
         assert [one.system for one in several.heard] == [1, 7] and "--system N" in ended.failure
         source.ask(Connect("air:", 7))
-        assert "does not tell its version" in until(told, Ended).failure  # rovers of the air tell little
+        assert "does not report its version" in until(told, Ended).failure  # rovers of the air tell little
         assert source._system == 7
     finally:
         source.close()
 
 
-def until(told: SimpleQueue[Told], kind: type[Kind]) -> Kind:
+def until(told: SimpleQueue[Update], kind: type[Kind]) -> Kind:
     """The next of that kind."""
     while not isinstance(one := told.get(timeout=10.0), kind):
         pass

@@ -80,7 +80,7 @@ def test_the_reboot_is_asked_for_again_where_it_was_not_allowed(
 ) -> None:
     events = pushed(link, vehicle, tmp_path, reboot=False)
     assert reboots(events) == [] and vehicle.parameters["STAT_BOOTCNT"] == 7
-    assert Notice("warning", "SCHED_LOOP_RATE, SCR_ENABLE will count after a reboot") in events
+    assert Notice("warning", "SCHED_LOOP_RATE, SCR_ENABLE will take effect after a reboot") in events
     assert json.loads((tmp_path / NOTE).read_text())["names"] == ["SCHED_LOOP_RATE", "SCR_ENABLE"]
     again = pushed(link, vehicle, tmp_path)
     assert names(again) == [] and reboots(again) == [("SCHED_LOOP_RATE", "SCR_ENABLE")]

@@ -82,22 +82,27 @@ def test_where_all_is_well_all_checks_say_so() -> None:
     ("name", "state", "said", "what"),
     [
         ("parameters", "bad", "SCHED_LOOP_RATE is 50, wanted at least 100", seen({"SCHED_LOOP_RATE": 50.0})),
-        ("parameters", "bad", "was set and does not count before a reboot", seen(pending=("SCR_ENABLE",))),
+        ("parameters", "bad", "was set and takes effect after a reboot", seen(pending=("SCR_ENABLE",))),
         ("applet", "bad", "SWP_ENABLE is 0", seen({"SWP_ENABLE": 0.0})),
-        ("loop_rate", "bad", "streams end at 40 Hz", seen({"SCHED_LOOP_RATE": 50.0})),
+        ("loop_rate", "bad", "streams are limited to 40 Hz", seen({"SCHED_LOOP_RATE": 50.0})),
         ("loop_rate", "bad", "samples a period at 50 Hz, and", seen({"SCHED_LOOP_RATE": 50.0}, w_max=60.0)),
         ("filters", "bad", "INS_GYRO_FILTER 4 Hz: 56 ms of lag", seen({"INS_GYRO_FILTER": 4.0})),
         ("filters", "doubtful", "lets vibration through", seen({"INS_ACCEL_FILTER": 0.0})),
         ("streams", "doubtful", "25.0 times a second instead of 50", seen(quality=worse(mean_hz=25.0))),
         ("streams", "doubtful", "longest gap 90 ms", seen(quality=worse(gap_ms=90.0, mean_hz=50.0))),
-        ("streams", "doubtful", "did not come though granted", seen(quality=worse(count=0))),
+        (
+            "streams",
+            "doubtful",
+            "did not arrive, although the vehicle granted it",
+            seen(quality=worse(count=0)),
+        ),
         (
             "clock",
             "doubtful",
-            "messages come up to 90 ms late",
+            "messages arrive up to 90 ms late",
             seen(clock=ClockComparison(2, 1, 0.09, 0, 1)),
         ),
-        ("clock", "bad", "messages come up to 300 ms late", seen(clock=ClockComparison(2, 1, 0.3, 0, 1))),
+        ("clock", "bad", "messages arrive up to 300 ms late", seen(clock=ClockComparison(2, 1, 0.3, 0, 1))),
         ("clock", "good", "a simulation", seen(clock=ClockComparison(2, 5.0, 0.3, 0.8, 0.1))),
         (
             "clock",
@@ -113,14 +118,14 @@ def test_where_all_is_well_all_checks_say_so() -> None:
         ("battery", "bad", "at or below BATT_LOW_VOLT 10.5 V", seen(battery=Battery(10.4, 0.5))),
         ("gps", "bad", "no speed", seen(gps=Gps(2, 4))),
         ("ekf", "bad", "the EKF has no velocity and no position", seen(estimator=Estimator(1))),
-        ("rc", "bad", "nobody can stop the rover but this computer", seen(channels={})),
+        ("rc", "bad", "only this computer could stop the rover", seen(channels={})),
         ("rc", "bad", "the steering stick (channel 1) is +90 us", seen(channels={1: 1590, 3: 1500, 6: 1000})),
         ("rc", "bad", "does not hear its radio", seen(radio=False)),
-        ("rc", "bad", "would go unnoticed", seen({"FS_THR_ENABLE": 0.0})),
+        ("rc", "bad", "would not react to a loss of the radio", seen({"FS_THR_ENABLE": 0.0})),
         ("switch", "bad", "switch 6 is high", seen(channels={1: 1500, 3: 1500, 6: 1900})),
         ("switch", "bad", "none has option 300", seen({"RC6_OPTION": 0.0})),
         ("mode", "bad", "the rover is in HOLD", seen(mode=4)),
-        ("armed", "bad", "neither set up nor rebooted", seen(armed=True)),
+        ("armed", "bad", "does not set it up or reboot it", seen(armed=True)),
     ],
 )
 def test_what_is_wrong_is_told_and_nothing_else(name: str, state: str, said: str, what: Observation) -> None:
@@ -134,9 +139,9 @@ def test_what_is_wrong_is_told_and_nothing_else(name: str, state: str, said: str
 def test_the_source_is_the_log_else_the_telemetry_and_says_why() -> None:
     good = check("source", seen())
     assert good.seen.startswith("the .BIN log") and "at 100 Hz on one clock" in good.sentence
-    assert "the .tlog (50 Hz) would do without it" in good.sentence
+    assert "without it the .tlog (50 Hz) is good enough" in good.sentence
     slow = check("source", seen(quality=worse(lost=0.1, mean_hz=45.0)))
-    assert slow.state == "good" and "the .tlog (45 Hz) would not do instead" in slow.sentence
+    assert slow.state == "good" and "the .tlog (45 Hz) is not good enough to replace it" in slow.sentence
     unlogged = check("source", seen(logging=False))
     assert unlogged.state == "doubtful" and unlogged.seen == "the .tlog, 50 Hz"
     assert "is a card in it" in unlogged.sentence

@@ -27,17 +27,17 @@ CLOCK = ClockComparison(60.0, 1.0, 0.007, 4e-5, 1e-5)
 def test_a_good_telemetry_would_do_and_the_log_is_taken() -> None:
     assert telemetry_words(GOOD, GRANTED, CLOCK, logs=True) == (
         "telemetry: 50 Hz, jitter 1.4 ms, longest gap 60 ms, 0.3% lost, arrival within 7 ms of the rover's "
-        "clock, drift +40 ppm; identified from the rover's log, once it is fetched (the telemetry would do "
-        "without it)"
+        "clock, drift +40 ppm; the run is identified from the rover's log, once it is fetched (the telemetry "
+        "would also be good enough)"
     )
     without = telemetry_words(GOOD, GRANTED, None, logs=False)
-    assert without.endswith("lost; identified from it, since the log is not fetched")
+    assert without.endswith("lost; the run is identified from the telemetry, because the log is not fetched")
 
 
 def test_a_poor_one_says_what_is_wrong_and_that_the_log_is_needed() -> None:
     said = telemetry_words(POOR, GRANTED, CLOCK, logs=True)
     assert "RAW_IMU comes 45.0 times a second instead of 50, 10% did not arrive" in said
-    assert "ATTITUDE" not in said and "(needed: the telemetry alone would not do)" in said
+    assert "ATTITUDE" not in said and "(needed: the telemetry is too poor)" in said
     assert "spoil a response" in telemetry_words(POOR, GRANTED, CLOCK, logs=False)
     halved = telemetry_words(GOOD, {"ATTITUDE": 100.0}, CLOCK, logs=True)
     assert "ATTITUDE comes 50.0 times a second instead of 100" in halved

@@ -25,7 +25,7 @@ from rover_sweep.vehicle.events import (
 )
 from rover_sweep.vehicle.link import watch
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.streams import poor_words
+from rover_sweep.vehicle.link.streams import stream_fault
 from rover_sweep.vehicle.run import one_run as run_module
 from rover_sweep.vehicle.run.controls import Controls
 from rover_sweep.vehicle.run.one_run import run
@@ -64,7 +64,7 @@ def test_a_whole_run(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
     assert (finished.completed, finished.number) == (True, 1)
     assert finished.reason == "the manoeuvre ran to its end"
     assert finished.span[1] - finished.span[0] == pytest.approx(9, abs=2)
-    assert all(not poor_words(quality, 50) for quality in finished.quality)
+    assert all(not stream_fault(quality, 50) for quality in finished.quality)
     assert any(isinstance(event, Armed) for event in events)
     sample = [event for event in events if isinstance(event, Sample)][-1]
     assert sample.r == pytest.approx(-0.25)  # ISO: FRD's right turn is negative

@@ -9,7 +9,7 @@ from fake_vehicle import FakeVehicle
 
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import make
-from rover_sweep.vehicle.link.streams import StreamMonitor, fastest_interval_ms, judge, poor_words, request
+from rover_sweep.vehicle.link.streams import StreamMonitor, fastest_interval_ms, judge, request, stream_fault
 
 
 @pytest.mark.parametrize(("loop", "interval"), [(50, 25), (100, 12), (200, 6), (400, 3)])
@@ -30,15 +30,15 @@ def test_a_denied_rate_names_its_remedy_and_the_fastest_is_taken(link: Link, veh
 def test_quality_of_a_stream() -> None:
     steady = [n * 0.02 for n in range(200)]
     good = judge("ATTITUDE", steady)
-    assert (good.hz, good.lost, poor_words(good, 50)) == (pytest.approx(50), 0, "")
-    assert "50.0 times a second instead of 100" in poor_words(good, 100)  # every other one is lost
+    assert (good.hz, good.lost, stream_fault(good, 50)) == (pytest.approx(50), 0, "")
+    assert "50.0 times a second instead of 100" in stream_fault(good, 100)  # every other one is lost
     gap = judge("ATTITUDE", steady[:100] + steady[120:])
     assert gap.gap_ms == pytest.approx(420)
     assert gap.lost == pytest.approx(0.1)
-    assert "10% did not arrive, longest gap 420 ms" in poor_words(gap, 50)
+    assert "10% did not arrive, longest gap 420 ms" in stream_fault(gap, 50)
     short = judge("ATTITUDE", steady[:100] + steady[103:])  # 80 ms without, once in 4 s
-    assert poor_words(short, 50) == "" and "longest gap 80 ms" in poor_words(short, 50, gap=0.06)
-    assert "hardly came" in poor_words(judge("ATTITUDE", [1.0]), 50)
+    assert stream_fault(short, 50) == "" and "longest gap 80 ms" in stream_fault(short, 50, gap=0.06)
+    assert "hardly came" in stream_fault(judge("ATTITUDE", [1.0]), 50)
 
 
 def test_the_monitor_keeps_the_vehicles_stamps(link: Link) -> None:

@@ -197,7 +197,7 @@ def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolde
 
     echo(f"Steering on blocks, {result.source}, {result.samples} samples, {folder.path}\n")
     for number in result.numbers:
-        if number.told:
+        if number.determined:
             span = f"{number.low:.4g} to {number.high:.4g}"
             echo(f"  {number.name:17} {number.value:>10.4g} {number.unit:8} {span:26} {number.meaning}")
     echo("  (90 % intervals)\n")

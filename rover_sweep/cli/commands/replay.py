@@ -12,7 +12,7 @@ from rover_sweep.cli.types.options import NumberRange
 
 if TYPE_CHECKING:
     from rover_sweep.live.played.played_source import PlayedSource
-    from rover_sweep.live.source import Told
+    from rover_sweep.live.source import Update
 
 
 @click.command()
@@ -57,7 +57,7 @@ def as_lines(source: PlayedSource) -> None:
     from rover_sweep.live.source import Judged, Played
     from rover_sweep.vehicle import events as e
 
-    messages: queue.SimpleQueue[Told] = queue.SimpleQueue()
+    messages: queue.SimpleQueue[Update] = queue.SimpleQueue()
     shown = PlainDisplay(results(), talk=True)
     runs = len(source.track.places)
     many = {0: "no run", 1: "1 run"}.get(runs, f"{runs} runs")

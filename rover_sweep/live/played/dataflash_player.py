@@ -215,8 +215,8 @@ class FlashTrack:
         remarks: list[str] = []
         for part, offset in zip(self._parts, self._offsets.tolist(), strict=False):
             runs, refusal = runs_in(part.log, path, part.states, part.parameters)
-            start, told = offset - part.begin, bool(part.states)
-            places += [RunSpan(run, start + run.begin, start + run.end, told) for run in runs]
+            start, from_applet = offset - part.begin, bool(part.states)
+            places += [RunSpan(run, start + run.begin, start + run.end, from_applet) for run in runs]
             remarks += [refusal] if refusal else []
         self.places, self.remarks = tuple(places), tuple(remarks)
 

@@ -17,7 +17,7 @@ from firmware_params.applet_parameters import STATES
 from rover_sweep.live.played.runs import IDLE, RunSpan
 from rover_sweep.live.played.track import Track, open_track
 from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.live.source import Began, Ended, Judged, Play, Played, Request, Told
+from rover_sweep.live.source import Began, Ended, Judged, Play, Played, Request, Update
 from rover_sweep.vehicle.events import Connected, Event, Notice, StateChanged
 from rover_sweep.vehicle.identity import VehicleIdentity
 
@@ -37,7 +37,7 @@ class PlayedSource:
         self.path = Path(path).expanduser()
         self.track: Track = open_track(self.path)
         self.rate, self.at = rate, min(max(at, 0.0), self.track.length)
-        self._tell: Callable[[Told], None] = lambda told: None
+        self._tell: Callable[[Update], None] = lambda update: None
         self._requests: deque[Request] = deque()
         self._asked = threading.Condition()
         self._closed = False
@@ -46,7 +46,7 @@ class PlayedSource:
 
     # ---- the screen's side ---------------------------------------------------------------------
 
-    def start(self, tell: Callable[[Told], None]) -> None:
+    def start(self, tell: Callable[[Update], None]) -> None:
         """Begin to play; `tell` is called in the source's own thread."""
         self._tell = tell
         self._thread.start()
@@ -74,8 +74,8 @@ class PlayedSource:
     # ---- the thread ----------------------------------------------------------------------------
 
     def _work(self) -> None:
-        for told in _introduced(self.path, self.track):
-            self._tell(told)
+        for update in _introduced(self.path, self.track):
+            self._tell(update)
         self._jump(self.at)
         self._anchor()
         while not self._closed:
@@ -154,10 +154,10 @@ class PlayedSource:
         return next((p for p in self.track.places if p.begin <= self.at < p.end), None)
 
     def _snapshot(self) -> Snapshot:
-        """With the state that an applet would have told, where there was none."""
+        """With the state that an applet would have update, where there was none."""
         now = self.track.snapshot()
         place = self._place()
-        if place is None or place.told:
+        if place is None or place.from_applet:
             return now
         progress = (self.at - place.begin) / (place.end - place.begin)
         return replace(now, state=MANOEUVRE, state_name=STATES[MANOEUVRE], progress=progress)
@@ -177,18 +177,18 @@ def played(track: Track, since: float, to: float) -> Iterator[Event | Judged]:
         if begins:
             yield from track.play(at - EDGE)
             yield place.run.started
-            if not place.told:
+            if not place.from_applet:
                 yield StateChanged(place.run.begin, MANOEUVRE, STATES[MANOEUVRE])
         else:
             yield from track.play(at + EDGE)
-            if not place.told:
+            if not place.from_applet:
                 yield StateChanged(place.run.end, IDLE, STATES[IDLE])
             yield place.run.finished
             yield Judged(place.run.verdict)
     yield from track.play(to)
 
 
-def _introduced(path: Path, track: Track) -> Iterator[Told]:
+def _introduced(path: Path, track: Track) -> Iterator[Update]:
     firmware = track.log.firmware or "unknown firmware"
     yield Connected(str(path), VehicleIdentity(firmware, (0, 0, 0), "", 0, 0))
     for remark in track.remarks:

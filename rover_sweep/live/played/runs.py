@@ -74,13 +74,13 @@ class PlayedRun:
 class RunSpan:
     """A run and the positions [s from the start of its recording] between which it lies.
 
-    told: the applet told its states there.
+    from_applet: the applet reported its states there.
     """
 
     run: PlayedRun
     begin: float
     end: float
-    told: bool
+    from_applet: bool
 
 
 def runs_in(
@@ -101,8 +101,8 @@ def runs_in(
         planned = manoeuvre_of(parameters(begin)) if states else None
         if planned is None or planned.kind != recording.kind:
             planned = _as_driven(recording)
-        told = [m for t, text in log.marks if begin < t <= end + 1.0 and (m := _SAID.match(text))]
-        number = int(told[0][1]) if told else k + 1
+        marks = [m for t, text in log.marks if begin < t <= end + 1.0 and (m := _SAID.match(text))]
+        number = int(marks[0][1]) if marks else k + 1
         streams = quality(*recording.span)
         runs.append(PlayedRun(recording, log, path, begin, end, number, planned, streams))
     return tuple(runs), ""

@@ -22,7 +22,7 @@ class Given:
     verdict: Verdict
 
 
-class Beside:
+class Background:
     """One thread; a run is judged in it within a second, because what that needs is loaded beforehand."""
 
     def __init__(self) -> None:

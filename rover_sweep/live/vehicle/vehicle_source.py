@@ -1,6 +1,6 @@
 """A vehicle on a link as the source of a screen: one thread owns the link and does what is asked.
 
-The link is pumped all the time, also while nothing is asked: telemetry is recorded and told about ten
+The link is pumped all the time, also while nothing is asked: telemetry is recorded, and reported about ten
 times a second. `abort` reaches a run wherever it waits for the vehicle. A link that is lost is opened
 again until the source is closed; what was recorded stays, the run that was cut is written down as such,
 and a rover that it left armed is disarmed once it answers. Without this program: the switch low,
@@ -30,10 +30,10 @@ from rover_sweep.live.source import (
     Preflight,
     Request,
     Several,
-    Told,
+    Update,
 )
 from rover_sweep.live.telemetry import Telemetry
-from rover_sweep.live.vehicle.background import Beside
+from rover_sweep.live.vehicle.background import Background
 from rover_sweep.live.vehicle.stop import Aborted
 from rover_sweep.live.vehicle.work import VehicleWork
 from rover_sweep.session.folder import Session
@@ -53,8 +53,9 @@ _GOODBYE = 15.0  # s for letting the rover go when the source is closed
 class VehicleSource:
     """See `live.source.Source`. session: the folder, where the plan is put (`session.plan`) and read.
 
-    folder: of a session, begun or to be taken up again. vehicle_file: is copied into it. line, access: see
-    `Link.open`; the screen is told, and asked by `Several`. UsageError where the folder cannot be used.
+    folder: of a new session, or of one to continue. vehicle_file: copied into it. line, access: see
+    `Link.open`; the screen gets the notices, and `Several` asks it for a system id. UsageError if the folder
+    cannot be used.
     """
 
     def __init__(
@@ -73,13 +74,13 @@ class VehicleSource:
         self._forgotten: SimpleQueue[Request] = SimpleQueue()
         self._stop, self._closing = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work_on, name="vehicle", daemon=True)
-        self._tell_screen: Callable[[Told], None] = lambda told: None
+        self._tell_screen: Callable[[Update], None] = lambda update: None
         self._link: Link | None = None
         self._url, self._system = "", self._access.system  # of the vehicle that is to be found again
         self._lost = self._stopping = False
         self._telemetry, self._told_at = Telemetry(), 0.0
 
-    def start(self, tell: Callable[[Told], None]) -> None:
+    def start(self, tell: Callable[[Update], None]) -> None:
         """Begin to work; `tell` is called in the source's own thread."""
         self._tell_screen = tell
         self._thread.start()
@@ -105,8 +106,8 @@ class VehicleSource:
     # ---- the thread ------------------------------------------------------------------------------
 
     def _work_on(self) -> None:
-        self._beside = Beside()
-        self._work = VehicleWork(self.session, self._beside)
+        self._background = Background()
+        self._work = VehicleWork(self.session, self._background)
         try:
             while not self._closing.is_set():
                 try:
@@ -118,7 +119,7 @@ class VehicleSource:
                 except RoverSweepError as error:  # the disk is full
                     self._tell(Notice("warning", str(error)))
         finally:
-            self._beside.close()
+            self._background.close()
             self._drop_link()
 
     def _turn(self) -> None:
@@ -143,8 +144,8 @@ class VehicleSource:
         self._tell(Began(request))
         failure = ""
         try:
-            for told in self._doing(request):
-                self._tell(told)
+            for update in self._doing(request):
+                self._tell(update)
         except Aborted:
             self._tell_forgotten()
             failure = "aborted"
@@ -156,7 +157,7 @@ class VehicleSource:
             self._stopped()
         self._tell(Ended(request, failure))
 
-    def _doing(self, request: Request) -> Iterator[Told]:
+    def _doing(self, request: Request) -> Iterator[Update]:
         if isinstance(request, Connect):
             self._lost = False  # another was chosen; where that one fails, none is looked for
             return self._connect(request.url, request.system or self._access.system)
@@ -175,7 +176,7 @@ class VehicleSource:
 
     # ---- the link --------------------------------------------------------------------------------
 
-    def _connect(self, url: str, system: int | None, timeout: float = 15.0) -> Iterator[Told]:
+    def _connect(self, url: str, system: int | None, timeout: float = 15.0) -> Iterator[Update]:
         self._drop_link()
         self._telemetry = Telemetry()
         access = replace(self._access, system=system)
@@ -195,8 +196,8 @@ class VehicleSource:
 
     def _find_again(self) -> None:
         try:
-            for told in self._connect(self._url, self._system, _TRY_FOR):
-                self._tell(told)
+            for update in self._connect(self._url, self._system, _TRY_FOR):
+                self._tell(update)
         except LinkError:
             self._drop_link()
             self._closing.wait(_TRY_EVERY)
@@ -248,8 +249,8 @@ class VehicleSource:
         try:
             self._tell_forgotten()
             if self._link is not None and self._link.armed:
-                for told in let_go_late(self._link, disarm=False):
-                    self._tell(told)
+                for update in let_go_late(self._link, disarm=False):
+                    self._tell(update)
         finally:
             self._stopped()
 
@@ -260,13 +261,13 @@ class VehicleSource:
     # ---- telling ---------------------------------------------------------------------------------
 
     def _tell_verdicts(self) -> None:
-        for given in self._beside.given():
+        for given in self._background.given():
             self.session.judged(given.tlog, asdict(given.verdict))
             self._tell(Judged(given.verdict))
 
     def _notice(self, sentence: str) -> None:
         self._tell(Notice("warning", sentence))
 
-    def _tell(self, told: Told) -> None:
+    def _tell(self, update: Update) -> None:
         with contextlib.suppress(Exception):  # a screen that fails must not keep a rover from being let go
-            self._tell_screen(told)
+            self._tell_screen(update)

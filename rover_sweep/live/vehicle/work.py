@@ -11,8 +11,8 @@ from pathlib import Path
 from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.source import Checked, DriveRequest, Fix, Told
-from rover_sweep.live.vehicle.background import Beside
+from rover_sweep.live.source import Checked, DriveRequest, Fix, Update
+from rover_sweep.live.vehicle.background import Background
 from rover_sweep.live.vehicle.stop import Aborted
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Sweep
@@ -22,13 +22,13 @@ from rover_sweep.session.session import (
     await_estimator,
     fetch,
     listed,
+    note_runs,
     recorded_run,
     refuse_impossible,
     start_streams,
-    tell_runs,
 )
 from rover_sweep.vehicle.events import Connected, LogSaved, Notice, Rebooting
-from rover_sweep.vehicle.identity import identify_vehicle, untried
+from rover_sweep.vehicle.identity import identify_vehicle, untested
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, request_all
 from rover_sweep.vehicle.logs.download import MavlinkLogs
@@ -49,30 +49,30 @@ _TELLING = (  # parameters from which a screen knows which output steers and whi
 class VehicleWork:
     """The requests, on one vehicle and into one session's folder. Nothing here waits without pumping."""
 
-    def __init__(self, session: Session, beside: Beside) -> None:
-        self.session, self._beside = session, beside
+    def __init__(self, session: Session, background: Background) -> None:
+        self.session, self._background = session, background
         self._checks: dict[str, Check] = {}
 
-    def greet(self, link: Link) -> Iterator[Told]:
+    def greet(self, link: Link) -> Iterator[Update]:
         """Who it is, what a run before left undone, and the streams."""
         vehicle = identify_vehicle(link)
         self.session.on(asdict(vehicle))
         yield from disarm_left_armed(link, self.session.content)
         yield Connected(link.url, vehicle)
-        if warning := untried(vehicle):
+        if warning := untested(vehicle):
             yield Notice("warning", warning)
         read_present(link, _TELLING)
         self._remember_logs(link)
         yield from self._streams(link)
 
-    def preflight(self, link: Link) -> Iterator[Told]:
+    def preflight(self, link: Link) -> Iterator[Update]:
         """Everything that must be right."""
         tops = [m.w_max for run in self.session.to_drive if isinstance(m := run.manoeuvre, Sweep | Multisine)]
         checks = preflight(link, self.session.folder, max(tops, default=None))
         self._checks = {check.name: check for check in checks}
         yield Checked(checks)
 
-    def fix(self, link: Link, request: Fix) -> Iterator[Told]:
+    def fix(self, link: Link, request: Fix) -> Iterator[Update]:
         """What the check of that name offers."""
         check = self._checks.get(request.name)
         if check is None or check.remedy is None:
@@ -84,7 +84,7 @@ class VehicleWork:
         if rebooted:
             yield from self._streams(link)
 
-    def drive(self, link: Link, request: DriveRequest) -> Iterator[Told]:
+    def drive(self, link: Link, request: DriveRequest) -> Iterator[Update]:
         """One run, and the verdict on it."""
         planned, settings = request.planned, request.settings
         refuse_impossible(link, (planned,), settings)
@@ -97,15 +97,15 @@ class VehicleWork:
             link.record_to(self.session.between())
         tlog = self.session.folder / self.session.content.runs[-1].tlog
         if ended is not None and ended.completed:
-            self._beside.judge(tlog, ended.span, planned.name, self.session.vehicle_file)
+            self._background.judge(tlog, ended.span, planned.name, self.session.vehicle_file)
             return
         reason = "aborted" if ended is None else ended.reason
         sentence = f"it did not come to its end ({reason}): drive it again"
-        self._beside.tell(tlog, Verdict(planned.name, "repeat", sentence, source=tlog))
+        self._background.tell(tlog, Verdict(planned.name, "repeat", sentence, source=tlog))
         if ended is None:
             raise Aborted
 
-    def fetch(self, link: Link) -> Iterator[Told]:
+    def fetch(self, link: Link) -> Iterator[Update]:
         """The logs that are new."""
         logs = MavlinkLogs(link)
         if self.session.content.logs_before is None:
@@ -125,7 +125,7 @@ class VehicleWork:
 
     def _look_into(self, link: Link, log: Path) -> None:
         """Find which runs a log holds, beside the link, which goes on meanwhile."""
-        looking = self._beside.work(partial(tell_runs, self.session, log.name))
+        looking = self._background.work(partial(note_runs, self.session, log.name))
         while not looking.done():
             link.receive(0.05)
         looking.result()
@@ -136,7 +136,7 @@ class VehicleWork:
             with contextlib.suppress(LinkError):  # no card in it, which the preflight tells
                 self.session.logs_before(listed(MavlinkLogs(link).logs()))
 
-    def _streams(self, link: Link) -> Iterator[Told]:
+    def _streams(self, link: Link) -> Iterator[Update]:
         request_all(link, self._loop_rate(link), _SCREEN_RATES)
         yield from start_streams(link)
 

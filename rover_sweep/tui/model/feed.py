@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.live.source import Played, Told
+from rover_sweep.live.source import Played, Update
 from rover_sweep.vehicle.events import LogProgress, Sample
 
 _FAST = (Snapshot, Played, LogProgress, Sample)
@@ -17,9 +17,9 @@ class Feed:
 
     def __init__(self, wake: Callable[[], object]) -> None:
         self._wake, self._lock = wake, threading.Lock()
-        self._waiting: list[Told] = []
+        self._waiting: list[Update] = []
 
-    def tell(self, told: Told) -> None:
+    def tell(self, told: Update) -> None:
         """Returns at once. Of the fast values only the latest of a kind waits."""
         with self._lock:
             first = not self._waiting
@@ -29,7 +29,7 @@ class Feed:
         if first:
             self._wake()
 
-    def take(self) -> list[Told]:
+    def take(self) -> list[Update]:
         """All that waits, oldest first."""
         with self._lock:
             taken, self._waiting = self._waiting, []

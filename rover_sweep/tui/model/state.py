@@ -24,7 +24,7 @@ from rover_sweep.live.source import (
     Played,
     Request,
     Several,
-    Told,
+    Update,
 )
 from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.vehicle import events as e
@@ -136,7 +136,7 @@ class State:
         return self.snapshot is not None and self.snapshot.armed
 
 
-def reduce(state: State, told: Told | Own) -> State:
+def reduce(state: State, told: Update | Own) -> State:
     """The state after `told`."""
     match told:
         case Snapshot():
@@ -164,7 +164,7 @@ def reduce(state: State, told: Told | Own) -> State:
             return _happened(state, told)
 
 
-def reduced(state: State, many: Iterable[Told | Own]) -> State:
+def reduced(state: State, many: Iterable[Update | Own]) -> State:
     """`reduce` over several, oldest first."""
     return folded(reduce, many, state)
 

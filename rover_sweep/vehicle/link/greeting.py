@@ -35,7 +35,7 @@ class Greeting:
         self._codec, self._framers = Codec(), dict[SocketAddress, Framer]()
         self._systems: dict[SocketAddress, set[int]] = {}
         self._stranger: SocketAddress | None = None
-        self._told, self._heard, self._now = False, 0.0, 0.0
+        self._remarked, self._heard, self._now = False, 0.0, 0.0
 
     def believe(self, authentic: Callable[[bytes], bool]) -> None:
         """Only a heartbeat for whose frame this holds greets."""
@@ -46,7 +46,7 @@ class Greeting:
         will come from."""
         self._system = system
         if not self._given:
-            self.peer = next((a for a, seen in self._systems.items() if system in seen), None)
+            self.peer = next((a for a, systems in self._systems.items() if system in systems), None)
         self._heard = self._now
         self._forget()
 
@@ -65,9 +65,9 @@ class Greeting:
 
     def remark(self) -> str:
         """That a stranger sends here, as a sentence, once; '' else."""
-        if self._told or self._stranger is None or self.peer is None:
+        if self._remarked or self._stranger is None or self.peer is None:
             return ""
-        self._told = True
+        self._remarked = True
         return (
             f"datagrams from {_words(self._stranger)} are ignored: the vehicle is at {_words(self.peer)}; "
             "find out who sends to this port"
@@ -77,14 +77,14 @@ class Greeting:
         """Whether the heartbeat of a vehicle that may be spoken with has come from there by now. While nobody
         is settled on, one that `believe` refuses is heard too, so that the reason can be told."""
         self._look(data, address)
-        seen = self._systems.get(address)
-        known = self._authentic is not None if self._system is None else self._system in (seen or ())
-        if seen and known:
+        systems = self._systems.get(address)
+        known = self._authentic is not None if self._system is None else self._system in (systems or ())
+        if systems and known:
             self.peer, self._heard = address, now
             if self._system is not None:
                 self._forget()
             return True
-        return self._system is None and seen is not None
+        return self._system is None and systems is not None
 
     def _look(self, data: bytes, address: SocketAddress) -> None:
         """Note the autopilots whose heartbeats come from there."""
@@ -97,9 +97,9 @@ class Greeting:
             message = self._codec.decode(frame) if whole else None
             if message is None or not is_autopilot(message):
                 continue
-            seen = self._systems.setdefault(address, set())
+            systems = self._systems.setdefault(address, set())
             if self._authentic is None or self._authentic(frame):
-                seen.add(sender(message)[0])
+                systems.add(sender(message)[0])
 
     def _forget(self) -> None:
         self._framers.clear()

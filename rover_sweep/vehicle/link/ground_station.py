@@ -15,7 +15,7 @@ OLD_NAME = "SYSID_MYGCS"
 NEW_NAMES = ("MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
 
 
-def unheard(have: Mapping[str, float]) -> str:
+def why_overrides_ignored(have: Mapping[str, float]) -> str:
     """Why the rover would ignore the overrides of this program, in a sentence; '' where it hears them.
 
     have: parameters by name; those missing count as they come (255, no range).

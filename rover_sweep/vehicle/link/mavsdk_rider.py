@@ -90,11 +90,11 @@ class MavsdkRider:
 
 def _instance() -> Mavsdk:
     try:
-        from mavsdk import logging as told
+        from mavsdk import logging as mavsdk_logging
         from mavsdk.mavsdk import Configuration, Mavsdk
     except Exception as error:  # ImportError, or its library does not load on this system
         raise UsageError(f"MAVSDK cannot be loaded here ({error}); use --via mavlink") from error
-    told.log_subscribe(_silence)
+    mavsdk_logging.log_subscribe(_silence)
     return Mavsdk(Configuration.create_manual(GCS_SYSTEM, GCS_COMPONENT, False))
 
 

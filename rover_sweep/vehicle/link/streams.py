@@ -130,7 +130,7 @@ class StreamQuality:
     mean_hz: float = 0.0
 
 
-def poor_words(q: StreamQuality, granted: float, gap: float = _GAP) -> str:
+def stream_fault(q: StreamQuality, granted: float, gap: float = _GAP) -> str:
     """A sentence where a stream came too badly to identify from, else ''.
 
     granted: Hz, 0 where unknown. gap: s that the longest may be.

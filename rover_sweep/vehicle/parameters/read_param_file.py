@@ -17,7 +17,7 @@ _ITS_OWN = re.compile(
 )
 
 
-def kept_by_itself(name: str) -> bool:
+def written_by_vehicle(name: str) -> bool:
     """Whether the vehicle keeps the parameter itself, so that it is neither compared nor set."""
     return _ITS_OWN.fullmatch(name) is not None
 
@@ -52,4 +52,4 @@ def wanted_of(file: str) -> tuple[WantedParameter, ...]:
             raise UsageError(
                 f"{file}: {parameter.name} {parameter.value:g} is no value that a rover can hold"
             )
-    return tuple(parameter for parameter in wanted if not kept_by_itself(parameter.name))
+    return tuple(parameter for parameter in wanted if not written_by_vehicle(parameter.name))

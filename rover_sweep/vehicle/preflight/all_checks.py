@@ -1,11 +1,11 @@
-"""`preflight`: everything that must be right before a run. `remedy`: put one of it right, with one key.
+"""`preflight`: all checks before a run. `remedy`: correct what one check found.
 
     checks = preflight(link, folder)
     for event in remedy(link, checks[1], reboot=True): ...
 
-`preflight` changes nothing on the vehicle. `remedy` moves and arms nothing; it refuses all but disarming
-on an armed rover, and reboots only with reboot=True. Without it what needs one is set and noted
-(`vehicle.pending`), and the next preflight in that folder asks for the reboot alone.
+`preflight` changes nothing on the vehicle. `remedy` moves and arms nothing. On an armed rover it only
+disarms. It reboots only with reboot=True; otherwise it sets the parameters, notes that they wait for a
+reboot (`setup.pending_reboot`), and the next preflight in that folder asks for the reboot.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ _IN_ORDER = (
     *(readiness.battery, readiness.gps, readiness.ekf, radio_check.rc, radio_check.switch, readiness.mode),
 )
 NAMES = tuple(check.__name__ for check in _IN_ORDER)
-"""Names of all checks, in the order in which they are to be put right."""
+"""Names of all checks, in the order in which to correct them."""
 
 
 def preflight(link: Link, folder: Path, w_max: float | None = None) -> tuple[Check, ...]:
-    """All checks, in the order in which they are to be put right.
+    """All checks, in the order in which to correct them.
 
-    folder: where runs will be recorded. w_max: top of the sweep to come [rad/s], the applet's own if not
-    given. A vehicle that is none of ours gets the check `firmware` alone, a link over which nothing can be
-    concluded the check `link`. LinkError when the link is lost.
+    folder: where runs will be recorded. w_max: top frequency of the planned sweep [rad/s]; if not given, the
+    applet's (SWP_WMAX). An unsupported vehicle gets only the check `firmware`, a link that is too poor to
+    conclude anything only the check `link`. LinkError when the link is lost.
     """
     try:
         return judged(look(link, folder, w_max)) if (other := _other(link)) is None else (other,)
@@ -56,27 +56,27 @@ def preflight(link: Link, folder: Path, w_max: float | None = None) -> tuple[Che
 
 
 def _other(link: Link) -> Check | None:
-    """What is to be said of a vehicle that is none of ours."""
+    """The check `firmware` for an unsupported vehicle; None for an ArduPilot Rover."""
     try:
         identify_vehicle(link)
     except BadLink:
         raise
     except LinkError as error:
-        link.receive(1.0)  # a link that is gone says so itself
+        link.receive(1.0)  # raises if the link is gone
         hand = Remedy("connect an ArduPilot Rover", by_hand=True)
         return Check("firmware", "bad", "not usable", str(error), hand)
     return None
 
 
-def judged(seen: Observation) -> tuple[Check, ...]:
-    """The checks on what was seen: pure."""
-    return tuple(check(seen) for check in _IN_ORDER)
+def judged(observed: Observation) -> tuple[Check, ...]:
+    """All checks on observed values. Pure."""
+    return tuple(check(observed) for check in _IN_ORDER)
 
 
 def remedy(link: Link, check: Check, reboot: bool, folder: Path | None = None) -> Iterator[Event]:
-    """Do what `check` offers; `preflight` then tells whether it helped.
+    """Carry out the remedy of `check`; run `preflight` again to see whether it helped.
 
-    folder: that of the preflight, by default the one that the link records into. UsageError for what
-    only a person can do, LinkError where the vehicle refuses.
+    folder: that of the preflight; by default the folder that the link records into. UsageError if only a
+    person can do it, LinkError if the vehicle refuses.
     """
     return remedies.carry_out(link, check, reboot, folder or link.tlog.parent)

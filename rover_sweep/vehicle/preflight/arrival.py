@@ -1,4 +1,4 @@
-"""Out of a .tlog: its own clock, of arrival at this computer, against the vehicle's, in the messages."""
+"""The two clocks of a .tlog compared: arrival at this computer, and the vehicle's clock in the messages."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _MADE = "ATTITUDE"  # in milliseconds since boot; the most frequent message whos
 
 
 def arrival_clock(tlog: Path, span: tuple[float, float]) -> ClockComparison | None:
-    """What the messages within `span` [s of the vehicle's clock] tell; None where they are too few.
+    """Compare the clocks over `span` (start, end) [s of the vehicle's clock]; None if too few messages.
 
-    Its offset is that of this computer's UTC [s since 1970] from the vehicle's time since boot.
+    The offset is this computer's UTC [s since 1970] minus the vehicle's time since boot [s].
     """
     data = tlog.read_bytes()
     frames = parse(data, frozenset({_MADE})).messages.get(_MADE)

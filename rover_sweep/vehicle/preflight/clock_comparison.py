@@ -1,4 +1,4 @@
-"""Two clocks compared: when messages were made (the vehicle's), and when they came (ours)."""
+"""The vehicle's clock compared with ours: when messages were sent, and when they arrived."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ _LEAST = 20  # messages
 
 @dataclass
 class ClockMonitor:
-    """A listener of a link on `line` that keeps (vehicle, arrival) of each message [s], and GPS time."""
+    """A listener of a link on `line`. pairs: (vehicle's time, arrival) of each message [s]. behind_utc: this
+    computer's UTC minus GPS time [s], NaN if unknown."""
 
     line: Line
     pairs: list[tuple[float, float]] = field(default_factory=list)
@@ -32,11 +33,10 @@ class ClockMonitor:
 
 
 def estimate(pairs: Sequence[tuple[float, float]], behind_utc: float = nan) -> ClockComparison | None:
-    """What (vehicle, arrival) pairs [s] tell; None where they are too few or all at once.
+    """Rate, drift and jitter from (vehicle, arrival) pairs [s]; None if there are too few or no time passed.
 
-    A line through all tells how fast the vehicle's clock runs. A message is never early, so what the
-    quickest of each half have beside that line puts the drift right; what half of the messages take
-    longer than the quickest is what it may be wrong by.
+    The slope of a line through all pairs gives the rate. A message is never early, so the earliest message of
+    each half corrects the drift. Its bound comes from the median delay after the earliest message.
     """
     if len(pairs) < _LEAST or pairs[-1][0] <= pairs[0][0] or pairs[-1][1] <= pairs[0][1]:
         return None

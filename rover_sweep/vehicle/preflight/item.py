@@ -1,4 +1,4 @@
-"""What must be right before a run, each with what was seen and a remedy where there is one."""
+"""The result of one check before a run: the observed value and, if there is one, a remedy."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ State = Literal["good", "doubtful", "bad", "unknown"]
 
 @dataclass(frozen=True)
 class Remedy:
-    """What one key does. reboot: the rover has to boot anew afterwards. by_hand: only a person can.
-    sets: the parameters that it sets, (name, value)."""
+    """words: what it does. reboot: it needs a reboot afterwards. by_hand: only a person can do it. sets: the
+    parameters that it sets, (name, value)."""
 
     words: str
     reboot: bool = False
@@ -21,8 +21,9 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at. name: stable, lower case (link, firmware, applet, parameters, filters,
-    loop_rate, ekf, gps, battery, rc, switch, disk, streams, source, mode); seen: the value in a few words."""
+    """The result of a check. name: stable, lower case (link, firmware, applet, parameters, filters,
+    loop_rate, ekf, gps, battery, rc, switch, disk, streams, source, mode); seen: the observed value in a few
+    words; sentence: what it means."""
 
     name: str
     state: State

@@ -1,6 +1,6 @@
-"""What was read from a rover before a run, as plain values: the checks judge these and read nothing.
+"""Values read from a rover before a run. The checks judge these values and read nothing.
 
-NaN: the vehicle does not tell. None: the message did not come.
+NaN: the vehicle does not report it. None: the message did not arrive.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rover_sweep.vehicle.setup.survey import Survey
 
 @dataclass(frozen=True)
 class Battery:
-    """SYS_STATUS, BATTERY_STATUS. volts; remaining: 0..1."""
+    """SYS_STATUS, BATTERY_STATUS. volts [V]; remaining: share of the capacity, 0..1."""
 
     volts: float = nan
     remaining: float = nan
@@ -24,7 +24,7 @@ class Battery:
 
 @dataclass(frozen=True)
 class Gps:
-    """GPS_RAW_INT. fix: GPS_FIX_TYPE (3: three dimensions); hdop: of one."""
+    """GPS_RAW_INT. fix: GPS_FIX_TYPE (3: 3D fix); hdop: horizontal dilution of precision [-]."""
 
     fix: int
     satellites: int
@@ -33,8 +33,8 @@ class Gps:
 
 @dataclass(frozen=True)
 class Estimator:
-    """EKF_STATUS_REPORT. flags: EKF_STATUS_FLAGS; variances: the worst of speed, position, compass (1: the
-    limit of the innovation test)."""
+    """EKF_STATUS_REPORT. flags: EKF_STATUS_FLAGS; worst: largest variance of velocity, position and compass
+    (1: the limit of the innovation test)."""
 
     flags: int
     worst: float = 0.0
@@ -44,10 +44,10 @@ class Estimator:
 class ClockComparison:
     """Time stamps of messages against their arrival, over `span` s of the vehicle's clock.
 
-    rate: seconds of the vehicle in a second here. jitter: s by which messages come later than the
-    quickest did, 95th percentile. drift: s per s, and its bound, what the jitter leaves open. behind_utc:
-    the laptop's clock against the GPS's, s, positive where the laptop is ahead. offset: of the arrival's
-    clock from the vehicle's, s, by the quickest message.
+    rate: seconds of the vehicle's clock per second of ours. jitter: delay after the earliest message [s],
+    95th percentile. drift: of our clock against the vehicle's [s/s]; bound: its uncertainty from the jitter.
+    behind_utc: this computer's UTC minus GPS time [s]. offset: arrival minus the vehicle's clock [s], of the
+    earliest message.
     """
 
     span: float
@@ -61,10 +61,11 @@ class ClockComparison:
 
 @dataclass(frozen=True)
 class Observation:
-    """Everything at once. w_max: top of the sweep to come [rad/s]. channels: PWM of RC_CHANNELS by number,
-    empty without a receiver; a receiver that lost its radio keeps the last ones. radio, logging: the
-    firmware's own word that it hears the radio, that it can log. pending: parameters that were set and wait
-    for a reboot. disk: bytes free in the folder, and its name. link: how good the link was meanwhile."""
+    """All observed values. w_max: top frequency of the planned sweep [rad/s]. channels: PWM of RC_CHANNELS by
+    number [us], empty without a receiver; a receiver that lost its radio keeps the last values. radio,
+    logging: whether the firmware reports that it hears the radio, that it can log. pending: parameters that
+    were set and wait for a reboot. disk: (free bytes, name) of the folder. link: quality of the link during
+    the reading."""
 
     survey: Survey
     parameters: Mapping[str, float]
@@ -85,5 +86,5 @@ class Observation:
     link: LinkQuality | None = None
 
     def parameter(self, name: str) -> float:
-        """A parameter of the rover, NaN where it has none."""
+        """A parameter of the rover, NaN if the rover does not have it."""
         return self.parameters.get(name, nan)

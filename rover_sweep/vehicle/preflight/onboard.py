@@ -1,33 +1,33 @@
-"""Checks of what is on the autopilot: firmware, applet, parameters, logging."""
+"""Checks of the autopilot: firmware, applet, parameters, logging."""
 
 from __future__ import annotations
 
-from rover_sweep.vehicle.identity import NEWEST, untried
+from rover_sweep.vehicle.identity import NEWEST, untested
 from rover_sweep.vehicle.preflight.item import Check, Remedy
 from rover_sweep.vehicle.preflight.observed import Observation
 from rover_sweep.vehicle.setup.survey import SurveyedParameter
 
-# Bits of Rover's LOG_BITMASK (Rover/defines.h, 4.6.3), and what is lost without them.
+# Bits of Rover's LOG_BITMASK (Rover/defines.h, 4.6.3), and the data that is missing without them.
 _LOG_BITS = {0: "attitude at loop rate", 2: "GPS", 7: "IMU at loop rate", 13: "steering", 14: "servo outputs"}
 _FILE = 1  # bit of LOG_BACKEND_TYPE: files on the card
 _USUAL = 65535  # LOG_BITMASK as ArduPilot ships it
-_CARD = "how much room the card has cannot be asked over MAVLink: look at it at times"
+_CARD = "MAVLink does not report the free space on the card: check the card now and then"
 
 
-def firmware(seen: Observation) -> Check:
-    """Whether it is a version on which the applet was tried."""
-    vehicle = seen.survey.vehicle
-    warning = untried(vehicle)
+def firmware(observed: Observation) -> Check:
+    """Whether the applet was tested on this version."""
+    vehicle = observed.survey.vehicle
+    warning = untested(vehicle)
     if warning:
-        hand = Remedy(f"flash ArduRover {NEWEST[0]}.{NEWEST[1]}, or go on with care", by_hand=True)
+        hand = Remedy(f"flash ArduRover {NEWEST[0]}.{NEWEST[1]}, or continue with care", by_hand=True)
         return Check("firmware", "doubtful", vehicle.firmware, warning, hand)
     return Check("firmware", "good", f"{vehicle.firmware} ({vehicle.git_hash})")
 
 
-def parameters(seen: Observation) -> Check:
-    """The shipped identification.param against the rover, and what waits for a reboot."""
-    wrong = [p for p in seen.survey.parameters if not p.fits]
-    total = len(seen.survey.parameters)
+def parameters(observed: Observation) -> Check:
+    """The rover's parameters against the shipped identification.param, and those that wait for a reboot."""
+    wrong = [p for p in observed.survey.parameters if not p.fits]
+    total = len(observed.survey.parameters)
     if wrong:
         words = "; ".join(_differs(p) for p in wrong)
         reboot = any(p.wanted.needs_reboot for p in wrong)
@@ -35,25 +35,25 @@ def parameters(seen: Observation) -> Check:
         sets = tuple((p.wanted.name, p.wanted.value) for p in wrong if p.found is not None)
         remedy = Remedy(f"set {names}" + (" and reboot" if reboot else ""), reboot=reboot, sets=sets)
         return Check("parameters", "bad", f"{len(wrong)} of {total} differ", words, remedy)
-    if seen.pending:
-        names = ", ".join(seen.pending)
-        sentence = f"{names} was set and does not count before a reboot"
+    if observed.pending:
+        names = ", ".join(observed.pending)
+        sentence = f"{names} was set and takes effect after a reboot"
         return Check("parameters", "bad", f"reboot for {names}", sentence, Remedy("reboot", reboot=True))
     return Check("parameters", "good", f"all {total} fit")
 
 
 def _differs(checked: SurveyedParameter) -> str:
     if checked.found is None:
-        return f"{checked.wanted.name} is not there"
+        return f"the rover has no {checked.wanted.name}"
     bound = "at least " if checked.wanted.at_least else ""
     return f"{checked.wanted.name} is {checked.found:.7g}, wanted {bound}{checked.wanted.value:.7g}"
 
 
-def applet(seen: Observation) -> Check:
-    """Whether this program's applet runs, and nothing else under its name."""
-    state = seen.survey.applet
+def applet(observed: Observation) -> Check:
+    """Whether this program's version of the applet runs."""
+    state = observed.survey.applet
     if state.fits and state.file is None:
-        return Check("applet", "doubtful", "runs, version unknown", state.sentence, _bring())
+        return Check("applet", "doubtful", "runs, version unknown", state.sentence, _copy())
     if state.fits:
         return Check("applet", "good", f"{state.file.version if state.file else ''} runs")
     if state.runs and not state.enabled:
@@ -64,39 +64,41 @@ def applet(seen: Observation) -> Check:
             state.sentence,
             Remedy("set SWP_ENABLE to 1", sets=(("SWP_ENABLE", 1.0),)),
         )
-    scripting = seen.parameter("SCR_ENABLE")
+    scripting = observed.parameter("SCR_ENABLE")
     if scripting != scripting:
-        sentence = "this firmware has no Lua scripting (no SCR_ENABLE), so that no applet can run on it"
-        hand = Remedy("take a board with scripting, 2 MB of flash", by_hand=True)
+        sentence = "this firmware has no Lua scripting (no SCR_ENABLE), so no applet can run on it"
+        hand = Remedy("use a board with scripting (2 MB of flash)", by_hand=True)
         return Check("applet", "bad", "no scripting", sentence, hand)
-    off = scripting == 0 or "SCR_ENABLE" in seen.pending
-    return Check(
-        "applet", "bad", "does not run" if not state.runs else "another", state.sentence, _bring(off)
-    )
+    off = scripting == 0 or "SCR_ENABLE" in observed.pending
+    return Check("applet", "bad", "does not run" if not state.runs else "another", state.sentence, _copy(off))
 
 
-def _bring(reboot: bool = False) -> Remedy:
+def _copy(reboot: bool = False) -> Remedy:
     if reboot:
-        return Remedy("switch scripting on (SCR_ENABLE 1), copy the applet there, reboot", reboot=True)
-    return Remedy("copy this program's applet there and restart the scripts")
+        return Remedy("enable scripting (SCR_ENABLE 1), copy the applet to the rover, reboot", reboot=True)
+    return Remedy("copy this program's applet to the rover and restart the scripts")
 
 
-def logging(seen: Observation) -> Check:
-    """Whether the autopilot will log what identification reads (LOG_BITMASK, LOG_BACKEND_TYPE, card)."""
-    mask, backend = seen.parameter("LOG_BITMASK"), seen.parameter("LOG_BACKEND_TYPE")
-    disarmed = "also while disarmed" if seen.parameter("LOG_DISARMED") > 0 else "from arming on"
+def logging(observed: Observation) -> Check:
+    """Whether the autopilot will log the data for identification (LOG_BITMASK, LOG_BACKEND_TYPE, card)."""
+    mask, backend = observed.parameter("LOG_BITMASK"), observed.parameter("LOG_BACKEND_TYPE")
+    disarmed = "also while disarmed" if observed.parameter("LOG_DISARMED") > 0 else "from arming on"
     if mask != mask or backend != backend:
-        return Check("logging", "unknown", "not told", "the rover has no LOG_BITMASK or no LOG_BACKEND_TYPE")
+        return Check(
+            "logging", "unknown", "not reported", "the rover has no LOG_BITMASK or no LOG_BACKEND_TYPE"
+        )
     lacking = [words for bit, words in _LOG_BITS.items() if not int(mask) >> bit & 1]
-    told = f"LOG_BITMASK {mask:.0f}, {disarmed}"
+    value = f"LOG_BITMASK {mask:.0f}, {disarmed}"
     if lacking or not int(backend) & _FILE:
-        what = f"no {', '.join(lacking)}" if lacking else f"LOG_BACKEND_TYPE {backend:.0f} writes no files"
-        sentence = f"the log will have {what}" if lacking else what
+        no_files = f"LOG_BACKEND_TYPE {backend:.0f} writes no files"
+        sentence = f"the log will have no {', '.join(lacking)}" if lacking else no_files
         sets = (("LOG_BITMASK", float(int(mask) | _USUAL)), ("LOG_BACKEND_TYPE", float(int(backend) | _FILE)))
         remedy = Remedy("set " + " and ".join(f"{name} to {value:.0f}" for name, value in sets), sets=sets)
-        return Check("logging", "bad", told, sentence, remedy)
-    if seen.logging is False:
-        sentence = "the firmware says that it cannot log (SYS_STATUS); is a card in it, and is it not full?"
-        hand = Remedy("look after the card, then reboot", by_hand=True)
+        return Check("logging", "bad", value, sentence, remedy)
+    if observed.logging is False:
+        sentence = (
+            "the firmware reports that it cannot log (SYS_STATUS); is a card in it, and is it not full?"
+        )
+        hand = Remedy("check the card, then reboot", by_hand=True)
         return Check("logging", "bad", "logging failed", sentence, hand)
-    return Check("logging", "good", told, _CARD)
+    return Check("logging", "good", value, _CARD)

@@ -1,4 +1,4 @@
-"""Checks of the pilot's radio: that it is there, at rest, that its loss is noticed; and the switch."""
+"""Checks of the pilot's radio (present, sticks at rest, failsafe) and of the applet's switch."""
 
 from __future__ import annotations
 
@@ -17,65 +17,65 @@ _SIX = Remedy(f"set RC6_OPTION to {SCRIPTING_1}", sets=(("RC6_OPTION", float(SCR
 _REST = 30  # us about the trim, where the channel has no dead zone
 
 
-def switch_channel(seen: Observation) -> int:
-    """RC channel (1-based) that starts the applet: SWP_CHAN, else the one with option 300; 0: none."""
-    raw = seen.parameter("SWP_CHAN")
+def switch_channel(observed: Observation) -> int:
+    """RC channel (1-based) that starts the applet: SWP_CHAN, else the one with RCn_OPTION 300; 0: none."""
+    raw = observed.parameter("SWP_CHAN")
     if raw > 0:
         return int(raw)
-    return next((n for n in range(1, 17) if seen.parameter(f"RC{n}_OPTION") == SCRIPTING_1), 0)
+    return next((n for n in range(1, 17) if observed.parameter(f"RC{n}_OPTION") == SCRIPTING_1), 0)
 
 
-def rc(seen: Observation) -> Check:
-    """A receiver with pulses, steering and throttle at rest, and a failsafe that notices its loss."""
-    if not seen.channels:
-        sentence = "no radio: without it nobody can stop the rover but this computer"
+def rc(observed: Observation) -> Check:
+    """Whether the receiver gives pulses, both sticks are at rest, and a failsafe detects its loss."""
+    if not observed.channels:
+        sentence = "no radio: only this computer could stop the rover"
         return Check("rc", "bad", "no receiver", sentence, Remedy("switch the transmitter on", by_hand=True))
-    if seen.radio is False:  # RC_CHANNELS goes on with the last values (4.6.3, SIM_RC_FAIL 1)
-        sentence = "the rover says that it does not hear its radio (SYS_STATUS)"
+    if observed.radio is False:  # RC_CHANNELS keeps the last values (4.6.3, SIM_RC_FAIL 1)
+        sentence = "the rover reports that it does not hear its radio (SYS_STATUS)"
         hand = Remedy("switch the transmitter on", by_hand=True)
         return Check("rc", "bad", "radio lost", sentence, hand)
-    steering, throttle = _stick(seen, "RCMAP_ROLL", 1), _stick(seen, "RCMAP_THROTTLE", 3)
-    told = f"{len(seen.channels)} channels, steering {steering[1]:.0f} us, throttle {throttle[1]:.0f} us"
-    if seen.channels.get(throttle[0], 0) < seen.parameter("FS_THR_VALUE"):
+    steering, throttle = _stick(observed, "RCMAP_ROLL", 1), _stick(observed, "RCMAP_THROTTLE", 3)
+    value = f"{len(observed.channels)} channels, steering {steering[1]:.0f} us, throttle {throttle[1]:.0f} us"
+    if observed.channels.get(throttle[0], 0) < observed.parameter("FS_THR_VALUE"):
         sentence = f"throttle {throttle[1]:.0f} us is below FS_THR_VALUE: the receiver lost the radio"
-        return Check("rc", "bad", told, sentence, Remedy("switch the transmitter on", by_hand=True))
+        return Check("rc", "bad", value, sentence, Remedy("switch the transmitter on", by_hand=True))
     for words, (number, pwm, trim, zone) in (("steering", steering), ("throttle", throttle)):
         if abs(pwm - trim) > zone:
             sentence = (
                 f"the {words} stick (channel {number}) is {pwm - trim:+.0f} us off its trim of {trim:.0f} us"
             )
             return Check(
-                "rc", "bad", told, sentence, Remedy("leave the sticks alone, or trim them", by_hand=True)
+                "rc", "bad", value, sentence, Remedy("leave the sticks alone, or trim them", by_hand=True)
             )
-    if not seen.parameter("FS_THR_ENABLE") > 0 or seen.parameter("FS_ACTION") == 0:
-        sentence = "the loss of the radio would go unnoticed (FS_THR_ENABLE, FS_ACTION)"
-        return Check("rc", "bad", told, sentence, _NOTICE)
-    return Check("rc", "good", told)
+    if not observed.parameter("FS_THR_ENABLE") > 0 or observed.parameter("FS_ACTION") == 0:
+        sentence = "the rover would not react to a loss of the radio (FS_THR_ENABLE, FS_ACTION)"
+        return Check("rc", "bad", value, sentence, _NOTICE)
+    return Check("rc", "good", value)
 
 
-def _stick(seen: Observation, mapping: str, usual: int) -> tuple[int, float, float, float]:
-    """(channel, PWM, trim, how far off counts as rest), us."""
-    mapped = seen.parameter(mapping)
+def _stick(observed: Observation, mapping: str, usual: int) -> tuple[int, float, float, float]:
+    """(channel, PWM [us], trim [us], largest offset from trim that counts as rest [us])."""
+    mapped = observed.parameter(mapping)
     number = usual if isnan(mapped) else int(mapped)
-    trim, zone = seen.parameter(f"RC{number}_TRIM"), seen.parameter(f"RC{number}_DZ")
-    pwm = float((seen.channels or {}).get(number, 0))
+    trim, zone = observed.parameter(f"RC{number}_TRIM"), observed.parameter(f"RC{number}_DZ")
+    pwm = float((observed.channels or {}).get(number, 0))
     return number, pwm, 1500.0 if isnan(trim) else trim, max(_REST, 0.0 if isnan(zone) else zone)
 
 
-def switch(seen: Observation) -> Check:
-    """Low before arming: the applet does not start on a switch that is high when it looks first."""
-    number = switch_channel(seen)
+def switch(observed: Observation) -> Check:
+    """Whether the switch is low: the applet does not start if it is high at its first reading."""
+    number = switch_channel(observed)
     if number == 0:
         sentence = "no channel starts the applet: none has option 300, and SWP_CHAN is 0"
         return Check("switch", "bad", "none", sentence, _SIX)
-    pwm = (seen.channels or {}).get(number, 0)
-    told = f"channel {number}: {pwm} us"
+    pwm = (observed.channels or {}).get(number, 0)
+    value = f"channel {number}: {pwm} us"
     if not _PULSES[0] <= pwm <= _PULSES[1]:
-        sentence = f"channel {number} has no pulses: the switch is not known"
+        sentence = f"channel {number} has no pulses: the position of the switch is unknown"
         hand = Remedy(f"give channel {number} a switch on the transmitter", by_hand=True)
-        return Check("switch", "unknown", told, sentence, hand)
+        return Check("switch", "unknown", value, sentence, hand)
     if pwm >= _LOW:
         where = "high" if pwm > _HIGH else "in the middle"
         sentence = f"switch {number} is {where}; it must be low before the rover is armed"
-        return Check("switch", "bad", told, sentence, Remedy(f"throw switch {number} low", by_hand=True))
-    return Check("switch", "good", f"{told}, low")
+        return Check("switch", "bad", value, sentence, Remedy(f"throw switch {number} low", by_hand=True))
+    return Check("switch", "good", f"{value}, low")

@@ -1,4 +1,4 @@
-"""Reads from a rover what the checks judge. Changes nothing: streams are put back as they were."""
+"""Reads the values that the checks judge. Changes nothing: it restores the rates of the streams."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ _NAMES = (
     *(f"RC{n}_OPTION" for n in range(1, 17)),
 )
 _SETTLED, _MEASURED = 0.5, 2.0  # s of the vehicle's clock: ArduPilot slows streams during transfers
-_JUDGED = 10.0  # Hz: a slower stream does not show itself in that time
-_SCRIPTS_START = 20.0  # s after boot within which scripts begin to run
+_JUDGED = 10.0  # Hz: a slower stream sends too few messages in that time
+_SCRIPTS_START = 20.0  # s after boot within which scripts start
 _ANSWER = 1.0  # s
 
 
 def look(link: Link, folder: Path, w_max: float | None = None) -> Observation:
-    """Everything at once, in about 5 s on a fast link. LinkError for anything but an ArduPilot Rover.
+    """Read all values, in about 5 s on a fast link. LinkError for anything but an ArduPilot Rover.
 
-    folder: where the runs will be recorded. w_max: top of the sweep to come [rad/s], the applet's own
-    (SWP_WMAX) if not given.
+    folder: where the runs will be recorded. w_max: top frequency of the planned sweep [rad/s]; if not given,
+    the applet's (SWP_WMAX).
     """
     latest = _messages(link)
     has = read_present(link, _NAMES)
@@ -75,7 +75,7 @@ def look(link: Link, folder: Path, w_max: float | None = None) -> Observation:
 
 
 def _messages(link: Link) -> dict[str, Message]:
-    """The newest of each message that the checks read, asked for all at once."""
+    """The newest of each message that the checks read, requested all at once."""
     latest: dict[str, Message] = {}
 
     def keep(message: Message) -> None:
@@ -93,7 +93,7 @@ def _messages(link: Link) -> dict[str, Message]:
 
 
 def _values(latest: Mapping[str, Message]) -> dict[str, Any]:
-    """Messages as the fields of `Seen`."""
+    """Fields of `Observation` from messages."""
     status, cells = latest.get("SYS_STATUS"), latest.get("BATTERY_STATUS")
     gps, ekf, rc = (latest.get(name) for name in ("GPS_RAW_INT", "EKF_STATUS_REPORT", "RC_CHANNELS"))
     return {
@@ -123,7 +123,7 @@ def _battery(status: Message | None, cells: Message | None) -> Battery | None:
 
 
 def _healthy(status: Message | None, name: str) -> bool | None:
-    """SYS_STATUS's own word on a MAV_SYS_STATUS_SENSOR; None where the firmware does not give it."""
+    """Health of a MAV_SYS_STATUS_SENSOR in SYS_STATUS; None if the firmware does not report it."""
     bit = constant(name)
     if status is None or not status.onboard_control_sensors_present & bit:
         return None
@@ -133,8 +133,8 @@ def _healthy(status: Message | None, name: str) -> bool | None:
 def _measured(
     link: Link, loop_rate: float
 ) -> tuple[tuple[Stream, ...], tuple[StreamQuality, ...], ClockComparison | None]:
-    """Streams set to what identification wants, listened to, and put back."""
-    with _as_they_were(link):
+    """Set the streams to the rates for identification, measure them, and restore them."""
+    with _restored_streams(link):
         granted = request_all(link, loop_rate)
         wanted = frozenset(s.message for s in granted if s.hz >= _JUDGED)
         monitor, clock = StreamMonitor(wanted), ClockMonitor(link.line)
@@ -148,7 +148,7 @@ def _measured(
 
 
 @contextmanager
-def _as_they_were(link: Link) -> Iterator[None]:
+def _restored_streams(link: Link) -> Iterator[None]:
     before = intervals(link, IDENTIFICATION_RATES)
     try:
         yield
@@ -157,6 +157,6 @@ def _as_they_were(link: Link) -> Iterator[None]:
 
 
 def _free(folder: Path) -> int:
-    """Bytes free where `folder` is or will be."""
+    """Free bytes on the disk where `folder` is or will be."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     return shutil.disk_usage(there).free

@@ -1,4 +1,4 @@
-"""What the remedies of the checks do on the vehicle."""
+"""The remedies of the checks, carried out on the vehicle."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from rover_sweep.vehicle.setup import pending_reboot
 from rover_sweep.vehicle.setup.applet_upload import await_applet, reboot, restart_scripts, upload
 from rover_sweep.vehicle.setup.install import refuse_armed
 
-Waits = Generator[Event, None, tuple[str, ...]]  # yields events, returns what waits for a reboot
+Waits = Generator[Event, None, tuple[str, ...]]  # yields events, returns the names that wait for a reboot
 _SCRIPTING = ("SCR_ENABLE", "SCR_HEAP_SIZE")
 _NEED_REBOOT = frozenset({"SCR_ENABLE", "SCR_HEAP_SIZE", "SCHED_LOOP_RATE"})
-_SCRIPTS_START = 20.0  # s after boot within which scripts begin to run
+_SCRIPTS_START = 20.0  # s after boot within which scripts start
 
 
 def carry_out(link: Link, check: Check, may_reboot: bool, folder: Path) -> Iterator[Event]:
-    """Do what `check` offers. See `preflight_run.remedy`."""
+    """Carry out the remedy of `check`. See `all_checks.remedy`."""
     if check.remedy is None:
-        raise UsageError(f"{check.name} ({check.seen}) has nothing that could be done about it here")
+        raise UsageError(f"this program has no remedy for {check.name} ({check.seen})")
     if check.remedy.by_hand:
-        raise UsageError(f"{check.name} can only be put right by hand: {check.remedy.words}")
+        raise UsageError(f"{check.name} can only be corrected by hand: {check.remedy.words}")
     if check.name == "armed":
         link.require("disarm", "MAV_CMD_COMPONENT_ARM_DISARM", 0.0)
         link.wait_for("HEARTBEAT", 3.0, lambda _: not link.armed)
@@ -48,7 +48,7 @@ def carry_out(link: Link, check: Check, may_reboot: bool, folder: Path) -> Itera
     if not because or not check.remedy.reboot:
         return
     if not may_reboot:
-        yield Notice("warning", f"{', '.join(because)} will count after a reboot")
+        yield Notice("warning", f"{', '.join(because)} will take effect after a reboot")
         return
     yield Rebooting(because)
     reboot(link)
@@ -68,7 +68,7 @@ def _set(link: Link, values: Mapping[str, float]) -> Waits:
 
 
 def _applet(link: Link) -> Waits:
-    """Copied there and started; it waits for a reboot where scripting does."""
+    """Copy the applet and start it; it waits for a reboot if scripting does."""
     wanted = [p for p in read(shipped("identification")) if p.name in _SCRIPTING]
     differences = compare(read_present(link, _SCRIPTING), wanted)
     waits = yield from _set(link, {d.name: d.wanted for d in differences if d.found is not None})
@@ -84,7 +84,7 @@ def _applet(link: Link) -> Waits:
 
 
 def _manual(link: Link) -> Waits:
-    link.require("go into MANUAL", "MAV_CMD_DO_SET_MODE", 1.0, float(MANUAL))
+    link.require("switch to MANUAL", "MAV_CMD_DO_SET_MODE", 1.0, float(MANUAL))
     link.wait_for("HEARTBEAT", 3.0, lambda _: link.mode == MANUAL)
     yield Notice("info", "the rover is in MANUAL")
     return ()

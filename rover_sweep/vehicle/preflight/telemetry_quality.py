@@ -1,10 +1,10 @@
-"""What is said of a run's telemetry when it is over: how it came, and what it is needed for."""
+"""A sentence on the telemetry of a finished run: its quality, and whether it is needed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rover_sweep.vehicle.link.streams import LOST, StreamQuality, poor_words
+from rover_sweep.vehicle.link.streams import LOST, StreamQuality, stream_fault
 from rover_sweep.vehicle.preflight.observed import ClockComparison
 
 Granted = Mapping[str, float]  # Hz by message, as the vehicle granted it
@@ -13,8 +13,8 @@ Granted = Mapping[str, float]  # Hz by message, as the vehicle granted it
 def telemetry_words(
     quality: Sequence[StreamQuality], granted: Granted, clock: ClockComparison | None, logs: bool
 ) -> str:
-    """One sentence. logs: whether the vehicle's own log is fetched at the end of the session."""
-    poor = [words for q in quality if (words := poor_words(q, granted.get(q.message, 0.0)))]
+    """One sentence. granted: rates [Hz]. logs: whether the vehicle's log is fetched after the session."""
+    poor = [words for q in quality if (words := stream_fault(q, granted.get(q.message, 0.0)))]
     came = "; ".join(poor) if poor else _came(quality)
     return f"telemetry: {came}{_clock(clock)}; {_source(bool(poor), logs)}"
 
@@ -32,7 +32,7 @@ def _came(quality: Sequence[StreamQuality]) -> str:
 
 
 def _clock(c: ClockComparison | None) -> str:
-    """Nothing of a simulation that is not in real time, where arrival tells nothing."""
+    """'' in a simulation that is not in real time: there the arrival has no meaning."""
     if c is None or abs(c.rate - 1) > 0.02:
         return ""
     drift = f", drift {1e6 * c.drift:+.0f} ppm" if abs(c.drift) > c.bound else ""
@@ -41,8 +41,11 @@ def _clock(c: ClockComparison | None) -> str:
 
 def _source(poor: bool, logs: bool) -> str:
     if logs:
-        need = "needed: the telemetry alone would not do" if poor else "the telemetry would do without it"
-        return f"identified from the rover's log, once it is fetched ({need})"
+        need = "needed: the telemetry is too poor" if poor else "the telemetry would also be good enough"
+        return f"the run is identified from the rover's log, once it is fetched ({need})"
     if poor:
-        return f"identified from it, though more than {LOST:.0%} lost or longer gaps spoil a response"
-    return "identified from it, since the log is not fetched"
+        return (
+            f"the run is identified from the telemetry, although losses above {LOST:.0%} or long gaps spoil "
+            "a response"
+        )
+    return "the run is identified from the telemetry, because the log is not fetched"

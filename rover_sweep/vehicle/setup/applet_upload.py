@@ -1,4 +1,4 @@
-"""Brings the Lua applet onto the vehicle by MAVLink FTP and starts it."""
+"""Copies the Lua applet to the vehicle by MAVLink FTP and starts it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from rover_sweep.vehicle.link.remote_files import crc32, remote_crc32
 from rover_sweep.vehicle.parameters.read_write import read_present
 
 HARDWARE, SITL = "/APM/scripts", "scripts"  # folder of scripts on a flight controller, in SITL
-VERSION = re.compile(r'^local VERSION = "(.*)"$', re.MULTILINE)  # as the applet states it
+VERSION = re.compile(r'^local VERSION = "(.*)"$', re.MULTILINE)  # in the applet's text
 _RESTART = 3.0  # SCRIPTING_CMD_STOP_AND_RESTART
 
 
 @dataclass(frozen=True)
 class AppletFile:
-    """The applet as it lies on the vehicle. version: as it states it, '' where it states none."""
+    """The applet's file on the vehicle. version: stated in its text, '' if none."""
 
     path: str
     version: str
@@ -29,15 +29,15 @@ class AppletFile:
 
 
 def version_of(text: str) -> str:
-    """The version that an applet's text states, '' without one."""
+    """The version stated in an applet's text, '' if none."""
     found = VERSION.search(text)
     return found[1] if found else ""
 
 
 def read_applet(link: Link, name: str, ours: str = "") -> AppletFile | None:
-    """The file `name` out of the vehicle's script folder; None where there is none or no MAVLink FTP.
+    """Read the file `name` from the vehicle's script folder; None if it is missing, or without MAVLink FTP.
 
-    ours: where the checksum of the vehicle's file is that of this text, it need not be read.
+    ours: the text expected; if the checksum of the vehicle's file matches it, the file is not read.
     """
     for place in (HARDWARE, SITL) if ours else ():
         if remote_crc32(link, f"{place}/{name}") == crc32(ours.encode()):
@@ -52,9 +52,9 @@ def read_applet(link: Link, name: str, ours: str = "") -> AppletFile | None:
 
 
 def upload(link: Link, applet: Path, progress: Callable[[float], None] | None = None) -> str:
-    """Copy the applet to the vehicle's script folder; returns where it lies. LinkError where that fails."""
+    """Copy the applet to the vehicle's script folder and return its path there. LinkError if that fails."""
     if link.armed:
-        raise LinkError("the applet is not exchanged while the rover is armed; disarm first")
+        raise LinkError("the applet is not replaced while the rover is armed; disarm first")
     errors = []
     for folder in (HARDWARE, SITL):
         error = ftp_put(link, str(applet), f"{folder}/{applet.name}", progress)
@@ -63,12 +63,12 @@ def upload(link: Link, applet: Path, progress: Callable[[float], None] | None = 
         errors.append(f"{folder}: {error}")
     raise LinkError(
         f"{applet.name} could not be copied to the vehicle ({'; '.join(errors)}); is there a card in it? "
-        "Else copy it to APM/scripts on the card by hand"
+        "You can also copy it to APM/scripts on the card by hand"
     )
 
 
 def restart_scripts(link: Link) -> None:
-    """Stop and start all scripts (MAV_CMD_SCRIPTING); Refused where scripting is off (SCR_ENABLE 0)."""
+    """Stop and start all scripts (MAV_CMD_SCRIPTING); Refused if scripting is off (SCR_ENABLE 0)."""
     link.require("restart its scripts", "MAV_CMD_SCRIPTING", _RESTART)
 
 
@@ -76,7 +76,7 @@ def reboot(link: Link) -> None:
     """Reboot the vehicle and wait until it is back. LinkError while armed or when it does not return."""
     if link.armed:
         raise LinkError("the rover is not rebooted while it is armed; disarm first")
-    link.request_message("SYSTEM_TIME")  # its clock is what tells the reboot
+    link.request_message("SYSTEM_TIME")  # its clock shows the reboot
     while link.clock.now < 3.0 and link.receive(1.0) is not None:
         link.request_message("SYSTEM_TIME")
     link.require("reboot", "MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN", 1.0)
@@ -84,11 +84,11 @@ def reboot(link: Link) -> None:
 
 
 def await_applet(link: Link, seconds: float = 15.0) -> bool:
-    """Whether the applet's parameters appear within `seconds` of the vehicle's clock: scripts start
-    some time after boot."""
+    """Whether the applet's parameters appear within `seconds` s of the vehicle's clock: scripts start some
+    time after boot."""
     start = link.clock.now
     while "SWP_ENABLE" not in read_present(link, ["SWP_ENABLE"]):
-        link.request_message("SYSTEM_TIME")  # its clock, while no streams are on
+        link.request_message("SYSTEM_TIME")  # its clock, as no streams may be on
         if link.clock.now - start > seconds:
             return False
     return True

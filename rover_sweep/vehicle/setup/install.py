@@ -1,8 +1,8 @@
-"""Brings a rover to what identification needs: parameters, applet, and the reboots in between.
+"""Prepares a rover for identification: sets parameters, installs the applet, reboots in between.
 
-It can be interrupted anywhere and begun again. A parameter that was set before the interruption reads as
-right but does not count until the reboot, which is therefore asked of the firmware's behaviour: it
-denies a stream that only the new loop rate allows, and refuses to restart scripts.
+It can be interrupted anywhere and repeated. A parameter that was set before the interruption reads as
+correct but takes effect only after the reboot. The firmware's behaviour shows whether the reboot is missing:
+it denies a stream that only the new loop rate allows, and refuses to restart scripts.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from rover_sweep.vehicle.link.streams import fastest_interval_ms, grants
 from rover_sweep.vehicle.parameters.read_write import read_present, write
 from rover_sweep.vehicle.setup.applet_upload import await_applet, reboot, restart_scripts, upload
 
-Consent = Callable[[tuple[str, ...]], bool]  # may the rover be rebooted, for these reasons?
-_FACTORY_RATE = 50  # Hz, SCHED_LOOP_RATE as it comes
-_SCRIPTS_START = 20.0  # s after boot within which scripts begin to run
+Consent = Callable[[tuple[str, ...]], bool]  # whether the rover may be rebooted, for these reasons
+_FACTORY_RATE = 50  # Hz, default of SCHED_LOOP_RATE
+_SCRIPTS_START = 20.0  # s after boot within which scripts start
 
 
 def always(because: tuple[str, ...]) -> bool:
@@ -30,9 +30,11 @@ def always(because: tuple[str, ...]) -> bool:
 
 
 def refuse_armed(link: Link) -> None:
-    """LinkError on an armed rover, before anything of it is set."""
+    """LinkError on an armed rover, before anything is set."""
     if link.armed:
-        raise LinkError("the rover is armed; disarm it first: an armed rover is neither set up nor rebooted")
+        raise LinkError(
+            "the rover is armed; disarm it first: this program does not set up or reboot an armed rover"
+        )
 
 
 def install(
@@ -42,10 +44,10 @@ def install(
     replace: bool = False,
     may_reboot: Consent = always,
 ) -> Iterator[Event]:
-    """Set the parameters that differ, and bring the applet onto a rover that does not run it.
+    """Set the parameters that differ, and copy the applet to a rover that does not run it.
 
-    replace: copy the applet even over one that runs. At most three reboots, each only with consent;
-    without it a Notice says what does not count yet. LinkError while armed.
+    replace: copy the applet even if one runs. At most three reboots, each only with consent; without it a
+    Notice names what takes effect after a reboot. LinkError while armed.
     """
     refuse_armed(link)
     rebooted = False
@@ -55,7 +57,7 @@ def install(
         if not because:
             break
         if not may_reboot(because):
-            yield Notice("warning", f"{', '.join(because)} will count after a reboot")
+            yield Notice("warning", f"{', '.join(because)} will take effect after a reboot")
             break
         yield Rebooting(because)
         reboot(link)
@@ -66,13 +68,13 @@ def install(
         return
     patience = _SCRIPTS_START if rebooted or link.clock.now < _SCRIPTS_START else 0.0
     if replace or not await_applet(link, patience):
-        yield from _bring_applet(link, applet, may_reboot)
+        yield from _copy_applet(link, applet, may_reboot)
 
 
 def _set(
     link: Link, parameters: Sequence[WantedParameter]
 ) -> Generator[Event, None, tuple[tuple[str, ...], tuple[str, ...]]]:
-    """Writes what differs; returns (names that need a reboot, sentences on those that are not there)."""
+    """Write the differences; returns (names that need a reboot, sentences on missing parameters)."""
     because, missing = [], []
     for difference in compare(read_present(link, [p.name for p in parameters]), parameters):
         if difference.found is None:
@@ -85,8 +87,8 @@ def _set(
 
 
 def _set_but_not_booted(link: Link, parameters: Sequence[WantedParameter]) -> tuple[str, ...]:
-    """SCHED_LOOP_RATE where the loop does not run at it yet. A higher one than 50 Hz is told from it by a
-    stream that is denied at 50 Hz (see `streams`)."""
+    """SCHED_LOOP_RATE if the loop does not run at that rate yet. At 50 Hz the firmware denies a stream that
+    it grants at a higher loop rate (see `streams`)."""
     wanted = next((p for p in parameters if p.name == "SCHED_LOOP_RATE" and p.needs_reboot), None)
     has = read_present(link, [wanted.name]) if wanted else {}
     if (
@@ -98,7 +100,7 @@ def _set_but_not_booted(link: Link, parameters: Sequence[WantedParameter]) -> tu
     return () if grants(link, "SYSTEM_TIME", has[wanted.name]) else (wanted.name,)
 
 
-def _bring_applet(link: Link, applet: Path, may_reboot: Consent) -> Iterator[Event]:
+def _copy_applet(link: Link, applet: Path, may_reboot: Consent) -> Iterator[Event]:
     place = upload(link, applet)
     yield Notice("info", f"the applet was copied to {place}")
     try:
@@ -109,7 +111,7 @@ def _bring_applet(link: Link, applet: Path, may_reboot: Consent) -> Iterator[Eve
     if because == applet.name and await_applet(link):
         return
     if not may_reboot((because,)):
-        yield Notice("warning", "the applet will run after a reboot")
+        yield Notice("warning", "the applet will start after a reboot")
         return
     yield Rebooting((because,))
     reboot(link)

@@ -1,6 +1,6 @@
-"""Which parameters were set and wait for a reboot: a note in a folder, so that whoever comes back knows.
+"""Which parameters were set and wait for a reboot: a note in a folder, for the next run of this program.
 
-A parameter reads as set before it counts. ArduPilot's STAT_BOOTCNT, which each boot raises, tells
+A parameter reads as set before it takes effect. ArduPilot increments STAT_BOOTCNT at each boot, which shows
 whether the reboot has happened since.
 """
 
@@ -18,7 +18,7 @@ NOTE = "reboot-pending.json"
 
 
 def waiting(folder: Path, vehicle: VehicleIdentity, boots: float) -> tuple[str, ...]:
-    """Names noted for this vehicle in this boot (boots: STAT_BOOTCNT); none where it booted since."""
+    """Names noted for this vehicle in this boot (boots: STAT_BOOTCNT); () if it has rebooted since."""
     try:
         note = read_json((folder / NOTE).read_text(encoding="utf-8"))
         mine = note["vehicle"] == _key(vehicle) and note["boots"] == boots
@@ -28,17 +28,17 @@ def waiting(folder: Path, vehicle: VehicleIdentity, boots: float) -> tuple[str, 
 
 
 def note(folder: Path, vehicle: VehicleIdentity, boots: float, names: Iterable[str]) -> None:
-    """Add names to those that wait."""
+    """Add names of parameters that wait for a reboot."""
     _keep(folder, vehicle, boots, dict.fromkeys((*waiting(folder, vehicle, boots), *names)))
 
 
 def withdraw(folder: Path, vehicle: VehicleIdentity, boots: float, name: str) -> None:
-    """Take a name away that was noted and then not set after all."""
+    """Remove a name that was noted but then not set."""
     _keep(folder, vehicle, boots, [n for n in waiting(folder, vehicle, boots) if n != name])
 
 
 def forget(folder: Path) -> None:
-    """After the reboot."""
+    """Delete the note, after the reboot."""
     (folder / NOTE).unlink(missing_ok=True)
 
 

@@ -1,7 +1,7 @@
-"""A .param file onto a rover: what differs is set, read back, and given the reboot that it needs.
+"""Writes a .param file to a rover: sets the parameters that differ, reads them back, reboots if needed.
 
-It can be interrupted anywhere and begun again: what was set does not differ any more, and what waits for
-a reboot is noted in a folder before the reboot is asked for (`vehicle.pending`).
+It can be interrupted anywhere and repeated: parameters already set no longer differ, and those that wait
+for a reboot are noted in a folder before the reboot (`setup.pending_reboot`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rover_sweep.vehicle.setup.applet_upload import reboot
 from rover_sweep.vehicle.setup.install import Consent, refuse_armed
 from rover_sweep.vehicle.sources import ParameterSource
 
-# Those that count after a restart only, beside what a file itself marks with [reboot]
+# Parameters that take effect after a reboot only, in addition to those that a file marks with [reboot]
 # (@RebootRequired in the sources of Rover-4.6.3).
 NEED_REBOOT = frozenset(
     {
@@ -31,22 +31,22 @@ NEED_REBOOT = frozenset(
 
 
 def needs_reboot(name: str, marked: bool = False) -> bool:
-    """Whether a parameter counts after a restart only, as far as is known. marked: by its file."""
+    """Whether a parameter is known to take effect after a reboot only. marked: by its file."""
     return marked or name in NEED_REBOOT or (name.startswith("SERIAL") and name.endswith("_PROTOCOL"))
 
 
 def waiting(link: Link, folder: Path) -> tuple[str, ...]:
-    """What an earlier push or remedy noted in `folder` and no reboot has followed yet."""
+    """Names of parameters that an earlier push or remedy noted in `folder` and that still need a reboot."""
     return pending_reboot.waiting(folder, *_boot(link))
 
 
 def push(
     link: Link, source: ParameterSource, differences: Sequence[Difference], may_reboot: Consent, folder: Path
 ) -> Iterator[Event]:
-    """Set what differs and exists, and reboot where that is needed and allowed. LinkError while armed.
+    """Set the parameters that differ, and reboot if that is needed and allowed. LinkError while armed.
 
-    Yields ParameterSet for each, Rebooting, and a Notice for what is not there, does not stay as it was set
-    (read-only, of whole numbers, out of range) or does not count yet.
+    Yields ParameterSet for each, Rebooting, and a Notice for each parameter that the rover does not have,
+    does not keep as set (read-only, integer, out of range) or that still needs a reboot.
     """
     refuse_armed(link)
     vehicle, boots = _boot(link)
@@ -56,7 +56,7 @@ def push(
             yield Notice("warning", difference.sentence)
             continue
         restart = needs_reboot(difference.name, difference.needs_reboot)
-        if restart:  # before it is set: an interruption in between must not hide the reboot
+        if restart:  # noted before it is set: an interruption in between must not hide the reboot
             pending_reboot.note(folder, vehicle, boots, [difference.name])
         try:
             written = source.write(difference.name, difference.wanted)
@@ -70,7 +70,7 @@ def push(
     if not because:
         return
     if not may_reboot(because):
-        yield Notice("warning", f"{', '.join(because)} will count after a reboot")
+        yield Notice("warning", f"{', '.join(because)} will take effect after a reboot")
         return
     yield Rebooting(because)
     reboot(link)

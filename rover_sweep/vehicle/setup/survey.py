@@ -1,4 +1,4 @@
-"""What a rover has of what identification needs: parameters, and the applet."""
+"""Whether a rover has the parameters and the applet that identification needs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rover_sweep.vehicle.setup.applet_upload import AppletFile, read_applet, ver
 
 @dataclass(frozen=True)
 class SurveyedParameter:
-    """A wanted parameter and what the rover has; found is None where it has none."""
+    """A wanted parameter and the rover's value; found is None if the rover does not have it."""
 
     wanted: WantedParameter
     found: float | None
@@ -27,9 +27,9 @@ class SurveyedParameter:
 
 @dataclass(frozen=True)
 class AppletState:
-    """file: on the rover, None where it cannot be read. lacking: SWP_ parameters that are not there.
+    """file: on the rover, None if it cannot be read. lacking: SWP_ parameters that the rover does not have.
 
-    enabled: SWP_ENABLE is 1. current: the file is, to the letter, the one of this program.
+    enabled: SWP_ENABLE is 1. current: the file is identical to this program's.
     """
 
     file: AppletFile | None
@@ -44,18 +44,18 @@ class AppletState:
 
     @property
     def fits(self) -> bool:
-        """A file that cannot be read is believed if the applet runs."""
+        """Whether this program's applet runs, enabled; a file that cannot be read is not a fault."""
         return self.runs and self.enabled and (self.current or self.file is None)
 
     @property
     def sentence(self) -> str:
-        """What is to be said of it."""
+        """The state in one sentence."""
         mine = version_of(applet_source())
         if len(self.lacking) == len(PARAMETERS):
-            there = f"{self.file.path} is there but does not run" if self.file else "it is not there"
-            return f"the applet does not run: {there}"
+            why = f"{self.file.path} exists but does not run" if self.file else "its file is not on the rover"
+            return f"the applet does not run: {why}"
         if self.lacking:
-            return f"an applet of another version runs: no {', '.join(self.lacking)}"
+            return f"another version of the applet runs: it has no {', '.join(self.lacking)}"
         if not self.enabled:
             return "the applet is switched off: SWP_ENABLE is 0"
         if self.file is None:
@@ -63,7 +63,7 @@ class AppletState:
         if not self.current:
             other = self.file.version or "none"
             how = f"version {other}, not {mine}" if other != mine else f"version {mine}, but changed"
-            return f"{self.file.path} is another applet than this program's ({how})"
+            return f"{self.file.path} is not this program's applet ({how})"
         return f"applet {mine} runs ({self.file.path})"
 
 
@@ -81,7 +81,8 @@ class Survey:
 
 
 def survey(link: Link, wanted: Sequence[WantedParameter]) -> Survey:
-    """Reads; changes nothing. LinkError for anything but an ArduPilot Rover."""
+    """Compare the rover with the wanted parameters and the applet; changes nothing. LinkError for anything
+    but an ArduPilot Rover."""
     vehicle = identify_vehicle(link)
     has = read_present(link, [*(p.name for p in wanted), *(p.name for p in PARAMETERS)])
     file = read_applet(link, applet_path().name, applet_source())
