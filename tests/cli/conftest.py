@@ -27,13 +27,13 @@ def told(capsys: pytest.CaptureFixture[str]) -> Tell:
 @pytest.fixture(scope="module")
 def fresh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[launcher.Running]:
     """A rover as it comes: no scripting, no applet."""
-    with launcher.start_embedded(tmp_path_factory.mktemp("fresh")) as rover:
+    with launcher.start_embedded(tmp_path_factory.mktemp("fresh"), speedup=8) as rover:
         yield rover
 
 
 @pytest.fixture(scope="module")
 def ready(tmp_path_factory: pytest.TempPathFactory) -> Iterator[launcher.Running]:
     """A rover with the applet and its parameters."""
-    with launcher.start_embedded(tmp_path_factory.mktemp("ready")) as rover:
+    with launcher.start_embedded(tmp_path_factory.mktemp("ready"), speedup=8) as rover:
         assert main.run(["firmware", "install", "--yes", "--connect", rover.connection]) == 0
         yield rover

@@ -60,7 +60,7 @@ def test_no_reboot_without_consent(told: Tell, tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("click.confirm", confirm)
     options = ("--parameter", "SCR_ENABLE=1")
-    with launcher.start_embedded(tmp_path, options=options) as rover:
+    with launcher.start_embedded(tmp_path, options=options, speedup=8) as rover:
         done = told("firmware", "install", "--connect", rover.connection)
         saved = (tmp_path / "parameters.txt").read_text()
     assert "Reboot the rover to apply SCHED_LOOP_RATE?" in asked

@@ -20,7 +20,7 @@ def test_from_the_factory_to_a_rover_that_may_be_driven(
     told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with launcher.start_embedded(tmp_path / "rover") as rover:
+    with launcher.start_embedded(tmp_path / "rover", speedup=8) as rover:
         where = ("preflight", "--connect", rover.connection)
         before = (rover.directory / "parameters.txt").read_text()
         done = told(*where)
