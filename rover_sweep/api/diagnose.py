@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from rover_sweep.api.diagnosis_input import candidates_left, diagnosed, material, nominal_of, time_limit_of
 from rover_sweep.api.read import Location, Runs
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import BASELINES, DiagnosisSettings
 from rover_sweep.errors import UsageError
@@ -45,8 +45,8 @@ class FullDiagnosis(Shown, Diagnosis):
             share = "-" if removed is None else f"{100 * removed:.0f} %"
             for k, v in enumerate(f.parameters):
                 names = (f.effect, ", ".join(f.look_alikes) or "-", share) if k == 0 else ("", "", "")
-                interval = f"{number(v.low, 3)} .. {number(v.high, 3)}"
-                rows.append((names[0], v.name, number(v.value, 3), interval, v.unit, *names[1:]))
+                interval = f"{plain_number(v.low, 3)} .. {plain_number(v.high, 3)}"
+                rows.append((names[0], v.name, plain_number(v.value, 3), interval, v.unit, *names[1:]))
         headings = ("left out", "", "value", "90 %", "unit", "or else", "removed")
         notes = [f"unknown in {self.unknown.channel}: {self.unknown.sentence}"] if self.unknown else []
         unseen = ", ".join(u.effect for u in self.cannot_see)

@@ -20,7 +20,7 @@ def diagnosis_file(place: Path) -> Path | None:
     return None
 
 
-def model_of(path: Path) -> tuple[AugmentedModel, str]:
+def read_augmented_model(path: Path) -> tuple[AugmentedModel, str]:
     """(model, verdict) of a diagnosis.json or a saved diagnosis; UsageError where it has none."""
     from rover_sweep.api.diagnose import load_diagnosis
     from rover_sweep.api.simulate import model_of as kept
@@ -33,7 +33,7 @@ def exported(path: Path, name: str | None, speed: float | None) -> dict[str, Any
     """The linear part as plain data."""
     from rover_sweep.report.export.diagnosed import exported_augmented
 
-    model, verdict = model_of(path)
+    model, verdict = read_augmented_model(path)
     if name not in (None, model.name):
         raise UsageError(f"{path} holds one model, {model.name!r}; leave --model {name} out")
     return exported_augmented(model, verdict, speed)

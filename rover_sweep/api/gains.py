@@ -16,7 +16,7 @@ from rover_sweep.gains.identified import (
     from_identification,
     with_steering,
 )
-from rover_sweep.gains.proposal import Proposal, propose
+from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import autopilot
 
 LOGS = (".bin", ".log", ".tlog")
@@ -41,7 +41,7 @@ def steering_gains(
         raise UsageError(
             f"--model {name}: gains need a model that holds at other speeds: {', '.join(PHYSICAL)}"
         )
-    found = identified(place, name)
+    found = read_identified(place, name)
     if vehicle_file:
         found = with_steering(found, load_vehicle(vehicle_file).steering()[1])
     known = (("INS_GYRO_FILTER", found.gyro_hz), ("SCHED_LOOP_RATE", found.loop_hz))
@@ -50,12 +50,12 @@ def steering_gains(
     except ValueError as error:
         raise UsageError(f"{flown_from}: {error}") from None
     try:
-        return propose(found, loop, speed)
+        return propose_gains(found, loop, speed)
     except ValueError as error:
         raise UsageError(f"no loop can be computed: {error}") from None
 
 
-def identified(place: Path, name: str | None) -> Identified:
+def read_identified(place: Path, name: str | None) -> Identified:
     """Of an identification.json, a saved result, a diagnosis, or a folder that holds one of them."""
     path = _file(place)
     document = _json(path)
@@ -73,7 +73,7 @@ def identified(place: Path, name: str | None) -> Identified:
     raise UsageError(f"{path} is neither an identification nor a diagnosis of rover-sweep")
 
 
-def parameters_of(path: Path) -> dict[str, float]:
+def recorded_parameters(path: Path) -> dict[str, float]:
     """Those of a .param file or of a log."""
     if path.suffix.lower() in LOGS:
         return _logged(path)
@@ -119,9 +119,9 @@ def _result_document(path: Path) -> dict[str, Any]:
 
 
 def _diagnosed(path: Path, name: str | None) -> Identified:
-    from rover_sweep.api.export import model_of
+    from rover_sweep.api.export import read_augmented_model
 
-    model, verdict = model_of(path)
+    model, verdict = read_augmented_model(path)
     if name not in (None, model.baseline):
         raise UsageError(f"{path} holds the {model.baseline} model; leave --model {name} out")
     return from_diagnosis(model, verdict)

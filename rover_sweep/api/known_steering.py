@@ -52,7 +52,7 @@ def through_linkage(run: Recording, vehicle: Vehicle) -> Recording:
     is where nothing was measured."""
     if not has_linkage(vehicle):
         return run
-    from rover_sweep.bench.linkage import curve, play
+    from rover_sweep.bench.linkage import curve, wheel_behind_gap
 
     delta, q = run["delta"], {p: n.value for p, n in _numbers(vehicle).items()}
     wanted = curve(delta.x, q.get("e", 0.0), q.get("c3", 0.0), q.get("w", 0.0))
@@ -60,7 +60,7 @@ def through_linkage(run: Recording, vehicle: Vehicle) -> Recording:
     if not gap and limit is None:
         found = replace(delta, x=wanted)
     elif delta.rate < SLOWEST:
-        found = replace(delta, x=play(wanted, gap))
+        found = replace(delta, x=wheel_behind_gap(wanted, gap))
     else:
         lag = vehicle.servo_lag.value if vehicle.servo_lag is not None else USUAL_LAG
         found = behind_servo(replace(delta, x=wanted), lag, 1.0 / limit.value if limit else 0.0, gap)

@@ -22,7 +22,7 @@ BIAS_SHARE = 0.3  # of the amplitude, from which a sweep counts as one about a s
 SLOWEST, FASTEST = 0.8, 12.0  # m/s, of a run that is proposed
 
 
-def planned(
+def plan_runs(
     runs: Sequence[PlannedRun],
     vehicle: Vehicle,
     wanted: Sequence[str] = (),
@@ -46,7 +46,7 @@ def planned(
         tuple(runs),
         geometry_of(vehicle),
         abs(rad_per_us),
-        limits_of(vehicle),
+        planning_limits(vehicle),
         tuple(wanted),
         bench.spread,
         {run.name: experiment(run) for run in driven},
@@ -70,7 +70,7 @@ def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
         )
 
 
-def limits_of(vehicle: Vehicle) -> Limits:
+def planning_limits(vehicle: Vehicle) -> Limits:
     """What may be proposed: within the friction that the report warns at, and the applet's own limits."""
     from rover_sweep.design.advice import PWM_MAX
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from rover_sweep.api.known_steering import through_linkage
 from rover_sweep.data.recording import Recording, steered
-from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.data.run_names import named, source_names
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_file import load as load_vehicle
@@ -72,7 +72,13 @@ class Runs(Shown, Sequence[Recording]):
     def table(self) -> ShortTable:
         """Name, kind, length, speed and channels of each run, and the warnings."""
         rows = tuple(
-            (r.name, r.kind, f"{r.span[1] - r.span[0]:.1f}", number(r.mean_speed, 3), " ".join(r.channels))
+            (
+                r.name,
+                r.kind,
+                f"{r.span[1] - r.span[0]:.1f}",
+                plain_number(r.mean_speed, 3),
+                " ".join(r.channels),
+            )
             for r in self.recordings
         )
         told: dict[str, list[str]] = {}
@@ -116,7 +122,7 @@ def read(
     return Runs(runs, rover, Path(vehicle) if isinstance(vehicle, str | PathLike) else None)
 
 
-def load(
+def load_steered(
     sources: Sequence[str], vehicle: Vehicle, reading: Reading, beside: Sequence[str] = ()
 ) -> tuple[Recording, ...]:
     """All runs of the sources with the steering angle in radians; beside: as in `load_runs`."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rover_sweep.data.recording import Array, Recording, steered
-from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import DataRefused, UsageError
@@ -48,7 +48,12 @@ class Simulation(Shown):
     def table(self) -> ShortTable:
         """RMS of each recorded channel and of the model's error in it."""
         rows = [
-            (c, UNITS[c], number(float(np.sqrt(np.mean(self.measured[c] ** 2))), 3), number(self.error(c), 3))
+            (
+                c,
+                UNITS[c],
+                plain_number(float(np.sqrt(np.mean(self.measured[c] ** 2))), 3),
+                plain_number(self.error(c), 3),
+            )
             for c in self.signals
             if c in self.measured
         ]
@@ -114,6 +119,6 @@ def _augmented(model: AugmentedModel, run: Experiment) -> dict[str, Array]:
 
 def _linear(model: ModelResult, run: Experiment, recording: Recording) -> dict[str, Array]:
     from rover_sweep.diagnosis.simulation.experiment import RATE
-    from rover_sweep.identification.verify import simulate as linear
+    from rover_sweep.identification.verify import simulated_outputs as linear
 
     return linear(model.fit.structure, run.mean_speed, run.steer, RATE, recording.filters)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.bench.bench_result import LEVEL, BenchResult
-from rover_sweep.bench.linkage import curve, play
+from rover_sweep.bench.linkage import curve, wheel_behind_gap
 from rover_sweep.bench.static_curve import static_numbers
 from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused
@@ -55,7 +55,7 @@ def by_hand(readings: Readings, trim: float) -> BenchResult:
     def model(x: Array) -> Array:
         q = {**dict.fromkeys(scale, 0.0), **dict(zip(names, x, strict=True))}
         servo = curve(-q["k"] * (path - q["trim"]), q["e"], q["c3"], q["w"])
-        return play(servo, max(q["b"], 0.0))[1:]
+        return wheel_behind_gap(servo, max(q["b"], 0.0))[1:]
 
     low = np.array([0.0 if n == "b" else -np.inf for n in names])
     prior = np.array([1.0 / USUAL[n] if n in USUAL else 0.0 for n in names])

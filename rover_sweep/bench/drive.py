@@ -74,7 +74,7 @@ class BenchPlan:
     unasked: bool = False
 
 
-def drive(
+def drive_bench(
     url: str, folder: BenchFolder, plan: BenchPlan, operator: Operator, access: Access | None = None
 ) -> bool:
     """Carry it out, recording into the folder; True where all was done. access: see `Link.open`.

@@ -48,7 +48,7 @@ def _holds_0(number: Number) -> bool:
     return number.low <= 0.0 <= number.high
 
 
-def write(path: Path, result: BenchResult) -> dict[str, Measured]:
+def write_bench_numbers(path: Path, result: BenchResult) -> dict[str, Measured]:
     """Write them into the file, comments kept; what was written."""
     numbers = numbers_for_file(result)
     set_numbers(path, numbers)

@@ -23,7 +23,7 @@ def curve(u: Array, e: float, c3: float, w: float) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def play(servo: Array, half_gap: float) -> Array:
+def wheel_behind_gap(servo: Array, half_gap: float) -> Array:
     """Wheel (n,) rad behind a servo that goes from one angle to the next; begins in the middle of the gap."""
     out = np.empty(servo.size)
     x = servo[0]

@@ -52,7 +52,7 @@ class Shown:
         return self.table().html()
 
 
-def number(value: float | None, digits: int = 4) -> str:
+def plain_number(value: float | None, digits: int = 4) -> str:
     """A number with significant digits, - for none."""
     return "-" if value is None else f"{value:.{digits}g}"
 

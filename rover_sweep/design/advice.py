@@ -29,7 +29,7 @@ NONSENSE_G, NONSENSE_WHEEL = 3.0, 45.0  # g that no tyre holds, deg that no stee
 WEAK_YAW_RATE, GOOD_YAW_RATE = 10.0, 40.0  # deg/s; the paper's rover reached 40..45
 
 
-def judged(design: Design, servo_60_deg: float | None = None) -> Design:
+def with_advice(design: Design, servo_60_deg: float | None = None) -> Design:
     """The design with its notes; servo_60_deg: this rover's own servo, s for 60 deg."""
     notes = [*_sweep(design), *_amplitude(design), *_servo(design, servo_60_deg), *_space(design)]
     notes += [*_rates(design), *_filters(design)]

@@ -144,7 +144,7 @@ class Path:
     r: Array
 
 
-def plan(
+def make_design(
     manoeuvre: Manoeuvre,
     vehicle: Vehicle | None = None,
     speed: float | None = None,
@@ -193,7 +193,7 @@ def wave(manoeuvre: Manoeuvre, rate: float = 200.0) -> tuple[Array, Array]:
     return t, manoeuvre.wave(t)
 
 
-def spectrum(manoeuvre: Manoeuvre, w: Array) -> Array:
+def wave_spectrum(manoeuvre: Manoeuvre, w: Array) -> Array:
     """Amplitude spectrum |integral of wave e^-jwt dt| at w [rad/s], us s, (n_w,)."""
     t, x = wave(manoeuvre)
     step = t[1] - t[0]
@@ -230,7 +230,7 @@ def servo_demand(manoeuvre: Manoeuvre, vehicle: Vehicle | None) -> ServoDemand:
     )
 
 
-def drive(manoeuvre: Manoeuvre, vehicle: Vehicle, speed: float, trim_error: float = 0.0) -> Path:
+def simulated_track(manoeuvre: Manoeuvre, vehicle: Vehicle, speed: float, trim_error: float = 0.0) -> Path:
     """The track with the kinematic yaw rate r = V tan(delta)/(a + b); speed m/s, trim_error us.
 
     Sideslip and servo lag are left out; both make the true path a little smaller at high frequency, where
@@ -245,8 +245,8 @@ def drive(manoeuvre: Manoeuvre, vehicle: Vehicle, speed: float, trim_error: floa
 
 def space(manoeuvre: Manoeuvre, vehicle: Vehicle, speed: float) -> Space:
     """Ground, yaw rate and lateral acceleration of the manoeuvre at `speed` m/s."""
-    path = drive(manoeuvre, vehicle, speed)
-    bent = [drive(manoeuvre, vehicle, speed, error) for error in (-TRIM_ERROR, TRIM_ERROR)]
+    path = simulated_track(manoeuvre, vehicle, speed)
+    bent = [simulated_track(manoeuvre, vehicle, speed, error) for error in (-TRIM_ERROR, TRIM_ERROR)]
     r = float(np.max(np.abs(path.r)))
     return Space(
         speed=speed,

@@ -10,7 +10,7 @@ from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.search.bounds import ExceededBound, cost_of, exceeded_bound
 from rover_sweep.diagnosis.search.candidate_fits import Trial, fit_candidate, tangent
 from rover_sweep.diagnosis.search.look_alikes import LookAlike, find_look_alikes
-from rover_sweep.diagnosis.search.rounds import Misfit, Options, Round, material, round_of
+from rover_sweep.diagnosis.search.rounds import Misfit, Options, Round, matters, round_of
 from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.unexplained.unexplained import unmodelled_gain
@@ -179,7 +179,7 @@ def _still_needed(named: Sequence[Named], current: Round, options: Options) -> l
         rest = current.model.without(one.trial.effect)
         less = fit(current.problem, rest.structure, rest.free, current.fitted.x, known=current.fitted)
         trial = Trial(one.trial.effect, current.model, current.fitted, less.cost - current.fitted.cost)
-        if trial.gain < one.threshold or not material(trial):
+        if trial.gain < one.threshold or not matters(trial):
             out.remove(one)
             continue
         space = tangent(less)

@@ -45,7 +45,7 @@ from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment
-from rover_sweep.diagnosis.unexplained.unexplained import unknown, unknown_place
+from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unknown_place
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.grouping import Settings, grouped
@@ -112,7 +112,7 @@ def diagnose(
         stopped,
     )
     speed = sum(run.mean_speed for run in used) / len(used)
-    begin = _start(settings.parameters) | lumped_baseline.start(settings.parameters, speed)
+    begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
     choice = choose(used, model, begin, options)
     found = _answer(choice, used, held, settings)
     remarks = [f"the simulation follows the {settings.baseline} model"] if simulated else []
@@ -220,7 +220,7 @@ def _unknown(
         return unknown_at_bound(choice.exceeded, choice.withdrawn)
     if choice.stopped:
         return None
-    left = unknown(choice.last, bool(findings), seed, choice.unmodelled) or speed
+    left = left_unexplained(choice.last, bool(findings), seed, choice.unmodelled) or speed
     return left or (None if findings else unknown_place(places))
 
 

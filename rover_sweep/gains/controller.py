@@ -71,7 +71,7 @@ class Driven:
     steering: Array
 
 
-def drive(
+def simulate_loop(
     autopilot: Autopilot,
     plant: SampledPlant,
     angle_per_output: float,

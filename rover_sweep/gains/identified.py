@@ -103,7 +103,7 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
         recorded_loop.loop(run),
         recorded_loop.amplitude(document["runs"]),
         (),
-        recorded_loop.play(steering),
+        recorded_loop.play_remark(steering),
         tuple(model["verdict"]["sentences"]),
     )
 

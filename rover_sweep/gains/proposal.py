@@ -54,7 +54,7 @@ class Proposal:
     feed_forwards: Mapping[float, float] | None = None
 
 
-def propose(found: Identified, autopilot: Autopilot, speed: float | None = None) -> Proposal:
+def propose_gains(found: Identified, autopilot: Autopilot, speed: float | None = None) -> Proposal:
     """Gains for a speed [m/s], that of the runs unless given."""
     at = speed or float(np.mean(found.speeds))
     holds = (min(speeds_around(at)), max(speeds_around(at)))
@@ -69,9 +69,9 @@ def propose(found: Identified, autopilot: Autopilot, speed: float | None = None)
     support = _reach(_stable(support, family), family)
     if any(not plant.stable for plant in family.plants):
         return Proposal(found, autopilot, at, support, None, None, holds)
-    now = judge(family, autopilot.gains)
+    now = assess_gains(family, autopilot.gains)
     made = _made(support, family, autopilot.gains)
-    judged = judge(family, made) if made else None
+    judged = assess_gains(family, made) if made else None
     support, judged = _after(found, support, judged)
     values = found.structure.values
     return Proposal(
@@ -103,7 +103,7 @@ def family_of(found: Identified, autopilot: Autopilot, speed: float) -> Family:
     return Family(plants, (mean, *sorted(sides - {mean})), autopilot)
 
 
-def judge(family: Family, gains: Gains) -> AssessedGains:
+def assess_gains(family: Family, gains: Gains) -> AssessedGains:
     """Margins, bandwidth and step of gains on the family."""
     loop, plant = family.autopilot, family.nominal
     w = frequencies(loop.period)

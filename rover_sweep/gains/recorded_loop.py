@@ -35,7 +35,7 @@ def cutoff(run: Mapping[str, Any]) -> float | None:
     return float(known["cutoff_hz"]) if known else None
 
 
-def play(steering: Mapping[str, Any] | None) -> tuple[str, ...]:
+def play_remark(steering: Mapping[str, Any] | None) -> tuple[str, ...]:
     """A remark where play was measured on blocks and so taken out of the runs and of the model."""
     half_gap = (steering or {}).get("backlash", {}).get("value", 0.0)
     if not half_gap:

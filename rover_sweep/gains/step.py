@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.gains.controller import Driven, drive
+from rover_sweep.gains.controller import Driven, simulate_loop
 from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.steering_plant import SampledPlant
 
@@ -59,7 +59,7 @@ def driven_step(
 ) -> Driven:
     """The step in time."""
     p, i, ff = (np.array([g]) for g in (gains.p, gains.i, gains.ff))
-    return drive(autopilot, plant, angle_per_output, stepped(autopilot, size), p, i, ff, gains)
+    return simulate_loop(autopilot, plant, angle_per_output, stepped(autopilot, size), p, i, ff, gains)
 
 
 def measured_step(t: Array, target: Array, rate: Array, size: float, used: float = math.nan) -> Step:
@@ -95,5 +95,5 @@ def pushed_error(
     """Integral of abs(error) (n,) [rad] after a push of the wheels by PUSH, over SECONDS."""
     still = np.zeros(round(SECONDS / autopilot.period))
     push = np.full(still.size, PUSH)
-    driven = drive(autopilot, plant, angle_per_output, still, p, i, np.zeros_like(p), shared, push)
+    driven = simulate_loop(autopilot, plant, angle_per_output, still, p, i, np.zeros_like(p), shared, push)
     return np.asarray(np.abs(driven.rate).sum(axis=0) * autopilot.period)

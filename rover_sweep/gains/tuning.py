@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.gains.controller import drive, feedback_response
+from rover_sweep.gains.controller import feedback_response, simulate_loop
 from rover_sweep.gains.margins import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, all_margins, frequencies
 from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.steering_plant import SampledPlant
@@ -125,7 +125,7 @@ def overshoots(family: Family, shared: Gains, p: Array, i: Array, ff: Array) -> 
     """Predicted overshoot (n,) [%] of the step that `step_of` takes."""
     loop, plant, angle = family.autopilot, family.nominal, family.angle_per_output[0]
     size = step_size(loop, plant, angle)
-    driven = drive(loop, plant, angle, stepped(loop, size), p, i, ff, shared)
+    driven = simulate_loop(loop, plant, angle, stepped(loop, size), p, i, ff, shared)
     return np.asarray(100 * (driven.rate.max(axis=0) / size - 1.0))
 
 

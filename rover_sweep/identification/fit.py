@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 
 from rover_sweep.data.intervals import Intervals
 from rover_sweep.data.recording import Array
-from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.identification.cost import Condition, costs, jacobian, residuals, restricted
 from rover_sweep.identification.starts import farthest
 from rover_sweep.identification.structure.state_space import ModelStructure, Parameter
@@ -82,10 +82,16 @@ class FitResult(Shown):
         """The free parameters with their accuracies, the fixed ones, the costs."""
         free = [e for e in self.estimates if e.free]
         rows = tuple(
-            (e.name, number(e.value), e.unit, number(e.cr_percent, 3), number(e.insensitivity_percent, 3))
+            (
+                e.name,
+                plain_number(e.value),
+                e.unit,
+                plain_number(e.cr_percent, 3),
+                plain_number(e.insensitivity_percent, 3),
+            )
             for e in free
         )
-        fixed = ", ".join(f"{e.name} {number(e.value)} {e.unit}" for e in self.estimates if not e.free)
+        fixed = ", ".join(f"{e.name} {plain_number(e.value)} {e.unit}" for e in self.estimates if not e.free)
         costs = ", ".join(f"{output} {j:.1f}" for output, j in self.costs.items())
         return ShortTable(
             f"{self.structure.name} model at {self.speed:.2f} m/s",

@@ -16,7 +16,7 @@ import numpy as np
 
 from rover_sweep.data.geometry import FRICTION, GRAVITY, NEAR
 from rover_sweep.data.recording import Note, Recording
-from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.models.bicycle import axle_stiffness
 from rover_sweep.identification.structure.state_space import ModelStructure
@@ -94,7 +94,8 @@ class Handling(Shown):
     def table(self) -> ShortTable:
         """Every quantity with its bound."""
         rows = tuple(
-            (name, number(q.value), number(q.bound, 2), q.unit) for name, q in self.quantities.items()
+            (name, plain_number(q.value), plain_number(q.bound, 2), q.unit)
+            for name, q in self.quantities.items()
         )
         title = f"handling of the {self.model} model at {self.speed:.2f} m/s"
         return ShortTable(title, ("quantity", "value", "bound", "unit"), rows, (self.sentence,))

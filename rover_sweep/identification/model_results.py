@@ -16,7 +16,7 @@ from rover_sweep.identification.grouping import MODELS, Group, Settings
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.lumped import lumped
 from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.reduction import ReductionStep, reduce
+from rover_sweep.identification.reduction import ReductionStep, reduce_model
 from rover_sweep.identification.starts import drawn_starts, near_starts
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.verdicts import ModelVerdict, judge_model, kinematic_suffices
@@ -148,7 +148,7 @@ def _reduced(
 ) -> tuple[FitResult, tuple[ReductionStep, ...]]:
     if not work.settings.reduction or known == {}:
         return full, ()
-    return reduce(full, work.conditions(), known, work.settings.keep)
+    return reduce_model(full, work.conditions(), known, work.settings.keep)
 
 
 def _untied(tied: ModelStructure, geometry: Geometry) -> ModelStructure:

@@ -35,7 +35,7 @@ class ReductionStep:
     found: float = 0.0
 
 
-def reduce(
+def reduce_model(
     start: FitResult,
     conditions: Sequence[Condition],
     known: Mapping[str, float] | None = None,

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from scipy.signal import bilinear, lfilter
 
 from rover_sweep.data.recording import Array, LowPass, Recording
-from rover_sweep.data.result_table import ShortTable, Shown, number
+from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.identification.structure.state_space import ModelStructure
 
 UNITS = {"r": ("deg/s", 180 / np.pi), "ay": ("ft/s^2", 1 / 0.3048), "p": ("deg/s", 180 / np.pi)}
@@ -68,8 +68,8 @@ class Verification(Shown):
 
     def table(self) -> ShortTable:
         """J_rms and TIC of each channel and of all."""
-        rows = [(o.channel, o.unit, number(o.j_rms, 3), number(o.tic, 2)) for o in self.overlays]
-        rows.append(("all", "", number(self.j_rms, 3), number(self.tic, 2)))
+        rows = [(o.channel, o.unit, plain_number(o.j_rms, 3), plain_number(o.tic, 2)) for o in self.overlays]
+        rows.append(("all", "", plain_number(self.j_rms, 3), plain_number(self.tic, 2)))
         title = f"verification on {self.run} at {self.speed:.2f} m/s"
         return ShortTable(title, ("channel", "unit", "J_rms", "TIC"), tuple(rows))
 
@@ -84,7 +84,7 @@ def theil(overlays: Sequence[Overlay]) -> float:
     return error / (rms([o.measured for o in overlays]) + rms([o.model for o in overlays]))
 
 
-def simulate(
+def simulated_outputs(
     structure: ModelStructure, speed: float, u: Array, rate: float, filters: Mapping[str, LowPass]
 ) -> dict[str, Array]:
     """{output: (n,)} in SI units of the model from rest, driven by u, held between samples.
@@ -165,7 +165,7 @@ def verify(
     grid = start + np.arange(int((end - start) * RATE) + 1) / RATE
     speed = run.mean_speed
     driven = np.column_stack([_from_rest(run, i, grid) for i in structure.inputs])
-    model = simulate(structure, speed, driven, RATE, low_passes)
+    model = simulated_outputs(structure, speed, driven, RATE, low_passes)
     unit = _bias_responses(structure, speed, grid.size, low_passes)
     return _solved(structure, run, used, grid, model, unit, speed)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.logs.judge.judgement import judged, refuse_unexcited, refuse_useless
+from rover_sweep.logs.judge.judgement import refuse_unexcited, refuse_useless, with_notes
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.readers.implausible import screened
 from rover_sweep.logs.runs.find import find_runs
@@ -52,7 +52,7 @@ def runs_of(whole: Log) -> tuple[Recording, ...]:
     found = find_runs(log)
     if not found:
         refuse_unexcited(log)
-    return tuple(judged(run, log) for run in found)
+    return tuple(with_notes(run, log) for run in found)
 
 
 def read_logs(

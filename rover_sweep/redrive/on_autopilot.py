@@ -32,7 +32,7 @@ _SCRIPT_LOOP_HZ = 100.0  # least main loop: below it scripts may wait 72 ms for 
 _CHANNELS = Channels(steering=1, throttle=3, switch=6, steering_trim=1500, throttle_trim=1500)
 
 
-def played(
+def drive_course(
     course: Course, parameters: PlantParameters, out: Path, simulator: str, ardurover: Path | None, seed: int
 ) -> Iterator[str]:
     """Drive the course on `simulator` ("embedded", "ardurover") and write its log to `out`.

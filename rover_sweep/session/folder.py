@@ -54,7 +54,7 @@ class Session:
             folder.mkdir(parents=True, exist_ok=True)
         claim = Claim(folder)
         try:
-            session = cls(folder, read(folder))
+            session = cls(folder, read_folder(folder))
             session._claim = claim
             session._write()
         except BaseException:
@@ -189,7 +189,7 @@ def kept_vehicle_file(sources: Sequence[str]) -> Path | None:
     return kept[0] if kept else None
 
 
-def read(folder: Path) -> Content:
+def read_folder(folder: Path) -> Content:
     """What the folder holds; changes nothing in it. A run that was begun and not ended is told by its tlog,
     and so is a tlog that session.json does not know. UsageError for a session.json that is none."""
     said = _said(folder)

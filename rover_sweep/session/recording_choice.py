@@ -7,13 +7,13 @@ from pathlib import Path
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.logs.readers.dropped import dropped_messages
-from rover_sweep.session.folder import read
+from rover_sweep.session.folder import read_folder
 
 
 def origin_words(folder: Path, runs: Sequence[Recording]) -> Iterator[str]:
     """A sentence for each file, of runs that `session_runs` chose: the vehicle's log where one holds the run
     whole, else its telemetry."""
-    fetched = [log.file for log in read(folder).logs]
+    fetched = [log.file for log in read_folder(folder).logs]
     for file in dict.fromkeys(run.sources[0][0] for run in runs):
         mine = [run for run in runs if run.sources[0][0] == file]
         steering, turning = mine[0]["pwm" if "pwm" in mine[0] else "delta"], mine[0]["r"]

@@ -11,7 +11,7 @@ from rover_sweep.data.recording import Note, Recording
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs import read_runs
 from rover_sweep.session.content import Content, DrivenRun
-from rover_sweep.session.folder import DESCRIPTION, read
+from rover_sweep.session.folder import DESCRIPTION, read_folder
 
 _END = 2.0  # s: as near to a run's end the log's account of it reaches
 
@@ -21,7 +21,7 @@ def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tu
 
     filters: as of `read_runs`. What was left out is a note on the first. DataRefused where none is left.
     """
-    content = read(folder)
+    content = read_folder(folder)
     left_out = [f"{run.label} was left out: {run.reason}" for run in content.runs if run.state != "done"]
 
     @cache

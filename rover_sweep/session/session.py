@@ -33,9 +33,9 @@ from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, request_all, stop
 from rover_sweep.vehicle.link.transport import Line
 from rover_sweep.vehicle.logs.download import LogEntry, LogSaved, MavlinkLogs
-from rover_sweep.vehicle.parameters.read_write import read, read_present
+from rover_sweep.vehicle.parameters.read_write import read_parameter, read_present
 from rover_sweep.vehicle.run.controls import pump
-from rover_sweep.vehicle.run.one_run import run
+from rover_sweep.vehicle.run.one_run import one_run
 from rover_sweep.vehicle.run.settings import RunSettings
 from rover_sweep.vehicle.setup.install import install
 
@@ -102,7 +102,7 @@ def _drive(
         stop(link, IDENTIFICATION_RATES)
         if plan.logs and (yield from _disarmed(link, plan.settings.patience)):
             link.record_to(session.tlog("fetch"))
-            for event in fetch(logs, session):
+            for event in fetch_new_logs(logs, session):
                 if isinstance(event, LogSaved):
                     note_runs(session, event.path.name)
                 yield event
@@ -121,7 +121,7 @@ def refuse_impossible(link: Link, runs: Sequence[SessionRun], settings: RunSetti
                 f"{planned.name} asks for {planned.manoeuvre.peak:g} us, but the rover's SWP_PWM_MAX "
                 f"allows {limit:g} us; take less, or raise SWP_PWM_MAX if the steering moves freely that far"
             )
-        refuse_undersampled(planned.manoeuvre, read(link, "SCHED_LOOP_RATE"))
+        refuse_undersampled(planned.manoeuvre, read_parameter(link, "SCHED_LOOP_RATE"))
 
 
 def recorded_run(
@@ -134,7 +134,7 @@ def recorded_run(
     tlog = session.tlog(planned.name)
     session.begun(planned, tlog, settings.arm)
     try:
-        ended = yield from run(link, planned.manoeuvre, planned.name, tlog, settings)
+        ended = yield from one_run(link, planned.manoeuvre, planned.name, tlog, settings)
     except KeyboardInterrupt as stopped:
         session.ended(tlog, "stopped", "interrupted", _left_armed(link, settings))
         armed = link.armed or link.may_be_armed
@@ -188,7 +188,7 @@ def _disarmed(link: Link, patience: float) -> Generator[Event, None, bool]:
 
 def start_streams(link: Link) -> Iterator[Event]:
     """Ask for what a run is identified from, and tell what is granted."""
-    streams = request_all(link, read(link, "SCHED_LOOP_RATE"))
+    streams = request_all(link, read_parameter(link, "SCHED_LOOP_RATE"))
     yield StreamsSet(streams)
     for stream in streams:
         if stream.advice:
@@ -216,7 +216,7 @@ def listed(logs: Sequence[LogEntry]) -> tuple[tuple[int, int, int], ...]:
     return tuple((log.number, log.size, log.time_utc) for log in logs)
 
 
-def fetch(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
+def fetch_new_logs(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
     """Download the logs that are new or have grown since the session began, and are not here already.
     After each LogSaved `note_runs` is the caller's.
 

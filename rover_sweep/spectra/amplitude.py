@@ -114,7 +114,7 @@ def wanted_factor(f: FrequencyResponse, low: float, high: float) -> tuple[float,
     return float(np.clip(factor, LEAST, MOST)), 1 / ratio if ratio > 0 else np.inf, wanted
 
 
-def propose(
+def propose_amplitude(
     found: Mapping[str, FrequencyResponse],
     driven: float,
     limits: tuple[Limit, ...] = (),

@@ -24,7 +24,7 @@ def even_grid(w: Array, length: float) -> Array:
     return np.asarray(w[0] + step * (np.arange(count) - REACH))
 
 
-def between(grid: Array, values: NDArray[Any], w: Array) -> NDArray[Any]:
+def sinc_interpolated(grid: Array, values: NDArray[Any], w: Array) -> NDArray[Any]:
     """values (..., n_grid) on an even grid, interpolated to w (n_w,): (..., n_w).
 
     w must be within the range that `even_grid` was made for. A sinc times the window exp(b (sqrt(1 - u^2) -

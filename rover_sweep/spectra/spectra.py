@@ -14,7 +14,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array, Signal
 from rover_sweep.spectra.averages import independent_averages
-from rover_sweep.spectra.band_limited import between, even_grid
+from rover_sweep.spectra.band_limited import even_grid, sinc_interpolated
 from rover_sweep.spectra.exponentials import Complex, EvenExponentials, Exponentials
 
 OVERLAP = 0.8  # of neighbouring windows
@@ -228,6 +228,6 @@ class _Sums:
 
     def averaged(self, w: Array, length: float, averages: float) -> WindowSpectra:
         scale = 2.0 / length / self.count * np.where(w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
-        total = self.total if self.grid is w else between(self.grid, self.total, w)
+        total = self.total if self.grid is w else sinc_interpolated(self.grid, self.total, w)
         xx, yy, xy = total
         return WindowSpectra(length, w, scale * xx.real, scale * yy.real, np.asarray(scale * xy), averages)

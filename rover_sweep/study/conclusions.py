@@ -14,7 +14,7 @@ def all_findings(study: Study) -> tuple[StudyFinding, ...]:
     return tuple(make(study) for make in (*findings.FOUND, *parameter_findings.FOUND))
 
 
-def summary(found: tuple[StudyFinding, ...]) -> str:
+def outcome_counts(found: tuple[StudyFinding, ...]) -> str:
     """How many findings came out, and which did not."""
     came = sum(f.outcome == "came out" for f in found)
     part = sum(f.outcome == "came out in part" for f in found)

@@ -9,7 +9,7 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.study.published import SPEED, SWEEP
-from rover_sweep.study.virtual_drive import Firmware, drive
+from rover_sweep.study.virtual_drive import Firmware, virtual_drive
 from sitl.plant.variant import PlantParameters, load_variant
 
 SWEEPS = 3
@@ -37,7 +37,7 @@ class StudyRuns:
     checks: Mapping[str, Recording]
 
 
-def driven(seed: int, progress: Progress) -> StudyRuns:
+def drive_all(seed: int, progress: Progress) -> StudyRuns:
     """Drives the whole plan on the published rover; every run has its own noise and road out of the seed."""
     asphalt, grass, firmware = load_variant("paper_asphalt"), load_variant("paper_grass"), Firmware()
     sweep = Sweep(SWEEP["amplitude"], SWEEP["w_min"], SWEEP["w_max"], SWEEP["t_rec"])
@@ -50,7 +50,7 @@ def driven(seed: int, progress: Progress) -> StudyRuns:
     recordings = []
     for k, (name, rover, manoeuvre, speed) in enumerate(plan):
         progress(k / len(plan), f"driving {name}")
-        recordings.append(drive(name, rover, manoeuvre, speed, 1000 * seed + k, firmware))
+        recordings.append(virtual_drive(name, rover, manoeuvre, speed, 1000 * seed + k, firmware))
     checks = dict(zip(CHECKS, recordings[SWEEPS:], strict=True))
     return StudyRuns(asphalt, grass, firmware, tuple(recordings[:SWEEPS]), checks)
 

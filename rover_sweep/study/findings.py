@@ -31,12 +31,12 @@ def ranked(values: Mapping[str, float]) -> list[str]:
     return sorted(values, key=lambda name: values[name])
 
 
-def listed(values: Mapping[str, float], digits: int = 3) -> str:
+def ranked_values(values: Mapping[str, float], digits: int = 3) -> str:
     """'lumped 51.7, roll-yaw 68.1, bicycle 84.6', the smallest first."""
     return ", ".join(f"{name} {number(values[name], digits)}" for name in ranked(values))
 
 
-def percent(share: float) -> str:
+def signed_percent(share: float) -> str:
     """A share as a signed percentage."""
     return f"{100 * share:+.0f} %"
 
@@ -46,7 +46,7 @@ def ms(seconds: float) -> str:
     return f"{1000 * seconds:.0f} ms"
 
 
-def judged(*conditions: bool) -> Outcome:
+def outcome_of(*conditions: bool) -> Outcome:
     """Whether all, some or none of the conditions hold."""
     if all(conditions):
         return "came out"
@@ -68,17 +68,17 @@ def cost_order(study: Study) -> StudyFinding:
     ours, known = ({m: p.fit(m).average for m in MODELS} for p in (study.paper, study.known))
     printed = {m: published.COSTS[m]["average"] for m in MODELS}
     same = [a == b for a, b in zip(ranked(ours), ranked(printed), strict=True)]
-    off = ", ".join(f"{m} {percent(ours[m] / printed[m] - 1)}" for m in MODELS)
+    off = ", ".join(f"{m} {signed_percent(ours[m] / printed[m] - 1)}" for m in MODELS)
     shares = [100 * (1 - known[m] / ours[m]) for m in MODELS]
     text = (
-        f"J_ave, fitted as the paper did: {listed(ours)} (published: {listed(printed)}). The "
+        f"J_ave, fitted as the paper did: {ranked_values(ours)} (published: {ranked_values(printed)}). The "
         f"{ranked(ours)[0]} model has the lowest. Against the print: {off}. With the sensors' filters in "
-        f"the models' outputs the same responses cost {listed(known)}: {min(shares):.0f} to "
+        f"the models' outputs the same responses cost {ranked_values(known)}: {min(shares):.0f} to "
         f"{max(shares):.0f} % of J_ave comes from low-passes that the fit ignores. "
         f"{_where_the_cost_lies(study)}"
     )
     claim = "The lumped model has the lowest average cost, then the roll-yaw, then the bicycle (Table 5)."
-    return StudyFinding("cost", claim, judged(*same), text)
+    return StudyFinding("cost", claim, outcome_of(*same), text)
 
 
 def _where_the_cost_lies(study: Study) -> str:
@@ -97,8 +97,8 @@ def nominal(study: Study) -> StudyFinding:
     ours, known = tics_of(study.paper, "asphalt"), tics_of(study.known, "asphalt")
     best = ranked(ours)[0]
     text = (
-        f"TIC: {listed(ours, 2)} (published: {listed(printed_tics('asphalt'), 2)}); "
-        f"with the filters known: {listed(known, 2)}."
+        f"TIC: {ranked_values(ours, 2)} (published: {ranked_values(printed_tics('asphalt'), 2)}); "
+        f"with the filters known: {ranked_values(known, 2)}."
     )
     if best != "roll-yaw":
         text += f" The {best} model is ahead. {_why_ahead(study, best)}"
@@ -106,7 +106,7 @@ def nominal(study: Study) -> StudyFinding:
         "On a doublet at the fitted speed the roll-yaw model predicts best, although the lumped model fits "
         "the responses best (Table 6)."
     )
-    return StudyFinding("nominal", claim, judged(best == "roll-yaw"), text)
+    return StudyFinding("nominal", claim, outcome_of(best == "roll-yaw"), text)
 
 
 def _why_ahead(study: Study, best: str) -> str:
@@ -139,21 +139,21 @@ def grass(study: Study) -> StudyFinding:
     """Table 7, left: which model predicts best on another ground."""
     ours = tics_of(study.paper, "grass")
     best, spread = ranked(ours)[0], max(ours.values()) / min(ours.values()) - 1
-    text = f"TIC: {listed(ours, 2)} (published: {listed(printed_tics('grass'), 2)})."
+    text = f"TIC: {ranked_values(ours, 2)} (published: {ranked_values(printed_tics('grass'), 2)})."
     if best != "roll-yaw":
         softer = 1 - study.runs.grass.front_cornering_stiffness / study.runs.asphalt.front_cornering_stiffness
         text += (
             f" The {best} model is ahead, {100 * spread:.0f} % from first to last. This grass hardly parts "
             f"the models: at {study.runs.checks['grass'].mean_speed:.1f} m/s the same steering gives "
-            f"{percent(_yaw_ratio(study) - 1)} yaw rate (rms) on tyres {100 * softer:.0f} % softer, while "
-            f"the rougher ground raises the error in p from {_p_error(study, 'asphalt')} to "
+            f"{signed_percent(_yaw_ratio(study) - 1)} yaw rate (rms) on tyres {100 * softer:.0f} % softer, "
+            f"while the rougher ground raises the error in p from {_p_error(study, 'asphalt')} to "
             f"{_p_error(study, 'grass')} deg/s, which the bicycle is not asked for."
         )
     text += f" In print, {published.DOUBTS['grass']}."
     claim = (
         "On artificial grass the roll-yaw model predicts best, nothing in the models being changed (Table 7)."
     )
-    return StudyFinding("grass", claim, judged(best == "roll-yaw"), text)
+    return StudyFinding("grass", claim, outcome_of(best == "roll-yaw"), text)
 
 
 def _yaw_ratio(study: Study) -> float:
@@ -170,8 +170,8 @@ def fast(study: Study) -> StudyFinding:
     ours = tics_of(study.paper, "fast")
     gain = {m: 100 * yaw_gain(study.paper, m, "fast") for m in MODELS}
     text = (
-        f"TIC at {study.runs.checks['fast'].mean_speed:.1f} m/s: {listed(ours, 2)} (published: "
-        f"{listed(printed_tics('fast'), 2)}). The lumped model gives {gain['lumped']:.0f} % of the "
+        f"TIC at {study.runs.checks['fast'].mean_speed:.1f} m/s: {ranked_values(ours, 2)} (published: "
+        f"{ranked_values(printed_tics('fast'), 2)}). The lumped model gives {gain['lumped']:.0f} % of the "
         f"measured yaw rate (rms), the roll-yaw {gain['roll-yaw']:.0f} %, the bicycle "
         f"{gain['bicycle']:.0f} %. {_why_lost(study)}"
     )
@@ -180,7 +180,7 @@ def fast(study: Study) -> StudyFinding:
         "roll-yaw model does (Table 7)."
     )
     return StudyFinding(
-        "fast", claim, judged(ours["lumped"] > TIC_GUIDE, ours["roll-yaw"] <= TIC_GUIDE), text
+        "fast", claim, outcome_of(ours["lumped"] > TIC_GUIDE, ours["roll-yaw"] <= TIC_GUIDE), text
     )
 
 
@@ -209,16 +209,18 @@ def fast_best(study: Study) -> StudyFinding:
     errors = {m: study.paper.check(m, "fast").j_rms for m in MODELS}
     gain = {m: yaw_gain(study.paper, m, "fast") - 1 for m in ("bicycle", "roll-yaw")}
     text = (
-        f"J_rms: {listed(errors)}; TIC: {listed(tics, 2)}. The bicycle's yaw rate is "
-        f"{percent(gain['bicycle'])} off the measured one (rms), the roll-yaw's "
-        f"{percent(gain['roll-yaw'])}: both have equal, linear tyres. With Cf and Cr free and the filters "
-        f"known the roll-yaw model reaches TIC {number(study.counterfactuals.untied['fast'].tic, 2)}."
+        f"J_rms: {ranked_values(errors)}; TIC: {ranked_values(tics, 2)}. The bicycle's yaw rate is "
+        f"{signed_percent(gain['bicycle'])} off the measured one (rms), the roll-yaw's "
+        f"{signed_percent(gain['roll-yaw'])}: both have equal, linear tyres. With Cf and Cr free and the "
+        f"filters known the roll-yaw model reaches TIC {number(study.counterfactuals.untied['fast'].tic, 2)}."
     )
     best = (ranked(values)[0] == "roll-yaw" for values in (tics, errors))
     claim = (
         "At 4 m/s the roll-yaw model predicts best, and the bicycle over-predicts its yaw rate (section 8.1)."
     )
-    return StudyFinding("fast-best", claim, judged(*best, gain["bicycle"] > max(gain["roll-yaw"], 0.0)), text)
+    return StudyFinding(
+        "fast-best", claim, outcome_of(*best, gain["bicycle"] > max(gain["roll-yaw"], 0.0)), text
+    )
 
 
 FOUND: tuple[Callable[[Study], StudyFinding], ...] = (cost_order, nominal, grass, fast, fast_best)

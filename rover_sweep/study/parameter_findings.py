@@ -8,16 +8,16 @@ from math import pi, sqrt
 from rover_sweep.identification.handling import handling
 from rover_sweep.report.wording.number_format import SHORT_NAMES, number, symbol
 from rover_sweep.study import published
-from rover_sweep.study.findings import StudyFinding, judged, ms, percent
+from rover_sweep.study.findings import StudyFinding, ms, outcome_of, signed_percent
 from rover_sweep.study.virtual_study import Practice, Study, true_delay
 
 PHYSICAL = ("bicycle", "roll-yaw")
 
 
-def inertia(study: Study) -> StudyFinding:
+def inertia_finding(study: Study) -> StudyFinding:
     """Sections 6.1 and 6.2: Izz against the swing test."""
     true, swing = study.truth.values["Izz"], published.SWING_TEST["Izz"]
-    printed = {m: percent(published.PARAMETERS[m]["Izz"].value / swing - 1) for m in PHYSICAL}
+    printed = {m: signed_percent(published.PARAMETERS[m]["Izz"].value / swing - 1) for m in PHYSICAL}
     ours = {m: abs(study.paper.fit(m)["Izz"].value / true - 1) for m in PHYSICAL}
     found = "; ".join(f"{p.title}: {_inertias(p, true)}" for p in study.practices.values())
     text = (
@@ -28,11 +28,11 @@ def inertia(study: Study) -> StudyFinding:
         f"The roll-yaw model's I_zz lies nearer to the swing test ({printed['roll-yaw']}) than the bicycle's "
         f"({printed['bicycle']})."
     )
-    return StudyFinding("inertia", claim, judged(ours["roll-yaw"] < ours["bicycle"]), text)
+    return StudyFinding("inertia", claim, outcome_of(ours["roll-yaw"] < ours["bicycle"]), text)
 
 
 def _inertias(practice: Practice, true: float) -> str:
-    return ", ".join(f"{m} {percent(practice.fit(m)['Izz'].value / true - 1)}" for m in PHYSICAL)
+    return ", ".join(f"{m} {signed_percent(practice.fit(m)['Izz'].value / true - 1)}" for m in PHYSICAL)
 
 
 def _why_inertia(study: Study, true: float) -> str:
@@ -43,7 +43,8 @@ def _why_inertia(study: Study, true: float) -> str:
     words = (
         f"V̇_y comes from the estimator, whose velocity is {ms(study.runs.asphalt.velocity_lag)} late over "
         "the earth, so that a turning rover's V_y lacks that times V r. With the lag taken out of the "
-        f"measured response the roll-yaw fit (filters known) has {percent(prompt)} in place of {percent(now)}"
+        f"measured response the roll-yaw fit (filters known) has {signed_percent(prompt)} in place of "
+        f"{signed_percent(now)}"
     )
     bounds = f"{number(known.cr_percent, 2)} % with V̇_y, {number(default.cr_percent, 2)} % without"
     if abs(prompt) < 0.5 * abs(now):
@@ -59,7 +60,7 @@ def stiffness(study: Study) -> StudyFinding:
     apart, in_print = (c["roll-yaw"] / c["bicycle"] - 1 for c in (ours, printed))
     text = (
         f"As the paper: bicycle {number(ours['bicycle'], 3)}, roll-yaw {number(ours['roll-yaw'], 3)} N/rad, "
-        f"{percent(apart)} apart ({percent(in_print)} in print); with the filters known "
+        f"{signed_percent(apart)} apart ({signed_percent(in_print)} in print); with the filters known "
         f"{number(known['bicycle'], 3)} and {number(known['roll-yaw'], 3)}. This rover's axles have "
         f"{number(true, 3)} on average at zero slip."
     )
@@ -73,7 +74,7 @@ def stiffness(study: Study) -> StudyFinding:
         "The roll-yaw model's cornering stiffness is much higher than the bicycle's and the more plausible "
         "one (Tables 2 and 3)."
     )
-    return StudyFinding("stiffness", claim, judged(apart > 0.5 * in_print, nearer), text)
+    return StudyFinding("stiffness", claim, outcome_of(apart > 0.5 * in_print, nearer), text)
 
 
 def delays(study: Study) -> StudyFinding:
@@ -96,7 +97,7 @@ def delays(study: Study) -> StudyFinding:
         "The models need an equivalent delay of 71 to 88 ms (Tables 2 to 4), laid to higher-order dynamics "
         "that are not modelled."
     )
-    return StudyFinding("delays", claim, judged(*near), text)
+    return StudyFinding("delays", claim, outcome_of(*near), text)
 
 
 def _gyro_words(study: Study, known: float) -> str:
@@ -134,7 +135,7 @@ def roll(study: Study) -> StudyFinding:
         f"{number(ignored['roll-yaw'], 3)} with them ignored{', where their lag hides it' if hidden else ''}."
     )
     claim = "The bicycle cannot predict roll, and fits a_y less well than the roll-yaw model does (Table 5)."
-    return StudyFinding("roll", claim, judged(True, worse, not hidden), text)
+    return StudyFinding("roll", claim, outcome_of(True, worse, not hidden), text)
 
 
 def structure(study: Study) -> StudyFinding:
@@ -158,7 +159,7 @@ def structure(study: Study) -> StudyFinding:
     )
     claim = "Reduction leaves ten derivatives and a delay, some with Cramer-Rao bounds near 30 % (Table 4)."
     near = len(ours ^ printed) <= 2
-    return StudyFinding("structure", claim, judged(near, 20 < (worst.cr_percent or 0.0) < 60), text)
+    return StudyFinding("structure", claim, outcome_of(near, 20 < (worst.cr_percent or 0.0) < 60), text)
 
 
 def _bound(percentage: float | None) -> str:
@@ -170,7 +171,7 @@ def _symbols(names: Collection[str]) -> str:
     return ", ".join(symbol(n) for n in order) or "none"
 
 
-def bands(study: Study) -> StudyFinding:
+def coherence_finding(study: Study) -> StudyFinding:
     """Section 5: the bands of coherence above 0.6."""
     found = study.coherent
     words = ", ".join(f"{SHORT_NAMES[o]} {_band(found.get(o))}" for o in published.BANDS)
@@ -185,7 +186,7 @@ def bands(study: Study) -> StudyFinding:
             "coherence weighs it down."
         )
     claim = "Usable from 0.2 (r, a_y), 0.6 (p) and 3 rad/s (V̇_y) up to 20 or 25 rad/s (section 5)."
-    return StudyFinding("bands", claim, judged(*as_wide.values()), text)
+    return StudyFinding("bands", claim, outcome_of(*as_wide.values()), text)
 
 
 def _covers(band: tuple[float, float] | None, wanted: tuple[float, float]) -> bool:
@@ -216,7 +217,7 @@ def yaw_rate(study: Study) -> StudyFinding:
         f"{1000 * study.runs.asphalt.rad_per_us:.2g} mrad/µs, is not printed and was chosen for this.)"
     )
     claim = "±150 µs give about ±40 to 45 deg/s of yaw rate, until it rolls off (Figure 2)."
-    return StudyFinding("yaw-rate", claim, judged(0.9 * low <= peak <= 1.1 * high), text)
+    return StudyFinding("yaw-rate", claim, outcome_of(0.9 * low <= peak <= 1.1 * high), text)
 
 
 def speed_limit(study: Study) -> StudyFinding:
@@ -231,17 +232,17 @@ def speed_limit(study: Study) -> StudyFinding:
         "Not said in the paper, but in its numbers (a > b): unstable above 5.6 m/s by the bicycle model and "
         "7.0 m/s by the roll-yaw model."
     )
-    return StudyFinding("speed-limit", claim, judged(*inside), text)
+    return StudyFinding("speed-limit", claim, outcome_of(*inside), text)
 
 
 CRITICAL = (5.6, 7.0)  # m/s, of the printed parameters
 FOUND: tuple[Callable[[Study], StudyFinding], ...] = (
-    inertia,
+    inertia_finding,
     stiffness,
     delays,
     roll,
     structure,
-    bands,
+    coherence_finding,
     yaw_rate,
     speed_limit,
 )

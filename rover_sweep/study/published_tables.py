@@ -18,7 +18,7 @@ NUMBERS = {"bicycle": "Table 2", "roll-yaw": "Table 3", "lumped": "Table 4"}
 
 def tables(study: Study) -> tuple[Table, ...]:
     """Tables 2 to 7 in order."""
-    return (*(parameters(study, m) for m in MODELS), costs(study), *verifications(study))
+    return (*(parameter_comparison(study, m) for m in MODELS), cost_comparison(study), *verifications(study))
 
 
 def practices_table(study: Study) -> Table:
@@ -27,7 +27,7 @@ def practices_table(study: Study) -> Table:
     return Table("Three ways to fit the same runs", ("", ""), rows, "", 2)
 
 
-def parameters(study: Study, model: str) -> Table:
+def parameter_comparison(study: Study, model: str) -> Table:
     """Tables 2, 3 and 4: the free parameters, printed and found."""
     printed = published.PARAMETERS[model]
     units = {e.name: e.unit for e in study.paper.fit(model).estimates}
@@ -98,7 +98,7 @@ def _parameter_note(study: Study, model: str) -> str:
     return fixed + speed + (f" In print, {doubt}." if doubt else "")
 
 
-def costs(study: Study) -> Table:
+def cost_comparison(study: Study) -> Table:
     """Table 5: J of each response and the average."""
     rows: list[tuple[Cell, ...]] = []
     for output in OUTPUTS:

@@ -10,13 +10,18 @@ from rover_sweep.report.identification.page import by_section
 from rover_sweep.report.identification.pictures import Picture
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.provenance import versions
-from rover_sweep.report.wording.strict_json import dumps
-from rover_sweep.study.conclusions import rover_sentences, summary
+from rover_sweep.report.wording.strict_json import strict_json
+from rover_sweep.study.conclusions import outcome_counts, rover_sentences
 from rover_sweep.study.conditions import Progress
 from rover_sweep.study.figures import figures
 from rover_sweep.study.findings import StudyFinding
 from rover_sweep.study.published import PAPER
-from rover_sweep.study.published_tables import costs, parameters, practices_table, verifications
+from rover_sweep.study.published_tables import (
+    cost_comparison,
+    parameter_comparison,
+    practices_table,
+    verifications,
+)
 from rover_sweep.study.study_json import study_document
 from rover_sweep.study.virtual_study import Study
 
@@ -34,7 +39,7 @@ def write_study(
     study: Study, found: tuple[StudyFinding, ...], directory: Path, progress: Progress
 ) -> StudyFiles:
     """Writes everything; each file is replaced at once. UsageError where the directory cannot be written."""
-    document = write_file(directory / "study.json", dumps(study_document(study, found)))
+    document = write_file(directory / "study.json", strict_json(study_document(study, found)))
     plan, drawn = tuple(figures(study)), []
     for k, picture in enumerate(plan):
         progress(k / len(plan), f"drawing {picture.name}")
@@ -53,11 +58,11 @@ def _page(study: Study, found: tuple[StudyFinding, ...], drawn: list[tuple[Pictu
             paper=PAPER,
             versions=versions(),
             findings=found,
-            summary=summary(found),
+            summary=outcome_counts(found),
             rover=rover_sentences(study),
             ways=practices_table(study),
-            costs=costs(study),
-            parameters=[parameters(study, m) for m in ("bicycle", "roll-yaw", "lumped")],
+            costs=cost_comparison(study),
+            parameters=[parameter_comparison(study, m) for m in ("bicycle", "roll-yaw", "lumped")],
             verifications=list(verifications(study)),
             pictures=by_section(drawn),
         )

@@ -42,7 +42,7 @@ class Firmware:
         return {"r": gyro, "p": gyro, "ay": LowPass(self.accel_filter_hz, "INS_ACCEL_FILTER")}
 
 
-def drive(
+def virtual_drive(
     name: str,
     rover: PlantParameters,
     manoeuvre: Manoeuvre,

@@ -16,7 +16,7 @@ from rover_sweep.identification.pipeline import Identification, identify
 from rover_sweep.identification.structure.state_space import OUTPUTS, ModelStructure
 from rover_sweep.identification.verify import Verification, verify
 from rover_sweep.spectra.response import Band, usable_band
-from rover_sweep.study.conditions import CHECKS, Progress, StudyRuns, driven, geometry
+from rover_sweep.study.conditions import CHECKS, Progress, StudyRuns, drive_all, geometry
 from rover_sweep.study.published import BANDS, SWEEP
 
 
@@ -88,7 +88,7 @@ class Study:
 def study(seed: int = 1, progress: Progress | None = None) -> Study:
     """Drives and identifies; the same seed gives the same numbers. progress: share done 0..1, and what."""
     told = progress or _silent
-    runs = driven(seed, lambda share, what: told(0.35 * share, what))
+    runs = drive_all(seed, lambda share, what: told(0.35 * share, what))
     known_geometry = geometry(runs.asphalt)
     practices: dict[str, Practice] = {}
     for k, (key, title, words, filtered, fitted) in enumerate(_PRACTICES):
@@ -118,7 +118,7 @@ _PRACTICES = (
 )
 
 
-def bands() -> dict[str, Band]:
+def swept_bands() -> dict[str, Band]:
     """The paper's bands, from the lowest swept frequency up [rad/s]."""
     return {o: (max(low, SWEEP["w_min"]), high) for o, (low, high) in BANDS.items()}
 
@@ -128,7 +128,7 @@ def _silent(share: float, what: str) -> None:
 
 
 def _identified(runs: StudyRuns, known: Geometry, filtered: bool, fitted: Sequence[str]) -> Identification:
-    settings = Settings(fitted=tuple(fitted), band=(SWEEP["w_min"], SWEEP["w_max"]), bands=bands())
+    settings = Settings(fitted=tuple(fitted), band=(SWEEP["w_min"], SWEEP["w_max"]), bands=swept_bands())
     sweeps, checks = runs.sweeps, tuple(runs.checks.values())
     if not filtered:
         sweeps, checks = (tuple(_filtered(run, {}) for run in part) for part in (sweeps, checks))

@@ -24,10 +24,10 @@ from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.drawn.question import Question
 from rover_sweep.tui.jobs.analysis import AnalysisJob
-from rover_sweep.tui.jobs.desk import Desk, recordings
+from rover_sweep.tui.jobs.desk import Desk, command_inputs
 from rover_sweep.tui.model.connections import ConnectionChoice, places, with_systems
 from rover_sweep.tui.model.feed import Feed
-from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, ground, named
+from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, ground, with_names
 from rover_sweep.tui.model.setup import Setup, recall, remember, serial_ports, with_url
 from rover_sweep.tui.model.state import Asked, RunRecord, State, reduce
 from rover_sweep.vehicle.events import RunFinished, RunStarted
@@ -179,7 +179,7 @@ class SessionApp(App[None]):
 
     def replan(self, plan: tuple[Row, ...], chosen: int) -> None:
         """Another plan, kept on disk; one of its rows is chosen."""
-        self.plan = named(plan, (run.name for run in self.state.runs))
+        self.plan = with_names(plan, (run.name for run in self.state.runs))
         self.setup.keep_plan(self.plan)
         self.chosen = max(0, min(chosen, len(plan) - 1))
 
@@ -208,7 +208,7 @@ class SessionApp(App[None]):
         ready = folder is not None and self.setup.vehicle_path is not None
         if kind == "gains":
             return ready and self.desk.report() is not None
-        return ready and folder is not None and bool(recordings(self.state, folder))
+        return ready and folder is not None and bool(command_inputs(self.state, folder))
 
     def analyse(self, kind: str, chosen: AnalysisJob | None = None) -> None:
         """Starts the command beside the session; gains out of the chosen report, where that is one."""

@@ -9,7 +9,7 @@ from rover_sweep.errors import LinkError
 from rover_sweep.files.printable import printable
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, constant, vehicle_type_name
-from rover_sweep.vehicle.parameters.read_write import ParameterMissing, read, read_present
+from rover_sweep.vehicle.parameters.read_write import ParameterMissing, read_parameter, read_present
 
 OLDEST = (4, 5)  # the applet is written for ArduRover 4.5 and 4.6
 NEWEST = (4, 6)
@@ -91,7 +91,7 @@ def check_applet(link: Link) -> dict[str, float]:
 
 def _why_no_applet(link: Link) -> str:
     try:
-        scripting = read(link, "SCR_ENABLE")
+        scripting = read_parameter(link, "SCR_ENABLE")
     except ParameterMissing:
         return "this firmware has no Lua scripting (no SCR_ENABLE); use a board with scripting"
     if scripting == 0:

@@ -15,7 +15,7 @@ from typing import Literal, Protocol
 
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.logs.download import LogSource, MavlinkLogs
-from rover_sweep.vehicle.parameters.read_write import Written, read_all, write
+from rover_sweep.vehicle.parameters.read_write import Written, read_all, write_parameter
 
 Via = Literal["mavlink", "mavsdk"]
 DEFAULT: Via = "mavlink"
@@ -43,7 +43,7 @@ class MavlinkParameters:
         return read_all(self.link, progress)
 
     def write(self, name: str, value: float) -> Written:
-        return write(self.link, name, value)
+        return write_parameter(self.link, name, value)
 
 
 def log_source(link: Link, via: Via = DEFAULT) -> LogSource:

@@ -17,7 +17,7 @@ from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.identification.cost import Condition, costs, sampled
 from rover_sweep.identification.fit import FitResult, accuracy, evaluated, fit
 from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
-from rover_sweep.identification.verify import RATE, UNITS, Overlay, Verification, simulate, verify
+from rover_sweep.identification.verify import RATE, UNITS, Overlay, Verification, simulated_outputs, verify
 from rover_sweep.spectra.response import frequency_responses
 
 FOOT, SPEED = 0.3048, 33.0
@@ -164,7 +164,7 @@ def unbiased(run: Recording) -> Verification:
     """The model driven by the steering as recorded, nothing solved."""
     t = run["r"].t
     grid = t[0] + np.arange(int((t[-1] - t[0]) * RATE) + 1) / RATE
-    model = simulate(CIFER, SPEED, run["delta"].on(grid), RATE, {})
+    model = simulated_outputs(CIFER, SPEED, run["delta"].on(grid), RATE, {})
     overlays = tuple(
         Overlay(c, UNITS[c][0], t, UNITS[c][1] * run[c].x, UNITS[c][1] * np.interp(t, grid, model[c]))
         for c in ("r", "ay", "p")

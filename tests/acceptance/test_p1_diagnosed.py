@@ -16,7 +16,7 @@ import pytest
 from p1_tables import tables
 
 import rover_sweep as rs
-from rover_sweep.diagnosis.held_out.cost import costs, frequency_responses_of
+from rover_sweep.diagnosis.held_out.cost import frequency_responses_of, response_costs
 from rover_sweep.diagnosis.problem.residuals import centred
 from rover_sweep.diagnosis.simulation.experiment import experiment
 
@@ -71,7 +71,9 @@ def test_the_cost_of_a_y_falls_with_this_number_alone(
     plain = replace(found.model, x={**found.model.x, "imu_x": 0.0, "imu_z": 0.0})
     run = experiment(runs[0][0])
     measured = frequency_responses_of(run, centred(run))
-    before, after = (costs(run, measured, rs.simulate(m, runs[0][0]).signals) for m in (plain, found.model))
+    before, after = (
+        response_costs(run, measured, rs.simulate(m, runs[0][0]).signals) for m in (plain, found.model)
+    )
     assert after["ay"] < 0.7 * before["ay"]
     assert after["r"] == pytest.approx(before["r"]) and after["p"] == pytest.approx(before["p"])
 

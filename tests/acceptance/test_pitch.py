@@ -13,7 +13,7 @@ import pytest
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.identification.cost import Condition, sampled
 from rover_sweep.identification.fit import fit
-from rover_sweep.identification.reduction import reduce
+from rover_sweep.identification.reduction import reduce_model
 from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
 from rover_sweep.spectra.response import FrequencyResponse, default_windows, frequency_responses
 
@@ -73,7 +73,7 @@ def test_zero_damping_and_frequency(response: FrequencyResponse, points: int):
     """Reduction drops the third pole, which the responses hardly see; the others stand within 2 %."""
     conditions = [Condition(0.0, (sampled(response, BAND, points),), {})]
     full = fit(PITCH, conditions, [{"z": 4.0, "wn": 5.0}, {"K": -1.0}])
-    found, steps = reduce(full, conditions)
+    found, steps = reduce_model(full, conditions)
     assert [s.parameter for s in steps if s.dropped] == ["T"]
     for name, printed in PRINTED.items():
         assert found[name].value == pytest.approx(printed, rel=0.02), name

@@ -25,7 +25,7 @@ from rover_sweep.session.session import await_estimator, start_streams
 from rover_sweep.vehicle.events import Event, Notice, RunFinished
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.run.controls import pump
-from rover_sweep.vehicle.run.one_run import run
+from rover_sweep.vehicle.run.one_run import one_run
 from rover_sweep.vehicle.run.settings import RunSettings
 from sitl.launcher import start_ardurover
 from sitl.transmitter import Transmitter
@@ -147,7 +147,7 @@ def _driven(
     with Link.open(rig.relay.url, folder / "connect.tlog") as link:
         list(start_streams(link))
         try:
-            events.extend(run(link, SWEEP, "sweep1", folder / "sweep1.tlog", settings))
+            events.extend(one_run(link, SWEEP, "sweep1", folder / "sweep1.tlog", settings))
         except RoverSweepError as error:
             errors += [*getattr(error, "__notes__", ()), str(error)]
         rig.observer.wait(0.5)
@@ -228,4 +228,4 @@ if __name__ == "__main__":
     with Link.open(_url, _folder / "connect.tlog") as _link:
         list(start_streams(_link))
         _settings = RunSettings(True, THROTTLE, "override", LIMITS)
-        list(run(_link, SWEEP, "sweep1", _folder / "sweep1.tlog", _settings))
+        list(one_run(_link, SWEEP, "sweep1", _folder / "sweep1.tlog", _settings))

@@ -13,7 +13,7 @@ import pytest
 from rover_sweep.cli import main
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters.read_param_file import written_by_vehicle
-from rover_sweep.vehicle.parameters.read_write import write
+from rover_sweep.vehicle.parameters.read_write import write_parameter
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import Running, start_ardurover
 
@@ -85,12 +85,12 @@ def test_a_rover_is_made_ready_and_a_lost_radio_is_seen(program: Program, rover:
     checks = {check["name"]: check for check in found["checks"]}
     assert checks["streams"]["state"] == "good" and "the .BIN log" in checks["source"]["seen"]
     with Link.open(rover.connection, Path("radio.tlog")) as link:
-        write(link, "SIM_RC_FAIL", 1.0)
+        write_parameter(link, "SIM_RC_FAIL", 1.0)
         pump(link, 3.0)
     code, found = program("preflight")
     assert code == 1 and states(found)["rc"] == "bad"
     with Link.open(rover.connection, Path("radio.tlog")) as link:
-        write(link, "SIM_RC_FAIL", 0.0)
+        write_parameter(link, "SIM_RC_FAIL", 0.0)
         pump(link, 3.0)
     code, found = program("preflight", "--fix", "mode", "--yes")
     assert code == 0 and states(found)["mode"] == "good"

@@ -16,7 +16,7 @@ from firmware_faults import Rig, booted
 from rover_sweep.manoeuvre.applet_values import parameters_of
 from rover_sweep.manoeuvre.sweep import Doublet
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters.read_write import read, write
+from rover_sweep.vehicle.parameters.read_write import read_parameter, write_parameter
 from rover_sweep.vehicle.run.controls import HIGH, LOW, pump
 
 pytestmark = pytest.mark.ardurover
@@ -49,7 +49,7 @@ class Ground:
         return so
 
     def write_go(self) -> None:
-        write(self.link, "SWP_GO", read(self.link, "SWP_GO") % 65535 + 1)
+        write_parameter(self.link, "SWP_GO", read_parameter(self.link, "SWP_GO") % 65535 + 1)
 
     def throw(self) -> str:
         """The switch low and then high: 'run' where one begins, else what the applet says."""
@@ -90,7 +90,7 @@ def ground(ardurover: Path, tmp_path: Path) -> Iterator[Ground]:
         link.unwatched(),
     ):
         for name, value in parameters_of(SHORT, **LIMITS).items():
-            write(link, name, value)
+            write_parameter(link, name, value)
         ground = Ground(rig, link)
         link.every(0.1, ground.override)
         pump(link, 1.0)

@@ -13,7 +13,7 @@ from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link.access import Access
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.signing import SigningKey, timestamp
-from rover_sweep.vehicle.parameters.read_write import read
+from rover_sweep.vehicle.parameters.read_write import read_parameter
 from sitl.launcher import start_ardurover
 
 pytestmark = pytest.mark.ardurover
@@ -40,7 +40,7 @@ def test_with_the_key_both_ports_answer(ports: tuple[str, str], tmp_path: Path) 
     for url in ports:
         with Link.open(url, tmp_path / "a.tlog", access=Access(key=RIGHT)) as link:
             assert identify_vehicle(link).system == 1
-            assert read(link, "SCHED_LOOP_RATE") == 50.0
+            assert read_parameter(link, "SCHED_LOOP_RATE") == 50.0
 
 
 def test_without_one_the_second_says_what_is_lacking(ports: tuple[str, str], tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from rover_sweep.vehicle.events import Sample, StateChanged, SwitchWanted
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import constant, kind
 from rover_sweep.vehicle.run.controls import Trigger, pump
-from rover_sweep.vehicle.run.one_run import run
+from rover_sweep.vehicle.run.one_run import one_run
 from rover_sweep.vehicle.run.settings import RunSettings
 from sitl.launcher import start_ardurover
 from sitl.transmitter import Transmitter
@@ -75,7 +75,7 @@ def driven_until(rover: Rover, tlog: Path, trigger: Trigger, act: Callable[[Rove
     """Drive a sweep and act INTO it; the vehicle's time of the act [s]. The pilot drives where he throws."""
     pilot = trigger == "pilot"
     settings = RunSettings(True, None if pilot else DRIVING, trigger, LIMITS)
-    events = run(rover.link, SWEEP, "stopped", tlog, settings)
+    events = one_run(rover.link, SWEEP, "stopped", tlog, settings)
     since, acted = float("inf"), 0.0
     for event in events:
         if isinstance(event, SwitchWanted) and pilot:

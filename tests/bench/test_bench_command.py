@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.bench.bench_folder import BenchFolder
-from rover_sweep.bench.drive import BenchPlan, Keep, drive
+from rover_sweep.bench.drive import BenchPlan, Keep, drive_bench
 from rover_sweep.bench.programme import Movement, programme
 from rover_sweep.bench.standstill import NotAtStandstill
 from rover_sweep.cli.main import run
@@ -20,7 +20,7 @@ from rover_sweep.errors import UsageError
 from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.vehicle.link.access import Access
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters.read_write import write
+from rover_sweep.vehicle.parameters.read_write import write_parameter
 from sitl.plant.effects.steering_effects import Linkage
 
 OnBlocks = Callable[..., str]
@@ -123,7 +123,7 @@ def test_angles_by_hand_are_kept_one_by_one_and_evaluated_after_a_stop(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        drive(
+        drive_bench(
             url, folder, BenchPlan(programme((60.0, 120.0, 180.0), True, False)), Beside(20, pulls_the_plug)
         )
     assert len(folder.readings()) == 19
@@ -150,7 +150,7 @@ def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: On
         threading.Thread(target=takes_it, daemon=True).start()  # the rover waits for who does not read
 
     with pytest.raises(NotAtStandstill, match="not in MANUAL"):
-        drive(url, folder, BenchPlan(programme((100.0,), True, False)), Beside(3, hold))
+        drive_bench(url, folder, BenchPlan(programme((100.0,), True, False)), Beside(3, hold))
     assert 0 < len(folder.readings()) < 3
     with Link.open(url, tmp_path / "after.tlog") as link:
         inputs = link.request_message("RC_CHANNELS")
@@ -176,7 +176,7 @@ def test_what_makes_it_unsafe_is_refused_before_anything_moves(
     folder.path.mkdir()
     operator = Beside()
     with pytest.raises(UsageError, match=sentence):
-        drive(
+        drive_bench(
             on_blocks("--parameter", f"{name}={value}"),
             folder,
             BenchPlan(programme((150.0,), True, False)),
@@ -191,10 +191,10 @@ def test_the_stick_stays_away_from_where_it_arms(on_blocks: OnBlocks, tmp_path: 
     folder.path.mkdir()
     url = on_blocks()
     with Link.open(url, tmp_path / "set.tlog") as link:
-        write(link, "SERVO1_MIN", 1100)
-        write(link, "SERVO1_MAX", 1900)
+        write_parameter(link, "SERVO1_MIN", 1100)
+        write_parameter(link, "SERVO1_MAX", 1900)
     with pytest.raises(UsageError, match=r"allow 338 us on both sides; .* arms the rover after 2 s"):
-        drive(url, folder, BenchPlan(programme((350.0,), True, False)), Beside())
+        drive_bench(url, folder, BenchPlan(programme((350.0,), True, False)), Beside())
 
 
 def test_an_armed_rover_is_refused(on_blocks: OnBlocks, tmp_path: Path):
@@ -208,7 +208,7 @@ def test_an_armed_rover_is_refused(on_blocks: OnBlocks, tmp_path: Path):
                 break
     operator = Beside()
     with pytest.raises(NotAtStandstill, match="the rover is armed"):
-        drive(url, folder, BenchPlan(programme((100.0,), True, False)), operator)
+        drive_bench(url, folder, BenchPlan(programme((100.0,), True, False)), operator)
     assert operator.asked == []
 
 

@@ -11,7 +11,7 @@ from synthetic_servo import read_by_hand, rover
 
 from rover_sweep.bench.bench_result import BenchResult, interval, rate_limit
 from rover_sweep.bench.by_hand import by_hand
-from rover_sweep.bench.into_file import numbers_for_file, write
+from rover_sweep.bench.into_file import numbers_for_file, write_bench_numbers
 from rover_sweep.bench.linkage import curve
 from rover_sweep.data.vehicle_file import load
 from sitl.plant.effects.steering_effects import Linkage
@@ -45,7 +45,7 @@ def test_the_angles_of_the_file_are_those_of_the_wheel(tmp_path: Path, c3: float
     """Within the accuracy of angles read to half a degree, whatever of curve and band was found."""
     made = rover(b=0.006, e=0.05, c3=c3, w=w)
     target = Path(shutil.copy(ROVER, tmp_path / "rover.toml"))
-    write(target, by_hand(read_by_hand(made, LEVELS, np.random.default_rng(2)), 1500.0))
+    write_bench_numbers(target, by_hand(read_by_hand(made, LEVELS, np.random.default_rng(2)), 1500.0))
     file = load(target)
     offset = np.linspace(-300, 300, 25)
     u = -(1500 + offset - file.trim_us.value) * file.rad_per_us.value

@@ -14,7 +14,7 @@ from synthetic_servo import VARIANT
 import rover_sweep as rs
 from rover_sweep.api.diagnosis_input import diagnosed, material
 from rover_sweep.api.known_steering import FINE, behind_servo, has_linkage, known, through_linkage
-from rover_sweep.api.plan import planned
+from rover_sweep.api.plan import plan_runs
 from rover_sweep.cli.main import run
 from rover_sweep.data.material_sizes import tolerances_of
 from rover_sweep.data.recording import Signal
@@ -168,7 +168,7 @@ def test_a_plan_no_longer_asks_for_what_the_bench_settled(monkeypatch: pytest.Mo
     benched = replace(vehicle, backlash=Measured(0.01, 0.0002), deadband=Measured(0.0, 0.0001))
     runs = [PlannedRun("sweep", 120.0, 2.4)]
     for rover, wanted in ((vehicle, ()), (benched, ()), (benched, ("steering_backlash",))):
-        planned(runs, rover, wanted, progress=lambda what, share: None)
+        plan_runs(runs, rover, wanted, progress=lambda what, share: None)
     assert [set(given[-1]) for given in asked] == [
         set(),
         {"steering_backlash", "steering_deadband"},

@@ -29,7 +29,7 @@ import numpy as np
 from firmware_params.param_files import shipped
 from rover_sweep.bench.bench_folder import BenchFolder
 from rover_sweep.bench.bench_result import BenchResult
-from rover_sweep.bench.drive import BenchPlan, Keep, WheelSource, drive
+from rover_sweep.bench.drive import BenchPlan, Keep, WheelSource, drive_bench
 from rover_sweep.bench.evaluate import evaluate
 from rover_sweep.bench.programme import Movement, programme
 from rover_sweep.data.vehicle_file import load
@@ -110,14 +110,14 @@ def by_imu(rover: Running, folder: Path, wheel: Path) -> BenchResult:
     """Ramps and steps."""
     bench = _folder(folder / "imu")
     plan = BenchPlan(programme(BY_IMU, False, True), WheelSource(file=wheel, same_clock=True), unasked=True)
-    assert drive(rover.connection, bench, plan, Beside(wheel))
+    assert drive_bench(rover.connection, bench, plan, Beside(wheel))
     return evaluate(bench, load(ROVER))
 
 
 def by_hand(rover: Running, folder: Path, wheel: Path) -> BenchResult:
     """A staircase."""
     bench = _folder(folder / "hand")
-    assert drive(rover.connection, bench, BenchPlan(programme(BY_HAND, True, False)), Beside(wheel))
+    assert drive_bench(rover.connection, bench, BenchPlan(programme(BY_HAND, True, False)), Beside(wheel))
     return evaluate(bench, load(ROVER))
 
 

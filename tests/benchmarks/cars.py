@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 import rover_sweep as rs
-from rover_sweep.data.result_table import ShortTable, band_words, number
+from rover_sweep.data.result_table import ShortTable, band_words, plain_number
 
 MAPS = Path(__file__).parents[1] / "data" / "cars"
 DEFAULT = Path(__file__).parents[3] / "shared" / "recordings"
@@ -44,7 +44,7 @@ def main(folder: Path) -> None:
             shown = (band_words(f.band) if f else "not recorded" for f in found)
             bands.append((path.stem, str(len(group.runs)), f"{group.speed:.2f}", *shown))
         for name, m in result.models.items():
-            free = ", ".join(f"{e.name} {number(e.value, 3)}" for e in m.fit.estimates if e.free)
+            free = ", ".join(f"{e.name} {plain_number(e.value, 3)}" for e in m.fit.estimates if e.free)
             shown = free if m.verdict.level != "not identifiable" else "-"
             models.append((path.stem, name, f"{m.fit.average:.1f}", m.verdict.level, shown))
         models += [(path.stem, name, "-", "refused", "-") for name in result.refused]

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 import rover_sweep as rs
-from rover_sweep.data.result_table import ShortTable, number
+from rover_sweep.data.result_table import ShortTable, plain_number
 
 TESTS = Path(__file__).parents[1]
 MAPS = TESTS / "data" / "cars"
@@ -75,14 +75,14 @@ def row(name: str, found: rs.FullDiagnosis) -> tuple[str, ...]:
     """One line of the table; held out: medians over the runs."""
     named = "; ".join(
         f"{f.effect} "
-        + ", ".join(f"{v.name} {number(v.value, 3)}" for v in f.parameters)
+        + ", ".join(f"{v.name} {plain_number(v.value, 3)}" for v in f.parameters)
         + (f" (or {', '.join(f.look_alikes)})" if f.look_alikes else "")
         for f in found.findings
     )
     shown = found.held_out
 
     def middle(values: list[float]) -> str:
-        return number(float(np.median(values)), 3) if values else "-"
+        return plain_number(float(np.median(values)), 3) if values else "-"
 
     rms = " -> ".join(middle([getattr(h, side).j_rms for h in shown]) for side in ("before", "after"))
     tic = " -> ".join(middle([getattr(h, side).tic for h in shown]) for side in ("before", "after"))
@@ -93,7 +93,7 @@ def row(name: str, found: rs.FullDiagnosis) -> tuple[str, ...]:
 
 def a_y_of(found: rs.FullDiagnosis, sweep: rs.Runs, fresh: rs.Runs) -> str:
     """What the accelerometer's place is worth in J of a_y, all else kept, and in the fresh file."""
-    from rover_sweep.diagnosis.held_out.cost import costs, frequency_responses_of
+    from rover_sweep.diagnosis.held_out.cost import frequency_responses_of, response_costs
     from rover_sweep.diagnosis.problem.residuals import centred
     from rover_sweep.diagnosis.simulation.experiment import experiment
 
@@ -101,7 +101,7 @@ def a_y_of(found: rs.FullDiagnosis, sweep: rs.Runs, fresh: rs.Runs) -> str:
     plain = replace(found.model, x={**found.model.x, "imu_x": 0.0, "imu_z": 0.0})
     run = experiment(sweep[0])
     measured = frequency_responses_of(run, centred(run))
-    j = [costs(run, measured, rs.simulate(m, sweep[0]).signals)["ay"] for m in (plain, found.model)]
+    j = [response_costs(run, measured, rs.simulate(m, sweep[0]).signals)["ay"] for m in (plain, found.model)]
     both = [rs.simulate(m, fresh[0]).signals["ay"] for m in (plain, found.model)]
     moved = float(np.sqrt(np.mean((both[1] - both[0]) ** 2))) / 0.3048
     return (
@@ -119,7 +119,7 @@ def diagnosed(name: str, parts: tuple[rs.Runs, rs.Runs]) -> tuple[tuple[str, ...
     words += [
         f"{name}: {f.effect}: share of the held-out error "
         + ", ".join(
-            number(100 * h.share_removed, 2) + " %" for h in f.held_out if h.share_removed is not None
+            plain_number(100 * h.share_removed, 2) + " %" for h in f.held_out if h.share_removed is not None
         )
         for f in found.findings
     ]

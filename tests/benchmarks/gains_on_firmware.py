@@ -34,7 +34,7 @@ from acro_on_firmware import SPEED, drive
 import rover_sweep as rs
 from firmware_params.param_files import read, shipped
 from rover_sweep.gains.identified import from_identification
-from rover_sweep.gains.proposal import AssessedGains, Proposal, propose
+from rover_sweep.gains.proposal import AssessedGains, Proposal, propose_gains
 from rover_sweep.gains.steering_chain import Autopilot, autopilot
 from rover_sweep.report.identification.identification_json import identification_document
 from sitl.launcher import find_ardurover
@@ -48,7 +48,7 @@ def proposed() -> Proposal:
     runs = rs.read(NOMINAL / "run1.BIN", NOMINAL / "run2.BIN", vehicle=DATA / "rover.toml")
     result = rs.identify(runs)
     found = from_identification(identification_document(result, result.origin))
-    return propose(found, autopilot({p.name: p.value for p in read(shipped())}), SPEED)
+    return propose_gains(found, autopilot({p.name: p.value for p in read(shipped())}), SPEED)
 
 
 def report(log: Path, told: list[Segment], proposal: Proposal, loop: Autopilot) -> None:

@@ -30,7 +30,7 @@ from counted_proxy import CountedProxy  # noqa: E402
 from terminal import Terminal  # noqa: E402
 from test_live_kill import frames_of, unread  # noqa: E402
 
-from rover_sweep.session.folder import read  # noqa: E402
+from rover_sweep.session.folder import read_folder  # noqa: E402
 from rover_sweep.vehicle.link.mavlink import Framer  # noqa: E402
 from sitl import launcher  # noqa: E402
 
@@ -186,7 +186,7 @@ def _state(out: Path) -> str:
             text=True,
             timeout=60,
         )
-        states = ",".join(run.state for run in read(out).runs)
+        states = ",".join(run.state for run in read_folder(out).runs)
         if told.returncode == 0:
             return states or "nothing driven"
         return "" if "Traceback" in told.stderr else f"refused: {told.stderr.strip()[:80]}"
@@ -196,7 +196,7 @@ def _state(out: Path) -> str:
 def _resumed(number: int, folder: Path) -> str:
     """Driven to its end, for each `GONE_ON`-th; the rover was switched off and on meanwhile."""
     out = folder / "out"
-    if number % GONE_ON or not (out / "session.json").is_file() or not read(out).to_drive:
+    if number % GONE_ON or not (out / "session.json").is_file() or not read_folder(out).to_drive:
         return ""
     with rover(folder / "again") as running:
         words = ("resume", str(out), "--connect", running.connection, *OWN[:4])
@@ -207,7 +207,7 @@ def _resumed(number: int, folder: Path) -> str:
             text=True,
             timeout=180,
         )
-    left = len(read(out).to_drive)
+    left = len(read_folder(out).to_drive)
     return "whole" if left == 0 else f"exit {done.returncode}, {left} left: {done.stderr.strip()[-200:]}"
 
 

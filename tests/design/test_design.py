@@ -12,18 +12,18 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rover_sweep.data.vehicle_file import load
-from rover_sweep.design.advice import judged
+from rover_sweep.design.advice import with_advice
 from rover_sweep.design.demand import (
     DOUBLET_PEAK,
     TRIM_ERROR,
     Design,
-    drive,
     fastest_stream,
     filter_effect,
-    plan,
-    spectrum,
+    make_design,
+    simulated_track,
     spectrum_grid,
     wave,
+    wave_spectrum,
 )
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
@@ -33,11 +33,11 @@ GOOD: dict[str, Any] = {"runs": 3, "loop_rate": 100.0, "gyro_filter": 20.0, "acc
 
 
 def warnings(design: Design, servo: float | None = None) -> list[str]:
-    return [note.text for note in judged(design, servo).notes if note.level == "warning"]
+    return [note.text for note in with_advice(design, servo).notes if note.level == "warning"]
 
 
 def test_the_papers_sweep() -> None:
-    design = plan(Sweep(), ROVER, 2.5)
+    design = make_design(Sweep(), ROVER, 2.5)
     assert design.long_periods == pytest.approx(55 * 0.3 / (2 * math.pi))
     assert design.duration == 67.0
     assert design.windows is not None and design.windows.t_min == pytest.approx(20 * 2 * math.pi / 25)
@@ -48,7 +48,7 @@ def test_the_papers_sweep() -> None:
 
 
 def test_peak_rate_is_that_of_the_wave() -> None:
-    design = plan(Sweep())
+    design = make_design(Sweep())
     t, x = wave(design.manoeuvre, 5000)
     assert design.servo.us_s == pytest.approx(np.abs(np.diff(x) / np.diff(t)).max(), rel=0.01)
 
@@ -59,18 +59,18 @@ def test_fastest_stream_as_measured(loop: float, hertz: float) -> None:
 
 
 def test_rates() -> None:
-    rates = plan(Sweep()).rates
+    rates = make_design(Sweep()).rates
     assert rates.least == pytest.approx(10 * 25 / (2 * math.pi), rel=0.005)
     assert rates.good == pytest.approx(2 * rates.least)
     assert (rates.stream, rates.loop_needed) == (40, 100)
-    assert plan(Sweep(w_max=200)).rates.loop_needed is None
+    assert make_design(Sweep(w_max=200)).rates.loop_needed is None
 
 
 def test_filter_as_measured_on_the_firmware() -> None:
     """ardupilot.md: at 4 Hz the lag is about 57 ms (low frequency) and the gain 0.78 at 3.5 Hz."""
     assert filter_effect("INS_GYRO_FILTER", 4.0, 2 * math.pi * 3.5).gain == pytest.approx(0.79, abs=0.02)
     assert filter_effect("INS_GYRO_FILTER", 4.0, 5.0).lag_ms == pytest.approx(57, abs=1)
-    top = plan(Sweep()).w_top
+    top = make_design(Sweep()).w_top
     advised = filter_effect("INS_GYRO_FILTER", 4.0, top).advised_hz
     assert advised == 20
     better = filter_effect("INS_GYRO_FILTER", advised, top)
@@ -79,7 +79,7 @@ def test_filter_as_measured_on_the_firmware() -> None:
 
 def test_track_agrees_with_an_ode_solver() -> None:
     sweep, speed = Sweep(t_rec=20, w_min=0.6, w_max=10), 2.0
-    path = drive(sweep, ROVER, speed, TRIM_ERROR)
+    path = simulated_track(sweep, ROVER, speed, TRIM_ERROR)
 
     def motion(t: float, state: np.ndarray) -> list[float]:
         delta = -(float(sweep.wave(t)) + TRIM_ERROR) * 0.00095
@@ -90,9 +90,9 @@ def test_track_agrees_with_an_ode_solver() -> None:
 
 
 def test_space_follows_from_the_track() -> None:
-    space = plan(Sweep(), ROVER, 2.5).space
+    space = make_design(Sweep(), ROVER, 2.5).space
     assert space is not None
-    path = drive(Sweep(), ROVER, 2.5)
+    path = simulated_track(Sweep(), ROVER, 2.5)
     assert (space.length, space.width) == pytest.approx((np.ptp(path.x), np.ptp(path.y)))
     assert space.radius == pytest.approx(0.391 / math.tan(0.1425), rel=1e-3)
     assert space.ay == pytest.approx(2.5**2 / space.radius)
@@ -105,26 +105,26 @@ def test_space_follows_from_the_track() -> None:
 def test_a_left_turning_linkage_mirrors_the_track() -> None:
     assert ROVER.rad_per_us is not None
     mirrored = replace(ROVER, rad_per_us=replace(ROVER.rad_per_us, value=-ROVER.rad_per_us.value))
-    one, other = drive(Sweep(), ROVER, 2.0), drive(Sweep(), mirrored, 2.0)
+    one, other = simulated_track(Sweep(), ROVER, 2.0), simulated_track(Sweep(), mirrored, 2.0)
     assert np.allclose(one.y, -other.y) and np.allclose(one.x, other.x)
 
 
 def test_spectrum_covers_the_band_and_little_more() -> None:
     sweep = Sweep()
     inside, outside = (
-        20 * np.log10(spectrum(sweep, w)) for w in (np.geomspace(0.3, 25, 40), np.array([32.0, 37.0]))
+        20 * np.log10(wave_spectrum(sweep, w)) for w in (np.geomspace(0.3, 25, 40), np.array([32.0, 37.0]))
     )
     assert np.ptp(inside) < 20 and outside.max() < inside.min() - 20
     w = np.array([7.0])
     t, x = wave(sweep, 200)
-    assert spectrum(sweep, w)[0] == pytest.approx(abs(np.trapezoid(x * np.exp(-7j * t), t)), rel=1e-3)
+    assert wave_spectrum(sweep, w)[0] == pytest.approx(abs(np.trapezoid(x * np.exp(-7j * t), t)), rel=1e-3)
 
 
 def test_doublet() -> None:
     doublet = Doublet(count=1, pulse=0.5)
-    w = spectrum_grid(plan(doublet), 2000)
-    assert w[np.argmax(spectrum(doublet, w))] == pytest.approx(DOUBLET_PEAK / 0.5, rel=0.02)
-    design = plan(doublet, ROVER, 2.0)
+    w = spectrum_grid(make_design(doublet), 2000)
+    assert w[np.argmax(wave_spectrum(doublet, w))] == pytest.approx(DOUBLET_PEAK / 0.5, rel=0.02)
+    design = make_design(doublet, ROVER, 2.0)
     assert design.windows is None and design.servo.us_s is None and design.space is not None
     assert design.space.heading_end_deg == pytest.approx(0, abs=1)
     assert design.w_top == pytest.approx(4 * math.pi)
@@ -132,7 +132,7 @@ def test_doublet() -> None:
 
 def test_a_good_design_has_no_warning() -> None:
     sweep = Sweep(amplitude=120, w_min=0.6, w_max=20, t_rec=50)
-    assert warnings(plan(sweep, ROVER, 2.0, **GOOD)) == []
+    assert warnings(make_design(sweep, ROVER, 2.0, **GOOD)) == []
 
 
 GOOD_SWEEP = Sweep(amplitude=120, w_min=0.6, w_max=20, t_rec=50)
@@ -159,26 +159,26 @@ FAULTS: dict[str, tuple[Sweep, float, dict[str, float], str]] = {
 @pytest.mark.parametrize("case", FAULTS)
 def test_each_fault_is_said(case: str) -> None:
     sweep, speed, options, sentence = FAULTS[case]
-    said = warnings(plan(sweep, ROVER, speed, **{**GOOD, **options}))
+    said = warnings(make_design(sweep, ROVER, speed, **{**GOOD, **options}))
     assert any(sentence in text for text in said), said
 
 
 def test_runs_that_are_asked_for_are_enough() -> None:
     sweep = replace(GOOD_SWEEP, w_min=0.55)
-    said = warnings(plan(sweep, ROVER, 2.0, **{**GOOD, "runs": 1}))
+    said = warnings(make_design(sweep, ROVER, 2.0, **{**GOOD, "runs": 1}))
     needed = int(said[0].rsplit("drive ", 1)[1].split()[0])
-    assert warnings(plan(sweep, ROVER, 2.0, **{**GOOD, "runs": needed})) == []
+    assert warnings(make_design(sweep, ROVER, 2.0, **{**GOOD, "runs": needed})) == []
 
 
 def test_own_servo_replaces_the_typical_one() -> None:
     fast = replace(GOOD_SWEEP, amplitude=200)
-    assert warnings(plan(fast, ROVER, 1.0, **GOOD), servo=0.08) == []
-    said = warnings(plan(fast, ROVER, 1.0, **GOOD), servo=0.25)
+    assert warnings(make_design(fast, ROVER, 1.0, **GOOD), servo=0.08) == []
+    said = warnings(make_design(fast, ROVER, 1.0, **GOOD), servo=0.25)
     fits = float(said[0].split("flatten the wave. ")[1].split(" us")[0])
-    assert warnings(plan(replace(fast, amplitude=fits - 1), ROVER, 1.0, **GOOD), servo=0.25) == []
+    assert warnings(make_design(replace(fast, amplitude=fits - 1), ROVER, 1.0, **GOOD), servo=0.25) == []
 
 
 def test_space_without_steering_is_refused() -> None:
     with pytest.raises(UsageError, match="rad_per_us"):
-        plan(Sweep(), replace(ROVER, rad_per_us=None), 2.0)
-    assert plan(Sweep(), replace(ROVER, rad_per_us=None)).space is None
+        make_design(Sweep(), replace(ROVER, rad_per_us=None), 2.0)
+    assert make_design(Sweep(), replace(ROVER, rad_per_us=None)).space is None

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import log
 from pathlib import Path
 
-from rover_sweep.api.read import Reading, load
+from rover_sweep.api.read import Reading, load_steered
 from rover_sweep.data.recording import LowPass, Recording
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of
@@ -49,7 +49,7 @@ SIZES = {
 
 def recording() -> Recording:
     """The doublet that all of this is driven by."""
-    return load([str(RUN)], VEHICLE, Reading())[0]
+    return load_steered([str(RUN)], VEHICLE, Reading())[0]
 
 
 def model(*effects: str, baseline: str = "roll-yaw", **x: float) -> AugmentedModel:

@@ -22,14 +22,14 @@ from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.experiment import RATE, experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.identification.verify import simulate as linear_simulation
+from rover_sweep.identification.verify import simulated_outputs as linear_simulation
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.diagnosis.report_folder import write_diagnosis
 from rover_sweep.report.export.augmented_model_json import augmented_document, augmented_from
 from rover_sweep.report.export.diagnosed import exported_augmented
 from rover_sweep.report.export.exported_model import at_speed
 from rover_sweep.report.export.source_text import matlab_text, python_text
-from rover_sweep.report.wording.strict_json import dumps
+from rover_sweep.report.wording.strict_json import strict_json
 
 DERIVATIVES = {
     "Y_v": -60.0,
@@ -109,12 +109,12 @@ def test_what_is_not_linear_is_said_inside_every_export() -> None:
     assert not any(word.startswith("tyre_relaxation") for word in words)
     exported = exported_augmented(whole, "explained")
     assert exported["speed_m_s"] == pytest.approx(SPEED * 1.01)
-    for text in (dumps(exported), matlab_text(exported), python_text(exported)):
+    for text in (strict_json(exported), matlab_text(exported), python_text(exported)):
         assert "steering_backlash (play operator" in text and "F_f" in text
 
 
 def test_an_export_moves_to_another_speed_and_runs_on_its_own() -> None:
-    exported = json.loads(dumps(exported_augmented(model("tyre_relaxation"), "explained")))
+    exported = json.loads(strict_json(exported_augmented(model("tyre_relaxation"), "explained")))
     moved = at_speed(exported, 3.0)
     assert moved == exported_augmented(model("tyre_relaxation"), "explained", 3.0)
     namespace: dict[str, object] = {}
@@ -129,7 +129,7 @@ def test_an_export_moves_to_another_speed_and_runs_on_its_own() -> None:
 @pytest.mark.parametrize("effect", [e for e in library() if e not in ("tyre_slip", "roll_dof")])
 def test_the_data_form_keeps_every_model(effect: str) -> None:
     whole = replace(model(effect), happened_in="run 2", happened_at=12.5)
-    again = augmented_from(json.loads(dumps(augmented_document(whole))))
+    again = augmented_from(json.loads(strict_json(augmented_document(whole))))
     assert (again.x, again.numbers, again.rover) == (dict(whole.x), whole.numbers, whole.rover)
     assert (again.effects, again.steering, again.filters) == (whole.effects, whole.steering, whole.filters)
     assert (again.wait, again.happened_in, again.happened_at) == (0.005, "run 2", 12.5)

@@ -15,7 +15,7 @@ from rover_sweep.diagnosis.search.rounds import Options
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.diagnosis.unexplained.laws import laws
-from rover_sweep.diagnosis.unexplained.unexplained import unknown, unmodelled_gain
+from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unmodelled_gain
 
 RATIO = 1.8  # Cf/Cr, where 15 % are ordinary
 
@@ -66,5 +66,5 @@ def test_a_law_without_a_name_is_weighed_as_it_can_be_fitted() -> None:
     found = choose(recorded, MODEL, X, options)
     assert found.named == ()
     assert unmodelled_gain(found.first, 1) > 100.0
-    answer = unknown(found.last, False, 1, found.unmodelled)
+    answer = left_unexplained(found.last, False, 1, found.unmodelled)
     assert answer is not None and "psi" in answer.depends_on

@@ -12,7 +12,7 @@ from rover_sweep.diagnosis.choose import choose
 from rover_sweep.diagnosis.search.rounds import Options
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.diagnosis.unexplained.unexplained import unknown
+from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained
 
 TORQUE = 0.02  # N m
 EFFECT = "suspension_friction"
@@ -37,5 +37,5 @@ def test_what_is_named_is_not_withdrawn_for_noise_that_no_state_predicts() -> No
     assert [n.trial.effect for n in found.named] == [EFFECT]
     assert found.last.fitted.x[f"{EFFECT}.T"] == pytest.approx(TORQUE, rel=0.15)
     assert found.last.misfit["p"].notable and not found.last.misfit["p"].large
-    assert unknown(found.last, True, 1) is None
-    assert unknown(found.last, False, 1) is not None  # with nothing named it is worth a question
+    assert left_unexplained(found.last, True, 1) is None
+    assert left_unexplained(found.last, False, 1) is not None  # with nothing named it is worth a question

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rover_sweep.api.read import Reading, load
+from rover_sweep.api.read import Reading, load_steered
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.data.vehicle_file import load as vehicle_of
 from rover_sweep.data.vehicle_geometry import geometry_of
@@ -21,7 +21,7 @@ def located(name: str) -> dict[tuple[str, str], Mismatch]:
     """{(channel, condition): place} of three runs of a set against the nominal model fitted to them."""
     vehicle = vehicle_of(SETS / name / "rover.toml")
     files = tuple(str(SETS / name / f"run{k}.BIN") for k in (1, 2, 3))
-    runs = [experiment(run) for run in load(files, vehicle, Reading(None, {}), [])]
+    runs = [experiment(run) for run in load_steered(files, vehicle, Reading(None, {}), [])]
     model = Model("roll-yaw", geometry_of(vehicle), Tolerances())
     problem, fitted = fit_with_floor(runs, model, {})
     found = mismatches(problem, problem.measured - problem.model(model.structure, fitted.x))

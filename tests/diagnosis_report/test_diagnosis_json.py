@@ -11,7 +11,7 @@ from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.wording.strict_json import dumps
+from rover_sweep.report.wording.strict_json import strict_json
 
 NUMBER = (int, float)
 MAYBE = (int, float, type(None))
@@ -67,7 +67,7 @@ def check(value: Any, schema: Any, where: str) -> None:
 
 
 def written(found: Diagnosis) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(dumps(diagnosis_document(found, DiagnosisOrigin())))
+    document: dict[str, Any] = json.loads(strict_json(diagnosis_document(found, DiagnosisOrigin())))
     return document
 
 

@@ -17,7 +17,7 @@ from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.diagnosis.page import diagnosis_page
 from rover_sweep.report.diagnosis.pictures import planned
 from rover_sweep.report.diagnosis.report_folder import write_diagnosis
-from rover_sweep.report.pictures.overlay import overlays
+from rover_sweep.report.pictures.overlay import overlay_figure
 
 
 def page(found: Diagnosis) -> str:
@@ -88,7 +88,7 @@ def test_the_close_up_is_where_before_and_after_differ_most() -> None:
     after = o.before.copy()
     apart = (o.t > 12.0) & (o.t < 13.0)
     after[apart] += 1.0
-    figure = overlays((replace(o, after=after),))
+    figure = overlay_figure((replace(o, after=after),))
     low, high = figure.axes[2].get_xlim()
     assert low <= 12.02 and high >= 12.98 - 1e-9 and high - low < 6.0
 

@@ -14,7 +14,7 @@ from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, Gains, autopil
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import constant
 from rover_sweep.vehicle.link.requests import Refused
-from rover_sweep.vehicle.parameters.read_write import read_all, write
+from rover_sweep.vehicle.parameters.read_write import read_all, write_parameter
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import start_ardurover
 
@@ -85,7 +85,7 @@ def drive(
         stick.throttle = CRUISE_THROTTLE / 100 * speed / SPEED
         told = [_driven(link, stick, "defaults", flown)]
         for name, value in proposed.parameters.items():
-            write(link, name, value)
+            write_parameter(link, name, value)
         told.append(_driven(link, stick, "proposed", proposed.parameters))
         stick.throttle = 0.0
         pump(link, 3.0, 20.0)

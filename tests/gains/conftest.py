@@ -11,7 +11,7 @@ import pytest
 
 import rover_sweep as rs
 from rover_sweep.gains.identified import from_identification
-from rover_sweep.gains.proposal import Proposal, propose
+from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import autopilot
 from rover_sweep.report.identification.identification_json import identification_document
 
@@ -40,4 +40,4 @@ def document(nominal_text: str) -> Any:
 @pytest.fixture(scope="session")
 def proposal(nominal_text: str) -> Proposal:
     """For 2.5 m/s, with the loop rate and gyro filter of the recordings and the firmware's own gains."""
-    return propose(from_identification(json.loads(nominal_text)), autopilot(AS_RECORDED), 2.5)
+    return propose_gains(from_identification(json.loads(nominal_text)), autopilot(AS_RECORDED), 2.5)

@@ -110,16 +110,16 @@ def test_a_diagnosis_carries_gains_too(tmp_path: Path):
     from augmented_models import model
 
     from rover_sweep.gains.identified import from_diagnosis
-    from rover_sweep.gains.proposal import propose
+    from rover_sweep.gains.proposal import propose_gains
     from rover_sweep.gains.steering_chain import autopilot
 
     found = from_diagnosis(model("servo_lag", "steering_backlash"), "explained")
-    made = propose(found, autopilot({"INS_GYRO_FILTER": 20.0, "SCHED_LOOP_RATE": 100.0}), 2.5)
+    made = propose_gains(found, autopilot({"INS_GYRO_FILTER": 20.0, "SCHED_LOOP_RATE": 100.0}), 2.5)
     assert made.support.level == "gains"
     assert made.proposed.worst_gain[0] >= 6
     assert made.delay == pytest.approx(0.02 - 0.005)  # the wait for the main loop is not the loop's
     assert any("steering_backlash" in remark for remark in made.support.remarks)
-    slow = propose(from_diagnosis(model("servo_lag"), "unexplained"), made.autopilot, 2.5)
+    slow = propose_gains(from_diagnosis(model("servo_lag"), "unexplained"), made.autopilot, 2.5)
     assert "the verdict of the diagnosis is: unexplained" in slow.support.reasons[0]
 
 

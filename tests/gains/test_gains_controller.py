@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.gains.controller import RatePid, drive, feedback_response, limited_target
+from rover_sweep.gains.controller import RatePid, feedback_response, limited_target, simulate_loop
 from rover_sweep.gains.margins import frequencies, margins
 from rover_sweep.gains.steering_chain import Gains, autopilot
 from rover_sweep.gains.steering_plant import SampledPlant, sampled_plant
@@ -102,7 +102,9 @@ def test_without_the_scale_the_feed_forward_is_wrong_by_the_speed():
     unscaled = 1 / (plant.gain * angle)
     right = unscaled / loop.speed_scale(speed)
     wanted = np.full(200, 0.5)
-    held = drive(loop, plant, angle, wanted, np.zeros(2), np.zeros(2), np.array([right, unscaled])).rate[-1]
+    held = simulate_loop(
+        loop, plant, angle, wanted, np.zeros(2), np.zeros(2), np.array([right, unscaled])
+    ).rate[-1]
     assert held == pytest.approx([0.5, 0.5 / speed], rel=1e-3)
 
 

@@ -13,7 +13,7 @@ from rover_sweep.gains.controller import feedback_response
 from rover_sweep.gains.gains_json import gains_document
 from rover_sweep.gains.identified import from_identification
 from rover_sweep.gains.margins import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, frequencies, margins
-from rover_sweep.gains.proposal import Proposal, propose
+from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import autopilot
 from rover_sweep.gains.steering_plant import sampled_plant
 from rover_sweep.gains.write_param_file import param_text
@@ -67,14 +67,16 @@ def test_another_speed_scale_changes_the_gains_by_its_factor(document: Any):
     """Nearly twice MOT_SPD_SCA_BASE is as much more steering for the same output: the loop stays the same."""
     found = replace(from_identification(document), intervals={})
     one, two = (
-        propose(found, autopilot({**AS_RECORDED, "MOT_SPD_SCA_BASE": base}), 3.0) for base in (1.0, 1.9)
+        propose_gains(found, autopilot({**AS_RECORDED, "MOT_SPD_SCA_BASE": base}), 3.0) for base in (1.0, 1.9)
     )
     assert one.feed_forwards[3.0] / two.feed_forwards[3.0] == pytest.approx(1.9)
     assert one.now.margins.gain_db - two.now.margins.gain_db == pytest.approx(20 * np.log10(1.9), abs=0.01)
 
 
 def test_a_slow_gyro_filter_costs_gain(document: Any, proposal: Proposal):
-    slow = propose(from_identification(document), autopilot({**AS_RECORDED, "INS_GYRO_FILTER": 4.0}), 2.5)
+    slow = propose_gains(
+        from_identification(document), autopilot({**AS_RECORDED, "INS_GYRO_FILTER": 4.0}), 2.5
+    )
     assert slow.proposed.worst_gain[0] >= GAIN_MARGIN_DB
     assert slow.proposed.gains.p < proposal.proposed.gains.p
     assert slow.proposed.gains.i < proposal.proposed.gains.i
@@ -105,7 +107,7 @@ def test_the_document_has_both_and_is_strict_json(proposal: Proposal):
 
 def refused(document: Any, **at: Any) -> str:
     """The reasons of a proposal that must not be one."""
-    made = propose(from_identification(document), at.pop("loop", LOOP), at.pop("speed", 2.5))
+    made = propose_gains(from_identification(document), at.pop("loop", LOOP), at.pop("speed", 2.5))
     assert made.proposed is None
     assert made.support.level == "none"
     with pytest.raises(ValueError, match="no gains"):
@@ -171,7 +173,7 @@ def test_an_unstable_rover_supports_nothing(document: Any):
 
 def test_the_kinematic_model_carries_the_feed_forward_alone(document: Any):
     document["models"]["kinematic"]["verdict"] = {"level": "good", "sentences": []}
-    made = propose(from_identification(document, "kinematic"), LOOP, 2.5)
+    made = propose_gains(from_identification(document, "kinematic"), LOOP, 2.5)
     assert made.support.level == "feed-forward only"
     wheelbase = document["models"]["kinematic"]["parameters"]["L_eff"]["value"]
     assert made.proposed.gains.ff == pytest.approx(wheelbase / 0.38, abs=0.001)
@@ -181,7 +183,7 @@ def test_the_kinematic_model_carries_the_feed_forward_alone(document: Any):
 
 def test_at_the_scales_base_it_says_that_the_integrator_is_held(document: Any):
     found = replace(from_identification(document), intervals={})
-    made = propose(found, autopilot({**AS_RECORDED, "MOT_SPD_SCA_BASE": 2.6}), 2.5)
+    made = propose_gains(found, autopilot({**AS_RECORDED, "MOT_SPD_SCA_BASE": 2.6}), 2.5)
     assert any("integrator only shrink" in remark for remark in made.support.remarks)
 
 
@@ -197,7 +199,7 @@ def test_without_intervals_the_cramer_rao_bound_makes_the_family(document: Any):
 def test_play_that_the_bench_took_out_is_said_to_be_no_part_of_the_loop(document: Any, proposal: Proposal):
     assert not any("play" in remark for remark in proposal.support.remarks)
     document["vehicle"]["steering"]["backlash"] = {"value": 0.012, "sd": 1e-4}
-    remarks = propose(from_identification(document), LOOP, 2.5).support.remarks
+    remarks = propose_gains(from_identification(document), LOOP, 2.5).support.remarks
     assert any("play (0.012 rad to either side)" in remark for remark in remarks)
 
 

@@ -12,7 +12,7 @@ from rover_sweep.identification.fit import fit
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.identification.pipeline import identify
-from rover_sweep.identification.reduction import reduce
+from rover_sweep.identification.reduction import reduce_model
 from rover_sweep.manoeuvre.sweep import Sweep
 
 FREED = ("Ixx", "Ixz", "h")
@@ -80,6 +80,6 @@ def test_a_vehicle_file_that_is_wrong_is_not_forced_on_the_data():
     seen = {o: ResponseData(o, w, TRUTH.response(w, 2.4, o), np.full(20, 0.6)) for o in ("r", "ay", "p")}
     condition = Condition(2.4, tuple(seen.values()), {})
     start = structure.with_free([*(p.name for p in structure.free), "Ixx"])
-    result, steps = reduce(fit(start, [condition]), [condition], {"Ixx": structure.values["Ixx"]})
+    result, steps = reduce_model(fit(start, [condition]), [condition], {"Ixx": structure.values["Ixx"]})
     assert [(s.parameter, s.dropped) for s in steps] == [("Ixx", False)]
     assert result["Ixx"].value == pytest.approx(GEOMETRY.roll_inertia, rel=0.01)

@@ -11,7 +11,7 @@ from rover_sweep.identification.cost import Condition, sampled
 from rover_sweep.identification.fit import FitResult, evaluated
 from rover_sweep.identification.models.lumped import lumped
 from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.reduction import reduce
+from rover_sweep.identification.reduction import reduce_model
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.verify import verify
 from rover_sweep.manoeuvre.sweep import Sweep
@@ -57,6 +57,6 @@ def test_reduction_keeps_what_a_stable_model_needs_to_stay_stable(
         return replace(moved, costs=full.costs)
 
     monkeypatch.setattr("rover_sweep.identification.reduction.fit", unstable_and_cheap)
-    best, steps = reduce(full, [condition])
+    best, steps = reduce_model(full, [condition])
     assert best is full
     assert steps and all(s.unstable and not s.dropped for s in steps)

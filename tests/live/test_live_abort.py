@@ -15,7 +15,7 @@ from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.live.source import DriveRequest, Ended, FetchLogs, Judged, Lost, Play
 from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.session.folder import read
+from rover_sweep.session.folder import read_folder
 from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle.events import Connected, Interrupted, Notice, RunFinished, StateChanged
 from rover_sweep.vehicle.link.link import Link
@@ -65,7 +65,7 @@ def test_an_abort_in_mid_sweep_lets_the_steering_go(rover: launcher.Running, tmp
     # 0.1 s of vehicle time per snapshot, and what the applet needs to see the switch: 0.34 s.
     assert 0 < moved[-1] - pressed_at < 1.0
     assert t[-1] > moved[-1] + 0.2  # recorded until the rover was let go, at trim
-    (run,) = read(tmp_path / "s").runs
+    (run,) = read_folder(tmp_path / "s").runs
     assert (run.state, run.left_armed) == ("stopped", False)
 
 
@@ -110,7 +110,7 @@ def test_an_abort_stops_the_applet_while_the_pilot_holds_the_switch(
             assert (stopped.failures, stopped.armed) == ((), True)  # who armed disarms
             asked.wait(Snapshot, lambda now: now.state in (0, 10) and now.pwm == TRIM and now.armed)
             assert asked.wait(Snapshot).switch == 1900
-    (run,) = read(tmp_path / "s").runs
+    (run,) = read_folder(tmp_path / "s").runs
     assert (run.state, run.left_armed) == ("stopped", False)
 
 
@@ -140,7 +140,7 @@ def test_a_lost_link_is_found_again_and_the_rover_let_go(rover: launcher.Running
         proxy.cut()
         assert "ended" in asked.wait(Ended, seconds=60.0).failure
         assert asked.wait(Lost).reason
-        (run,) = read(tmp_path / "s").runs
+        (run,) = read_folder(tmp_path / "s").runs
         assert (run.state, run.left_armed) == ("cut", True)
         proxy.mend()
         asked.wait(Notice, lambda notice: "was disarmed" in notice.text)

@@ -18,7 +18,7 @@ from asked_source import PLAN, READY
 from counted_proxy import CountedProxy
 
 from rover_sweep.cli.main import run as rover_sweep
-from rover_sweep.session.folder import read
+from rover_sweep.session.folder import read_folder
 from rover_sweep.session.recordings import session_runs
 from rover_sweep.vehicle.link.mavlink import Framer
 from sitl import launcher
@@ -99,7 +99,7 @@ def test_killed_while_driving_nothing_received_is_lost(
 
         again = station(proxy.url, folder)
         assert again.wait(60) == 0
-        assert [run.name for run in read(folder).to_drive] == ["doublet"]
+        assert [run.name for run in read_folder(folder).to_drive] == ["doublet"]
 
         # The rest without any screen; identifying from it is tested elsewhere.
         monkeypatch.setattr("rover_sweep.cli.driving.session_display.identify_session", lambda *_: None)
@@ -107,7 +107,7 @@ def test_killed_while_driving_nothing_received_is_lost(
         assert rover_sweep(["resume", str(folder), "--connect", rover.connection, *asked_for]) == 0
         assert rover_sweep(["resume", str(folder), "--connect", rover.connection, *asked_for]) == 2
         assert "no runs remain" in capsys.readouterr().err
-    content = read(folder)
+    content = read_folder(folder)
     assert [(run.label, run.state) for run in content.runs] == [
         ("sweep1", "cut"),
         ("sweep1-2", "done"),

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 from asked_source import PLAN, READY, SETTINGS, Asked
 
-from rover_sweep.api.read import Reading, load
+from rover_sweep.api.read import Reading, load_steered
 from rover_sweep.api.run_roles import divided
 from rover_sweep.cli.main import run as rover_sweep
 from rover_sweep.cli.types.options import vehicle_path
@@ -21,7 +21,7 @@ from rover_sweep.identification.grouping import Settings as IdentificationSettin
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.live.source import Checked, DriveRequest, FetchLogs, Judged, Preflight
-from rover_sweep.session.folder import Session, read
+from rover_sweep.session.folder import Session, read_folder
 from rover_sweep.session.recordings import session_runs
 from rover_sweep.vehicle.events import Connected, LogSaved, RunFinished
 from sitl import launcher
@@ -68,7 +68,7 @@ def test_snapshots_flow_all_the_time(session: SimpleNamespace) -> None:
 
 
 def test_the_folder_says_what_is_what(session: SimpleNamespace) -> None:
-    content = read(session.folder)
+    content = read_folder(session.folder)
     assert content.plan == PLAN and content.to_drive == ()
     assert [(r.label, r.state, r.manoeuvre, r.left_armed) for r in content.runs] == [
         (run.name, "done", run.manoeuvre, False) for run in PLAN
@@ -81,7 +81,7 @@ def test_the_folder_says_what_is_what(session: SimpleNamespace) -> None:
 def _identified(folder: str) -> tuple[str, list[float]]:
     """(names of the runs, every number of the bicycle) by the vehicle file in the folder."""
     vehicle = load_vehicle(vehicle_path(None, (folder,)))
-    sweeps, doublets = divided(load([folder], vehicle, Reading()))
+    sweeps, doublets = divided(load_steered([folder], vehicle, Reading()))
     settings = IdentificationSettings(models=("bicycle",), bootstrap=0)
     found = identify(sweeps, geometry_of(vehicle), doublets, settings)
     numbers = [estimate.value for estimate in found.models["bicycle"].fit.estimates]
@@ -115,7 +115,7 @@ def test_without_logs_the_tlogs_are_read(session: SimpleNamespace, tmp_path: Pat
 def test_a_lost_description_is_made_up_for_by_the_tlogs(session: SimpleNamespace, tmp_path: Path) -> None:
     shutil.copytree(session.folder, tmp_path / "s", ignore=shutil.ignore_patterns("session.json"))
     found = Session.open(tmp_path / "s").content
-    told = read(session.folder)
+    told = read_folder(session.folder)
     assert [(r.name, r.state, r.manoeuvre, r.number) for r in found.runs] == [
         (r.name, r.state, r.manoeuvre, r.number) for r in told.runs
     ]

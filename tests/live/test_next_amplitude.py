@@ -19,7 +19,7 @@ from rover_sweep.spectra.amplitude import (
     Limit,
     averages,
     octaves,
-    propose,
+    propose_amplitude,
     signal_to_noise,
 )
 from rover_sweep.spectra.response import FrequencyResponse
@@ -55,7 +55,7 @@ def test_signal_to_noise_comes_back_without_the_bias_of_few_averages() -> None:
 
 def test_each_octave_gets_the_amplitude_that_makes_its_coherence() -> None:
     ratio = np.where(W < 3.0, 36.0, 1.0)
-    proposal = propose({"r": made(ratio)}, 60.0)
+    proposal = propose_amplitude({"r": made(ratio)}, 60.0)
     assert len(proposal.bands) == 6
     low, high = proposal.bands[0], proposal.bands[-1]
     assert low.wanted == pytest.approx(60.0 * np.sqrt(4.0 / 36.0))  # .8 is four to one
@@ -65,27 +65,30 @@ def test_each_octave_gets_the_amplitude_that_makes_its_coherence() -> None:
 
 
 def test_few_averages_ask_for_more_than_the_coherence_does() -> None:
-    few = propose({"r": made(np.full(W.size, 4.0), n_d=2.5)}, 60.0).bands[0]
+    few = propose_amplitude({"r": made(np.full(W.size, 4.0), n_d=2.5)}, 60.0).bands[0]
     assert few.wanted == pytest.approx(60.0 * np.sqrt(OVERLAP_CONSTANT**2 / (2 * 2.5 * 0.10**2) / 4.0))
 
 
 def test_enough_is_enough_and_the_spare_is_told() -> None:
-    proposal = propose({"r": made(np.full(W.size, 4.2))}, 60.0)
+    proposal = propose_amplitude({"r": made(np.full(W.size, 4.2))}, 60.0)
     assert proposal.amplitude is None and proposal.sentence == "60 us is enough"
-    much = propose({"r": made(np.full(W.size, 64.0))}, 200.0)
+    much = propose_amplitude({"r": made(np.full(W.size, 64.0))}, 200.0)
     assert much.amplitude is None and much.sentence == "200 us is enough; 50 us would be enough"
-    assert "80 us would be enough" in propose({"r": made(np.full(W.size, 64.0))}, 200.0, least=80.0).sentence
+    assert (
+        "80 us would be enough"
+        in propose_amplitude({"r": made(np.full(W.size, 64.0))}, 200.0, least=80.0).sentence
+    )
 
 
 def test_the_neediest_answer_decides() -> None:
     answers = {"r": made(np.full(W.size, 20.0)), "ay": made(np.full(W.size, 2.0), output="ay")}
-    assert {band.response for band in propose(answers, 50.0).bands} == {"ay"}
+    assert {band.response for band in propose_amplitude(answers, 50.0).bands} == {"ay"}
 
 
 def test_a_limit_bites_with_a_word_and_tells_how_far_the_sweep_may_go() -> None:
     ratio = np.where(W < 6.4, 4.0, 0.5)
     servo = limit("the servo's rate", 2000.0 / W)  # 78 us at the top, 312 at 6.4 rad/s
-    proposal = propose({"r": made(ratio)}, 70.0, (limit("SWP_PWM_MAX", 250.0), servo))
+    proposal = propose_amplitude({"r": made(ratio)}, 70.0, (limit("SWP_PWM_MAX", 250.0), servo))
     top = proposal.bands[-1]
     assert top.cap == "the servo's rate" and top.amplitude == pytest.approx(2000.0 / 25.6)
     assert top.wanted > top.amplitude and top.reached < WANTED_COHERENCE
@@ -98,7 +101,7 @@ def test_a_limit_bites_with_a_word_and_tells_how_far_the_sweep_may_go() -> None:
 def test_where_nothing_answers_the_proposal_is_a_lower_bound() -> None:
     rng = np.random.default_rng(3)
     w = np.zeros(W.size) + 1e-9 * rng.random(W.size)
-    proposal = propose({"r": made(w)}, 20.0)
+    proposal = propose_amplitude({"r": made(w)}, 20.0)
     assert all(band.below_noise for band in proposal.bands)
     assert proposal.sentence.startswith("at least ")
 

@@ -13,7 +13,7 @@ from recordings import NOMINAL
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs import read_runs
-from rover_sweep.logs.judge.judgement import judged
+from rover_sweep.logs.judge.judgement import with_notes
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.runs.find import find_runs
 from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
@@ -117,10 +117,10 @@ def test_a_start_without_an_end_is_found_beside_a_whole_run() -> None:
 def test_a_hole_within_a_run_is_told_with_place_and_length() -> None:
     log, (start,) = drive([SWEEP])
     broken = without(log, start + 20.0, start + 23.5)
-    (run,) = (judged(r, broken) for r in find_runs(broken))
+    (run,) = (with_notes(r, broken) for r in find_runs(broken))
     assert "A hole of 3.5 s at 45.0 s in r, ay, p, speed, pwm" in warnings(run)
     short = without(log, start + 20.0, start + 20.8)
-    (run,) = (judged(r, short) for r in find_runs(short))
+    (run,) = (with_notes(r, short) for r in find_runs(short))
     assert "hole" not in warnings(run) and "gaps" in warnings(run)
 
 

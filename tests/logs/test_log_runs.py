@@ -10,7 +10,7 @@ from drives import applet_rows, drive, log_of, signal
 from recordings import DEFAULTS, NOMINAL
 
 from rover_sweep.logs import read_logs
-from rover_sweep.logs.judge.judgement import judged
+from rover_sweep.logs.judge.judgement import with_notes
 from rover_sweep.logs.log import AppletRows
 from rover_sweep.logs.readers.pair import paired
 from rover_sweep.logs.runs.find import find_runs
@@ -166,19 +166,19 @@ def test_notes_on_gaps_uneven_sampling_and_end_stops() -> None:
         },
         limits=(1400.0, 1600.0),
     )
-    (run,) = (judged(r, poor) for r in find_runs(poor))
+    (run,) = (with_notes(r, poor) for r in find_runs(poor))
     text = " | ".join(n.text for n in run.notes)
     assert "IMU has 1 gaps (more than 30 ms), the longest 0.42 s at 40.0 s" in text
     assert "ACC is sampled unevenly" in text
     assert "end stop (1400 or 1600 us)" in text
     assert "p reaches 34.9 rad/s" in text
-    (clean,) = (judged(r, log) for r in find_runs(log))
+    (clean,) = (with_notes(r, log) for r in find_runs(log))
     assert clean.notes == ()
 
 
 def test_steering_at_ten_hertz_is_told() -> None:
     (log,) = read_logs(str(DEFAULTS / "run1.BIN"))
-    (run,) = (judged(r, log) for r in find_runs(log))
+    (run,) = (with_notes(r, log) for r in find_runs(log))
     assert any("10 Hz" in n.text and "25 rad/s" in n.text for n in run.notes)
 
 

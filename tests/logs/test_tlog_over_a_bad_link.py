@@ -14,7 +14,7 @@ from test_tlog_reader import Telemetry, saved
 from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs import read_runs
-from rover_sweep.logs.readers.tlog import parse, walk
+from rover_sweep.logs.readers.tlog import parse_tlog, walk
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
 from rover_sweep.logs.readers.vehicle_clock import sessions
 from rover_sweep.quality.coherence import assess
@@ -135,7 +135,7 @@ def test_the_same_frame_twice_is_read_once() -> None:
     telemetry.drive(100.0, 5.0)
     telemetry.add(mavlink.MAVLink_statustext_message(6, b"SWP: run 1 done"))
     twice = b"".join(record for record in records(telemetry.data) for _ in range(2))
-    (session,) = sessions(parse(twice, frozenset({"STATUSTEXT", "RAW_IMU"})).messages)
+    (session,) = sessions(parse_tlog(twice, frozenset({"STATUSTEXT", "RAW_IMU"})).messages)
     assert {name: len(frames) for name, frames in session.messages.items()} == {
         "RAW_IMU": 100,
         "STATUSTEXT": 1,

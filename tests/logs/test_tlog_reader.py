@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recordings import DEFAULTS, foreign
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs.readers.tlog import open_tlog, parse
+from rover_sweep.logs.readers.tlog import open_tlog, parse_tlog
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
 
 RUN = DEFAULTS / "run2.tlog"
@@ -151,7 +151,7 @@ def test_a_log_that_ends_anywhere_is_read_up_to_there() -> None:
     """As a kill or a full disk leaves it."""
     data = (DEFAULTS / "run1.tlog").read_bytes()[:20_000]
     for end in range(19_900, 20_000):
-        assert parse(data[:end], ("ATTITUDE",)).messages
+        assert parse_tlog(data[:end], ("ATTITUDE",)).messages
 
 
 def test_a_flipped_bit_is_found_by_the_checksum() -> None:
@@ -160,6 +160,6 @@ def test_a_flipped_bit_is_found_by_the_checksum() -> None:
     data = bytearray(telemetry.data)
     position = data.index(struct.pack("<Q", 100_500_000)) + 12
     data[position] ^= 0x10
-    tlog = parse(bytes(data), frozenset(["RAW_IMU"]))
+    tlog = parse_tlog(bytes(data), frozenset(["RAW_IMU"]))
     assert tlog.damaged == 1
     assert len(tlog.messages["RAW_IMU"]) == 19

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_sweep.api.read import Reading, load
+from rover_sweep.api.read import Reading, load_steered
 from rover_sweep.cli.main import run
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import load as load_vehicle
@@ -58,7 +58,7 @@ def test_responses_agree_within_the_noise_of_both(both: tuple[Recording, Recordi
 
 def identified(source: Path, data: Path) -> Identification:
     vehicle = load_vehicle(data / "rover.toml")
-    runs = load([str(source)], vehicle, Reading())
+    runs = load_steered([str(source)], vehicle, Reading())
     return identify(runs, geometry_of(vehicle), settings=Settings(models=("roll-yaw",)))
 
 

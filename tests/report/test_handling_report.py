@@ -11,11 +11,11 @@ import pytest
 from rover_sweep.report.identification.handling_table import handling_notes, handling_table
 from rover_sweep.report.identification.identification_json import identification_document
 from rover_sweep.report.identification.remarks import to_do
-from rover_sweep.report.wording.strict_json import dumps
+from rover_sweep.report.wording.strict_json import strict_json
 
 
 def test_document_and_table_hold_the_quantities(nominal: Any, reports: Any) -> None:
-    document = json.loads(dumps(identification_document(*nominal)))["handling"]
+    document = json.loads(strict_json(identification_document(*nominal)))["handling"]
     found = nominal.result.handling["roll-yaw"]
     told = document["models"]["roll-yaw"]
     assert told["quantities"]["yaw_frequency"]["value"] == found["yaw_frequency"].value

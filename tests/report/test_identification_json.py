@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.report.identification.identification_json import identification_document
-from rover_sweep.report.wording.strict_json import dumps, plain
+from rover_sweep.report.wording.strict_json import plain, strict_json
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 
@@ -24,7 +24,7 @@ def refuse(constant: str) -> None:
 
 def written(case: Any) -> dict[str, Any]:
     """The document as another program reads it."""
-    return json.loads(dumps(identification_document(*case)), parse_constant=refuse)
+    return json.loads(strict_json(identification_document(*case)), parse_constant=refuse)
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def test_tyres_of_a_kinematic_rover_are_null_with_a_reason_and_the_rejected_numb
 
 
 def test_the_same_result_gives_the_same_text(nominal: Any) -> None:
-    assert dumps(identification_document(*nominal)) == dumps(identification_document(*nominal))
+    assert strict_json(identification_document(*nominal)) == strict_json(identification_document(*nominal))
 
 
 def test_numbers_that_are_not_finite_become_null_and_foreign_objects_are_refused() -> None:
@@ -144,7 +144,7 @@ def test_json_text_reads_back_whatever_its_layout() -> None:
         "none": {},
         "deep": {"k": [{"a": 1}]},
     }
-    assert json.loads(dumps(value)) == value
+    assert json.loads(strict_json(value)) == value
 
 
 def test_runs_of_the_same_name_keep_their_own_verdicts(nominal: Any) -> None:

@@ -17,7 +17,7 @@ from rover_sweep.live.snapshot import Verdict
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
 from rover_sweep.session.content import FetchedLog, SessionRun
-from rover_sweep.session.folder import Session, is_session, read
+from rover_sweep.session.folder import Session, is_session, read_folder
 from rover_sweep.session.recordings import session_runs
 
 MISSING = object()
@@ -42,7 +42,7 @@ def test_what_was_written_is_read_again(tmp_path: Path) -> None:
         session.judged(tlog, {"sentence": "keep", "source": tlog})
     session.fetched(FetchedLog("log4.BIN", 4, 10, 99))
     session.fetched(FetchedLog("log4.BIN", 4, 20, 99, ("sweep1",)))
-    found = read(tmp_path / "s")
+    found = read_folder(tmp_path / "s")
     assert found == session.content
     assert found.logs == (FetchedLog("log4.BIN", 4, 20, 99, ("sweep1",)),)
     assert found.logs_before == ((1, 100, 0),)
@@ -66,7 +66,7 @@ def test_one_program_at_a_time(tmp_path: Path) -> None:
     first = Session.open(tmp_path)
     with pytest.raises(UsageError, match="another rover-sweep drives into"):
         Session.open(tmp_path)
-    read(tmp_path)  # looking is free
+    read_folder(tmp_path)  # looking is free
     first.close()
     Session.open(tmp_path).close()
 
@@ -206,7 +206,7 @@ def test_a_tlog_that_tells_nothing_is_no_run(tmp_path: Path, content: bytes) -> 
     session.close()
     (tmp_path / "sweep1.tlog").write_bytes(content)
     (tmp_path / "unknown.tlog").write_bytes(content)
-    (found,) = read(tmp_path).runs
+    (found,) = read_folder(tmp_path).runs
     assert (found.state, found.reason) == ("cut", "the program ended before the run began")
     with pytest.raises(DataRefused, match="no run in .* came to its end .sweep1 was left out: the program"):
         session_runs(tmp_path)
@@ -242,7 +242,7 @@ def test_a_description_is_whole_or_the_one_before(tmp_path: Path, monkeypatch: p
     with pytest.raises(UsageError, match="No space left"):
         session.plan(PLAN)
     monkeypatch.undo()
-    assert read(tmp_path).plan == PLAN[:1]
+    assert read_folder(tmp_path).plan == PLAN[:1]
     assert json.loads((tmp_path / "session.json").read_text())["format"] == "rover-sweep session 2"
 
 
@@ -253,5 +253,5 @@ def test_verdicts_fit_into_the_description(tmp_path: Path) -> None:
     session.begun(PLAN[0], tmp_path / "sweep1.tlog", arming=False)
     verdict = Verdict("sweep1", "repeat", "with 200 us", amplitude=200.0, source=tmp_path / "sweep1.tlog")
     session.judged(tmp_path / "sweep1.tlog", asdict(verdict))
-    kept = read(tmp_path).run("sweep1").verdict
+    kept = read_folder(tmp_path).run("sweep1").verdict
     assert kept is not None and (kept["advice"], kept["source"]) == ("repeat", "sweep1.tlog")

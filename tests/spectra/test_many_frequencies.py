@@ -5,7 +5,7 @@ import pytest
 
 from rover_sweep.data.recording import Signal
 from rover_sweep.spectra.averages import hann_correlation, independent_averages
-from rover_sweep.spectra.band_limited import between, even_grid
+from rover_sweep.spectra.band_limited import even_grid, sinc_interpolated
 from rover_sweep.spectra.exponentials import EvenExponentials, Exponentials
 from rover_sweep.spectra.spectra import MANY, Transformer, hann, window_spectra, window_starts
 
@@ -61,7 +61,7 @@ def test_between_is_exact_up_to_the_longest_lag():
     def exact(at: np.ndarray) -> np.ndarray:
         return np.exp(-1j * np.outer(at, lags)) @ r
 
-    assert between(grid, exact(grid), w) == pytest.approx(exact(w), abs=1e-6)
+    assert sinc_interpolated(grid, exact(grid), w) == pytest.approx(exact(w), abs=1e-6)
 
 
 def test_correlation_of_moved_windows():

@@ -5,7 +5,7 @@ import pytest
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.manoeuvre.sweep import Doublet
-from rover_sweep.study.virtual_drive import Firmware, drive
+from rover_sweep.study.virtual_drive import Firmware, virtual_drive
 from sitl.plant.variant import load_variant
 
 SHORT = Doublet(amplitude=100.0, pulse=1.0, pause=1.0, count=1, straight=1.0)
@@ -14,7 +14,7 @@ ROVER = load_variant("paper_asphalt")
 
 @pytest.fixture(scope="module")
 def run() -> Recording:
-    return drive("doublet", ROVER, SHORT, 2.4, seed=3)
+    return virtual_drive("doublet", ROVER, SHORT, 2.4, seed=3)
 
 
 def test_a_larger_pwm_turns_right_which_is_negative_in_iso_axes(run: Recording) -> None:
@@ -44,12 +44,14 @@ def test_speed_comes_from_the_throttle_and_is_lost_in_corners(run: Recording) ->
 
 def test_the_firmwares_filters_are_in_the_signals_and_in_the_recording(run: Recording) -> None:
     assert {c: f.cutoff_hz for c, f in run.filters.items()} == {"r": 4.0, "p": 4.0, "ay": 10.0}
-    open_filters = drive("open", ROVER, SHORT, 2.4, 3, Firmware(gyro_filter_hz=100.0, accel_filter_hz=100.0))
+    open_filters = virtual_drive(
+        "open", ROVER, SHORT, 2.4, 3, Firmware(gyro_filter_hz=100.0, accel_filter_hz=100.0)
+    )
     assert np.std(np.diff(open_filters["p"].x)) > 2 * np.std(np.diff(run["p"].x))
 
 
 def test_the_same_seed_drives_the_same_run_and_another_another(run: Recording) -> None:
-    again, other = (drive("doublet", ROVER, SHORT, 2.4, seed) for seed in (3, 4))
+    again, other = (virtual_drive("doublet", ROVER, SHORT, 2.4, seed) for seed in (3, 4))
     assert all(np.array_equal(run[c].x, again[c].x) for c in run.channels)
     assert not np.array_equal(run["r"].x, other["r"].x)
 

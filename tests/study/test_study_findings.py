@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rover_sweep.study import findings, parameter_findings
-from rover_sweep.study.conclusions import all_findings, summary
+from rover_sweep.study.conclusions import all_findings, outcome_counts
 from rover_sweep.study.virtual_study import Study
 
 
@@ -78,4 +78,4 @@ def test_words_carry_the_numbers_they_are_about(done: Study) -> None:
 def test_the_summary_counts(done: Study) -> None:
     found = all_findings(done)
     assert len({f.key for f in found}) == len(found)
-    assert summary(found).startswith(f"{sum(f.outcome == 'came out' for f in found)} of {len(found)} ")
+    assert outcome_counts(found).startswith(f"{sum(f.outcome == 'came out' for f in found)} of {len(found)} ")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rover_sweep.cli.main import run as command
-from rover_sweep.report.wording.strict_json import dumps
+from rover_sweep.report.wording.strict_json import strict_json
 from rover_sweep.study import published
 from rover_sweep.study.conclusions import all_findings
-from rover_sweep.study.conditions import driven
+from rover_sweep.study.conditions import drive_all
 from rover_sweep.study.published_tables import tables
 from rover_sweep.study.study_json import study_document
 from rover_sweep.study.virtual_study import Study
@@ -60,7 +60,7 @@ def test_tables_hold_the_published_numbers_beside_ours(done: Study) -> None:
 
 
 def test_the_document_carries_every_printed_value(done: Study) -> None:
-    document = json.loads(dumps(study_document(done, all_findings(done))))
+    document = json.loads(strict_json(study_document(done, all_findings(done))))
     printed = document["published"]["parameters"]
     assert printed["lumped"]["N_r"]["value"] == published.PARAMETERS["lumped"]["N_r"].value
     model = document["practices"]["paper"]["models"]["roll-yaw"]
@@ -69,7 +69,7 @@ def test_the_document_carries_every_printed_value(done: Study) -> None:
 
 
 def test_the_same_seed_drives_the_same_plan(done: Study) -> None:
-    again = driven(1, lambda share, what: None)
+    again = drive_all(1, lambda share, what: None)
     for first, second in zip(
         (*done.runs.sweeps, *done.runs.checks.values()), (*again.sweeps, *again.checks.values()), strict=True
     ):

@@ -11,7 +11,7 @@ import pytest
 from terminal import Terminal
 from test_tui_on_rover import LIMITS, OWN, PARAMETERS, ROVER_FILE
 
-from rover_sweep.session.folder import read as read_session
+from rover_sweep.session.folder import read_folder as read_session
 from rover_sweep.vehicle.link.link import Link
 from sitl import launcher
 

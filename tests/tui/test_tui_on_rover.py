@@ -10,7 +10,7 @@ import pytest
 from by_keys import Person, application, using
 
 from firmware_params.param_files import read, shipped
-from rover_sweep.session.folder import read as read_session
+from rover_sweep.session.folder import read_folder as read_session
 from rover_sweep.vehicle.events import RunFinished
 from sitl import launcher
 

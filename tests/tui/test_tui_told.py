@@ -15,11 +15,11 @@ from rover_sweep.tui.drawn.palette import LIGHT
 from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.jobs.desk import Desk
 from rover_sweep.tui.jobs.summary import summary_of
-from rover_sweep.tui.model.earlier import logs, records
+from rover_sweep.tui.model.earlier import fetched_logs, records
 from rover_sweep.tui.model.plan_rows import Row
 from rover_sweep.tui.model.state import AbortAsked, Asked, RunRecord, State, reduced
 from rover_sweep.tui.screens.frame import message, status
-from rover_sweep.tui.screens.plan import driven
+from rover_sweep.tui.screens.plan import last_outcome
 from rover_sweep.vehicle.events import Connected, Rebooting
 from rover_sweep.vehicle.run.settings import RunSettings
 
@@ -60,9 +60,9 @@ def test_the_latest_try_comes_first() -> None:
         RunRecord("sweep1", SWEEP, "done", "", 2, TLOG, Verdict("sweep1", "keep", "keep")),
         RunRecord("sweep1", replace(SWEEP, amplitude=200.0), "done", "", 3, TLOG),
     )
-    assert driven(row, ()) == ""
-    assert driven(row, tries[:1]) == "✗ stopped"
-    assert driven(row, tries) == "✓ KEEP (2 before)"
+    assert last_outcome(row, ()) == ""
+    assert last_outcome(row, tries[:1]) == "✗ stopped"
+    assert last_outcome(row, tries) == "✓ KEEP (2 before)"
 
 
 def test_runs_and_logs_of_before(tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_runs_and_logs_of_before(tmp_path: Path) -> None:
     whole, cut = records(content, tmp_path)
     assert whole.outcome == "done" and whole.reason.startswith("not judged")
     assert (cut.outcome, cut.reason) == ("failed", "the recording ends 12 s into the run")
-    assert logs(content, tmp_path) == (tmp_path / "log1.BIN",)
+    assert fetched_logs(content, tmp_path) == (tmp_path / "log1.BIN",)
 
 
 def test_the_recommended_model_comes_first_and_with_its_intervals(tmp_path: Path) -> None:

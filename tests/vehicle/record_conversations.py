@@ -41,7 +41,7 @@ from rover_sweep.vehicle.link.conversation import read_conversation
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine
 from rover_sweep.vehicle.link.requests import Refused
-from rover_sweep.vehicle.parameters.read_write import write
+from rover_sweep.vehicle.parameters.read_write import write_parameter
 from rover_sweep.vehicle.run.controls import Channels, Controls, pump
 from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 from sitl.launcher import Running, start_ardurover
@@ -121,7 +121,7 @@ def _prepared(rover: Running, name: str, folder: Path) -> str:
     with Link.open(rover.connection, folder / "before.tlog", timeout=60.0) as link:
         firmware = ".".join(map(str, identify_vehicle(link).version))
         if name == "log":
-            write(link, "SWP_ENABLE", 0)
+            write_parameter(link, "SWP_ENABLE", 0)
             _armed_for_a_moment(link)
         elif name != "install":
             pump(link, 30.0, wall_limit=60.0)  # so that the conversation is not all waiting for the EKF

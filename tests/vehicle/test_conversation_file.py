@@ -21,7 +21,7 @@ from rover_sweep.vehicle.link.conversation import write_conversation as write
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
 from rover_sweep.vehicle.parameters.read_write import read_present
-from rover_sweep.vehicle.parameters.read_write import write as write_parameter
+from rover_sweep.vehicle.parameters.read_write import write_parameter as write_parameter
 
 ENTRIES = tuple(ConversationEntry(kind, 0.25 * kind, bytes(range(40 * kind))) for kind in ConversationKind)
 

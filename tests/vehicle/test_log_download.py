@@ -14,7 +14,7 @@ from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.logs import download
 from rover_sweep.vehicle.logs.download import LogEntry, MavlinkLogs
-from rover_sweep.vehicle.logs.fetch import choose, settled
+from rover_sweep.vehicle.logs.fetch import chosen_logs, settled
 
 
 def test_byte_identical_although_blocks_are_lost(
@@ -56,9 +56,9 @@ def test_a_large_log_is_asked_for_at_once(
 
 def test_the_latest_is_the_last_that_may_hold_a_drive() -> None:
     entries = tuple(LogEntry(n, size, 0) for n, size in enumerate((3_000_000, 1_700_000, 90_000, 10_000), 1))
-    assert [e.number for e in choose(entries, "latest")] == [2]
-    assert [e.number for e in choose(entries[2:], "latest")] == [4]
-    assert [e.number for e in choose(entries, "4")] == [4] and choose(entries, "all") == entries
+    assert [e.number for e in chosen_logs(entries, "latest")] == [2]
+    assert [e.number for e in chosen_logs(entries[2:], "latest")] == [4]
+    assert [e.number for e in chosen_logs(entries, "4")] == [4] and chosen_logs(entries, "all") == entries
 
 
 def test_a_log_that_still_grows_is_waited_for(link: Link) -> None:

@@ -18,7 +18,7 @@ from rover_sweep.vehicle.preflight.item import Check, Remedy
 from rover_sweep.vehicle.preflight.remedies import carry_out
 from rover_sweep.vehicle.setup.install import install
 from rover_sweep.vehicle.setup.pending_reboot import NOTE
-from rover_sweep.vehicle.setup.push import needs_reboot, push, waiting
+from rover_sweep.vehicle.setup.push import awaiting_reboot, needs_reboot, push
 from rover_sweep.vehicle.sources import parameter_source
 
 WANTED = parse("INS_GYRO_FILTER 20\nSCHED_LOOP_RATE 400 # [reboot]\nSWP_WMIN 0.1\nSCR_ENABLE 0\nNOT_THERE 1")
@@ -67,12 +67,12 @@ def test_interrupted_anywhere_it_goes_on(
     begun.close()  # type: ignore[attr-defined]
     was_set = {d.name for d in compare(vehicle.parameters, WANTED)} ^ {p.name for p in WANTED}
     assert len(was_set) == min(after, 4)
-    due = waiting(link, tmp_path)
+    due = awaiting_reboot(link, tmp_path)
     assert set(due) == was_set & {"SCHED_LOOP_RATE", "SCR_ENABLE"}
     events = pushed(link, vehicle, tmp_path)
     assert set(names(events)) == {p.name for p in WANTED} - was_set - {"NOT_THERE"}
     assert reboots(events) == [("SCHED_LOOP_RATE", "SCR_ENABLE")]
-    assert waiting(link, tmp_path) == ()
+    assert awaiting_reboot(link, tmp_path) == ()
 
 
 def test_the_reboot_is_asked_for_again_where_it_was_not_allowed(
@@ -89,7 +89,7 @@ def test_the_reboot_is_asked_for_again_where_it_was_not_allowed(
 def test_one_who_booted_by_hand_is_not_asked(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
     pushed(link, vehicle, tmp_path, reboot=False)
     vehicle.parameters["STAT_BOOTCNT"] += 1
-    assert waiting(link, tmp_path) == () and reboots(pushed(link, vehicle, tmp_path)) == []
+    assert awaiting_reboot(link, tmp_path) == () and reboots(pushed(link, vehicle, tmp_path)) == []
 
 
 def test_what_the_rover_keeps_is_told_and_the_others_are_set(

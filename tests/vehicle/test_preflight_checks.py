@@ -13,7 +13,7 @@ from firmware_params.param_files import read, shipped
 from rover_sweep.vehicle.identity import VehicleIdentity
 from rover_sweep.vehicle.link.link_quality import LinkQuality
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, Stream, StreamQuality
-from rover_sweep.vehicle.preflight.all_checks import NAMES, judged
+from rover_sweep.vehicle.preflight.all_checks import NAMES, all_checks
 from rover_sweep.vehicle.preflight.clock_comparison import estimate
 from rover_sweep.vehicle.preflight.item import Check
 from rover_sweep.vehicle.preflight.observed import Battery, ClockComparison, Estimator, Gps, Observation
@@ -65,7 +65,7 @@ def seen(changed: dict[str, float] | None = None, **values: Any) -> Observation:
 
 
 def check(name: str, what: Observation) -> Check:
-    return next(c for c in judged(what) if c.name == name)
+    return next(c for c in all_checks(what) if c.name == name)
 
 
 def worse(**changed: float) -> tuple[StreamQuality, ...]:
@@ -73,7 +73,7 @@ def worse(**changed: float) -> tuple[StreamQuality, ...]:
 
 
 def test_where_all_is_well_all_checks_say_so() -> None:
-    checks = judged(seen())
+    checks = all_checks(seen())
     assert tuple(c.name for c in checks) == NAMES
     assert [c.name for c in checks if c.state != "good" or c.remedy] == []
 
@@ -132,7 +132,7 @@ def test_what_is_wrong_is_told_and_nothing_else(name: str, state: str, said: str
     found = check(name, what)
     assert found.state == state and said in found.sentence
     assert (found.remedy is None) == (state in ("good", "unknown"))
-    others = {c.name for c in judged(what) if c.state != "good"} - {name}
+    others = {c.name for c in all_checks(what) if c.state != "good"} - {name}
     assert others <= SAME_NUMBERS
 
 

@@ -20,7 +20,7 @@ from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Codec, make
 from rover_sweep.vehicle.link.refusals import Refusals
 from rover_sweep.vehicle.link.signing import SigningKey, read_key, signs, timestamp
-from rover_sweep.vehicle.parameters.read_write import read, write
+from rover_sweep.vehicle.parameters.read_write import read_parameter, write_parameter
 
 RIGHT, WRONG = Access(key=SigningKey(KEY)), Access(key=SigningKey(OTHER))
 NOW = 1.7e9  # s of UTC
@@ -84,8 +84,8 @@ def test_with_its_key_a_vehicle_that_signs_is_as_any_other(tmp_path: Path) -> No
         Link.open(vehicle.url, tmp_path / "a.tlog", line=line, access=RIGHT) as link,
     ):
         assert identify_vehicle(link).firmware == "ArduRover 4.6.3"
-        write(link, "SWP_AMP", 77.0)
-        assert read(link, "SWP_AMP") == 77.0
+        write_parameter(link, "SWP_AMP", 77.0)
+        assert read_parameter(link, "SWP_AMP") == 77.0
     assert {"HEARTBEAT", "COMMAND_LONG", "PARAM_SET"} <= set(line.heard)
 
 

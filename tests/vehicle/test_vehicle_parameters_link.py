@@ -16,10 +16,10 @@ from rover_sweep.vehicle.parameters import read_write
 from rover_sweep.vehicle.parameters.read_write import (
     await_booted,
     float32,
-    read,
     read_all,
+    read_parameter,
     read_present,
-    write,
+    write_parameter,
 )
 
 
@@ -45,16 +45,16 @@ def _lose(count: int) -> object:
 def test_a_number_that_float32_cannot_hold_is_written_and_found_right(
     link: Link, vehicle: FakeVehicle
 ) -> None:
-    written = write(link, "SWP_WMIN", 0.1)
+    written = write_parameter(link, "SWP_WMIN", 0.1)
     assert (written.old, written.value) == (pytest.approx(0.3), float32(0.1))
     assert written.value != 0.1
     assert vehicle.parameters["SWP_WMIN"] == float32(0.1)
-    assert not write(link, "SWP_WMIN", 0.1).changed
+    assert not write_parameter(link, "SWP_WMIN", 0.1).changed
 
 
 def test_lost_answers_are_asked_for_again(link: Link, vehicle: FakeVehicle) -> None:
     vehicle.drop = _lose(2)  # type: ignore[assignment]
-    assert write(link, "SWP_AMP", 200).value == 200
+    assert write_parameter(link, "SWP_AMP", 200).value == 200
     vehicle.drop = _lose(1)  # type: ignore[assignment]
     everything = read_all(link)
     assert everything.keys() == vehicle.parameters.keys()
@@ -88,12 +88,12 @@ def test_a_list_that_changes_while_it_comes_is_asked_for_anew(link: Link, vehicl
 
 def test_what_is_not_there_and_what_stays_other_are_told(link: Link, vehicle: FakeVehicle) -> None:
     with pytest.raises(LinkError, match="no parameter SWP_NONE"):
-        read(link, "SWP_NONE")
+        read_parameter(link, "SWP_NONE")
     with pytest.raises(UsageError, match="at most 16 characters"):
-        read(link, "A_NAME_THAT_IS_TOO_LONG")
+        read_parameter(link, "A_NAME_THAT_IS_TOO_LONG")
     vehicle.fixed = frozenset({"SWP_AMP"})
     with pytest.raises(LinkError, match="SWP_AMP was set to 99 but the vehicle has 150"):
-        write(link, "SWP_AMP", 99)
+        write_parameter(link, "SWP_AMP", 99)
 
 
 def test_a_manoeuvre_as_the_applets_parameters() -> None:
@@ -132,7 +132,7 @@ def test_a_vehicle_that_says_what_it_lacks_is_believed_at_once(tmp_path: Path) -
         with pytest.raises(
             read_write.ParameterMissing, match="the vehicle says that it has no parameter NOT_THERE"
         ):
-            read(link, "NOT_THERE")
+            read_parameter(link, "NOT_THERE")
         assert read_present(link, ["SWP_AMP", "NOT_THERE", "NOR_THIS"]) == {"SWP_AMP": 150}
         asked = [request.param_id for request in vehicle.of_kind("PARAM_REQUEST_READ")]
         assert asked.count("NOT_THERE") == 2 and asked.count("NOR_THIS") == 1
@@ -148,5 +148,5 @@ def test_why_a_parameter_stays_is_told(tmp_path: Path, refusal: int, why: str) -
         with pytest.raises(
             read_write.ParameterKept, match=f"SWP_AMP was set to 99 but the vehicle has 150; {why}$"
         ):
-            write(link, "SWP_AMP", 99)
+            write_parameter(link, "SWP_AMP", 99)
         assert len(vehicle.of_kind("PARAM_SET")) == 1

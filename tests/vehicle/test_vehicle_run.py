@@ -28,7 +28,7 @@ from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import stream_fault
 from rover_sweep.vehicle.run import one_run as run_module
 from rover_sweep.vehicle.run.controls import Controls
-from rover_sweep.vehicle.run.one_run import run
+from rover_sweep.vehicle.run.one_run import one_run
 from rover_sweep.vehicle.run.settings import RunSettings
 
 DRIVE = RunSettings(arm=True, throttle_us=1710, trigger="override", patience=20)
@@ -41,7 +41,7 @@ def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _run(link: Link, tmp_path: Path, settings: RunSettings = DRIVE) -> Iterator[Event]:
-    return run(link, Doublet(), "doublet", tmp_path / "doublet.tlog", settings)
+    return one_run(link, Doublet(), "doublet", tmp_path / "doublet.tlog", settings)
 
 
 def _until_state(events: Iterator[Event], state: int) -> None:

@@ -9,7 +9,13 @@ from fake_vehicle import FakeVehicle
 
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import make
-from rover_sweep.vehicle.link.streams import StreamMonitor, fastest_interval_ms, judge, request, stream_fault
+from rover_sweep.vehicle.link.streams import (
+    StreamMonitor,
+    fastest_interval_ms,
+    request,
+    stream_fault,
+    stream_quality,
+)
 
 
 @pytest.mark.parametrize(("loop", "interval"), [(50, 25), (100, 12), (200, 6), (400, 3)])
@@ -29,16 +35,16 @@ def test_a_denied_rate_names_its_remedy_and_the_fastest_is_taken(link: Link, veh
 
 def test_quality_of_a_stream() -> None:
     steady = [n * 0.02 for n in range(200)]
-    good = judge("ATTITUDE", steady)
+    good = stream_quality("ATTITUDE", steady)
     assert (good.hz, good.lost, stream_fault(good, 50)) == (pytest.approx(50), 0, "")
     assert "50.0 times a second instead of 100" in stream_fault(good, 100)  # every other one is lost
-    gap = judge("ATTITUDE", steady[:100] + steady[120:])
+    gap = stream_quality("ATTITUDE", steady[:100] + steady[120:])
     assert gap.gap_ms == pytest.approx(420)
     assert gap.lost == pytest.approx(0.1)
     assert "10% did not arrive, longest gap 420 ms" in stream_fault(gap, 50)
-    short = judge("ATTITUDE", steady[:100] + steady[103:])  # 80 ms without, once in 4 s
+    short = stream_quality("ATTITUDE", steady[:100] + steady[103:])  # 80 ms without, once in 4 s
     assert stream_fault(short, 50) == "" and "longest gap 80 ms" in stream_fault(short, 50, gap=0.06)
-    assert "hardly came" in stream_fault(judge("ATTITUDE", [1.0]), 50)
+    assert "hardly came" in stream_fault(stream_quality("ATTITUDE", [1.0]), 50)
 
 
 def test_the_monitor_keeps_the_vehicles_stamps(link: Link) -> None:
@@ -57,7 +63,7 @@ def test_late_and_repeated_messages_are_no_lost_ones() -> None:
     chance = random.Random(1)
     jittered = sorted(steady + steady[::20], key=lambda t: t + chance.uniform(0, 0.5))
     assert jittered != sorted(jittered)
-    assert judge("ATTITUDE", jittered) == judge("ATTITUDE", steady)
+    assert stream_quality("ATTITUDE", jittered) == stream_quality("ATTITUDE", steady)
 
 
 def test_the_servo_clock_that_wraps_is_no_gap() -> None:

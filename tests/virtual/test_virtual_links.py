@@ -21,7 +21,7 @@ from rover_sweep.vehicle.events import StreamsSet
 from rover_sweep.vehicle.identity import check_applet, identify_vehicle
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.link_quality import BadLink
-from rover_sweep.vehicle.parameters.read_write import read_all, write
+from rover_sweep.vehicle.parameters.read_write import read_all, write_parameter
 from rover_sweep.vehicle.preflight.all_checks import preflight
 from sitl.ground.ground_session import GroundLink
 
@@ -68,7 +68,7 @@ def test_a_poor_link_is_only_slower(tmp_path: Path, weather: str, seed: int) -> 
     with linked(tmp_path, SLOWER[weather], seed=seed) as (world, link):
         assert identify_vehicle(link).firmware.startswith("ArduRover")
         assert check_applet(link)["SWP_ENABLE"] == 1
-        assert write(link, "SWP_AMP", 123).value == 123
+        assert write_parameter(link, "SWP_AMP", 123).value == 123
         streams = [e.streams for e in start_streams(link) if isinstance(e, StreamsSet)]
         assert not [s.message for s in streams[0] if s.hz == 0]
 
@@ -144,7 +144,7 @@ def test_a_hole_while_parameters_are_asked_is_no_absence(tmp_path: Path) -> None
 def test_a_link_that_becomes_slow_is_no_absence(tmp_path: Path) -> None:
     with linked(tmp_path, FAIR) as (world, link):
         identify_vehicle(link)
-        assert write(link, "SWP_AMP", 120).value == 120
+        assert write_parameter(link, "SWP_AMP", 120).value == 120
         world.run(0.1)
         world.down.weather = world.up.weather = Weather(delay=2.0)
         for _ in range(3):

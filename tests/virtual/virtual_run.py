@@ -29,7 +29,7 @@ from rover_sweep.vehicle.events import Event, Interrupted, Notice, RunFinished, 
 from rover_sweep.vehicle.link import recorder
 from rover_sweep.vehicle.link.access import Access
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.run.one_run import run
+from rover_sweep.vehicle.run.one_run import one_run
 from rover_sweep.vehicle.run.settings import RunSettings
 
 SWEEP = Sweep(amplitude=100, w_min=3, w_max=20, t_rec=8, fade=0.5, dwell=0.5, straight=1)
@@ -150,7 +150,7 @@ def played(
             for _ in start_streams(link):  # what it says of the rates is not of this run
                 pass
             world.enter("uploading")
-            yield from run(link, manoeuvre, "sweep1", folder / "sweep1.tlog", settings)
+            yield from one_run(link, manoeuvre, "sweep1", folder / "sweep1.tlog", settings)
 
     return _outcome(world, program(), asked=1, after=after, back=back)
 

@@ -157,7 +157,7 @@ def _plan(
 
 def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> bool:
     """True if all movements were carried out. Before an error leaves, prints where the recording is."""
-    from rover_sweep.bench.drive import drive
+    from rover_sweep.bench.drive import drive_bench
     from rover_sweep.cli.views.bench_prompts import Terminal
     from rover_sweep.cli.views.interruption import let_go_on_signals
     from rover_sweep.vehicle.link.transport import parse_url
@@ -166,7 +166,9 @@ def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> b
     echo(f"recording into {folder.path}", err=True)
     try:
         with let_go_on_signals():
-            return drive(url, folder, plan, Terminal(lambda text: echo(text, err=True), plan.unasked), access)
+            return drive_bench(
+                url, folder, plan, Terminal(lambda text: echo(text, err=True), plan.unasked), access
+            )
     except (RoverSweepError, KeyboardInterrupt):
         echo(
             f"the steering is released; evaluate the recording with: rover-sweep bench --from {folder.path}",
@@ -187,9 +189,9 @@ def _evaluated(
 
 
 def _write(path: Path, result: BenchResult) -> dict[str, Measured]:
-    from rover_sweep.bench.into_file import write
+    from rover_sweep.bench.into_file import write_bench_numbers
 
-    return write(path, result)
+    return write_bench_numbers(path, result)
 
 
 def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:

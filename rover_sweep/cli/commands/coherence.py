@@ -67,7 +67,7 @@ def coherence(
         echo_json(json.dumps([_as_json(*one, run) for one, run in zip(judged, found, strict=True)], indent=2))
         return
     for (verdict, proposal), run in zip(judged, found, strict=True):
-        show(verdict, proposal, [note.text for note in run.notes if note.level == "warning"])
+        show_coherence(verdict, proposal, [note.text for note in run.notes if note.level == "warning"])
 
 
 def _parameters(
@@ -116,7 +116,9 @@ def _as_json(verdict: CoherenceVerdict, proposal: AmplitudeProposal, run: Record
     }
 
 
-def show(verdict: CoherenceVerdict, proposal: AmplitudeProposal, warnings: Sequence[str] = ()) -> None:
+def show_coherence(
+    verdict: CoherenceVerdict, proposal: AmplitudeProposal, warnings: Sequence[str] = ()
+) -> None:
     """Print one run: verdict, warnings on the recording, a row per response, the next amplitude."""
     from rich.text import Text
 

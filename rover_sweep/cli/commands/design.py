@@ -109,10 +109,10 @@ def design(
     \b
     rover-sweep design --wmin .3 --wmax 25 --trec 55 --amplitude 150 --speed 2.5 --vehicle rover.toml
     """
-    from rover_sweep.cli.views.design_summary import show, show_json
+    from rover_sweep.cli.views.design_summary import show_design, show_json
     from rover_sweep.data.vehicle_file import load
-    from rover_sweep.design.advice import judged, refuse_nonsense
-    from rover_sweep.design.demand import plan
+    from rover_sweep.design.advice import refuse_nonsense, with_advice
+    from rover_sweep.design.demand import make_design
     from rover_sweep.manoeuvre.applet_values import parameters_of
 
     vehicle = load(vehicle_path) if vehicle_path else None
@@ -120,7 +120,7 @@ def design(
         vehicle.steering()  # raises here if the file has no steering gain, before any computation
     manoeuvre = _manoeuvre(ctx, options)
     parameters_of(manoeuvre)  # raises for values that the applet would refuse
-    planned = plan(
+    planned = make_design(
         manoeuvre,
         vehicle,
         speed,
@@ -130,16 +130,16 @@ def design(
         options["accel_filter"],
     )
     refuse_nonsense(planned)
-    planned = judged(planned, servo)
+    planned = with_advice(planned, servo)
     if plot:
-        from rover_sweep.cli.views.design_picture import draw
+        from rover_sweep.cli.views.design_picture import draw_design
 
-        draw(planned, vehicle, Path(plot))
+        draw_design(planned, vehicle, Path(plot))
         echo(f"picture written to {plot}", err=True)
     if as_json:
         show_json(planned)
     else:
-        show(planned, vehicle)
+        show_design(planned, vehicle)
 
 
 def _manoeuvre(ctx: click.Context, options: dict[str, Any]) -> Manoeuvre:

@@ -94,7 +94,7 @@ def diagnose(
     findings so far and exits with code 130.
     """
     from rover_sweep.api.diagnosis_input import material
-    from rover_sweep.api.read import Reading, load
+    from rover_sweep.api.read import Reading, load_steered
     from rover_sweep.cli.driving.show_diagnosed import show_diagnosed
     from rover_sweep.data.vehicle_file import load as load_vehicle
 
@@ -106,7 +106,7 @@ def diagnose(
     sources = (*runs, *held_out, *simulated)
 
     def read(some: tuple[str, ...]) -> tuple[Recording, ...]:
-        return load(some, vehicle, reading, [s for s in sources if s not in some]) if some else ()
+        return load_steered(some, vehicle, reading, [s for s in sources if s not in some]) if some else ()
 
     given = material(read(runs), read(held_out), read(simulated))
     show_diagnosed(given, (vehicle, path), settings, Path(out), as_json)

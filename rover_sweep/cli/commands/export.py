@@ -67,7 +67,7 @@ def export(
 
 def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
     """Write the diagnosed model as a variant of the simulated rover (TOML)."""
-    from rover_sweep.api.export import diagnosis_file, model_of
+    from rover_sweep.api.export import diagnosis_file, read_augmented_model
     from rover_sweep.report.export.plant_variant import variant_text
 
     if any(option is not None for option in other):
@@ -79,7 +79,7 @@ def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
         raise UsageError(
             f"{place} holds no diagnosis; give the --out folder of diagnose or its diagnosis.json"
         )
-    model, _ = model_of(found)
+    model, _ = read_augmented_model(found)
     _write(output, variant_text(model), f"{model.name} model as a simulated rover")
 
 

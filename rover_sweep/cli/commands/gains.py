@@ -85,20 +85,20 @@ def gains(
     if as_json:
         echo_json(json.dumps(gains_document(proposal), indent=2))
     else:
-        from rover_sweep.cli.views.gains_table import show
+        from rover_sweep.cli.views.gains_table import show_gains
 
-        show(results(), proposal)
+        show_gains(results(), proposal)
     if out is not None:
         narration().print(_write(proposal, Path(out)), markup=False, soft_wrap=True)
 
 
 def _flown(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
     """The vehicle's current parameters, from a file or over a link; empty if neither is given."""
-    from rover_sweep.api.gains import parameters_of
+    from rover_sweep.api.gains import recorded_parameters
 
     if now and url:
         raise UsageError("--now and --connect both give the current parameters; give only one of them")
-    return parameters_of(Path(now)) if now else _parameters_over(url, access) if url else {}
+    return recorded_parameters(Path(now)) if now else _parameters_over(url, access) if url else {}
 
 
 def _parameters_over(url: str, access: Access) -> dict[str, float]:

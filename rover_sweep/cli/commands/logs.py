@@ -67,7 +67,7 @@ def fetch(which: str, connect: str, access: Access, out: str, as_json: bool, via
     """
     from rover_sweep.cli.types.folders import check_writable
     from rover_sweep.cli.views.output import echo, echo_json, results
-    from rover_sweep.vehicle.logs.fetch import FetchedFile, choose, settled
+    from rover_sweep.vehicle.logs.fetch import FetchedFile, chosen_logs, settled
     from rover_sweep.vehicle.logs.fetch import fetch as bring
     from rover_sweep.vehicle.sources import log_source
 
@@ -76,7 +76,7 @@ def fetch(which: str, connect: str, access: Access, out: str, as_json: bool, via
     with unkept_link(connect, access) as link:
         source = log_source(link, via)
         last = -1
-        for event in bring(link, source, choose(settled(link, source), which), Path(out)):
+        for event in bring(link, source, chosen_logs(settled(link, source), which), Path(out)):
             if isinstance(event, FetchedFile):
                 fetched.append(event)
                 console.print(_sentence(event), markup=False, soft_wrap=True)

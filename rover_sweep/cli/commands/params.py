@@ -72,8 +72,8 @@ def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via:
     from rover_sweep.cli.views.output import narration
     from rover_sweep.vehicle.events import ParameterSet
     from rover_sweep.vehicle.parameters.read_param_file import wanted_of
+    from rover_sweep.vehicle.setup.push import awaiting_reboot
     from rover_sweep.vehicle.setup.push import push as bring
-    from rover_sweep.vehicle.setup.push import waiting
     from rover_sweep.vehicle.sources import parameter_source
 
     if not yes and not sys.stdin.isatty():
@@ -89,7 +89,7 @@ def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via:
         for event in bring(link, parameter_source(link, via), found, may_reboot, _NOTES) if consent else ():
             display.show(event)
             was_set += [event] if isinstance(event, ParameterSet) else []
-        left, due = _differences(link, wanted, via) if found else [], waiting(link, _NOTES)
+        left, due = _differences(link, wanted, via) if found else [], awaiting_reboot(link, _NOTES)
     if as_json:
         document = {
             "file": file,

@@ -127,8 +127,8 @@ def plan(
     proposed. Two effects count as separated at twice their detectable sizes.
     """
     from rover_sweep.api.diagnosis_input import effects_named
-    from rover_sweep.api.plan import as_planned, merged, planned
-    from rover_sweep.api.read import Reading, load
+    from rover_sweep.api.plan import as_planned, merged, plan_runs
+    from rover_sweep.api.read import Reading, load_steered
     from rover_sweep.api.run_roles import refuse_overlap
     from rover_sweep.cli.views.output import narration
     from rover_sweep.data.vehicle_file import load as load_vehicle
@@ -138,14 +138,14 @@ def plan(
     vehicle = load_vehicle(Path(vehicle_path(vehicle_file, have)))
     vehicle.steering()  # raises here if the file has no steering gain, before anything is read
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
-    driven = load(have, vehicle, reading) if have else ()
+    driven = load_steered(have, vehicle, reading) if have else ()
     refuse_overlap(driven, ())
     blocks = [PlannedRun("servo_test", amplitude, 0.0) for amplitude in servo_test]
     runs = merged(
         [*(as_planned(run, vehicle) for run in driven), *sweep, *doublet, *bias_sweep, *multisine, *blocks]
     )
     with narration().status("computing which effects these runs separate") as status:
-        found = planned(
+        found = plan_runs(
             runs, vehicle, wanted, driven, lambda what, share: status.update(f"{100 * share:3.0f} %  {what}")
         )
     _show(found, as_json)
@@ -155,10 +155,10 @@ def _show(found: Any, as_json: bool) -> None:
     from rover_sweep.cli.views.output import results
     from rover_sweep.report.diagnosis.plan_table import plan_document, plan_summary
     from rover_sweep.report.diagnosis.terminal import WIDTH
-    from rover_sweep.report.wording.strict_json import dumps
+    from rover_sweep.report.wording.strict_json import strict_json
 
     if as_json:
-        echo_json(dumps(plan_document(found)))
+        echo_json(strict_json(plan_document(found)))
         return
     console = results()
     console.print(plan_summary(found), width=min(console.width, WIDTH))

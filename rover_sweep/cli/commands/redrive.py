@@ -90,10 +90,10 @@ def redrive(
             except ValueError as error:  # the rover overturns
                 raise UsageError(str(error)) from error
         else:
-            from rover_sweep.redrive.on_autopilot import played
+            from rover_sweep.redrive.on_autopilot import drive_course
 
             binary = Path(ardurover) if ardurover else None
-            for line in played(course, parameters, made, simulator, binary, seed):
+            for line in drive_course(course, parameters, made, simulator, binary, seed):
                 console.print(line, soft_wrap=True, markup=False)
     _show_speeds(runs, target)
 

@@ -71,7 +71,7 @@ def resume(
     """
     from rover_sweep.cli.driving.session_display import identify_session, show_session
     from rover_sweep.data.vehicle_file import load
-    from rover_sweep.session.folder import read
+    from rover_sweep.session.folder import read_folder
     from rover_sweep.session.session import drive
     from rover_sweep.vehicle.link.transport import parse_url
 
@@ -79,7 +79,7 @@ def resume(
     vehicle = load(path)
     vehicle.steering()
     parse_url(connect)
-    plan = _plan(read(folder), folder, arm, throttle, throw_switch, not no_log)
+    plan = _plan(read_folder(folder), folder, arm, throttle, throw_switch, not no_log)
 
     def answer(display: PlainDisplay, event: Event) -> None:
         from rover_sweep.vehicle.events import RunStarted

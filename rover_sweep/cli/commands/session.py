@@ -72,7 +72,7 @@ def session(
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.live.vehicle.vehicle_source import VehicleSource
     from rover_sweep.tui.app import show
-    from rover_sweep.tui.model.earlier import logs, planned, records, rows
+    from rover_sweep.tui.model.earlier import fetched_logs, records, rows, runs_of_plan
     from rover_sweep.tui.model.setup import Setup, memory_file
     from rover_sweep.vehicle.link.transport import parse_url
     from rover_sweep.vehicle.run.settings import RunSettings
@@ -97,8 +97,8 @@ def session(
         memory_file(),
         rows(kept.content),
         records(kept.content, folder),
-        logs(kept.content, folder),
-        lambda plan: kept.plan(planned(plan)),
+        fetched_logs(kept.content, folder),
+        lambda plan: kept.plan(runs_of_plan(plan)),
     )
     show(source, setup)
 

@@ -31,11 +31,11 @@ def status(folder: Path, as_json: bool) -> None:
     """
     from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.session.content import to_json
-    from rover_sweep.session.folder import is_session, read
+    from rover_sweep.session.folder import is_session, read_folder
 
     if not is_session(folder):
         raise UsageError(f"{folder} is not a session folder: it has neither session.json nor a .tlog")
-    content = read(folder)
+    content = read_folder(folder)
     if as_json:
         document = to_json(content) | {"to_drive": [run.name for run in content.to_drive]}
         echo_json(json.dumps(document, indent=2, default=str))

@@ -34,7 +34,7 @@ def study(out: str, seed: int, as_json: bool) -> None:
     from rover_sweep.cli.types.folders import check_writable
     from rover_sweep.cli.views.output import echo_json, narration, results
     from rover_sweep.report.identification.terminal import rich_table
-    from rover_sweep.study.conclusions import all_findings, summary
+    from rover_sweep.study.conclusions import all_findings, outcome_counts
     from rover_sweep.study.published_tables import tables
     from rover_sweep.study.study_folder import write_study
     from rover_sweep.study.virtual_study import study as run
@@ -58,7 +58,7 @@ def study(out: str, seed: int, as_json: bool) -> None:
         console.print(Text(finding.claim, "bold"))
         console.print(Text.assemble((f"{finding.outcome}. ", STYLES[finding.outcome]), finding.text))
         console.print()
-    console.print(Text(summary(found), "bold"))
+    console.print(Text(outcome_counts(found), "bold"))
     console.print(f"study: {files.page}", highlight=False, soft_wrap=True, markup=False)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))

@@ -39,11 +39,11 @@ def folder_for(out: str | None) -> Path:
 
 
 def _nothing_driven(folder: Path) -> bool:
-    from rover_sweep.session.folder import DESCRIPTION, read
+    from rover_sweep.session.folder import DESCRIPTION, read_folder
 
     if not (folder / DESCRIPTION).is_file() or (folder / "report").exists():
         return False
-    content = read(folder)
+    content = read_folder(folder)
     return not content.runs and not content.logs
 
 

@@ -109,10 +109,10 @@ def complete_runs(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording
 
     DataRefused if there is none.
     """
-    from rover_sweep.api.read import Reading, load
+    from rover_sweep.api.read import Reading, load_steered
 
     try:
-        return load([str(session.folder)], vehicle, Reading())
+        return load_steered([str(session.folder)], vehicle, Reading())
     except DataRefused as refusal:
         raise DataRefused(f"{refusal}; {_kept(session.folder, list(session.runs))}") from refusal
 

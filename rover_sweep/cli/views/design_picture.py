@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.vehicle_file import Vehicle
-from rover_sweep.design.demand import TRIM_ERROR, Design, drive, spectrum, spectrum_grid, wave
+from rover_sweep.design.demand import TRIM_ERROR, Design, simulated_track, spectrum_grid, wave, wave_spectrum
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 
 
-def draw(design: Design, vehicle: Vehicle | None, path: Path) -> None:
+def draw_design(design: Design, vehicle: Vehicle | None, path: Path) -> None:
     """Write the figure to `path`; the suffix gives the format. UsageError if it cannot be written."""
     from matplotlib.figure import Figure
 
@@ -60,7 +60,7 @@ def _draw_frequency(axes: Any, design: Design) -> None:
 
 def _draw_spectrum(axes: Any, design: Design) -> None:
     w = spectrum_grid(design, 400)
-    axes.semilogx(w, 20 * np.log10(spectrum(design.manoeuvre, w)))
+    axes.semilogx(w, 20 * np.log10(wave_spectrum(design.manoeuvre, w)))
     if not isinstance(design.manoeuvre, Doublet):
         axes.axvspan(design.manoeuvre.w_min, design.manoeuvre.w_max, alpha=0.1)
     axes.set(xlabel="frequency, rad/s", ylabel="spectrum, dB")
@@ -69,7 +69,7 @@ def _draw_spectrum(axes: Any, design: Design) -> None:
 
 def _draw_track(axes: Any, design: Design, vehicle: Vehicle, speed: float) -> None:
     for error, style in ((0.0, "-"), (-TRIM_ERROR, ":"), (TRIM_ERROR, "--")):
-        path = drive(design.manoeuvre, vehicle, speed, error)
+        path = simulated_track(design.manoeuvre, vehicle, speed, error)
         label = "trim exact" if error == 0 else f"trim {error:+g} us off"
         axes.plot(path.x, path.y, style, linewidth=1.5 if error == 0 else 0.9, label=label)
     axes.plot(0, 0, "ko", label="start")

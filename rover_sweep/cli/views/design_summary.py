@@ -21,9 +21,9 @@ from rover_sweep.design.demand import (
     ServoDemand,
     Space,
     Windows,
-    spectrum,
     spectrum_grid,
     wave,
+    wave_spectrum,
 )
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
@@ -37,7 +37,7 @@ def show_json(design: Design) -> None:
     echo_json(json.dumps(asdict(design), indent=2))
 
 
-def show(design: Design, vehicle: Vehicle | None) -> None:
+def show_design(design: Design, vehicle: Vehicle | None) -> None:
     """Print the design on stdout: plots, a table of facts, and notes."""
     echo(_title(design) + "\n")
     if _can_draw():
@@ -89,7 +89,7 @@ def _law_times(sweep: Sweep) -> list[float]:
 
 def _spectrum_lines(design: Design) -> list[str]:
     w = spectrum_grid(design, WIDTH)
-    db = 20 * np.log10(np.maximum(spectrum(design.manoeuvre, w), 1e-9))
+    db = 20 * np.log10(np.maximum(wave_spectrum(design.manoeuvre, w), 1e-9))
     top = float(db.max())
     span = math.log(w[-1] / w[0])
     ticks = [

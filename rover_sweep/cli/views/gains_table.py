@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def show(console: Console, proposal: Proposal) -> None:
+def show_gains(console: Console, proposal: Proposal) -> None:
     """Print the verdict, a table of current and proposed gains, and notes."""
     _say(console, _verdict(proposal))
     for reason in proposal.support.reasons:

@@ -44,7 +44,7 @@ def as_sampled(run: Experiment, log: Mapping[str, Array]) -> dict[str, Array]:
     return out
 
 
-def costs(run: Experiment, measured: Responses, log: Mapping[str, Array]) -> dict[str, float]:
+def response_costs(run: Experiment, measured: Responses, log: Mapping[str, Array]) -> dict[str, float]:
     """J {output: J} of a simulated log {channel: (n,)} over the bands in which the measured one is coherent.
 
     measured: responses of the same run as it was recorded. A response without a usable band has no J.

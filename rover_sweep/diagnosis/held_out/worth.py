@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.held_out.cost import SWEPT, costs, frequency_responses_of
+from rover_sweep.diagnosis.held_out.cost import SWEPT, frequency_responses_of, response_costs
 from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, with_floor
@@ -98,7 +98,7 @@ def fit_of(held: HeldOutRun, m: FittedModel) -> Fit:
             model.append(np.mean((s + bias) ** 2))
     rms = float(np.sqrt(np.mean(errors)))
     tic = float(rms / (np.sqrt(np.mean(measured)) + np.sqrt(np.mean(model))))
-    return Fit(rms, tic, costs(held.run, held.responses, log) if held.responses else {})
+    return Fit(rms, tic, response_costs(held.run, held.responses, log) if held.responses else {})
 
 
 def overlays(

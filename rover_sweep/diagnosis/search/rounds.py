@@ -118,14 +118,14 @@ class Round:
         if trial.fitted is self.fitted:
             return False  # a promise, and no fit
         over = self.after(trial)
-        return trial.gain > over * self.thresholds.thresholds.get(trial.effect, 0.0) and material(trial)
+        return trial.gain > over * self.thresholds.thresholds.get(trial.effect, 0.0) and matters(trial)
 
     def after(self, trial: Trial) -> float:
         """Variance of a row that the trial leaves over that of the round's own bootstrap, at least 1."""
         return max(1.0, trial.fitted.overdispersion / self.fitted.overdispersion)
 
 
-def material(trial: Trial) -> bool:
+def matters(trial: Trial) -> bool:
     """False where the effect came out below the size from which it is a finding, or at a silly one."""
     x, spread = trial.fitted.x, trial.model.spread
     effect = library()[trial.effect]

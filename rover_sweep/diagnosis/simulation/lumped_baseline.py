@@ -59,7 +59,7 @@ def _first(rover: Geometry, roll: bool) -> dict[str, float]:
     }
 
 
-def start(parameters: Mapping[str, float], speed: float) -> dict[str, float]:
+def start_coordinates(parameters: Mapping[str, float], speed: float) -> dict[str, float]:
     """Coordinates out of the derivatives of a lumped model that was identified at a speed [m/s]."""
     names = [(row, c) for row in ROWS for c in COLUMNS if f"{row}_{c}" in parameters]
     return {f"{row}_{c}": parameters[f"{row}_{c}"] * (speed if c in PER_SPEED else 1.0) for row, c in names}

@@ -75,7 +75,7 @@ def _fitted_gain(of: Round, law: Law) -> float:
     return of.fitted.cost - fit(of.problem, more, (*of.model.free, own), start, known=of.fitted).cost
 
 
-def unknown(last: Round, named: bool, seed: int, sure: bool = False) -> Unknown | None:
+def left_unexplained(last: Round, named: bool, seed: int, sure: bool = False) -> Unknown | None:
     """The answer on what the final model leaves, None where it is at the noise floor.
 
     named: effects were found; what their laws are inexact by is then no unknown, unless it is loud.

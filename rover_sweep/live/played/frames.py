@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs.readers.tlog import MAGIC_2, SIGNED, Frames, parse, walk
+from rover_sweep.logs.readers.tlog import MAGIC_2, SIGNED, Frames, parse_tlog, walk
 from rover_sweep.logs.readers.vehicle_clock import CLOCKS, BootMessages, sessions
 from rover_sweep.vehicle.link.mavlink import message_id
 
@@ -65,7 +65,7 @@ class FrameIndex:
 def frame_index(path: Path) -> FrameIndex:
     """Index a telemetry log. DataRefused where no frame of an ArduPilot vehicle carries its time."""
     data = path.read_bytes()
-    parsed = parse(data, WANTED)
+    parsed = parse_tlog(data, WANTED)
     system, component = _vehicle(path, parsed.messages)
     own = {
         name: found

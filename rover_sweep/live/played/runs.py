@@ -15,7 +15,7 @@ from rover_sweep.errors import DataRefused
 from rover_sweep.files.printable import printable
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.verdict.keep_or_repeat import NOT_WHOLE
-from rover_sweep.live.verdict.run_verdict import named, verdict_of
+from rover_sweep.live.verdict.run_verdict import renamed, verdict_on_log
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import runs_of
 from rover_sweep.manoeuvre.configured import manoeuvre_of
@@ -59,7 +59,7 @@ class PlayedRun:
     @cached_property
     def verdict(self) -> Verdict:
         """As `live.verdict.judge` gives it right after the run."""
-        return named(verdict_of(self.recording, self.log), self.recording.name, self.path)
+        return renamed(verdict_on_log(self.recording, self.log), self.recording.name, self.path)
 
     def _outcome(self) -> tuple[bool, str]:
         """By the applet's words, else by what the reading of the recording says."""

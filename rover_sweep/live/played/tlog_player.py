@@ -18,7 +18,7 @@ from rover_sweep.logs.readers.vehicle_clock import BootMessages
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.link.mavlink import Codec, kind
 from rover_sweep.vehicle.link.statustext import TextAssembler
-from rover_sweep.vehicle.link.streams import StreamQuality, judge
+from rover_sweep.vehicle.link.streams import StreamQuality, stream_quality
 from rover_sweep.vehicle.run.follow import Follower
 
 JUDGED = ("ATTITUDE", "RAW_IMU", "SERVO_OUTPUT_RAW")
@@ -105,7 +105,7 @@ class TlogTrack:
 
         def quality(a: float, b: float) -> tuple[StreamQuality, ...]:
             stamps = {n: session.seconds(n) for n in JUDGED if n in session.messages}
-            return tuple(judge(n, t[(t >= a) & (t <= b)].tolist()) for n, t in stamps.items())
+            return tuple(stream_quality(n, t[(t >= a) & (t <= b)].tolist()) for n, t in stamps.items())
 
         runs, refusal = runs_in(log, path, states, lambda t: _parameters(session, t), quality)
         places = (

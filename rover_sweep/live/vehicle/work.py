@@ -20,7 +20,7 @@ from rover_sweep.session.folder import Session
 from rover_sweep.session.left_armed import disarm_left_armed
 from rover_sweep.session.session import (
     await_estimator,
-    fetch,
+    fetch_new_logs,
     listed,
     note_runs,
     recorded_run,
@@ -32,7 +32,7 @@ from rover_sweep.vehicle.identity import identify_vehicle, untested
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, request_all
 from rover_sweep.vehicle.logs.download import MavlinkLogs
-from rover_sweep.vehicle.parameters.read_write import read, read_present
+from rover_sweep.vehicle.parameters.read_write import read_parameter, read_present
 from rover_sweep.vehicle.preflight.all_checks import preflight, remedy
 from rover_sweep.vehicle.preflight.item import Check
 
@@ -114,7 +114,7 @@ class VehicleWork:
         link.record_to(self.session.tlog("fetch"))
         try:
             request_all(link, self._loop_rate(link), dict.fromkeys(IDENTIFICATION_RATES, _FETCHING_RATE))
-            for event in fetch(logs, self.session):
+            for event in fetch_new_logs(logs, self.session):
                 yield event
                 if isinstance(event, LogSaved):
                     self._look_into(link, event.path)
@@ -141,4 +141,4 @@ class VehicleWork:
         yield from start_streams(link)
 
     def _loop_rate(self, link: Link) -> float:
-        return read(link, "SCHED_LOOP_RATE")
+        return read_parameter(link, "SCHED_LOOP_RATE")

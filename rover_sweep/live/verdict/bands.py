@@ -14,7 +14,7 @@ from rover_sweep.spectra.response import COHERENCE_GOOD, RISING, FrequencyRespon
 GOOD, WEAK = 0.8, 0.3
 
 
-def bands(found: Mapping[str, FrequencyResponse]) -> tuple[Band, ...]:
+def coherence_bands(found: Mapping[str, FrequencyResponse]) -> tuple[Band, ...]:
     """Median coherence of each response in bands of about an octave [rad/s]."""
     return tuple(band for f in found.values() for band in _bands(f))
 

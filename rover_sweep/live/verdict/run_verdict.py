@@ -13,7 +13,7 @@ from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.design.advice import WEAK_AMPLITUDE
 from rover_sweep.errors import DataRefused, RoverSweepError
 from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.verdict.bands import bands, spoken
+from rover_sweep.live.verdict.bands import coherence_bands, spoken
 from rover_sweep.live.verdict.keep_or_repeat import advice, side_remark
 from rover_sweep.live.verdict.limits import limits_of, limits_of_wheels
 from rover_sweep.logs.log import Log
@@ -21,7 +21,7 @@ from rover_sweep.logs.read import read_logs, runs_of
 from rover_sweep.quality.coherence import answering, assess, responses
 from rover_sweep.quality.faults import advice_on
 from rover_sweep.quality.length import each_with_length
-from rover_sweep.spectra.amplitude import AmplitudeProposal, propose
+from rover_sweep.spectra.amplitude import AmplitudeProposal, propose_amplitude
 from rover_sweep.spectra.response import FrequencyResponse
 
 Span = tuple[float, float]
@@ -48,16 +48,16 @@ def judge(tlog: Path, span: Span, name: str, vehicle: Vehicle | None = None) -> 
             refusal = str(error)
             continue
         if runs:
-            return named(verdict_of(runs[-1], log, vehicle), name, tlog)
+            return renamed(verdict_on_log(runs[-1], log, vehicle), name, tlog)
     return Verdict(name, "discard", f"discard: {refusal}", source=tlog)
 
 
-def named(verdict: Verdict, name: str, source: Path) -> Verdict:
+def renamed(verdict: Verdict, name: str, source: Path) -> Verdict:
     """The verdict under the run's name, with the recording that was judged."""
     return replace(verdict, run=name, source=source)
 
 
-def verdict_of(run: Recording, log: Log, vehicle: Vehicle | None = None) -> Verdict:
+def verdict_on_log(run: Recording, log: Log, vehicle: Vehicle | None = None) -> Verdict:
     """The verdict on a run of a log."""
     (run,) = each_with_length([run])
     remarks = tuple(note.text for note in run.notes if note.level == "warning")
@@ -74,7 +74,7 @@ def verdict_of(run: Recording, log: Log, vehicle: Vehicle | None = None) -> Verd
     measured = assess(run, found)
     proposal = proposed(run, found, log.parameters, vehicle)
     word, sentence = advice(run, found, measured, proposal, vehicle)
-    by_band = bands(found)
+    by_band = coherence_bands(found)
     return Verdict(
         run.name,
         word,
@@ -104,12 +104,12 @@ def proposed(
         unit = run["delta"].unit or "rad"
         driven = _amplitude(run, "delta")
         limits = limits_of_wheels(judged, run.mean_speed, driven, vehicle)
-        return propose(judged, driven, limits, unit=unit)
+        return propose_amplitude(judged, driven, limits, unit=unit)
     driven = _amplitude(run, "pwm")
     scale = _amplitude(run, next(iter(found.values())).input) / driven
     middle = _middle(run) if run.kind == "bias_sweep" else 0.0
     limits = limits_of(judged, run.mean_speed, parameters, scale, middle, vehicle, servo_60_deg)
-    return propose(judged, driven, limits, WEAK_AMPLITUDE)
+    return propose_amplitude(judged, driven, limits, WEAK_AMPLITUDE)
 
 
 def _amplitude(run: Recording, channel: str) -> float:

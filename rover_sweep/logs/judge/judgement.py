@@ -114,7 +114,7 @@ def refuse_unexcited(log: Log) -> None:
     )
 
 
-def judged(run: Recording, log: Log) -> Recording:
+def with_notes(run: Recording, log: Log) -> Recording:
     """The run with its notes on gaps, uneven sampling, saturation and coarse steering."""
     notes = (
         *run.notes,

@@ -68,10 +68,10 @@ class Tlog:
 
 def open_tlog(path: str | Path, names: frozenset[str]) -> Tlog:
     """Read the messages `names` of a .tlog."""
-    return parse(Path(path).read_bytes(), names)
+    return parse_tlog(Path(path).read_bytes(), names)
 
 
-def parse(data: bytes, names: frozenset[str]) -> Tlog:
+def parse_tlog(data: bytes, names: frozenset[str]) -> Tlog:
     """As `open_tlog`, from the bytes of a file."""
     wanted = {_message(name).id: name for name in names}
     found = walk(data, frozenset(wanted))

@@ -8,7 +8,7 @@ from functools import partial
 from rover_sweep.diagnosis.result import Diagnosis, Overlay
 from rover_sweep.report.identification.pictures import Picture
 from rover_sweep.report.pictures.mismatch import drawable, mismatch
-from rover_sweep.report.pictures.overlay import overlays
+from rover_sweep.report.pictures.overlay import overlay_figure
 from rover_sweep.report.pictures.scores import scores
 from rover_sweep.report.wording.effect_names import sentence
 
@@ -51,7 +51,7 @@ def _runs(found: Diagnosis) -> Iterator[Picture]:
         most = "before and after differ most" if changed else "the model is farthest off"
         caption = f"{run}, {role}. {OVERLAY.format(most=most)}"
         section = "held-out" if held_out else "fitted"
-        yield Picture(f"overlay-{k}", section, caption, partial(overlays, tuple(channels), changed))
+        yield Picture(f"overlay-{k}", section, caption, partial(overlay_figure, tuple(channels), changed))
 
 
 def _scores(found: Diagnosis) -> Iterator[Picture]:

@@ -10,7 +10,7 @@ from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.files.replaced import remove_file, write_file
 from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.wording.strict_json import dumps
+from rover_sweep.report.wording.strict_json import strict_json
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def write_diagnosis(
     from rover_sweep.report.diagnosis.pictures import planned
     from rover_sweep.report.export.plant_variant import variant_text
 
-    document = dumps(diagnosis_document(found, origin))
+    document = strict_json(diagnosis_document(found, origin))
     plan, drawn = planned(found), []
     for k, picture in enumerate(plan):
         if progress:

@@ -48,10 +48,15 @@ def _value_row(v: EffectValue, words: bool) -> tuple[Cell, ...]:
 
 
 def _value_cells(v: EffectValue) -> tuple[Cell, ...]:
-    return Cell(symbol(v.name)), Cell(number(v.value, 3), "strong"), Cell(interval(v)), Cell(unit(v.unit))
+    return (
+        Cell(symbol(v.name)),
+        Cell(number(v.value, 3), "strong"),
+        Cell(interval_text(v)),
+        Cell(unit(v.unit)),
+    )
 
 
-def interval(v: EffectValue) -> str:
+def interval_text(v: EffectValue) -> str:
     """low to high, open where an end could not be found."""
     if v.low is None and v.high is None:
         return "–"

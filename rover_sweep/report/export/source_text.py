@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.report.wording.strict_json import dumps
+from rover_sweep.report.wording.strict_json import strict_json
 
 Model = Mapping[str, Any]
 STATE_SPACE = ("A", "B", "C", "D")
@@ -17,7 +17,7 @@ DESCRIPTOR = ("M", "F", "G", "H0", "H1")
 
 def json_text(model: Model) -> str:
     """The JSON form itself."""
-    return dumps(dict(model))
+    return strict_json(dict(model))
 
 
 def matlab_text(model: Model) -> str:

@@ -12,7 +12,7 @@ from rover_sweep.report.export.exported_model import exported_model
 from rover_sweep.report.identification.identification_json import identification_document
 from rover_sweep.report.wording.acceptance import usable
 from rover_sweep.report.wording.provenance import Provenance
-from rover_sweep.report.wording.strict_json import dumps
+from rover_sweep.report.wording.strict_json import strict_json
 
 Progress = Callable[[float, str], None]
 
@@ -43,7 +43,7 @@ def write_report(
 
     told = progress or _silent
     told(0.0, "identification.json")
-    document = dumps(identification_document(result, provenance))
+    document = strict_json(identification_document(result, provenance))
     models = _models(result, provenance)
     plan = planned(result, provenance)
     drawn = []
@@ -68,7 +68,7 @@ def _models(result: Identification, provenance: Provenance) -> dict[str, str]:
     steering = None
     if vehicle and vehicle.trim_us and vehicle.rad_per_us:
         steering = vehicle.trim_us.value, vehicle.rad_per_us.value
-    return {f"{name}.json": dumps(exported_model(result, name, steering)) for name in usable(result)}
+    return {f"{name}.json": strict_json(exported_model(result, name, steering)) for name in usable(result)}
 
 
 def _write(

@@ -24,7 +24,7 @@ CLOSE_UP, SHORTEST = 5.0, 1.2  # s, a quarter of the slowest motion that matters
 SWINGS = 5.0  # that a close-up still shows apart
 
 
-def overlays(channels: Sequence[Overlay], changed: bool = True) -> Figure:
+def overlay_figure(channels: Sequence[Overlay], changed: bool = True) -> Figure:
     """A row for each channel: the run and its residual, a close-up, the residual's spectrum.
 
     changed: there is an after to draw.

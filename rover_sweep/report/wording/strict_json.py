@@ -30,7 +30,7 @@ def plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} has no form in JSON: {value!r}")
 
 
-def dumps(value: Any) -> str:
+def strict_json(value: Any) -> str:
     """Indented strict JSON, lists of numbers and of short words on one line, with a newline at the end."""
     return within_json(_text(plain(value), 0)) + "\n"
 

@@ -29,7 +29,7 @@ def pointer(value: float, low: float, high: float, width: int) -> str:
     return "".join(cells)
 
 
-def history(values: Sequence[float], low: float, high: float, width: int, rows: int = 1) -> list[str]:
+def column_chart(values: Sequence[float], low: float, high: float, width: int, rows: int = 1) -> list[str]:
     """The last `width` values between two limits as columns, the newest at the right; blank where not known.
 
     Returns `rows` rows, the uppermost first.
@@ -49,7 +49,7 @@ def _height(value: float, low: float, high: float, rows: int) -> int:
     return max(1, round(share * 8 * rows))
 
 
-def number(value: float, form: str) -> str:
+def fixed_width(value: float, form: str) -> str:
     """A number, or a dash of the same width while it is not known."""
     text = format(value if math.isfinite(value) else 0.0, form)
     if not math.isfinite(value):

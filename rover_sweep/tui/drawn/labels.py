@@ -57,12 +57,12 @@ OUTCOMES = {
 RESPONSES = {"r": "yaw rate", "ay": "lateral acc.", "vydot": "side velocity", "p": "roll rate"}
 
 
-def mode(custom_mode: int) -> str:
+def mode_label(custom_mode: int) -> str:
     """Name of a Rover's mode."""
     return MODES.get(custom_mode, "mode ?" if custom_mode < 0 else f"mode {custom_mode}")
 
 
-def switch(pwm: float) -> str:
+def switch_label(pwm: float) -> str:
     """Where a switch is, as the firmware reads it: below 1200 us low, above 1800 us high."""
     if not math.isfinite(pwm) or pwm <= 0:
         return "?"

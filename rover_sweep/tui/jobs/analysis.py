@@ -44,7 +44,7 @@ class AnalysisJob:
         return self.lines[-1] if self.lines else ""
 
 
-async def followed(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
+async def run_job(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
     """The job as it goes on, ending with its end. Its process is ended where the iteration is."""
     began = time.monotonic()
     program = (sys.executable, "-m", "rover_sweep.cli.main", *job.arguments)

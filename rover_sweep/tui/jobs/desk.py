@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from rover_sweep.tui.jobs.analysis import AnalysisJob, arguments_of, followed, free_path, gains_of
+from rover_sweep.tui.jobs.analysis import AnalysisJob, arguments_of, free_path, gains_of, run_job
 from rover_sweep.tui.jobs.summary import next_runs, page_of, summary_of
-from rover_sweep.tui.model.plan_rows import Row, proposed
+from rover_sweep.tui.model.plan_rows import Row, rows_of_plan
 from rover_sweep.tui.model.state import State
 
 NAMES = {"identify": "report", "diagnose": "diagnosis", "gains": "gains.param"}
 
 
-def recordings(state: State, folder: Path) -> tuple[Path, ...]:
+def command_inputs(state: State, folder: Path) -> tuple[Path, ...]:
     """What a command reads: the session's folder where it describes itself, else the runs that are whole."""
     if (folder / "session.json").is_file():
         return (folder,)
@@ -47,7 +47,7 @@ class Desk:
         if kind == "gains" and report is not None:
             job = AnalysisJob(kind, gains_of(report, state.logs, out), out)
         else:
-            job = AnalysisJob(kind, arguments_of(kind, recordings(state, folder), vehicle, out), out)
+            job = AnalysisJob(kind, arguments_of(kind, command_inputs(state, folder), vehicle, out), out)
         self.jobs = (*self.jobs, job)
         self._tasks[job.arguments] = asyncio.create_task(self._follow(job))
 
@@ -82,7 +82,7 @@ class Desk:
     async def _follow(self, job: AnalysisJob) -> None:
         mine = job.arguments
         try:
-            async with contextlib.aclosing(followed(job)) as going:
+            async with contextlib.aclosing(run_job(job)) as going:
                 async for job in going:
                     self._put(job)
         except asyncio.CancelledError:
@@ -100,10 +100,10 @@ class Desk:
 
     async def _proposed(self, job: AnalysisJob) -> None:
         try:
-            async with contextlib.aclosing(followed(job)) as going:
+            async with contextlib.aclosing(run_job(job)) as going:
                 async for going_on in going:
                     job = going_on
-            self.proposal = proposed(json.loads(job.output)) if job.outcome == "done" else ()
+            self.proposal = rows_of_plan(json.loads(job.output)) if job.outcome == "done" else ()
             self.proposing = "" if self.proposal else _none(job)
         except (OSError, ValueError, KeyError, TypeError) as error:
             self.proposing = f"no proposal: {error}"

@@ -21,7 +21,7 @@ def records(content: Content, folder: Path) -> tuple[RunRecord, ...]:
     return tuple(_record(run, folder) for run in content.runs)
 
 
-def logs(content: Content, folder: Path) -> tuple[Path, ...]:
+def fetched_logs(content: Content, folder: Path) -> tuple[Path, ...]:
     """The vehicle's logs that are here."""
     return tuple(folder / log.file for log in content.logs)
 
@@ -31,7 +31,7 @@ def rows(content: Content) -> tuple[Row, ...]:
     return tuple(Row(run.manoeuvre, run.speed or SPEED, run.name) for run in content.plan)
 
 
-def planned(plan: tuple[Row, ...]) -> tuple[SessionRun, ...]:
+def runs_of_plan(plan: tuple[Row, ...]) -> tuple[SessionRun, ...]:
     """The plan, to be kept in the folder."""
     return tuple(SessionRun(row.name, row.manoeuvre, row.speed) for row in plan)
 

@@ -92,7 +92,7 @@ def new(kind: str, speed: float = SPEED) -> Row:
     return Row(_KINDS[kind](), speed)
 
 
-def changed(row: Row, of: Field, number: float, limits: Mapping[str, float] | None = None) -> Row:
+def row_with(row: Row, of: Field, number: float, limits: Mapping[str, float] | None = None) -> Row:
     """With that number. UsageError in words where the applet would refuse it; limits: its own."""
     number = round(number, 3)
     if of.name == "speed":
@@ -108,7 +108,7 @@ def changed(row: Row, of: Field, number: float, limits: Mapping[str, float] | No
     return replace(row, manoeuvre=manoeuvre, settles="")
 
 
-def named(rows: Iterable[Row], taken: Iterable[str]) -> tuple[Row, ...]:
+def with_names(rows: Iterable[Row], taken: Iterable[str]) -> tuple[Row, ...]:
     """Those without a name get one: sweep1, sweep2, ..., the first that is free."""
     rows = tuple(rows)
     names = {*taken, *(row.name for row in rows)}
@@ -156,7 +156,7 @@ def largest(spaces: Iterable[Space | None]) -> tuple[float, float]:
     return max(s.length for s in known), max(s.width for s in known)
 
 
-def proposed(document: Mapping[str, Any]) -> tuple[Row, ...]:
+def rows_of_plan(document: Mapping[str, Any]) -> tuple[Row, ...]:
     """Rows of the JSON of `rover-sweep plan` (report.plan_table.plan_document); repeats as rows of their own.
 
     Servo tests on blocks are left out: nothing is driven there.

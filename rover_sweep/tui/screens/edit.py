@@ -15,7 +15,7 @@ from textual.widgets import Static
 
 from rover_sweep.errors import UsageError
 from rover_sweep.tui.drawn.drawing import ScreenRows
-from rover_sweep.tui.model.plan_rows import Field, Row, changed, fields, value
+from rover_sweep.tui.model.plan_rows import Field, Row, fields, row_with, value
 from rover_sweep.tui.screens.frame import ABORT_WORDS
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class EditRow(ModalScreen[Row | None]):
 
     def _change(self, number: float) -> bool:
         try:
-            self.row, self._refusal = changed(self.row, self.field, number, self._limits), ""
+            self.row, self._refusal = row_with(self.row, self.field, number, self._limits), ""
         except UsageError as error:
             self._refusal = str(error)
         return not self._refusal

@@ -44,7 +44,7 @@ def status(state: State, palette: Palette, width: int) -> Text:
         text.append("  last heard:", palette.ink)
     armed = ("  ARMED ", palette.alarming) if now.armed else ("  disarmed ", palette.ink)
     text.append(*armed)
-    text.append(f" {labels.mode(now.mode)}  switch {labels.switch(now.switch)}", palette.ink)
+    text.append(f" {labels.mode_label(now.mode)}  switch {labels.switch_label(now.switch)}", palette.ink)
     battery = joined(
         (
             f"{now.volts:.1f} V" if math.isfinite(now.volts) else "",
@@ -66,7 +66,10 @@ def _link(state: State, palette: Palette) -> tuple[str, str]:
     if state.played is not None:
         played = state.played
         pace = "PAUSED" if played.rate == 0 else f"x{played.rate:g}"
-        return f"▶ PLAYED {clock(played.t)} of {clock(played.length)} {pace}", palette.accent
+        return (
+            f"▶ PLAYED {minutes_seconds(played.t)} of {minutes_seconds(played.length)} {pace}",
+            palette.accent,
+        )
     if state.lost:
         return "✗ LINK LOST", palette.bad
     if state.vehicle is not None:
@@ -74,7 +77,7 @@ def _link(state: State, palette: Palette) -> tuple[str, str]:
     return "○ no link", palette.quiet
 
 
-def clock(t: float) -> str:
+def minutes_seconds(t: float) -> str:
     """Minutes and seconds."""
     return f"{int(t) // 60}:{int(t) % 60:02d}"
 

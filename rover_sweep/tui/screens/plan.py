@@ -63,7 +63,7 @@ class PlanScreen(SessionScreen):
                     _frequencies(row),
                     f"{row.manoeuvre.duration:.0f}",
                     ground,
-                    driven(row, self.state.runs),
+                    last_outcome(row, self.state.runs),
                 ),
                 sizes,
             )
@@ -164,7 +164,7 @@ class PlanScreen(SessionScreen):
         return True
 
 
-def driven(row: Row, runs: tuple[RunRecord, ...]) -> str:
+def last_outcome(row: Row, runs: tuple[RunRecord, ...]) -> str:
     """What came of it, the latest try first."""
     mine = [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
     told = [

@@ -47,7 +47,7 @@ class PreflightScreen(SessionScreen):
         checks, chosen = self.state.checks, self.index
         shown = window(len(checks), chosen, height - 2 - _BELOW)
         hidden = f"; {len(checks) - len(shown)} more, ↑ ↓" if len(shown) < len(checks) else ""
-        rows.add(f" {summary(checks)}{hidden}", style=f"bold {palette.ink}")
+        rows.add(f" {count_line(checks)}{hidden}", style=f"bold {palette.ink}")
         name = 12 if width < 110 else 20
         for n in shown:
             check = checks[n]
@@ -100,7 +100,7 @@ class PreflightScreen(SessionScreen):
         return action != "look" or (self.state.vehicle is not None and not self.state.busy)
 
 
-def summary(checks: tuple[Check, ...]) -> str:
+def count_line(checks: tuple[Check, ...]) -> str:
     """How many of which state."""
     if not checks:
         return "Nothing was looked at yet."

@@ -10,7 +10,7 @@ from textual.binding import Binding
 from rover_sweep.manoeuvre.sweep import Doublet
 from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows
-from rover_sweep.tui.drawn.gauges import bar, number
+from rover_sweep.tui.drawn.gauges import bar, fixed_width
 from rover_sweep.tui.drawn.large_text import big, huge
 from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.model.state import RunRecord, State
@@ -31,7 +31,7 @@ class RunScreen(SessionScreen):
         self._to_do(rows)
         self._progress(rows)
         rows.blank()
-        signals.draw(rows, self.state, self.session.setup, _tall(height))
+        signals.draw_signals(rows, self.state, self.session.setup, _tall(height))
         rows.blank()
         self._facts(rows)
         abort = 7 if height > 40 else 5 if height > 30 else 3
@@ -87,10 +87,10 @@ class RunScreen(SessionScreen):
             left = f"{labels.seconds((1 - progress) * run.manoeuvre.duration)} left"
         what = labels.APPLET.get(state.applet, f"state {state.applet}")
         width = max(10, rows.width - 64)
-        frequency = number(now.frequency if now else math.nan, "5.1f")
+        frequency = fixed_width(now.frequency if now else math.nan, "5.1f")
         tone = "" if run is not None and isinstance(run.manoeuvre, Doublet) else f"{frequency} rad/s"
         rows.add(
-            f" applet {what:<19.19} {bar(progress, width)} {number(100 * progress, '3.0f')} %  "
+            f" applet {what:<19.19} {bar(progress, width)} {fixed_width(100 * progress, '3.0f')} %  "
             f"{tone:<12} {left}",
             style=self.palette.ink,
         )
@@ -104,7 +104,7 @@ class RunScreen(SessionScreen):
         heard = f"{now.received:.0f} messages/s, " if math.isfinite(now.received) else ""
         before = "last heard: " if self.state.lost else ""
         rows.add(
-            f" {before}{armed}, {labels.mode(now.mode)}, switch {labels.switch(now.switch)}, "
+            f" {before}{armed}, {labels.mode_label(now.mode)}, switch {labels.switch_label(now.switch)}, "
             f"{heard}recorded {labels.size(now.recorded)}",
             style=self.palette.ink,
         )

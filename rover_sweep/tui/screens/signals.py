@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.tui.drawn.drawing import ScreenRows
-from rover_sweep.tui.drawn.gauges import history, number, pointer
+from rover_sweep.tui.drawn.gauges import column_chart, fixed_width, pointer
 from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.model.state import State
 
@@ -54,7 +54,7 @@ def signals_of(state: State, setup: Setup) -> tuple[GaugeSignal, ...]:
     )
 
 
-def draw(rows: ScreenRows, state: State, setup: Setup, each: int) -> None:
+def draw_signals(rows: ScreenRows, state: State, setup: Setup, each: int) -> None:
     """`each` rows for a signal."""
     place = 51 if rows.width >= 120 else 21
     for signal in signals_of(state, setup):
@@ -63,9 +63,9 @@ def draw(rows: ScreenRows, state: State, setup: Setup, each: int) -> None:
         past = bool(signal.limits) and state.applet in _STEERED and not signal.low <= value <= signal.high
         ink = rows.palette.bad if past else rows.palette.ink
         limits = f"PAST {signal.limits}" if past else signal.limits
-        said = f" {signal.name:<9} {number(value, signal.form)} {signal.unit:<5}"
+        said = f" {signal.name:<9} {fixed_width(value, signal.form)} {signal.unit:<5}"
         where = f"{pointer(value, signal.low, signal.high, place)} {limits:<14.14} "
-        drawn = history(values, signal.low, signal.high, rows.width - len(said) - len(where) - 1, each)
+        drawn = column_chart(values, signal.low, signal.high, rows.width - len(said) - len(where) - 1, each)
         for n, row in enumerate(drawn):
             left = said + where if n == each // 2 else " " * len(said + where)
             rows.add((left, f"bold {ink}" if n == each // 2 else ""), (row, rows.palette.quiet))

@@ -8,7 +8,7 @@ from textual.binding import Binding
 from rover_sweep.live.snapshot import Band, Verdict
 from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows, cells
-from rover_sweep.tui.drawn.gauges import bar, number
+from rover_sweep.tui.drawn.gauges import bar, fixed_width
 from rover_sweep.tui.drawn.large_text import big, huge
 from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.model.state import RunRecord
@@ -153,4 +153,4 @@ def _told(band: Band | None, wide: bool) -> str:
     if band is None:
         return "-"
     word = band.words.partition(":")[0]
-    return f"{bar(band.coherence, 6)} {number(band.coherence, '.2f')} {word}" if wide else word
+    return f"{bar(band.coherence, 6)} {fixed_width(band.coherence, '.2f')} {word}" if wide else word

@@ -169,10 +169,10 @@ class StreamMonitor:
 
     def quality(self) -> tuple[StreamQuality, ...]:
         """Judgement of each message asked for, in the order of their names."""
-        return tuple(judge(name, self._stamps.get(name, [])) for name in sorted(self.names))
+        return tuple(stream_quality(name, self._stamps.get(name, [])) for name in sorted(self.names))
 
 
-def judge(name: str, stamps: list[float]) -> StreamQuality:
+def stream_quality(name: str, stamps: list[float]) -> StreamQuality:
     """Rate, jitter and gaps from time stamps [s]; a median interval of whole ms is what ArduPilot sends.
 
     The stamps may be in any order and repeated: a radio lets messages overtake each other.

@@ -14,7 +14,7 @@ from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavsdk_rider import TURN, MavsdkRider
 from rover_sweep.vehicle.link.recorder import writing
-from rover_sweep.vehicle.logs.download import LogEntry, refuse_armed
+from rover_sweep.vehicle.logs.download import LogEntry, refuse_download_if_armed
 
 if TYPE_CHECKING:
     from mavsdk.plugins.log_files import LogFiles
@@ -28,7 +28,7 @@ class MavsdkLogs:
 
     def logs(self) -> tuple[LogEntry, ...]:
         """All logs, oldest first. MAVSDK tells dates, which become seconds since 1970."""
-        refuse_armed(self.link)
+        refuse_download_if_armed(self.link)
         with MavsdkRider(self.link) as rider:
             return tuple(_entry(e) for e in _listed(rider, _plugin(rider)))
 
@@ -36,7 +36,7 @@ class MavsdkLogs:
         """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved."""
         from mavsdk.plugins.log_files import LogFilesResult
 
-        refuse_armed(self.link)
+        refuse_download_if_armed(self.link)
         partial = path.with_name(path.name + ".part")
         began, steps = self.link.line.monotonic(), deque[tuple[Any, float]]()
         with MavsdkRider(self.link) as rider:

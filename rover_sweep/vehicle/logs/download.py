@@ -63,7 +63,7 @@ class MavlinkLogs:
 
     def logs(self) -> tuple[LogEntry, ...]:
         """All logs, oldest first."""
-        refuse_armed(self.link)
+        refuse_download_if_armed(self.link)
         entries: dict[int, LogEntry] = {}
         for _ in range(3):
             self.link.to_vehicle("LOG_REQUEST_LIST", start=0, end=0xFFFF)
@@ -90,7 +90,7 @@ class MavlinkLogs:
 
         What an interrupted download left in NAME.part is kept where its end is what the vehicle has there.
         """
-        refuse_armed(self.link)
+        refuse_download_if_armed(self.link)
         partial = path.with_name(path.name + ".part")
         began = self.link.line.monotonic()
         try:
@@ -171,7 +171,7 @@ class MavlinkLogs:
                 return len(missing) < before
 
 
-def refuse_armed(link: Link) -> None:
+def refuse_download_if_armed(link: Link) -> None:
     """LinkError on an armed rover: ArduPilot then gives no logs."""
     if link.armed:
         raise LinkError("logs cannot be downloaded while the rover is armed; disarm first")

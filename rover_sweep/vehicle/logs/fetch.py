@@ -31,7 +31,7 @@ class FetchedFile:
     checked: bool
 
 
-def choose(entries: tuple[LogEntry, ...], which: str) -> tuple[LogEntry, ...]:
+def chosen_logs(entries: tuple[LogEntry, ...], which: str) -> tuple[LogEntry, ...]:
     """The logs asked for: a number, 'latest' or 'all'. UsageError with what there is.
 
     The latest is the last that may hold a drive: ArduPilot begins a new log after each download.

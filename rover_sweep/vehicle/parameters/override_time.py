@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters.read_write import write
+from rover_sweep.vehicle.parameters.read_write import write_parameter
 
 LAPSE, RADIO_MISSED, RADIO_MISSED_SINCE = "RC_OVERRIDE_TIME", "RC_FS_TIMEOUT", (4, 7)
 _HURRIED, _TOO_SHORT = 1.5, 0.02  # times real time; s
@@ -40,7 +40,7 @@ class Lapse:
         for name, before in self._before.items():
             if before != SHORT[name]:
                 self._changed.append(name)
-                write(self._link, name, SHORT[name])
+                write_parameter(self._link, name, SHORT[name])
 
     def _pace(self) -> float:
         """s of the vehicle's clock in one of ours since it began; 1 where that is too short to say."""
@@ -55,7 +55,7 @@ class Lapse:
             try:
                 if not reachable:
                     raise LinkError("the rover is not heard")
-                write(self._link, name, self._before[name])
+                write_parameter(self._link, name, self._before[name])
             except RoverSweepError:
                 failures.append(f"{name} is still {SHORT[name]:g} s; it was {self._before[name]:g} s before")
         return failures

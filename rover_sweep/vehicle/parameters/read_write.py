@@ -60,7 +60,7 @@ def float32(value: float) -> float:
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
-def read(link: Link, name: str) -> float:
+def read_parameter(link: Link, name: str) -> float:
     """One parameter. ParameterMissing when the vehicle says that it has none, or does not answer over a link
     that is good enough to tell; else BadLink."""
     return float(_read(link, name).param_value)
@@ -209,7 +209,7 @@ def _ask_again(link: Link, found: Mapping[int, object], count: int) -> None:
         link.to_vehicle("PARAM_REQUEST_READ", param_id=b"", param_index=index)
 
 
-def write(link: Link, name: str, value: float) -> Written:
+def write_parameter(link: Link, name: str, value: float) -> Written:
     """Set a parameter where it differs, read it back and compare as float32.
 
     ParameterMissing where there is none; ParameterKept where it came back other than it was sent.
@@ -227,7 +227,7 @@ def write(link: Link, name: str, value: float) -> Written:
         echo = link.wait_for(_ANSWERS, link.quality.wait(_TIMEOUT), lambda m: m.param_id == name)
         if echo is not None and kind(echo) == "PARAM_ERROR" and echo.error in _ERRORS:
             raise ParameterKept(name, value, old, _ERRORS[echo.error])
-        back = read(link, name)
+        back = read_parameter(link, name)
         if back == wanted:
             return Written(name, old, back)
     if not link.quality.concludes(tries):

@@ -50,7 +50,7 @@ def preflight(link: Link, folder: Path, w_max: float | None = None) -> tuple[Che
     conclude anything only the check `link`. LinkError when the link is lost.
     """
     try:
-        return judged(look(link, folder, w_max)) if (other := _other(link)) is None else (other,)
+        return all_checks(look(link, folder, w_max)) if (other := _other(link)) is None else (other,)
     except BadLink as error:
         return (Check("link", "bad", "too poor", str(error), Remedy(ADVICE, by_hand=True)),)
 
@@ -68,7 +68,7 @@ def _other(link: Link) -> Check | None:
     return None
 
 
-def judged(observed: Observation) -> tuple[Check, ...]:
+def all_checks(observed: Observation) -> tuple[Check, ...]:
     """All checks on observed values. Pure."""
     return tuple(check(observed) for check in _IN_ORDER)
 

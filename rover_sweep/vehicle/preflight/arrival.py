@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_sweep.logs.readers.tlog import STAMP, parse
+from rover_sweep.logs.readers.tlog import STAMP, parse_tlog
 from rover_sweep.vehicle.preflight.clock_comparison import estimate
 from rover_sweep.vehicle.preflight.observed import ClockComparison
 
@@ -19,7 +19,7 @@ def arrival_clock(tlog: Path, span: tuple[float, float]) -> ClockComparison | No
     The offset is this computer's UTC [s since 1970] minus the vehicle's time since boot [s].
     """
     data = tlog.read_bytes()
-    frames = parse(data, frozenset({_MADE})).messages.get(_MADE)
+    frames = parse_tlog(data, frozenset({_MADE})).messages.get(_MADE)
     if frames is None:
         return None
     made = frames.rows["time_boot_ms"].astype(float) * 1e-3

@@ -73,7 +73,7 @@ def filters(observed: Observation) -> Check:
     raised = tuple((name, wanted) for name, fc in cutoffs.items() if 0 < fc < wanted)
     remedy = Remedy(f"set {' and '.join(name for name, _ in raised)} to {wanted:g} Hz", sets=raised)
     if worst and worst < _CLEAR * top:
-        sentence = f"{worst_name} {worst:g} Hz: {cost(worst, top)}"
+        sentence = f"{worst_name} {worst:g} Hz: {filter_loss(worst, top)}"
         return Check("filters", "bad" if worst < _SPOILT * top else "doubtful", value, sentence, remedy)
     folded = [
         name for name, fc in cutoffs.items() if not fc or fc > 0.4 * observed.parameter("SCHED_LOOP_RATE")
@@ -85,10 +85,10 @@ def filters(observed: Observation) -> Check:
         )
         lower = Remedy(f"set {folded[0]} to {wanted:g} Hz", sets=((folded[0], wanted),))
         return Check("filters", "doubtful", value, sentence, lower)
-    return Check("filters", "good", value, cost(worst, top))
+    return Check("filters", "good", value, filter_loss(worst, top))
 
 
-def cost(cutoff: float, top: float) -> str:
+def filter_loss(cutoff: float, top: float) -> str:
     """Lag, gain and phase of a second-order Butterworth low-pass at `top`, as a phrase. Both in Hz."""
     ratio = top / cutoff
     gain = 1 / hypot(1 - ratio**2, sqrt(2) * ratio)

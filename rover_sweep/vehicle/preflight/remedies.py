@@ -12,7 +12,7 @@ from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
 from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.requests import Refused
-from rover_sweep.vehicle.parameters.read_write import read_present, write
+from rover_sweep.vehicle.parameters.read_write import read_present, write_parameter
 from rover_sweep.vehicle.preflight.item import Check
 from rover_sweep.vehicle.run.controls import MANUAL
 from rover_sweep.vehicle.setup import pending_reboot
@@ -60,7 +60,7 @@ def carry_out(link: Link, check: Check, may_reboot: bool, folder: Path) -> Itera
 def _set(link: Link, values: Mapping[str, float]) -> Waits:
     waits = []
     for name, value in values.items():
-        written = write(link, name, value)
+        written = write_parameter(link, name, value)
         if written.changed:
             yield ParameterSet(written.name, written.old, written.value, name in _NEED_REBOOT)
             waits += [name] if name in _NEED_REBOOT else []

@@ -10,7 +10,7 @@ from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle.events import Event, Notice
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.link_quality import BadLink
-from rover_sweep.vehicle.parameters.read_write import read, write
+from rover_sweep.vehicle.parameters.read_write import read_parameter, write_parameter
 from rover_sweep.vehicle.run.follow import Follower
 from rover_sweep.vehicle.run.settings import RunSettings
 
@@ -85,4 +85,4 @@ def _not_at_rest(follower: Follower, settings: RunSettings) -> str:
 
 def write_go(link: Link) -> None:
     """Allow the applet one run: another SWP_GO than before."""
-    write(link, "SWP_GO", float(int(read(link, "SWP_GO")) % _NUMBERS + 1))
+    write_parameter(link, "SWP_GO", float(int(read_parameter(link, "SWP_GO")) % _NUMBERS + 1))

@@ -36,7 +36,7 @@ from rover_sweep.vehicle.link.mavlink import Message
 from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.link.streams import StreamMonitor
 from rover_sweep.vehicle.parameters.override_time import RADIO_MISSED, RADIO_MISSED_SINCE, Lapse
-from rover_sweep.vehicle.parameters.read_write import read_present, write
+from rover_sweep.vehicle.parameters.read_write import read_present, write_parameter
 from rover_sweep.vehicle.run.before_run import await_rest, catch_up, refuse_blind, write_go
 from rover_sweep.vehicle.run.controls import (
     MANUAL,
@@ -76,7 +76,7 @@ _SELF_DESCRIBING = (
 )
 
 
-def run(
+def one_run(
     link: Link, manoeuvre: Manoeuvre, name: str, tlog: Path, settings: RunSettings
 ) -> Generator[Event, None, RunFinished]:
     """Upload, arm and trigger as far as `settings` allow, follow, and let go. Returns the last event too.
@@ -163,7 +163,7 @@ def _told_to_stop(error: BaseException, link: Link, settings: RunSettings) -> li
 
 def _upload(link: Link, values: Mapping[str, float]) -> Iterator[Event]:
     for name, value in values.items():
-        written = write(link, name, value)
+        written = write_parameter(link, name, value)
         if written.changed:
             yield ParameterSet(written.name, written.old, written.value)
 

@@ -16,7 +16,7 @@ from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.link.streams import fastest_interval_ms, grants
-from rover_sweep.vehicle.parameters.read_write import read_present, write
+from rover_sweep.vehicle.parameters.read_write import read_present, write_parameter
 from rover_sweep.vehicle.setup.applet_upload import await_applet, reboot, restart_scripts, upload
 
 Consent = Callable[[tuple[str, ...]], bool]  # whether the rover may be rebooted, for these reasons
@@ -80,7 +80,7 @@ def _set(
         if difference.found is None:
             missing.append(difference.sentence)
             continue
-        written = write(link, difference.name, difference.wanted)
+        written = write_parameter(link, difference.name, difference.wanted)
         yield ParameterSet(written.name, written.old, written.value, difference.needs_reboot)
         because += [difference.name] if difference.needs_reboot else []
     return tuple(because), tuple(missing)

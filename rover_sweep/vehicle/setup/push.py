@@ -35,7 +35,7 @@ def needs_reboot(name: str, marked: bool = False) -> bool:
     return marked or name in NEED_REBOOT or (name.startswith("SERIAL") and name.endswith("_PROTOCOL"))
 
 
-def waiting(link: Link, folder: Path) -> tuple[str, ...]:
+def awaiting_reboot(link: Link, folder: Path) -> tuple[str, ...]:
     """Names of parameters that an earlier push or remedy noted in `folder` and that still need a reboot."""
     return pending_reboot.waiting(folder, *_boot(link))
 
