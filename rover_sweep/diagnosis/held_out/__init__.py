@@ -1,1 +1,1 @@
-"""What a model is worth on runs that neither its fit nor its choice used."""
+"""How well a model predicts runs that neither its fit nor its selection used."""

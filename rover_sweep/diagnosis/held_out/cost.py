@@ -1,7 +1,7 @@
-"""Cost J of a simulation against the recording, response by response, on a held-out sweep.
+"""Cost J of a simulation against the recording, for each response, on a held-out sweep.
 
-Both are recordings: the simulated log goes through the same composite estimator as the measured one, with
-the same steering, so that windows and leakage are alike in both (equation (11) of the paper).
+The simulated log passes the same composite estimator as the measured one, with the same steering, so that
+windows and leakage are the same in both (equation (11) of the paper).
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ def frequency_responses_of(run: Experiment, log: Mapping[str, Array]) -> Respons
 
 
 def recorded(run: Experiment, log: Mapping[str, Array]) -> Recording:
-    """A log {channel: (n,)} on the run's grid as a recording of the whole run."""
+    """A log {channel: (n,)}, SI units, on the run's grid as a recording of the whole run."""
     channels = {"delta": run.steer, "speed": run.speed, **log}
     signals = {c: Signal(run.t, x, UNITS[c], hold=False) for c, x in channels.items()}
     return Recording(run.name, signals, (float(run.t[0]), float(run.t[-1])), "other")
 
 
 def as_sampled(run: Experiment, log: Mapping[str, Array]) -> dict[str, Array]:
-    """The log {channel: (n,)} as it looks on the grid once it was logged at the channels' own rates."""
+    """The log {channel: (n,)} on the run's grid after sampling at the channels' own rates."""
     out = {}
     for channel, y in log.items():
         stamps = np.arange(run.t[0], run.t[-1] + 1e-9, 1.0 / run.rates[channel])
@@ -45,9 +45,9 @@ def as_sampled(run: Experiment, log: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def response_costs(run: Experiment, measured: Responses, log: Mapping[str, Array]) -> dict[str, float]:
-    """J {output: J} of a simulated log {channel: (n,)} over the bands in which the measured one is coherent.
+    """{output: J} of a simulated log {channel: (n,)} over the bands in which the recording is coherent.
 
-    measured: responses of the same run as it was recorded. A response without a usable band has no J.
+    measured: responses of the recorded run. A response without a usable band has no J.
     """
     simulated = frequency_responses_of(run, as_sampled(run, log))
     out = {}
@@ -59,7 +59,7 @@ def response_costs(run: Experiment, measured: Responses, log: Mapping[str, Array
 
 
 def cost(data: ResponseData, model: Complex) -> float:
-    """J of a model's response (n,) at the points of the measured one, equation (11)."""
+    """J of a model's complex response (n,) at the points of the measured one, equation (11) of the paper."""
     ratio = data.h / model
     errors = (20 * np.log10(np.abs(ratio))) ** 2 + PHASE_WEIGHT * np.degrees(np.angle(ratio)) ** 2
     return float(20.0 / data.w.size * np.sum(data.weight * errors))

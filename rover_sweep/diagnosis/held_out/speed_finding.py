@@ -1,4 +1,4 @@
-"""The finding that cornering takes speed, and what it is worth on a run that was not used."""
+"""The finding that cornering costs speed, and its test on held-out runs."""
 
 from __future__ import annotations
 
@@ -19,29 +19,32 @@ ID = "speed_variation"
 
 @dataclass(frozen=True, eq=False)
 class AtPredictedSpeed(FittedModel):
-    """A model that is driven at a predicted speed, instead of the measured one."""
+    """A model that is driven at a predicted speed instead of the measured one.
+
+    loss: D [s^2/m]; lag [s] of the drive.
+    """
 
     loss: float
     lag: float
 
     def speed(self, run: Experiment) -> Array:
-        """The speed (n,) m/s that this loss predicts."""
+        """The speed (n,) [m/s] that this loss predicts."""
         return speed_predicted(run, self.model.structure, self.x, self.loss, self.lag)
 
     def log(self, run: Experiment) -> dict[str, Array]:
-        """What the run's log would hold at that speed."""
+        """The simulated log of the run at that speed {channel: (n,)}."""
         return super().log(replace(run, speed=self.speed(run)))
 
 
 def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOutRun]) -> Finding:
-    """The loss as a finding. whole: the model with all other effects."""
+    """The loss as a finding. whole: the model with all other effects; unused: the held-out runs."""
     effect = library()[ID]
     unit, meaning = effect.parameters[0].unit, effect.parameters[0].convention
     value = EffectValue("D", unit, found.loss, found.low, found.high, meaning)
     without, with_it = (AtPredictedSpeed(whole.model, whole.x, d, found.lag) for d in (0.0, found.loss))
-    told = (
-        f"{effect.title}, D = {found.loss:.3g} {unit}: up to {100 * found.drop:.1f} % of the speed, "
-        f"behind a drive of {found.lag:.1f} s"
+    sentence = (
+        f"{effect.title}, D = {found.loss:.3g} {unit}: up to {100 * found.drop:.1f} % of the speed "
+        f"(lag of the drive: {found.lag:.1f} s)"
     )
     shown = tuple(_held_out(held, without, with_it, found.noise) for held in unused)
     return Finding(
@@ -51,20 +54,20 @@ def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOut
         {"gain": found.gain, "threshold": found.threshold},
         shown,
         effect.next_run,
-        told,
+        sentence,
         effect.equation,
     )
 
 
 def unknown_loss(found: SpeedLoss) -> Unknown:
-    """The same loss where the effect is not among the candidates."""
+    """The same loss as an unknown, where the effect is not among the candidates."""
     times = float(np.sqrt(found.gain / found.threshold))
     return Unknown(
         "V",
         "a_y",
         times,
-        f"up to {100 * found.drop:.1f} % of the speed goes with a_y, beyond what the turned wheels take; no "
-        "candidate explains it",
+        f"turns cost up to {100 * found.drop:.1f} % of the speed, in proportion to a_y^2 and more than the "
+        "drag of the turned wheels; no candidate explains it",
         "V' ~ a_y^2",
     )
 

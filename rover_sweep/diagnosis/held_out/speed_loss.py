@@ -1,10 +1,17 @@
-"""Speed that cornering takes beyond what turned wheels take anyway, seen in the measured speed itself.
+"""Speed that cornering costs in addition to the drag of the turned wheels, from the measured speed.
 
     V' = (V_set - V)/tau - Ff sin(d)/m + v r - D a_y^2
 
-The first three terms belong to every rover (Ff sin(d), v r: the front force pulls back, out of the fitted
-model); D is the finding. The noise of a measured speed is slow, so rows are whitened by an
-autoregression of what the fit leaves, and the threshold comes from noise of that kind.
+Every rover has the first three terms; Ff sin(d) and v r come from the fitted model. D is the finding.
+
+For each lag tau of a grid, the speed minus its own drag is regressed on the response to a_y^2 with a constant
+and the decay of the initial speed as nuisances. The noise of a measured speed is slow, so the rows are
+whitened by an autoregression of the residual, estimated three times in turn with D (Cochrane and Orcutt
+1949). The threshold comes from random draws of that noise and of the drag's own uncertainty, with the best
+lag chosen in each draw as in the data.
+
+Cochrane and Orcutt 1949: Application of least squares regression to relationships containing
+auto-correlated error terms, J. American Statistical Association 44(245).
 """
 
 from __future__ import annotations
@@ -20,24 +27,38 @@ from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, smoothed
 from rover_sweep.diagnosis.simulation.simulator import Structure, Values, motion
 
-EVERY = 40  # samples of the simulation that one row stands for; the measured speed is smoothed over 50
+EVERY = 40  # one row for 40 samples of the simulation; the measured speed is smoothed over 50
 LAGS = np.geomspace(0.2, 5.0, 13)  # s, of the drive: speed controller, motor and mass
 ORDER = 3  # of the autoregression
-UNSURE = 0.1  # standard deviation of the rover's own drag, relative: toe and scrub of the wheels
+UNSURE = 0.1  # relative standard deviation of the rover's own drag: toe and scrub of the wheels
 DRAWS = 2000
-FALSE_ALARMS = 0.003  # one effect among two dozen
+FALSE_ALARMS = 0.003  # for one effect among two dozen
 EDGE = 1.0  # s, left out at both ends
 
 
 Rows = tuple[Array, Array, Array, Array]
 
 
+@dataclass(frozen=True, eq=False)
+class _Regression:
+    """Least squares at one lag; whitened rows (n,) without the nuisances.
+
+    cost: sum of squares. loss: D [s^2/m]. speed, per_loss, own: speed minus own drag, its change by D = 1,
+    the own drag.
+    """
+
+    cost: float
+    loss: float
+    speed: Array
+    per_loss: Array
+    own: Array
+
+
 @dataclass(frozen=True)
 class SpeedLoss:
-    """D [s^2/m] with its 90 % interval; lag [s] of the drive; gain against the threshold.
+    """D [s^2/m] with its 90 % interval; lag [s] of the drive; gain (drop of the cost) and its threshold.
 
-    drop: share of the speed that it took where it took most. noise: variance of the speed [m^2/s^2] that
-    the loss leaves.
+    drop: largest loss over the mean speed. noise: variance of the residual speed [m^2/s^2].
     """
 
     loss: float
@@ -51,14 +72,14 @@ class SpeedLoss:
 
     @property
     def found(self) -> bool:
-        """True where it is beyond chance and its material size."""
+        """True where the gain is above its threshold and D above its material size."""
         effect = library()["speed_variation"]
         return self.gain > self.threshold and effect.exceeds({effect.key("D"): self.loss}, effect.thresholds)
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """One run's speed and what drives it, (n,): measured, own drag and a_y^2 [m/s^2, m^2/s^4]; t [s]."""
+    """One run (n,): t [s], measured speed [m/s], own drag [m/s^2] and a_y^2 [m^2/s^4]."""
 
     t: Array
     speed: Array
@@ -67,20 +88,20 @@ class Drive:
 
 
 def speed_loss(runs: Sequence[Experiment], structure: Structure, x: Values, seed: int) -> SpeedLoss:
-    """What cornering took of the speed of these runs, by a fitted model of their motion."""
+    """The speed that cornering cost in these runs. x: {coordinate: value} of the fitted model."""
     drives = [_drive(run, structure, x) for run in runs]
     table = [[_rows(drive, float(lag)) for drive in drives] for lag in LAGS]
     white = np.zeros(ORDER)
     for _ in range(3):
-        fits = [_regressed(rows, white) for rows in table]
-        best = min(range(LAGS.size), key=lambda k: fits[k][0])
-        white = _autoregression(_left(table[best], fits[best][1]))
-    fits = [_regressed(rows, white) for rows in table]
-    return _judged(drives, table, fits, seed)
+        fits = [_regression(rows, white) for rows in table]
+        best = min(range(LAGS.size), key=lambda k: fits[k].cost)
+        white = _autoregression(_residuals(table[best], fits[best].loss))
+    fits = [_regression(rows, white) for rows in table]
+    return _result(drives, table, fits, seed)
 
 
 def speed_predicted(run: Experiment, structure: Structure, x: Values, loss: float, lag: float) -> Array:
-    """Speed (n,) m/s of a run by the rover's own drag and a loss D, about the run's mean."""
+    """Speed (n,) [m/s] of a run by the rover's own drag and a loss D [s^2/m], about the run's mean."""
     drive = _drive(run, structure, x)
     taken = _through(drive.own - loss * drive.square, lag)
     return float(np.mean(run.speed)) + taken - float(np.mean(taken))
@@ -96,12 +117,12 @@ def _drive(run: Experiment, structure: Structure, x: Values) -> Drive:
 
 
 def _through(u: Array, lag: float) -> Array:
-    """Speed (n,) m/s, as a run keeps it, that an acceleration u (n,) leaves where a drive brings it back."""
+    """Speed change (n,) [m/s] by an acceleration u (n,) [m/s^2] that the drive corrects with the lag [s]."""
     return smoothed(np.asarray(lfilter([1.0 / RATE], [1.0, -np.exp(-1.0 / (RATE * lag))], u)))
 
 
 def _rows(drive: Drive, lag: float) -> Rows:
-    """(speed less own drag, loss per D, own drag, nuisances (k, 2)) at the rows."""
+    """(speed minus own drag (k,), its change by D = 1 (k,), own drag (k,), nuisances (k, 2)) at the rows."""
     inside = slice(int(EDGE * RATE), -int(EDGE * RATE), EVERY)
     own, square = _through(drive.own, lag)[inside], _through(drive.square, lag)[inside]
     beginning = np.exp(-drive.t[inside] / lag)
@@ -112,8 +133,8 @@ def _whitened(rows: Array, white: Array) -> Array:
     return np.asarray(lfilter(np.concatenate(([1.0], -white)), [1.0], rows, axis=0))[ORDER:]
 
 
-def _regressed(runs: Sequence[Rows], white: Array) -> tuple[float, float, Array, Array, Array]:
-    """(cost, D, rows of the speed, of one D, of the own drag), whitened, the nuisances taken out."""
+def _regression(runs: Sequence[Rows], white: Array) -> _Regression:
+    """D >= 0 of all runs at one lag. white (ORDER,): coefficients of the autoregression."""
     parts = []
     for y, z, own, nuisance in runs:
         q = np.linalg.qr(_whitened(nuisance, white))[0]
@@ -122,60 +143,60 @@ def _regressed(runs: Sequence[Rows], white: Array) -> tuple[float, float, Array,
     y, z, own = np.concatenate(parts).T
     power = float(z @ z)
     loss = max(float(y @ z) / power, 0.0) if power > 1e-12 else 0.0
-    return float(np.sum((y - loss * z) ** 2)), loss, y, z, own
+    return _Regression(float(np.sum((y - loss * z) ** 2)), loss, y, z, own)
 
 
-def _left(runs: Sequence[Rows], loss: float) -> list[Array]:
+def _residuals(runs: Sequence[Rows], loss: float) -> list[Array]:
+    """Residual speed (k,) of each run, not whitened, after fitting the nuisances."""
     out = []
     for y, z, _, nuisance in runs:
-        left = y - loss * z
-        out.append(left - nuisance @ np.linalg.lstsq(nuisance, left, rcond=None)[0])
+        residual = y - loss * z
+        out.append(residual - nuisance @ np.linalg.lstsq(nuisance, residual, rcond=None)[0])
     return out
 
 
-def _autoregression(left: Sequence[Array]) -> Array:
-    """Coefficients (ORDER,) of the autoregression that leaves the least of what is left."""
-    past = np.concatenate([np.column_stack([y[ORDER - k : -k] for k in range(1, ORDER + 1)]) for y in left])
-    now = np.concatenate([y[ORDER:] for y in left])
+def _autoregression(residual: Sequence[Array]) -> Array:
+    """Coefficients (ORDER,) of the autoregression of residuals, by least squares."""
+    past = np.concatenate(
+        [np.column_stack([y[ORDER - k : -k] for k in range(1, ORDER + 1)]) for y in residual]
+    )
+    now = np.concatenate([y[ORDER:] for y in residual])
     return np.asarray(np.linalg.lstsq(past, now, rcond=None)[0])
 
 
-def _judged(
-    drives: Sequence[Drive],
-    table: Sequence[Sequence[Rows]],
-    fits: Sequence[tuple[float, float, Array, Array, Array]],
-    seed: int,
+def _result(
+    drives: Sequence[Drive], table: Sequence[Sequence[Rows]], fits: Sequence[_Regression], seed: int
 ) -> SpeedLoss:
-    costs = np.array([f[0] for f in fits])
+    """The loss at the best lag, with its threshold and the interval over all lags that are possible."""
+    costs = np.array([f.cost for f in fits])
     best = int(np.argmin(costs))
-    rows = fits[best][2].size
+    rows = fits[best].speed.size
     noise = costs[best] / max(rows - 2 * len(drives) - 2, 1)
-    none = min(float(y @ y) for _, _, y, _, _ in fits)
+    none = min(float(f.speed @ f.speed) for f in fits)
     random = np.random.default_rng(seed)
-    units = np.column_stack([z / (np.linalg.norm(z) or 1.0) for _, _, _, z, _ in fits])
-    own = fits[best][4]
+    units = np.column_stack([f.per_loss / (np.linalg.norm(f.per_loss) or 1.0) for f in fits])
+    own = fits[best].own
     chance = random.standard_normal((DRAWS, rows)) * np.sqrt(noise)
     chance += UNSURE * random.standard_normal((DRAWS, 1)) * own
     gains = np.max(np.maximum(chance @ units, 0.0), axis=1) ** 2 / noise
-    # every drive that the costs do not exclude, with the losses that it leaves possible
+    # lags drawn by their likelihood, and for each a loss
     weights = np.exp(-0.5 * (costs - costs[best]) / noise)
     picked = random.choice(len(fits), DRAWS, p=weights / weights.sum())
-    sizes = np.array([np.sqrt(f[3] @ f[3]) for f in fits])
-    pull = np.array([f[4] @ f[3] / (f[3] @ f[3]) for f in fits])
-    centre = np.array([f[1] for f in fits])
+    sizes = np.array([np.sqrt(f.per_loss @ f.per_loss) for f in fits])
+    pull = np.array([f.own @ f.per_loss / (f.per_loss @ f.per_loss) for f in fits])
+    centre = np.array([f.loss for f in fits])
     drawn = centre[picked] + random.standard_normal(DRAWS) * np.sqrt(noise) / sizes[picked]
     drawn += UNSURE * random.standard_normal(DRAWS) * pull[picked]
     low, high = np.percentile(np.maximum(drawn, 0.0), (5.0, 95.0))
-    lag, loss = float(LAGS[best]), fits[best][1]
+    lag, loss = float(LAGS[best]), fits[best].loss
     drop = max(loss * float(np.max(_through(d.square, lag))) / float(np.mean(d.speed)) for d in drives)
-    left = np.concatenate(_left(table[best], loss))
     return SpeedLoss(
-        loss,
-        float(low),
-        float(high),
-        lag,
-        float(none - costs[best]) / noise,
-        float(np.quantile(gains, 1.0 - FALSE_ALARMS)),
-        drop,
-        float(np.var(left)),
+        loss=loss,
+        low=float(low),
+        high=float(high),
+        lag=lag,
+        gain=float(none - costs[best]) / noise,
+        threshold=float(np.quantile(gains, 1.0 - FALSE_ALARMS)),
+        drop=drop,
+        noise=float(np.var(np.concatenate(_residuals(table[best], loss)))),
     )

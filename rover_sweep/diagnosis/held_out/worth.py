@@ -1,4 +1,4 @@
-"""What a model is worth on runs that neither its fit nor its choice used."""
+"""How well a model predicts runs that neither its fit nor its selection used."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.spectra.response import FrequencyResponse
 
 UNITS = {"r": 180 / np.pi, "ay": 1 / 0.3048, "p": 180 / np.pi}  # deg/s, ft/s^2, deg/s: those of J_rms
-EVERY = 4  # of the simulation's samples that one of an overlay stands for
-EXPLAINABLE = 1.05  # rows' mean square before, above which there is something to remove
+EVERY = 4  # an overlay has every 4th sample of the simulation
+EXPLAINABLE = 1.05  # mean square of the rows above which a share removed is computed
 
 
 @dataclass(frozen=True, eq=False)
 class FittedModel:
-    """A model with its fitted coordinates."""
+    """A model with its fitted coordinates x {coordinate: value, SI units}."""
 
     model: Model
     x: Mapping[str, float]
 
     def log(self, run: Experiment) -> dict[str, Array]:
-        """What the run's log would hold, {channel: (n,)}."""
+        """The simulated log of the run {channel: (n,)}, SI units."""
         return logged(run, self.model.structure, self.x, Sensors.of(run))
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOutRun:
-    """A run that neither the fit nor the choice used, with all that does not depend on the model.
+    """A held-out run with everything that does not depend on the model.
 
     responses: measured frequency responses {output: response} of a sweep, empty for other manoeuvres.
     """
@@ -48,21 +48,24 @@ class HeldOutRun:
 
     @staticmethod
     def of(run: Experiment, floor: Floor, whole: FittedModel) -> HeldOutRun:
-        """The run in the noise floor of the runs that were used, at its own level."""
+        """The run with the noise floor of the used runs, scaled to its own noise level.
+
+        whole: a model whose residual is noise, for that level.
+        """
         swept = run.kind in SWEPT
         found = frequency_responses_of(run, centred(run)) if swept else {}
         return HeldOutRun(run, with_floor([run], _scaled_floor(run, floor, whole)), found)
 
     def sum_of_squares(self, m: FittedModel) -> float:
-        """Sum of squares of the whitened rows that a model leaves."""
+        """Sum of squares of a model's whitened residual rows."""
         rows = self.problem.measured - self.problem.model(m.model.structure, m.x)
         return float(rows @ rows)
 
 
 def _scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
-    """The floor moved, channel by channel, to the noise that the run has where it is not excited.
+    """The floor scaled, channel by channel, to the run's noise at frequencies that are not excited.
 
-    A slower run shakes less. One run shows too little of a floor over frequency, so that its shape stays.
+    A slower run vibrates less. One run has too few quiet frames for a floor of its own, so the shape stays.
     """
     log = whole.log(run)
     level = level_of(run, {c: y - log[c] for c, y in centred(run).items()}, floor)
@@ -70,7 +73,7 @@ def _scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
 
 
 def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) -> HeldOut:
-    """Both models on one fresh run; the mean square of a row is 1 where a model is right."""
+    """Both models on one held-out run; the mean square of a row is 1 where a model is right."""
     left = [held.sum_of_squares(m) for m in (before, after)]
     noise = held.problem.size
     explainable = left[0] - noise
@@ -79,14 +82,14 @@ def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) 
 
 
 def refitted_without(effect: str, used: Problem, whole: FittedModel) -> FittedModel:
-    """The whole model without one of its effects, what remains fitted again to the runs that were used."""
+    """The full model without one of its effects, refitted to the used runs."""
     rest = whole.model.without(effect)
     found = fit(used, rest.structure, rest.free, whole.x)
     return FittedModel(rest, found.x)
 
 
 def fit_of(held: HeldOutRun, m: FittedModel) -> Fit:
-    """J_rms and TIC, equations (15) and (16) of the paper, biases of the outputs taken out; J of a sweep."""
+    """J_rms and TIC, equations (15) and (16) of the paper, without the outputs' biases; J of a sweep."""
     log, data = m.log(held.run), centred(held.run)
     errors, measured, model = [], [], []
     for c, factor in UNITS.items():
@@ -104,7 +107,7 @@ def fit_of(held: HeldOutRun, m: FittedModel) -> Fit:
 def overlays(
     runs: Sequence[Experiment], unused: bool, before: FittedModel, after: FittedModel, floor: Floor
 ) -> tuple[Overlay, ...]:
-    """Measured against both models for pictures; fresh runs in the noise of their own level."""
+    """Measured signals and both models for pictures. unused: the runs are held out; their floor is scaled."""
     out = []
     used = floor
     for run in runs:
@@ -135,7 +138,7 @@ def overlays(
 
 
 def _spectrum(error: Array, run: Experiment, floor: Floor, channel: str) -> tuple[Array, Array]:
-    """Power of a residual over that of the noise in 24 bands, with their frequencies [rad/s]."""
+    """(frequency (k,) [rad/s], power of a residual over that of the noise (k,)) of up to 24 bands."""
     f = np.fft.rfftfreq(error.size, 1 / RATE)
     power = np.abs(np.fft.rfft((error - error.mean()) * run.taper)) ** 2
     power *= 2 / (RATE * np.sum(run.taper**2))

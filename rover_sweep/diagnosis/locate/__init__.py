@@ -1,1 +1,1 @@
-"""Where simulation and recording differ: what stands out of a residual."""
+"""Where simulation and recording differ: places of the residual above the noise."""

@@ -1,4 +1,4 @@
-"""Where by frequency, amplitude and speed: bands of a channel's residual, compared between runs."""
+"""Location by frequency, amplitude and speed: bands of a channel's residual, compared between runs."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.locate.place_sentences import between, called, times
-from rover_sweep.diagnosis.locate.residual_maps import EDGES, SURE, clear, floor_error, spectrum
+from rover_sweep.diagnosis.locate.place_sentences import band_text, channel_name, noise_ratio
+from rover_sweep.diagnosis.locate.residual_maps import EDGES, SIGMAS, above_noise, floor_error, spectrum
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Profile
 from rover_sweep.diagnosis.simulation.candidates import SAME_SPEED
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
-WITHIN = 0.5  # of the power above the floor at the peak, down to which a band reaches: -3 dB
+HALF_POWER = 0.5  # share of the peak's power above the floor at which a band ends (-3 dB)
 FEWEST = 8  # rows of a band
-LINEAR = 4.0  # growth of the power when the motion doubles, of an effect in proportion to it
-ODD = 1.6  # factor from there, beyond which the growth is worth telling
-HARDLY = 2.0  # growth up to which it is called that
-SPEEDIER = 2.0  # factor in power relative to the motion, beyond which a speed is worth telling
-SAME_AMPLITUDE = 1.6
+LINEAR = 4.0  # growth of the power when the motion doubles, for a residual in proportion to it
+ODD = 1.6  # factor on `LINEAR` from which another growth is reported
+HARDLY = 2.0  # growth up to which the residual "hardly grows"
+SPEEDIER = 2.0  # ratio of the powers relative to the motion from which a speed is reported
+SAME_AMPLITUDE = 1.6  # ratio up to which two runs have the same amplitude
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """The band [rad/s] in which a channel's residual stands out, and its size in noise."""
+class Band:
+    """The band [rad/s] in which a channel's residual is above the noise; ratio: rms over noise there."""
 
     channel: str
     band: tuple[float, float]
@@ -36,20 +36,23 @@ class Place:
     profile: Profile
 
 
-def place(problem: Problem, rows: Array, channel: str) -> Place | None:
-    """The worst band of a channel, None where nothing is above the noise."""
+def worst_band(problem: Problem, rows: Array, channel: str) -> Band | None:
+    """The band around a channel's highest peak, None where nothing is above the noise.
+
+    rows (size,): whitened residual.
+    """
     power, count = spectrum(problem, rows, channel, EDGES)
     error = floor_error(problem, EDGES)
     known = np.flatnonzero(count >= FEWEST)
-    told = [k for k in known if clear(power[k], count[k], error[k])]
-    if not told:
+    above = [k for k in known if above_noise(power[k], count[k], error[k])]
+    if not above:
         return None
-    peak = max(told, key=lambda k: power[k])
-    least = 1.0 + WITHIN * (power[peak] - 1.0)
+    peak = max(above, key=lambda k: power[k])
+    lowest = 1.0 + HALF_POWER * (power[peak] - 1.0)
     low = high = peak
-    while low - 1 in known and power[low - 1] > least:
+    while low - 1 in known and power[low - 1] > lowest:
         low -= 1
-    while high + 1 in known and power[high + 1] > least:
+    while high + 1 in known and power[high + 1] > lowest:
         high += 1
     chosen = np.arange(low, high + 1)
     size = float(np.sqrt(np.sum((power * count)[chosen]) / np.sum(count[chosen])))
@@ -57,27 +60,27 @@ def place(problem: Problem, rows: Array, channel: str) -> Place | None:
     sizes = tuple(map(float, np.sqrt(power[known])))
     profile = Profile("frequency", "rad/s", tuple(map(float, middles)), sizes)
     band = float(f"{EDGES[low]:.2g}"), float(f"{EDGES[high + 1]:.2g}")
-    return Place(channel, band, size, profile)
+    return Band(channel, band, size, profile)
 
 
-def by_frequency(p: Place) -> Mismatch:
+def by_frequency(p: Band) -> Mismatch:
     """The band as a mismatch."""
-    sentence = f"{called(p.channel)} differs {between(p.band)} by {times(p.ratio)}"
+    sentence = f"{channel_name(p.channel)} differs {band_text(p.band)} by {noise_ratio(p.ratio)}"
     return Mismatch(p.channel, p.band, THROUGHOUT, p.ratio, sentence, p.profile)
 
 
 def by_run(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
-    """Amplitude and speed, where a channel's residual does not simply follow the motion."""
+    """Amplitude and speed, where a channel's residual is not in proportion to the motion."""
     pairs = list(combinations([r.run for r in problem.rows if r.channel == channel], 2))
     speeds = [run.mean_speed for run in problem.runs]
     sizes = [run.amplitude for run in problem.runs]
-    alike = [ab for ab in pairs if same_speed(*(problem.runs[k] for k in ab))]
-    if alike:
-        a, b = max(alike, key=lambda ab: abs(np.log(sizes[ab[1]] / sizes[ab[0]])))
+    same_speeds = [ab for ab in pairs if same_speed(*(problem.runs[k] for k in ab))]
+    if same_speeds:
+        a, b = max(same_speeds, key=lambda ab: abs(np.log(sizes[ab[1]] / sizes[ab[0]])))
         yield from _by_amplitude(problem, rows, channel, *((a, b) if sizes[a] < sizes[b] else (b, a)))
-    apart = [ab for ab in pairs if ab not in alike]
-    if apart:
-        a, b = min(apart, key=lambda ab: abs(np.log(sizes[ab[1]] / sizes[ab[0]])))
+    other_speeds = [ab for ab in pairs if ab not in same_speeds]
+    if other_speeds:
+        a, b = min(other_speeds, key=lambda ab: abs(np.log(sizes[ab[1]] / sizes[ab[0]])))
         if abs(np.log(sizes[b] / sizes[a])) < np.log(SAME_AMPLITUDE):
             yield from _by_speed(problem, rows, channel, *((a, b) if speeds[a] < speeds[b] else (b, a)))
 
@@ -90,7 +93,11 @@ def same_speed(a: Experiment, b: Experiment) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Power above the floor of the residual (k, 2), and of the motion, in the half octaves of two runs."""
+    """Two runs in k half octaves.
+
+    residual (k, 2): power above the floor, in noise; motion (k, 2): power of the measured rows; ratio: rms
+    over noise of each run; band [rad/s].
+    """
 
     residual: Array
     motion: Array
@@ -111,14 +118,14 @@ class _Pair:
 
 
 def _pair(problem: Problem, rows: Array, channel: str, a: int, b: int) -> _Pair | None:
-    """The two runs over all half octaves in which the residuals of both are above the noise."""
+    """Runs a and b in all half octaves in which the residuals of both are above the noise."""
     found = [spectrum(problem, rows, channel, EDGES, run) for run in (a, b)]
     error = floor_error(problem, EDGES)
     moved = [spectrum(problem, problem.measured, channel, EDGES, run)[0] for run in (a, b)]
     sure = [
         k
         for k in range(EDGES.size - 1)
-        if all(count[k] >= FEWEST and clear(power[k], count[k], error[k]) for power, count in found)
+        if all(count[k] >= FEWEST and above_noise(power[k], count[k], error[k]) for power, count in found)
     ]
     if len(sure) < 2:
         return None
@@ -129,7 +136,7 @@ def _pair(problem: Problem, rows: Array, channel: str, a: int, b: int) -> _Pair 
 
 
 def _by_amplitude(problem: Problem, rows: Array, channel: str, small: int, large: int) -> Iterator[Mismatch]:
-    """The growth of the residual when the motion doubles, where it is not in proportion."""
+    """The growth of the residual's power when the motion doubles, where it is not in proportion."""
     pair = _pair(problem, rows, channel, small, large)
     if pair is None:
         return
@@ -139,7 +146,7 @@ def _by_amplitude(problem: Problem, rows: Array, channel: str, small: int, large
     doublings = 0.5 * np.log2(pair.motion[:, 1] / pair.motion[:, 0])
     grown, error = pair.spread_of(np.log(pair.residual[:, 1] / pair.residual[:, 0]) / doublings)
     off = grown - np.log(LINEAR)
-    if abs(off) < max(np.log(ODD), SURE * error):
+    if abs(off) < max(np.log(ODD), SIGMAS * error):
         return
     runs = problem.runs[small], problem.runs[large]
     angles = tuple(float(np.degrees(run.amplitude)) for run in runs)
@@ -147,29 +154,29 @@ def _by_amplitude(problem: Problem, rows: Array, channel: str, small: int, large
     if np.exp(grown) < HARDLY:
         grows = "hardly grows with"
     sentence = (
-        f"{called(channel)} differs by {times(pair.ratio[1])} at {angles[1]:.1f} deg of "
-        f"steering and {pair.ratio[0]:.1f} at {angles[0]:.1f} deg: it {grows} the motion (power "
-        f"{np.exp(grown):.2g} times when that doubles; 4 times would be in proportion)"
+        f"{channel_name(channel)} differs by {noise_ratio(pair.ratio[1])} at {angles[1]:.1f} deg of "
+        f"steering and by {pair.ratio[0]:.1f} at {angles[0]:.1f} deg: it {grows} the motion (its power grows "
+        f"{np.exp(grown):.2g} times when the motion doubles; 4 times would be in proportion)"
     )
     profile = Profile("amplitude", "deg", angles, pair.ratio)
     yield Mismatch(channel, pair.band, f"{grows} amplitude", max(pair.ratio), sentence, profile)
 
 
 def _by_speed(problem: Problem, rows: Array, channel: str, slow: int, fast: int) -> Iterator[Mismatch]:
-    """The speed at which more of the motion is left, where it clearly is."""
+    """The speed at which the residual is a larger share of the motion, where the difference is clear."""
     pair = _pair(problem, rows, channel, slow, fast)
     if pair is None:
         return
     share = pair.residual / pair.motion
     grown, error = pair.spread_of(np.log(share[:, 1] / share[:, 0]))
-    if abs(grown) < max(np.log(SPEEDIER), SURE * error):
+    if abs(grown) < max(np.log(SPEEDIER), SIGMAS * error):
         return
     worse = int(grown > 0)
     speeds = problem.runs[slow].mean_speed, problem.runs[fast].mean_speed
     off = 100 * np.sqrt(pair.residual.sum(axis=0) / pair.motion.sum(axis=0))
     sentence = (
-        f"{called(channel)} differs more at {speeds[worse]:.2f} m/s: by "
-        f"{times(pair.ratio[worse])} there, {off[worse]:.0f} % of the motion, against "
+        f"{channel_name(channel)} differs more at {speeds[worse]:.2f} m/s: by "
+        f"{noise_ratio(pair.ratio[worse])} there, {off[worse]:.0f} % of the motion, against "
         f"{off[1 - worse]:.0f} % at {speeds[1 - worse]:.2f} m/s"
     )
     profile = Profile("speed", "m/s", speeds, pair.ratio)

@@ -1,4 +1,4 @@
-"""Where by time: a stretch of one sweep that differs from what the other sweeps show at its frequency."""
+"""Location by time: a part of one sweep whose residual differs from other sweeps at the same frequency."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.locate.by_band import same_speed
 from rover_sweep.diagnosis.locate.by_harmonic import Cycles
-from rover_sweep.diagnosis.locate.place_sentences import called, times
-from rover_sweep.diagnosis.locate.residual_maps import PLAIN, SURE, Residual, residuals_of
+from rover_sweep.diagnosis.locate.place_sentences import channel_name, noise_ratio
+from rover_sweep.diagnosis.locate.residual_maps import LARGE, SIGMAS, Residual, residuals_of
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import Mismatch, Profile
 
 FEWEST = 4  # cycles of a stretch
-OTHERWISE = 4.0  # factor in power above the floor, from which a stretch differs from the same in other runs
+OTHERWISE = 4.0  # ratio of the power to that of other runs from which a stretch is reported
 
 
 @dataclass(frozen=True, eq=False)
 class _History:
-    """Power over noise (n,) of each cycle of a sweep, its frequency [rad/s] and beginning (n + 1,) [s]."""
+    """The n cycles of a sweep: begins t (n + 1,) [s], frequency w (n,) [rad/s], power over noise (n,).
+
+    count (n,): independent numbers in each cycle.
+    """
 
     residual: Residual
     t: Array
@@ -30,7 +33,7 @@ class _History:
 
 
 def by_time(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
-    """The stretch of a run that differs most from the other runs of its speed, None where none does."""
+    """The stretch of a run that differs most from other runs at its speed, None where none does."""
     sweeps = [e for e in residuals_of(problem, rows, channel) if e.run.kind == "sweep"]
     histories = [h for e in sweeps if (h := _history(e)).power.size > 2 * FEWEST]
     found = []
@@ -51,35 +54,35 @@ def _history(e: Residual) -> _History:
 
 
 def _expected(h: _History, others: list[_History]) -> Array:
-    """Power (n,) that the others' residuals, in proportion to the steering, would make at each cycle."""
-    seen = []
+    """Power (n,) of each cycle expected from the other runs, in proportion to the steering amplitude."""
+    expected = []
     for o in others:
         grown = (h.residual.run.amplitude / o.residual.run.amplitude) ** 2
         above = np.maximum(o.power - 1.0, 0.0)
         order = np.argsort(o.w)
-        seen.append(1.0 + grown * np.interp(np.log(h.w), np.log(o.w[order]), above[order]))
-    return np.asarray(np.mean(seen, axis=0))
+        expected.append(1.0 + grown * np.interp(np.log(h.w), np.log(o.w[order]), above[order]))
+    return np.asarray(np.mean(expected, axis=0))
 
 
 def _stretch(h: _History, others: list[_History]) -> Mismatch | None:
-    """The stretch of cycles whose power is farthest above what the rest of the run would have it."""
+    """The stretch of cycles whose power is farthest above its expected value, where that is clear."""
     ratio = np.log(np.maximum(h.power, 0.1) / _expected(h, others))
     a, b = _steepest(ratio)
     inside = np.zeros(ratio.size, bool)
     inside[a:b] = True
     apart = float(np.mean(ratio[inside]) - np.mean(ratio[~inside]))
     spread = float(np.hypot(np.std(ratio[inside]), np.std(ratio[~inside])))
-    error = spread * np.sqrt(2.0 / inside.sum() + 2.0 / (~inside).sum())  # neighbours go together
+    error = spread * np.sqrt(2.0 / inside.sum() + 2.0 / (~inside).sum())  # neighbours are correlated
     here, there = (
         float(np.sqrt(np.sum((h.power * h.count)[m]) / np.sum(h.count[m]))) for m in (inside, ~inside)
     )
-    if apart < np.log(OTHERWISE) or apart < SURE * error or here < PLAIN * max(1.0, there):
+    if apart < np.log(OTHERWISE) or apart < SIGMAS * error or here < LARGE * max(1.0, there):
         return None
-    return _told(h, a, b, here, there)
+    return _mismatch(h, a, b, here, there)
 
 
 def _steepest(x: Array) -> tuple[int, int]:
-    """(first, last + 1) of the stretch whose mean stands most above the mean of the rest."""
+    """(first, last + 1) of the stretch whose mean is most significantly above the mean of the rest."""
     total = np.concatenate(([0.0], np.cumsum(x - x.mean())))
     n = x.size
 
@@ -91,7 +94,7 @@ def _steepest(x: Array) -> tuple[int, int]:
     return max(spans, key=score)
 
 
-def _told(h: _History, a: int, b: int, here: float, there: float) -> Mismatch:
+def _mismatch(h: _History, a: int, b: int, here: float, there: float) -> Mismatch:
     e = h.residual
     first, last = float(h.t[a]), float(h.t[b])
     if b == h.power.size:
@@ -101,8 +104,8 @@ def _told(h: _History, a: int, b: int, here: float, there: float) -> Mismatch:
     else:
         when = f"between {first:.0f} and {last:.0f} s"
     sentence = (
-        f"{called(e.channel)} differs {when} in {e.run.name} by {times(here)}, {there:.1f} otherwise; other "
-        "runs of that speed do not show it at the same frequency"
+        f"{channel_name(e.channel)} differs {when} in {e.run.name} by {noise_ratio(here)} ({there:.1f} in "
+        "the rest of the run); other runs at this speed do not show it at the same frequency"
     )
     middle = tuple(map(float, 0.5 * (h.t[1:] + h.t[:-1])))
     profile = Profile("time", "s", middle, tuple(map(float, np.sqrt(h.power))))

@@ -1,4 +1,4 @@
-"""Where by turn and heading, and what is steadily off: signals that the residual is regressed on."""
+"""Location by turn, heading and steady error: the residual is regressed on signals of each."""
 
 from __future__ import annotations
 
@@ -6,35 +6,35 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.locate.place_sentences import called, times, wind
+from rover_sweep.diagnosis.locate.place_sentences import channel_name, compass_point, noise_ratio
 from rover_sweep.diagnosis.locate.residual_maps import (
-    PLAIN,
-    SURE,
-    Explained,
+    LARGE,
+    SIGMAS,
+    SignalFit,
     Signals,
-    explained,
+    fit_signals,
     residuals_of,
 )
 from rover_sweep.diagnosis.problem.residuals import MEANS, Problem
 from rover_sweep.diagnosis.result import Mismatch, Profile
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 
-TURNED = np.pi / 2  # rad, of headings that the runs must reach over
+TURNED = np.pi / 2  # rad, least range of headings
 OCTANTS = ("N", "NW", "W", "SW", "S", "SE", "E", "NE")
-BREAK = 0.1  # of a signal's size, over which its sign turns
-SLOW = 1.0  # rad/s, up to which a heading shows
-CHANCE = float(chi2.isf(2 * norm.sf(SURE), 2))  # drop by two signals that chance would make as rarely
+BREAK = 0.1  # of a signal's size, over which its sign changes smoothly
+SLOW = 1.0  # rad/s, highest frequency in the picture over headings
+CHANCE = float(chi2.isf(2 * norm.sf(SIGMAS), 2))  # drop by two signals that is as rare as `SIGMAS`
 UNITS = {"r": (180 / np.pi, "deg/s"), "ay": (1.0, "m/s²")}
 
 
 def steady(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
-    """A residual that does not go away: its mean, in sizes of what a mean is known to."""
+    """A mean residual with the same sign in all runs, over the accuracy of a run's mean (`MEANS`)."""
     if channel not in MEANS:
         return None
     having = [r for r in problem.rows if r.channel == channel and r.bins[0] == 0]
     off = np.array([rows[r.start] for r in having])
     ratio = float(np.sqrt(np.mean(off**2))) if off.size else 0.0
-    if not off.size or ratio < max(PLAIN, SURE / np.sqrt(off.size)) or abs(np.sum(np.sign(off))) < off.size:
+    if not off.size or ratio < max(LARGE, SIGMAS / np.sqrt(off.size)) or abs(np.sum(np.sign(off))) < off.size:
         return None
     factor, unit = UNITS[channel]
     mean = factor * MEANS[channel] * off
@@ -42,8 +42,8 @@ def steady(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
     low, high = sorted((float(np.min(np.abs(mean))), float(np.max(np.abs(mean)))))
     size = f"{high:.2g}" if low > 0.9 * high else f"{low:.2g} to {high:.2g}"
     sentence = (
-        f"{called(channel)} is steadily {size} {unit} further to the {side} than simulated, "
-        f"{ratio:.1f} times what the mean of a run is known to"
+        f"{channel_name(channel)} is steadily {size} {unit} further to the {side} than simulated, "
+        f"{ratio:.1f} times the accuracy of a run's mean"
     )
     names = tuple(problem.runs[r.run].name for r in having)
     profile = Profile("run", "", names, tuple(float(abs(v)) for v in off))
@@ -51,7 +51,7 @@ def steady(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
 
 
 def by_turn(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
-    """Left and right turns apart, where one is left over the motion and the other one is not alike."""
+    """Left and right turns, where the residual is not the same share of the motion in both."""
 
     def sides(run: Experiment) -> dict[str, Array]:
         turn = _turn(run)
@@ -67,22 +67,23 @@ def by_turn(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
 
     if any("r" not in run.measured for run in problem.runs):
         return None
-    found = explained(problem, rows, channel, both, difference)
-    if found is None or found.drop < SURE**2 or found.ratio < PLAIN:
+    found = fit_signals(problem, rows, channel, both, difference)
+    if found is None or found.drop < SIGMAS**2 or found.ratio < LARGE:
         return None
-    apart = explained(problem, rows, channel, _constant, sides)
-    if apart is None or abs(apart.amounts[0] - apart.amounts[1]) < SURE * np.hypot(*apart.errors):
+    apart = fit_signals(problem, rows, channel, _constant, sides)
+    if apart is None or abs(apart.amounts[0] - apart.amounts[1]) < SIGMAS * np.hypot(*apart.errors):
         return None
-    return _turned(problem, channel, found, apart)
+    return _turn_mismatch(problem, channel, found, apart)
 
 
-def _turned(problem: Problem, channel: str, found: Explained, apart: Explained) -> Mismatch:
+def _turn_mismatch(problem: Problem, channel: str, found: SignalFit, apart: SignalFit) -> Mismatch:
     left, right = (100 * float(v) for v in apart.amounts)
     words = ", ".join(
-        f"in {side} turns {abs(v):.1f} % {'more' if v > 0 else 'less'} than simulated"
+        f"{abs(v):.1f} % {'more' if v > 0 else 'less'} than simulated in {side} turns"
         for side, v in (("left", left), ("right", right))
     )
-    sentence = f"{called(channel)} turns left otherwise than right, by {times(found.ratio)}: {words}"
+    size = noise_ratio(found.ratio)
+    sentence = f"{channel_name(channel)} differs between left and right turns by {size}: {words}"
     where = "left turns" if abs(left) > abs(right) else "right turns"
     profile = Profile("turn", "", ("left", "right"), (float(apart.sizes[0]), float(apart.sizes[1])))
     top = max(float(r.f[-1]) for r in problem.rows if r.channel == channel)
@@ -98,7 +99,10 @@ def _constant(run: Experiment) -> dict[str, Array]:
 
 
 def by_heading(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
-    """A residual that turns with the heading, as on a slope, beside what follows the motion."""
+    """A residual in proportion to the cosine and sine of the heading, as on a slope.
+
+    Signals of the motion are fitted too, so that only the rest counts.
+    """
     if not all(run.has_heading and "r" in run.measured for run in problem.runs):
         return None
     headings = np.concatenate([run.heading for run in problem.runs])
@@ -108,36 +112,36 @@ def by_heading(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
     def heading(run: Experiment) -> dict[str, Array]:
         return {"cos": np.cos(run.heading), "sin": np.sin(run.heading)}
 
-    found = explained(problem, rows, channel, _of_the_motion, heading)
-    if found is None or found.drop < CHANCE or found.ratio < PLAIN:
+    found = fit_signals(problem, rows, channel, _of_the_motion, heading)
+    if found is None or found.drop < CHANCE or found.ratio < LARGE:
         return None
     if not _in_every_run(problem, rows, channel, heading, found):
         return None
-    across = wind(float(np.arctan2(found.amounts[1], found.amounts[0])))
+    across = compass_point(float(np.arctan2(found.amounts[1], found.amounts[0])))
     sentence = (
-        f"{called(channel)} differs with the heading, by {times(found.ratio)}: most to the left when the "
-        f"rover heads {across}, to the right the other way"
+        f"{channel_name(channel)} differs with the heading by {noise_ratio(found.ratio)}: most to the left "
+        f"when the rover heads {across}, and to the right in the opposite direction"
     )
     profile = _by_octant(problem, rows, channel)
     return Mismatch(channel, (0.0, SLOW), f"heading {across}", found.ratio, sentence, profile)
 
 
-def _in_every_run(problem: Problem, rows: Array, channel: str, heading: Signals, found: Explained) -> bool:
-    """True where each run that turns far enough says the same; another amplitude makes another course."""
-    told = []
+def _in_every_run(problem: Problem, rows: Array, channel: str, heading: Signals, found: SignalFit) -> bool:
+    """True where all runs with enough headings, at least two, agree on the amounts."""
+    agree = []
     for k, run in enumerate(problem.runs):
         if np.ptp(run.heading) < TURNED:
             continue
-        alone = explained(problem, rows, channel, _of_the_motion, heading, k)
+        alone = fit_signals(problem, rows, channel, _of_the_motion, heading, k)
         if alone is not None:
             off = np.abs(alone.amounts - found.amounts)
             near = 0.5 * np.hypot(*found.amounts)
-            told.append(bool(np.all(off < np.maximum(near, SURE * alone.errors))))
-    return len(told) > 1 and all(told)
+            agree.append(bool(np.all(off < np.maximum(near, SIGMAS * alone.errors))))
+    return len(agree) > 1 and all(agree)
 
 
 def _of_the_motion(run: Experiment) -> dict[str, Array]:
-    """What looks like the heading in a slow sweep: turning, its rate and integral, bent and broken."""
+    """Signals that resemble the heading in a slow sweep: yaw rate, its rate, its integral, and functions."""
     turn = _turn(run)
     rate = np.gradient(turn, 1 / RATE)
     turn, rate = (x / max(float(np.std(x)), 1e-9) for x in (turn, rate))
@@ -158,7 +162,7 @@ def _of_the_motion(run: Experiment) -> dict[str, Array]:
 
 
 def _by_octant(problem: Problem, rows: Array, channel: str) -> Profile:
-    """Size of what is slow of the residual over eight headings."""
+    """RMS over noise of the residual's slow part over eight headings."""
     power, noise = np.zeros(8), np.zeros(8)
     for e in residuals_of(problem, rows, channel):
         lines = np.fft.rfft(e.x)
@@ -172,7 +176,6 @@ def _by_octant(problem: Problem, rows: Array, channel: str) -> Profile:
         )
         np.add.at(power, octant, x**2)
         np.add.at(noise, octant, expected)
-    seen = np.flatnonzero(noise > 0.01 * noise.sum())
-    return Profile(
-        "heading", "", tuple(OCTANTS[k] for k in seen), tuple(map(float, np.sqrt(power[seen] / noise[seen])))
-    )
+    known = np.flatnonzero(noise > 0.01 * noise.sum())
+    ratio = np.sqrt(power[known] / noise[known])
+    return Profile("heading", "", tuple(OCTANTS[k] for k in known), tuple(map(float, ratio)))

@@ -1,7 +1,7 @@
-"""Where a model and the recordings differ, in sizes of the noise floor: the places that stand out.
+"""Where a model and the recordings differ, in multiples of the noise floor.
 
-A place is told where the residual there is plainly and surely above the noise, and a condition where it is
-so against the rest: the other runs, the other turn, the orders beside a harmonic.
+A place is reported where the residual is both large and significantly above the noise. A condition is
+reported where this also holds against a reference: other runs, the other turn, the orders next to a harmonic.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.locate.by_band import by_frequency, by_run, place
+from rover_sweep.diagnosis.locate.by_band import by_frequency, by_run, worst_band
 from rover_sweep.diagnosis.locate.by_harmonic import by_order
 from rover_sweep.diagnosis.locate.by_time import by_time
 from rover_sweep.diagnosis.locate.by_turn import by_heading, by_turn, steady
@@ -22,12 +22,12 @@ Finder = Callable[[Problem, Array, str], Mismatch | None]
 
 
 def mismatches(problem: Problem, rows: Array) -> tuple[Mismatch, ...]:
-    """The places, most striking first: each channel's worst band, then each condition where it is clearest.
+    """At most `MOST` places, the largest first: each channel's worst band, the clearest of each condition.
 
-    problem: without nuisances; rows (size,): measured less model.
+    problem: without tolerances; rows (size,): whitened residual, measured minus model.
     """
     channels = channels_of(problem)
-    places = [p for c in channels if (p := place(problem, rows, c)) is not None]
+    places = [p for c in channels if (p := worst_band(problem, rows, c)) is not None]
     found = [by_frequency(p) for p in places]
     compared = [m for p in places for m in by_run(problem, rows, p.channel)]
     for over in ("amplitude", "speed"):
@@ -40,6 +40,6 @@ def mismatches(problem: Problem, rows: Array) -> tuple[Mismatch, ...]:
 
 
 def _clearest(places: Iterator[Mismatch]) -> list[Mismatch]:
-    """The largest of the places of one condition: the others would say the same of another channel."""
+    """The largest of the places of one condition, since other channels usually show the same."""
     best = max(places, key=lambda m: m.residual_over_noise, default=None)
     return [best] if best else []

@@ -1,4 +1,4 @@
-"""What a model leaves of a recording, in sizes of the noise: by band, and over time."""
+"""The residual of a model in multiples of the noise, by band and over time."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from rover_sweep.diagnosis.problem.noise_floor import quiet_frames
 from rover_sweep.diagnosis.problem.residuals import Problem, Rows
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 
-PLAIN = 2**0.5  # rms over noise, from which a place is worth telling: as much again as the noise
-FRAME = 1.4  # variance of the floor from one quiet frame, relative
-SURE = 4.0  # standard deviations, beyond which it is no chance
-CHANCE = float(ndtr(-SURE))
+LARGE = 2**0.5  # rms over noise from which a place is reported: the misfit is then as large as the noise
+FRAME = 1.4  # relative variance of the floor from one quiet frame
+SIGMAS = 4.0  # standard deviations from which a value is significant
+CHANCE = float(ndtr(-SIGMAS))
 EDGES: Array = np.geomspace(0.3, 76.0, 17)  # rad/s, half octaves
 
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """One channel of one run, whitened by the noise floor.
+    """The whitened residual of one channel of one run.
 
-    x (n,): measured less model on the run's grid; noise (n,): variance of x from noise alone, which the
-    taper brings down at both ends; density: one-sided variance per Hz of noise between the ends; low, high
-    [rad/s]: the band that is in it.
+    x (n,): measured minus model on the run's grid. noise (n,): variance of x by noise alone, smaller at both
+    ends because of the taper. density: its one-sided variance per Hz between the ends. low, high [rad/s]: its
+    band.
     """
 
     index: int
@@ -40,7 +40,7 @@ class Residual:
 
 
 def residuals_of(problem: Problem, rows: Array, channel: str) -> list[Residual]:
-    """The channel's residual in each run that has it; rows (size,): measured less model."""
+    """The channel's residual in each run that has it; rows (size,): whitened, measured minus model."""
     return [_residual(problem, rows, r) for r in problem.rows if r.channel == channel and np.any(r.bins > 0)]
 
 
@@ -50,7 +50,7 @@ def _residual(problem: Problem, rows: Array, r: Rows) -> Residual:
     lines = np.zeros(n // 2 + 1, complex)
     part = rows[r.start : r.start + r.size]
     lines[r.bins] = part[: r.bins.size] + 1j * part[r.bins.size :]
-    lines[0] = 0.0  # known to another accuracy than the noise: see `steady`
+    lines[0] = 0.0  # the mean has another accuracy than the noise, see `steady`
     inside = r.bins > 0
     noise = 4 * inside.sum() / n * run.taper**2 / energy
     w = 2 * np.pi * np.arange(n // 2 + 1) * RATE / n
@@ -61,7 +61,7 @@ def _residual(problem: Problem, rows: Array, r: Rows) -> Residual:
 def spectrum(
     problem: Problem, rows: Array, channel: str, edges: Array, run: int | None = None
 ) -> tuple[Array, Array]:
-    """(mean square (k,) of the rows between the edges (k+1,) [rad/s], number of rows there (k,))."""
+    """(mean square (k,), number (k,)) of the rows between the edges (k+1,) [rad/s]."""
     total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
     for r in problem.rows:
         if r.channel != channel or run not in (None, r.run):
@@ -78,28 +78,29 @@ def spectrum(
 def floor_error(problem: Problem, edges: Array) -> Array:
     """Relative standard deviation (k,) of the noise floor between the edges (k+1,) [rad/s].
 
-    A frame counts less than its two numbers, as frames overlap, and more, as frequencies are pooled;
-    measured on white noise the error squared is 1.4 over the frames where they are fewest, 0.9 elsewhere.
+    Overlap of the frames increases it, smoothing over frequencies reduces it. Measured on white noise, its
+    square is 1.4 over the number of frames where they are fewest, and 0.9 over it elsewhere.
     """
     f, frames = quiet_frames(problem.runs)
     middle = np.sqrt(edges[1:] * edges[:-1]) / (2 * np.pi)
     return np.sqrt(FRAME / np.maximum(np.interp(middle, f, frames), 1.0))
 
 
-def clear(power: float, count: float, floor: float = 0.0) -> bool:
-    """True where a mean square over `count` rows is plainly and surely above the noise, 1.
+def above_noise(power: float, count: float, floor: float = 0.0) -> bool:
+    """True where a mean square over `count` rows is large and significantly above the noise, 1.
 
-    floor: relative standard deviation of that noise, which makes it an F test.
+    floor: relative standard deviation of the noise floor. The test is an F test, since both are estimates.
     """
-    return bool(power > PLAIN**2 and fdtrc(count, 2.0 / max(floor, 1e-3) ** 2, power) < CHANCE)
+    return bool(power > LARGE**2 and fdtrc(count, 2.0 / max(floor, 1e-3) ** 2, power) < CHANCE)
 
 
 @dataclass(frozen=True, eq=False)
-class Explained:
-    """What some signals take off a channel's residual beside others.
+class SignalFit:
+    """Least squares of a channel's residual on k signals.
 
-    amounts (k,) of the signals, errors (k,) their standard deviations, sizes (k,): signed rms of each in the
-    rows in which it is, in noise; drop of the sum of squares; ratio: rms over noise in those rows.
+    amounts (k,) and their standard deviations errors (k,). sizes (k,): signed rms over noise of each in the
+    rows where it acts. drop: of the sum of squares, over the rows' variance. ratio: rms over noise in those
+    rows.
     """
 
     amounts: Array
@@ -112,32 +113,34 @@ class Explained:
 Signals = Callable[[Experiment], Mapping[str, Array]]
 
 
-def explained(
-    problem: Problem, rows: Array, channel: str, beside: Signals, added: Signals, run: int | None = None
-) -> Explained | None:
-    """Least squares of the channel's rows on signals {name: (n,)} of each run; None where they are nought.
+def fit_signals(
+    problem: Problem, rows: Array, channel: str, nuisances: Signals, added: Signals, run: int | None = None
+) -> SignalFit | None:
+    """Least squares of the channel's rows on signals {name: (n,)} of each run; None where they are zero.
 
-    beside: signals whose part is not counted; added: those that are looked for. run: only this one.
+    nuisances: signals fitted too, but not counted; added: the signals of interest. run: only this one.
     """
     target = problem.part(rows, run, channel)
-    base, more = (_columns(problem, channel, s, run) for s in (beside, added))
+    base, more = (_columns(problem, channel, s, run) for s in (nuisances, added))
     q, _ = np.linalg.qr(base)
-    left, seen = target - q @ (q.T @ target), more - q @ (q.T @ more)
-    gram = seen.T @ seen
+    remaining, own = target - q @ (q.T @ target), more - q @ (q.T @ more)
+    gram = own.T @ own
     if np.any(np.diag(gram) < 1e-6 * np.maximum(np.sum(more**2, axis=0), 1e-12)):
         return None
-    amounts = np.linalg.solve(gram, seen.T @ left)
-    drop = float(left @ (seen @ amounts))
-    spread = max(1.0, float(left @ left - drop) / max(target.size - base.shape[1] - more.shape[1], 1))
-    power = np.sum(seen**2, axis=1)
+    amounts = np.linalg.solve(gram, own.T @ remaining)
+    drop = float(remaining @ (own @ amounts))
+    spread = max(
+        1.0, float(remaining @ remaining - drop) / max(target.size - base.shape[1] - more.shape[1], 1)
+    )
+    power = np.sum(own**2, axis=1)
     count = float(np.sum(power) ** 2 / np.sum(power**2))
     errors: Array = np.sqrt(np.diag(np.linalg.inv(gram)) * spread)
     sizes = amounts * np.sqrt(np.sum(more**4, axis=0) / np.sum(more**2, axis=0))
-    return Explained(np.asarray(amounts), errors, sizes, drop / spread, float(np.sqrt(1.0 + drop / count)))
+    return SignalFit(np.asarray(amounts), errors, sizes, drop / spread, float(np.sqrt(1.0 + drop / count)))
 
 
 def _columns(problem: Problem, channel: str, signals: Signals, only: int | None) -> Array:
-    """Rows (m, k) of signals, whitened as the channel's residual is."""
+    """Rows (m, k) of signals, whitened like the channel's residual."""
     parts = []
     for r in problem.rows:
         if r.channel == channel and only in (None, r.run):
@@ -148,5 +151,5 @@ def _columns(problem: Problem, channel: str, signals: Signals, only: int | None)
 
 
 def channels_of(problem: Problem) -> Sequence[str]:
-    """The channels that were compared, each once."""
+    """The compared channels, each once."""
     return list(dict.fromkeys(r.channel for r in problem.rows))

@@ -1,1 +1,1 @@
-"""The least-squares problem of a diagnosis: noise floor, residuals, solver, score test."""
+"""The least-squares problem of a diagnosis: noise floor, residuals, solver, signatures."""

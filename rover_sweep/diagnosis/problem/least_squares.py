@@ -1,4 +1,29 @@
-"""Damped least squares of a model with bounds and priors; the noise floor is found along with it."""
+"""Damped least squares of a model with bounds and priors.
+
+The problem: minimise over the free coordinates x, low <= x <= high,
+
+    cost(x) = |y - f(x)|^2 + sum over coordinates with a prior ((x_k - start_k)/prior_k)^2
+
+y: whitened measured rows, f(x): the model's rows. With r = y - f(x), the scaled step h_k = dx_k/scale_k, the
+Jacobian J (size, k) of f by x/scale, and W = diag((scale/prior)^2), the linearised cost is minimal where
+
+    (N + damping diag(N)) h = J^T r + W (start - x)/scale,   N = J^T J + W
+
+This is the step of Gauss-Newton for damping -> 0 and a short step of steepest descent (in coordinates scaled
+by diag(N)) for a large damping (Marquardt 1963; Nocedal and Wright 2006, section 10.3). A step that lowers
+the cost is taken and the damping divided by 10, else the damping is multiplied by 10.
+
+Bounds: where the step leaves them, the coordinate that leaves farthest is fixed at its bound and the others
+are solved again, until all are inside. This is an active set method (Nocedal and Wright 2006, section 16.5)
+without multipliers: all coordinates are free again at the beginning of the next step.
+
+`known` keeps Jacobian columns of an earlier fit (a chord method, Kelley 1995, chapter 5): the limit is then
+no exact minimum, so the gain is a lower bound until the fit goes on with a fresh Jacobian.
+
+Marquardt 1963: An algorithm for least-squares estimation of nonlinear parameters, J. SIAM 11(2).
+Nocedal and Wright 2006: Numerical Optimization, 2nd edition, Springer.
+Kelley 1995: Iterative Methods for Linear and Nonlinear Equations, SIAM.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +37,16 @@ from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.diagnosis.simulation.simulator import Structure
 
-STEP = 0.02  # of a coordinate's scale, of the difference quotients
+STEP = 0.02  # step of the difference quotients, in scales of the coordinate
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """A model fitted to a problem.
 
-    x: coordinates. cost: sum of squares of rows and priors; rows (size,): residual, measured less model.
-    jacobian (size, k): of the model's rows by the free coordinates over their scales, at x.
+    x: {coordinate: value, SI units}. cost: sum of squares of rows and priors. rows (size,): whitened
+    residual, measured minus model. jacobian (size, k): derivatives of the model's rows by the k free
+    coordinates over their scales, at x.
     """
 
     structure: Structure
@@ -37,7 +63,7 @@ class Fitted:
 
     @property
     def overdispersion(self) -> float:
-        """Variance of a row that is left, at least 1."""
+        """Mean square of the residual rows, at least 1 (1 is the noise)."""
         return max(1.0, self.data_cost / self.rows.size)
 
 
@@ -50,10 +76,11 @@ def fit(
     known: Fitted | None = None,
     tolerance: float = 1e-3,
 ) -> Fitted:
-    """Least squares over the free coordinates from `start`.
+    """Least squares over the free coordinates from `start` {coordinate: value}.
 
-    known: a fit near by whose jacobian serves for the coordinates that it shares, so that only the new
-    ones cost simulations (a chord method; `search.all_polished` goes on with a fresh one).
+    steps: maximum number. known: a fit nearby. Its Jacobian is used for the coordinates that both have, so
+    that only new ones cost simulations; `refit_candidates` goes on with a fresh one. tolerance: drop of the
+    cost that ends the fit.
     """
     free = tuple(free)
     x = {**start, **{c.name: float(np.clip(start.get(c.name, c.start), c.low, c.high)) for c in free}}
@@ -83,7 +110,7 @@ def fit(
 
 
 def sensitivities(problem: Problem, fitted: Fitted) -> Fitted:
-    """The fit with a jacobian taken at its own coordinates."""
+    """The fit with a Jacobian computed at its own coordinates."""
     fresh = _jacobian(problem, fitted.structure, fitted.free, fitted.x, fitted.rows, None)
     return replace(fitted, jacobian=fresh)
 
@@ -96,8 +123,8 @@ def _jacobian(
     rows: Array,
     known: Fitted | None,
 ) -> Array:
-    have = {c.name: known.jacobian[:, k] * 1.0 for k, c in enumerate(known.free)} if known else {}
-    new = [c for c in free if c.name not in have]
+    kept = {c.name: known.jacobian[:, k] * 1.0 for k, c in enumerate(known.free)} if known else {}
+    new = [c for c in free if c.name not in kept]
     moved = []
     steps = []
     for c in new:
@@ -106,7 +133,7 @@ def _jacobian(
         moved.append({**x, c.name: x[c.name] + step})
     models = problem.models(structure, moved)
     now = problem.measured - rows
-    columns = dict(have)
+    columns = dict(kept)
     for c, model, step in zip(new, models, steps, strict=True):
         columns[c.name] = (model - now) / step
     return np.column_stack([columns[c.name] for c in free])
@@ -119,7 +146,7 @@ def _prior_cost(free: Sequence[Coordinate], x: Mapping[str, float]) -> float:
 def _step(
     free: Sequence[Coordinate], x: Mapping[str, float], jacobian: Array, rows: Array, damping: float
 ) -> dict[str, float]:
-    """The next coordinates: a damped Gauss-Newton step held within the bounds, active ones left out."""
+    """The next coordinates: a damped Gauss-Newton step within the bounds, see the module."""
     scale = np.array([c.scale for c in free])
     now = np.array([x[c.name] for c in free])
     low = (np.array([c.low for c in free]) - now) / scale
@@ -130,18 +157,18 @@ def _step(
     right = jacobian.T @ rows + pull
     normal = normal + np.diag(damping * np.diag(normal) + 1e-9)
     step = np.zeros(len(free))
-    held = np.zeros(len(free), bool)
+    fixed = np.zeros(len(free), bool)
     for _ in range(len(free)):
-        loose = ~held
+        loose = ~fixed
         if not loose.any():
             break
-        reduced = right[loose] - normal[np.ix_(loose, held)] @ step[held]
+        reduced = right[loose] - normal[np.ix_(loose, fixed)] @ step[fixed]
         step[loose] = np.linalg.solve(normal[np.ix_(loose, loose)], reduced)
-        over = loose & ((step < low - 1e-12) | (step > high + 1e-12))
-        if not over.any():
+        outside = loose & ((step < low - 1e-12) | (step > high + 1e-12))
+        if not outside.any():
             break
-        worst = np.argmax(np.where(over, np.maximum(low - step, step - high), -1.0))
-        step[worst] = np.clip(step[worst], low[worst], high[worst])
-        held[worst] = True
+        farthest = np.argmax(np.where(outside, np.maximum(low - step, step - high), -1.0))
+        step[farthest] = np.clip(step[farthest], low[farthest], high[farthest])
+        fixed[farthest] = True
     step = np.clip(step, low, high)
     return {**x, **{c.name: float(v) for c, v in zip(free, now + step * scale, strict=True)}}

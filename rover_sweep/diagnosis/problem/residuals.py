@@ -1,7 +1,13 @@
-"""All runs of one diagnosis as one least-squares problem: whitened residuals of a model's coordinates.
+"""All runs of one diagnosis as one least-squares problem with whitened rows.
 
-A row is the real or imaginary part of one line of one channel's tapered residual over the size of the
-noise there, so that each row is about N(0, 1) where the model is right.
+A row is the real or imaginary part of one Fourier line of one channel's tapered signal, over the standard
+deviation of the noise there. Noise of the one-sided density S [unit^2/Hz] puts the variance
+S rate/4 sum(taper^2) into each part of a line, so a residual row is about N(0, 1) where the model is right
+and neighbouring lines are nearly independent.
+
+Tolerances that every rover has add s a to the rows, a ~ N(0, 1), s (size, k) their signatures. The residual
+then has the covariance I + s s^T. `Metric` multiplies rows by its inverse square root, so that noise and
+tolerances count the same and ordinary least squares is the maximum likelihood again.
 """
 
 from __future__ import annotations
@@ -19,15 +25,19 @@ from rover_sweep.diagnosis.problem.noise_floor import Floor, floor_of
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged
 
-TOP = 12.0  # Hz
-LOWEST = {"r": 0.0, "ay": 0.0, "p": 0.1, "vy": 0.5}  # Hz; the GPS bends the EKF's V_y below about 3 rad/s
-HIGHEST = {"vy": 5.0}
-MEANS = {"r": 0.004, "ay": 0.12}  # what the mean of a run is known to: gyro drift [rad/s], unevenness [m/s^2]
+TOP = 12.0  # Hz, highest line of all channels
+LOWEST = {"r": 0.0, "ay": 0.0, "p": 0.1, "vy": 0.5}  # Hz; below about 3 rad/s the GPS distorts the EKF's V_y
+HIGHEST = {"vy": 5.0}  # Hz
+MEANS = {"r": 0.004, "ay": 0.12}  # accuracy of a run's mean: gyro drift [rad/s], uneven ground [m/s^2]
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Where the rows of one channel of one run are: bins (k,) of its transform, their weights (k,)."""
+    """The rows of one channel of one run.
+
+    run: index. bins (k,) of its transform, f (k,) Hz, weight (k,) 1/(standard deviation of a part of the
+    line). start: index of its first row; k real parts come before k imaginary ones.
+    """
 
     run: int
     channel: str
@@ -44,9 +54,10 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """(I + S S^T)^(-1/2): rows in which noise and what an ordinary rover does anyhow count the same.
+    """(I + s s^T)^(-1/2), in which noise and normal tolerances count the same.
 
-    u (rows, k): orthonormal directions of S; shrink (k,): what remains of a row along each, less 1.
+    u (rows, k): orthonormal directions of s. shrink (k,): factor along each, minus 1: with the singular
+    value g of s, 1/sqrt(1 + g^2) - 1.
     """
 
     u: Array
@@ -54,7 +65,7 @@ class Metric:
 
     @staticmethod
     def of_directions(s: Array) -> Metric:
-        """The metric of nuisances whose rows at one standard deviation are the columns of s (rows, k)."""
+        """The metric of tolerances whose rows at one standard deviation are the columns of s (rows, k)."""
         u, size, _ = np.linalg.svd(s, full_matrices=False)
         return Metric(u, 1.0 / np.sqrt(1.0 + size * size) - 1.0)
 
@@ -66,7 +77,10 @@ class Metric:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Runs, their noise floor and the rows that compare them with a model."""
+    """Runs, their noise floor and the rows that compare them with a model.
+
+    measured (size,): whitened rows of the recordings in the metric; plain_measured (size,): without it.
+    """
 
     runs: tuple[Experiment, ...]
     sensors: tuple[Sensors, ...]
@@ -82,7 +96,7 @@ class Problem:
         return self.measured.size
 
     def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
-        """What the model puts into the rows (size,)."""
+        """The model's whitened rows (size,). x: {coordinate: value, SI units}."""
         logs = [logged(run, structure, x, s) for run, s in zip(self.runs, self.sensors, strict=True)]
         return self.of(whitened(self.rows, self.runs, logs))
 
@@ -91,24 +105,24 @@ class Problem:
         return self.metric.of(rows) if self.metric else rows
 
     def models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
-        """The rows of several coordinates at once, on two threads."""
+        """The model's rows for several sets of coordinates, on two threads."""
         if len(xs) < 2:
             return [self.model(structure, x) for x in xs]
         with ThreadPoolExecutor(2) as pool:
             return list(pool.map(lambda x: self.model(structure, x), xs))
 
     def in_metric(self, s: Array) -> Problem:
-        """The same problem with the nuisances whose rows at one standard deviation are columns of s."""
+        """The same problem with tolerances; s (size, k): their rows at one standard deviation as columns."""
         metric = Metric.of_directions(s)
         return replace(self, measured=metric.of(self.plain_measured), metric=metric)
 
     @property
     def plain(self) -> Problem:
-        """The same problem without nuisances."""
+        """The same problem without tolerances."""
         return replace(self, measured=self.plain_measured, metric=None)
 
     def part(self, rows: Array, run: int | None = None, channel: str | None = None) -> Array:
-        """The rows of one run and channel (None: all)."""
+        """The part of rows (size,) of one run and channel (None: all)."""
         parts = [
             rows[r.start : r.start + r.size]
             for r in self.rows
@@ -118,25 +132,26 @@ class Problem:
 
 
 def over_noise(gain: float, rows: Array) -> float:
-    """Rms over the noise of the rows on which a signature of shape `rows` stands, whose fit takes `gain`.
+    """RMS over noise, in the rows where a signature acts, if fitting it lowers the cost by `gain`.
 
-    1 where the signature is zero: a fit that moved nothing explains nothing.
+    rows (n,): the signature, at any size. It acts on n_eff = (sum rows^2)^2 / sum rows^4 rows, so the ratio
+    is sqrt(1 + gain/n_eff); 1 where the signature is zero.
     """
     peak = float(np.max(np.abs(rows), initial=0.0))
     if peak == 0.0:
         return 1.0
     square = (rows / peak) ** 2
-    spread = float(np.sum(square) ** 2 / np.sum(square**2))  # rows over which it is spread
-    return float(np.sqrt(1.0 + max(gain, 0.0) / spread))
+    effective = float(np.sum(square) ** 2 / np.sum(square**2))
+    return float(np.sqrt(1.0 + max(gain, 0.0) / effective))
 
 
 def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Problem:
-    """The problem of runs whose noise floor is taken from the residuals {channel: (n,)} of a first fit."""
+    """The problem of runs with the noise floor of their residuals {channel: (n,)} in a first fit."""
     return with_floor(runs, floor_of(runs, residuals))
 
 
 def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
-    """The problem of runs in a noise floor that is known."""
+    """The problem of runs with a known noise floor."""
     rows, start = [], 0
     for k, run in enumerate(runs):
         for channel in run.measured:
@@ -150,7 +165,7 @@ def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
 
 
 def centred(run: Experiment) -> dict[str, Array]:
-    """Measurements less the gyros' biases at standstill; that of the accelerometer is a coordinate."""
+    """Measurements {channel: (n,)} minus the gyro biases at standstill; the bias of a_y is a coordinate."""
     return {c: x - (run.at_rest.get(c, 0.0) if c in ("r", "p") else 0.0) for c, x in run.measured.items()}
 
 
@@ -167,7 +182,7 @@ def _rows(run: Experiment, index: int, channel: str, floor: Floor, start: int) -
 
 
 def whitened(rows: Sequence[Rows], runs: Sequence[Experiment], logs: Sequence[Mapping[str, Array]]) -> Array:
-    """Rows (size,) of signals {channel: (n,)} per run."""
+    """Whitened rows (size,) of signals {channel: (n,)} of each run, without a metric."""
     parts = []
     for row in rows:
         run = runs[row.run]

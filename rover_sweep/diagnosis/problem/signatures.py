@@ -1,4 +1,21 @@
-"""What each effect adds to the rows of a fitted model: the score test, and the tiny effects of any rover."""
+"""What each effect adds to the rows of a fitted model, and the score test made from it.
+
+The signature s of a parameter is the change of the model's whitened rows, f(x, size) - f(x, 0), for one size
+of it: a difference quotient of the rows times the size. Let r be the residual rows of the fit without the
+effect and P the projection onto the rows that the nominal coordinates cannot reach (`Tangent.outside`). To
+first order, the effect in the amount a (in sizes), with the nominal model refitted, leaves
+
+    |P (r - a s)|^2,   least for a = s^T P r / (s^T P s),   and lowers the cost by (s^T P r)^2 / (s^T P s)
+
+s^T P r is the score of the parameter and s^T P s its information after the nominal ones are estimated, so
+the drop is the score statistic of Rao (1948): chi-squared with one degree of freedom where the effect is
+absent and the noise is all there is. It needs no fit with the effect. For several parameters, with the
+columns S: r^T P S (S^T P S)^-1 S^T P r. `candidate_fits.linear_prediction` computes it from the data,
+`threshold.null_distribution` how large it becomes where nothing is missing.
+
+Rao 1948: Large sample tests of statistical hypotheses concerning several parameters, Math. Proc. Cambridge
+Philos. Soc. 44(1).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +34,10 @@ from rover_sweep.diagnosis.simulation.simulator import Structure
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """One parameter of one effect: the rows (size,) that `size` of its coordinate adds."""
+    """One parameter of one effect: the whitened rows (n,) that `size` of its coordinate adds.
+
+    signed: the amount may be negative.
+    """
 
     effect: str
     parameter: str
@@ -34,10 +54,10 @@ def signatures(
     at: Mapping[str, float] | None = None,
     tolerances: bool = False,
 ) -> list[Signature]:
-    """Signatures of effects beside a fitted model.
+    """Signatures of effects at a fitted model; of an effect in one run (a change of ground) one per run.
 
-    at: {coordinate name: size}, plain sizes where it is silent; tiny: at their tiny size, only those that
-    have one.
+    at: {coordinate: size}, the parameter's own size where it is missing. tolerances: at the standard
+    deviation that every rover has, only of parameters that have one.
     """
     now = problem.model(model.structure, base.x)
     wanted = [
@@ -72,11 +92,11 @@ def _wanted(
 
 
 def columns(found: Sequence[Signature], size: int) -> Array:
-    """Their rows side by side, (size, k)."""
+    """Their rows as columns (size, k); one column of zeros for none."""
     return np.column_stack([s.rows for s in found]) if found else np.zeros((size, 1))
 
 
 def drawn_amounts(random: np.random.Generator, tolerances: Sequence[Signature], draws: int) -> Array:
-    """(draws, k): how much of each tiny effect an ordinary rover has, in its standard deviations."""
+    """Random amounts (draws, k) of k tolerances in standard deviations; positive where it has one sign."""
     amounts = random.standard_normal((draws, len(tolerances)))
     return np.where([s.signed for s in tolerances], amounts, np.abs(amounts)) if tolerances else amounts

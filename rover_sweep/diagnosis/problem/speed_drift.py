@@ -1,8 +1,8 @@
-"""The slow error of a measured speed, as a nuisance of every recording.
+"""The slow error of the measured speed, a nuisance of every recording.
 
-The model is driven by the speed that an EKF estimated out of GPS and accelerometer. Its error of one or two
-centimetres per second wanders within seconds and multiplies the yaw rate, so what it leaves grows with the
-amplitude and would pass for an effect.
+The model is driven by the speed that an EKF estimates from GPS and accelerometer. The error of that speed,
+1 or 2 cm/s, drifts within seconds and multiplies the yaw rate. The residual that it causes grows with the
+amplitude and would look like an effect.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from rover_sweep.diagnosis.problem.residuals import Problem, whitened
 from rover_sweep.diagnosis.problem.signatures import Signature
 from rover_sweep.diagnosis.simulation.simulator import logged
 
-ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers state .05 m/s before filtering
-FASTEST = 0.3  # Hz; the accelerometer holds the estimate over shorter times
+ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers specify 0.05 m/s before filtering
+FASTEST = 0.3  # Hz; over shorter times the accelerometer determines the estimate
 
 
 def speed_drift(problem: Problem, fitted: Fitted) -> list[Signature]:
-    """Rows of the speed errors of each run, cosines and sines up to `FASTEST`, at one standard deviation."""
+    """Signatures of the speed error: each run's cosines and sines up to `FASTEST`, one standard deviation."""
     out = []
     for k, (run, sensors) in enumerate(zip(problem.runs, problem.sensors, strict=True)):
         rows = tuple(r for r in problem.rows if r.run == k)

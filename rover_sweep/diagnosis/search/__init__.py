@@ -1,1 +1,1 @@
-"""Which effects to add: scores, thresholds, look-alikes, bounds, rounds."""
+"""Which effects to add: candidate fits, thresholds, look-alikes, bounds, intervals."""

@@ -1,6 +1,7 @@
-"""A nominal parameter at the end of what is ordinary, which the recordings want farther still.
+"""A nominal parameter at its bound, where a value beyond the bound would fit better.
 
-Where a candidate has it, that is found. Where none has, what else was named may only stand in for it.
+Some candidates release such a bound; then they are found. Where no candidate does, a named effect may be
+only a proxy for the parameter.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from rover_sweep.diagnosis.problem.residuals import Problem, over_noise
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 
-WIDENED = 5.0  # times as far from its start as is ordinary
-WORDS = {
+WIDENED = 5.0  # factor on the distance of a bound from the start value
+PARAMETERS = {
     "lag": "the servo's lag",
     "delay": "the steering's delay",
     "trim": "the steering's trim",
@@ -26,8 +27,11 @@ WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class ExceededBound:
-    """A coordinate that was let go farther. gain: drop of the cost; channel: where most of it is; ratio: the
-    rms of the rows there that it explains over their noise."""
+    """A coordinate fitted beyond its bound.
+
+    gain: drop of the cost. channel: where most of the drop is. ratio: rms over noise of the rows there that
+    it explains.
+    """
 
     coordinate: str
     gain: float
@@ -36,25 +40,25 @@ class ExceededBound:
 
 
 def exceeded_bound(problem: Problem, fitted: Fitted) -> ExceededBound | None:
-    """The coordinate whose limit costs most; None where none is at its limit."""
+    """The coordinate whose bound costs most; None where no coordinate is at its bound."""
     found = [_released(problem, fitted, c) for c in _at_their_bounds(fitted)]
     return max(found, key=lambda b: b.gain, default=None)
 
 
 def cost_of(problem: Problem, fitted: Fitted) -> float:
-    """Sum of squares that a model fitted in another metric leaves in this one."""
+    """Sum of squares, in the metric of `problem`, of the residual of a model fitted in another metric."""
     rows = problem.measured - problem.model(fitted.structure, fitted.x)
     return float(rows @ rows)
 
 
 def unknown_at_bound(exceeded: ExceededBound, withdrawn: tuple[str, ...]) -> Unknown:
-    """The answer: what is wanted, and that it explains more than what would have been named."""
-    what = WORDS[exceeded.coordinate]
+    """The unknown: the parameter beyond its bound, which explains more than the effects withdrawn for it."""
+    parameter = PARAMETERS[exceeded.coordinate]
     return Unknown(
         exceeded.channel,
-        what,
+        parameter,
         exceeded.ratio,
-        f"the recordings want {what} beyond what is ordinary, which explains more than "
+        f"{parameter} fits best beyond its tolerance, which explains more than "
         f"{' and '.join(withdrawn)} would; no candidate explains it",
     )
 
@@ -62,7 +66,7 @@ def unknown_at_bound(exceeded: ExceededBound, withdrawn: tuple[str, ...]) -> Unk
 def _at_their_bounds(fitted: Fitted) -> Iterator[Coordinate]:
     for c in fitted.free:
         room = 1e-6 * c.scale
-        if c.name in WORDS and not c.low + room < fitted.x[c.name] < c.high - room:
+        if c.name in PARAMETERS and not c.low + room < fitted.x[c.name] < c.high - room:
             yield c
 
 

@@ -1,4 +1,9 @@
-"""Each effect added to a model and fitted: what it would explain of the residual."""
+"""Each effect added to a model and fitted: how much of the residual it explains.
+
+In three stages, since a fit costs many simulations: the linear prediction of all effects (a score test), a
+fit of those that promise most with the nominal Jacobian of the base, and a second fit of the best with
+their own Jacobian.
+"""
 
 from __future__ import annotations
 
@@ -14,24 +19,27 @@ from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model, own
 
-SIZES = (0.25, 1.0)  # of an effect's plain size, at which the first look is taken
-INSTANTS = 7
-NO_GAIN = 2.0  # of the gain that a first look promises, below which it explains nothing
-FITTED_FROM = 0.25  # of the gain that would matter, from which a first look is followed by a fit
-ASTRAY = 0.5  # of the promise, below which a fit has gone wrong
-NEARER = 0.3  # of the way to the first start
-FITTED = 9  # of the effects that promise most
-REFITTED = 5  # trials, of at most
-RESTARTED = 2  # of the best, where the nominal model is far off
-FAR = 2.0  # variance of a row
-REFIT_STEPS = 5  # steps; the next round fits the best one on
-REFITTED_FROM = 0.4  # of what matters, from which a trial is fitted again
-RIVAL = 0.2  # of the best gain, below which a trial is no rival
+SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
+INSTANTS = 7  # at which a change of ground is tried in each run
+NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
+FITTED_FROM = 0.25  # share of the threshold from which a predicted gain is followed by a fit
+ASTRAY = 0.5  # share of the predicted gain below which a fit is repeated from nearer
+NEARER = 0.3  # share of the way to the first start, for that repetition
+FITTED = 9  # most effects that are fitted
+REFITTED = 5  # most trials that are fitted again
+RESTARTED = 2  # most trials that are also fitted from their own size
+FAR = 2.0  # mean square of the base's rows from which trials are fitted from their own size
+REFIT_STEPS = 5  # the next round continues the best one
+REFITTED_FROM = 0.4  # share of the threshold from which a trial is fitted again
+RIVAL = 0.2  # share of the best gain below which a trial is not fitted again
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A model with one effect more, fitted. gain: drop of the cost against the model without."""
+    """A model with one more effect, fitted. gain: drop of the cost against the model without.
+
+    Where `fitted` is the fit of the base, the effect was not fitted and `gain` is a linear prediction.
+    """
 
     effect: str
     model: Model
@@ -41,17 +49,17 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """The directions in which a fitted model can move its rows, orthonormal, priors taken into account.
+    """The directions in which a fitted model can move its rows, orthonormal.
 
-    An active bound does not move. With a prior a coordinate moves as far as the prior lets it: the rows
-    are those of the data and, below them, one row per prior.
+    q (rows + k, k) for k coordinates that are inside their bounds: below the `rows` of the data stands one
+    row for the prior of each coordinate, so that a prior limits the movement.
     """
 
     q: Array
     rows: int
 
     def outside(self, residual: Array) -> Array:
-        """What of residuals (rows,) or (rows, k) the model cannot reach."""
+        """The part (rows + k, ...) of residuals (rows,) or (rows, m) that the model cannot reach."""
         full = np.zeros((self.q.shape[0], *residual.shape[1:]))
         full[: self.rows] = residual
         return full - self.q @ (self.q.T @ full)
@@ -74,9 +82,9 @@ def tangent(fitted: Fitted) -> Tangent:
 def linear_prediction(
     problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
 ) -> tuple[float, dict[str, float]] | None:
-    """(gain it promises, coordinates {name: coordinate} to begin a fit from); None: it explains nothing.
+    """(gain predicted by the score test, {coordinate: value} to begin a fit from); None: no gain.
 
-    tang: of the base.
+    space: tangent of the base. The best of several sizes, or instants, counts.
     """
     starts = _starts(effect, problem, base, model)
     models = problem.models(model.structure, [{**base.x, **s} for s in starts])
@@ -121,7 +129,7 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """What an effect promises at first sight: gain, the model with it, and where a fit of it begins."""
+    """An effect with its predicted gain, the model with it, and the coordinates to begin a fit from."""
 
     effect: str
     model: Model
@@ -130,7 +138,7 @@ class Screened:
 
 
 def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect) -> Screened | None:
-    """The first look at an effect, in the run that shows it best; None where it explains nothing."""
+    """The linear prediction of an effect, in the run that shows it best; None where there is no gain."""
     if effect.id in WHOLE:
         return Screened(effect.id, model.with_effect(effect.id), np.inf, {})
     runs = [r.name for r in problem.runs] if effect.in_one_run else [""]
@@ -141,11 +149,11 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
 
 
 def fit_from(problem: Problem, base: Fitted, one: Screened) -> Trial:
-    """The model with the effect, fitted from a first look."""
+    """The model with the effect, fitted from its linear prediction."""
     free, structure = one.model.free, one.model.structure
     known = None if one.effect in WHOLE else base
     found = fit(problem, structure, free, {**base.x, **one.start}, known=known)
-    if known is not None and base.cost - found.cost < ASTRAY * one.predicted:  # led astray: from nearer by
+    if known is not None and base.cost - found.cost < ASTRAY * one.predicted:
         nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in one.start.items()}
         again = fit(problem, structure, free, {**base.x, **nearer}, known=known)
         found = again if again.cost < found.cost else found
@@ -155,7 +163,7 @@ def fit_from(problem: Problem, base: Fitted, one: Screened) -> Trial:
 def fit_candidate(
     problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
 ) -> Trial | None:
-    """The model with the effect, fitted from the best first look; None where it explains nothing."""
+    """The model with the effect, fitted; None where the linear prediction shows no gain."""
     one = screen(problem, base, space, model, effect)
     return None if one is None else fit_from(problem, base, one)
 
@@ -174,16 +182,16 @@ def fit_candidates(
     progress: Callable[[str, float], None],
     stop: Callable[[], bool],
 ) -> list[Trial]:
-    """Every effect tried on its own beside a model, the best first; fewer when stopped.
+    """Every effect added alone to a model, the largest gain first; fewer when stopped.
 
-    All are looked at; those that promise what matters, and most, are fitted with the nominal's
-    sensitivities of the base. The others are told by their promise. needed: gain that would matter.
+    Those with the largest predicted gains near their thresholds {effect: gain} are fitted, with the
+    nominal Jacobian of the base. The others keep their predicted gain.
     """
     screened: list[Screened] = []
     for k, effect in enumerate(effects):
         if stop():
             break
-        progress(f"looking at {effect.title}", 0.5 * k / max(len(effects), 1))
+        progress(f"testing {effect.title}", 0.5 * k / max(len(effects), 1))
         one = screen(problem, base, space, model, effect)
         screened += [one] if one is not None else []
     screened.sort(key=lambda x: -x.predicted)
@@ -207,7 +215,7 @@ def refit_candidates(
     thresholds: Mapping[str, float],
     stop: Callable[[], bool],
 ) -> list[Trial]:
-    """The best trials fitted again with their own sensitivities; needed: gain of each that would matter."""
+    """The trials, the best fitted again with their own Jacobian; thresholds: {effect: gain}."""
     best = max((t.gain for t in trials), default=0.0)
     out = []
     for rank, trial in enumerate(trials):
@@ -223,7 +231,7 @@ def refit_candidates(
 
 
 def _restarted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
-    """The trial fitted from its plain size: a nominal model bent far by the effect hides its way."""
+    """The trial fitted from its own size: where the nominal fit is far off, the path from zero may fail."""
     plain = {
         c.name: c.scale if c.start == 0.0 else c.start
         for c in own(library()[trial.effect])
@@ -236,6 +244,6 @@ def _restarted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
 
 
 def refitted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
-    """The trial fitted on with its own sensitivities."""
+    """The trial fitted again with its own Jacobian."""
     found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x, steps=REFIT_STEPS)
     return Trial(trial.effect, trial.model, found, base.cost - found.cost)

@@ -1,4 +1,4 @@
-"""From which size an effect counts, where the vehicle file moves what an ordinary rover has anyhow."""
+"""The material size of an effect: smaller is within the tolerances of the vehicle file."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import Effect
 
-EARLIER = 0.008  # s that an answer must precede its command by, for the clocks to be blamed
+EARLIER = 0.008  # s by which the motion must precede its command, for a clock offset to be the reason
 
 
 def material_sizes(effect: Effect, spread: Tolerances) -> dict[str, float]:
-    """{parameter: coordinate} that it must exceed: the effect's own, or that of the rover's spread."""
+    """{parameter: coordinate to exceed}: the effect's own material size, or a tolerance of the rover."""
     moved: Mapping[str, Mapping[str, float]] = {
         "front_rear_stiffness": {"ratio": spread.ratio},
         "imu_tilt": {"roll": spread.bias_ay / GRAVITY},
@@ -25,5 +25,5 @@ def material_sizes(effect: Effect, spread: Tolerances) -> dict[str, float]:
 
 
 def counts(effect: Effect, x: Mapping[str, float], spread: Tolerances) -> bool:
-    """True where any parameter of the effect at the coordinates x is more than a nuisance on this rover."""
+    """True where any parameter of the effect at the coordinates x exceeds its material size."""
     return effect.exceeds(x, material_sizes(effect, spread))

@@ -1,8 +1,11 @@
 """Values of a fitted model's parameters with 90 % intervals.
 
-Two things spread an estimate: noise, by the curvature of the cost, and that no model is exact. The second
-shows where runs, channels and octaves pull at a parameter with more than their noise, so the spread of
-their pulls is added (a cluster-robust covariance, Liang and Zeger 1986).
+Two errors count: noise, from the curvature of the cost, and the model's own error. With the Jacobian J, the
+priors' weights W and H = J^T J + W, noise gives the covariance v H^-1 (v: variance of a row). Model error
+shows in groups of rows (an octave of a channel of a run) whose scores g = J_g^T r_g differ by more than their
+noise. The sandwich H^-1 (sum of (g - mean)(g - mean)^T) H^-1 is therefore added (cluster-robust covariance).
+
+Liang and Zeger 1986: Longitudinal data analysis using generalized linear models, Biometrika 73(1).
 """
 
 from __future__ import annotations
@@ -20,11 +23,11 @@ from rover_sweep.diagnosis.search.rounds import Round
 DRAWS = 400
 LEVEL = (5.0, 95.0)  # percent
 OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
-FEWEST = 4  # lines of an octave that pull together
+FEWEST = 4  # lines of an octave that form a group
 
 
 def draw_coordinates(last: Round, seed: int) -> list[dict[str, float]]:
-    """Coordinates drawn from the Gaussian at the fit, held within the bounds."""
+    """`DRAWS` coordinates {name: value} from the Gaussian at the fit, clipped to the bounds."""
     fitted = last.fitted
     scale = np.array([c.scale for c in fitted.free])
     values, axes = np.linalg.eigh(_covariance(last))
@@ -38,7 +41,7 @@ def draw_coordinates(last: Round, seed: int) -> list[dict[str, float]]:
 
 
 def _covariance(last: Round) -> Array:
-    """Of the coordinates over their scales (k, k)."""
+    """Covariance (k, k) of the coordinates over their scales."""
     fitted = last.fitted
     prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
     inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-6))
@@ -49,7 +52,7 @@ def _covariance(last: Round) -> Array:
 
 
 def _scores(last: Round) -> Array:
-    """(groups, k): how much the residual of each octave of each channel of each run pulls at a coordinate."""
+    """(groups, k): score of each octave of each channel of each run, by coordinate over its scale."""
     fitted, out = last.fitted, []
     for rows in last.problem.rows:
         for low, high in zip(OCTAVES, OCTAVES[1:], strict=False):
@@ -61,7 +64,7 @@ def _scores(last: Round) -> Array:
 
 
 def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
-    """The parameters that a user reads of an effect."""
+    """The reported parameters of an effect with their intervals."""
     out, drawn = [], _with_doubt(effect, drawn)
     for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
         low, high = _interval(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
@@ -72,7 +75,7 @@ def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) ->
 
 
 def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str, float]]:
-    """The draws with what no data of this kind can tell."""
+    """The draws with the uncertainty that no such recording reduces (`Effect.doubt`) added."""
     random = np.random.default_rng(len(drawn))
     out = drawn
     for p in effect.parameters:
@@ -85,7 +88,7 @@ def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str,
 
 
 def _begin(last: Round) -> float:
-    """Start of the run in which a change happened, on its recording's clock [s]."""
+    """Start of the run in which the ground changed, on its recording's clock [s]."""
     return next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
 
 
@@ -113,5 +116,5 @@ def _number(x: float) -> float | None:
 
 
 def _unbounded(v: EffectValue) -> EffectValue:
-    """A limit or a cut-off that is not there: its lower bound alone says something."""
-    return EffectValue(v.name, v.unit, 1e9, v.low, None, f"{v.meaning}; not there")
+    """A limit or cut-off that the data do not show: only its lower bound is known."""
+    return EffectValue(v.name, v.unit, 1e9, v.low, None, f"{v.meaning}; not visible in these data")

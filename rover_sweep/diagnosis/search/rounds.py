@@ -1,4 +1,4 @@
-"""One round of a diagnosis: a model fitted, and every effect tried beside it.
+"""One round of a diagnosis: a model is fitted, and every effect is added to it alone.
 
 Every round has its own noise floor and its own metric, since both depend on the model of that round.
 """
@@ -29,19 +29,20 @@ from rover_sweep.diagnosis.simulation.candidates import Model, own, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
-NOTABLE = 1.45  # mean square of a channel's rows, from which a residual is worth a question
-NOTABLE_PLAIN = 3.0  # the same, of rows in which the little of everything is not allowed for
-LARGE = 1.8  # as LOUD, up to which it may be noise that grows with the motion
-IMPLAUSIBLE = (
-    0.8  # of the largest size of an effect that is looked for, beyond which it stands for something else
-)
-MOST_NOISE = 1.5  # variance of a row that a round takes for noise
+NOTABLE = 1.45  # mean square of a channel's rows from which its residual is examined
+NOTABLE_PLAIN = 3.0  # the same, for rows without tolerances
+LARGE = 1.8  # mean square up to which noise that grows with the motion may be the reason
+IMPLAUSIBLE = 0.8  # share of an effect's bound, beyond which it is probably a proxy
+MOST_NOISE = 1.5  # largest variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
 
 
 @dataclass(frozen=True, eq=False)
 class Options:
-    """Which candidates, where the bootstrap starts, and how to report and stop."""
+    """Settings of a search. only, without: ids of effects; seed: of the bootstrap.
+
+    progress(activity, share done 0..1); stop: True ends the search.
+    """
 
     only: tuple[str, ...]
     without: tuple[str, ...]
@@ -52,34 +53,39 @@ class Options:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Mean square of a channel's rows that a model leaves, 1 at the noise floor: in the metric of an ordinary
-    rover, and without it, where more may be left: what no little of everything would make."""
+    """Mean square of one channel's residual rows, 1 at the noise floor.
+
+    in_metric: with tolerances allowed for. plain: without, so it may be larger.
+    """
 
     in_metric: float
     plain: float
 
     @property
     def level(self) -> float:
-        """The larger of both, as if in the metric."""
+        """The larger of both, on the scale of `in_metric`."""
         return max(self.in_metric, self.plain * NOTABLE / NOTABLE_PLAIN)
 
     @property
     def notable(self) -> bool:
-        """Whether it is worth a question."""
+        """True where the residual is above the noise and must be explained."""
         return self.level > NOTABLE
 
     @property
     def large(self) -> bool:
-        """Whether it is more than the noise may grow by where the rover is driven: dry friction, say, holds
-        the body still in a quiet stretch, where the noise is taken from."""
+        """True where it is more than noise that grows with the motion.
+
+        Dry friction, for example, holds the body still where the steering is quiet and the noise is measured.
+        """
         return self.level > LARGE
 
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """A model fitted in the metric of an ordinary rover, and every effect tried beside it.
+    """A fitted model with the trials of every effect.
 
-    closest: the fit that comes closest to the recordings, in which nothing else is allowed for.
+    problem, fitted: in the metric of the tolerances. closest: the fit without tolerances, which is nearest to
+    the recordings. tolerances: signatures of what every rover has, in the metric. cannot_see: {effect: why}.
     """
 
     model: Model
@@ -94,11 +100,11 @@ class Round:
 
     @cached_property
     def misfit(self) -> dict[str, Misfit]:
-        """{channel: what the model leaves}."""
+        """{channel: misfit of the round's model}."""
         return self.misfit_of(self.fitted)
 
     def misfit_of(self, fitted: Fitted) -> dict[str, Misfit]:
-        """{channel: what a fit in this round leaves}."""
+        """{channel: misfit of a fit in this round's problem}."""
         plain = self.problem.plain
         whole = plain.measured - plain.model(fitted.structure, fitted.x)
         out = {}
@@ -110,23 +116,23 @@ class Round:
         return out
 
     def significant(self) -> list[Trial]:
-        """Trials beyond their thresholds and their material size, the best first."""
+        """Trials above their thresholds and their material sizes, the largest gain first."""
         return [t for t in self.trials if self.passes(t)]
 
     def passes(self, trial: Trial) -> bool:
-        """True for a trial that is a finding."""
+        """True for a trial that is a finding: fitted, above its threshold and its material size."""
         if trial.fitted is self.fitted:
-            return False  # a promise, and no fit
+            return False  # a linear prediction only
         over = self.after(trial)
         return trial.gain > over * self.thresholds.thresholds.get(trial.effect, 0.0) and matters(trial)
 
     def after(self, trial: Trial) -> float:
-        """Variance of a row that the trial leaves over that of the round's own bootstrap, at least 1."""
+        """Variance of a row in the trial over that in the round's bootstrap, at least 1."""
         return max(1.0, trial.fitted.overdispersion / self.fitted.overdispersion)
 
 
 def matters(trial: Trial) -> bool:
-    """False where the effect came out below the size from which it is a finding, or at a silly one."""
+    """False where the fitted size is below the material size, or implausibly near its bound."""
     x, spread = trial.fitted.x, trial.model.spread
     effect = library()[trial.effect]
     limits = {c.name: max(abs(c.low), abs(c.high)) for c in own(effect)}
@@ -142,7 +148,10 @@ def matters(trial: Trial) -> bool:
 def fit_with_floor(
     runs: Sequence[Experiment], model: Model, start: Mapping[str, float], near: bool = False
 ) -> tuple[Problem, Fitted]:
-    """The model fitted with the noise floor of its own residual. near: the start is that of a fit before."""
+    """The model fitted with the noise floor of its own residual.
+
+    start: {coordinate: value}. near: it comes from an earlier fit, so one pass is enough.
+    """
     x = {**{c.name: c.start for c in model.free}, **start}
     for _ in range(1 if near else 2):
         found = with_floor_of(runs, model, x)
@@ -152,7 +161,7 @@ def fit_with_floor(
 
 
 def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, float]) -> Problem:
-    """The problem of the runs with the noise floor of what a model leaves."""
+    """The problem of the runs with the noise floor of a model's residual. x: {coordinate: value}."""
     residuals = []
     for run in runs:
         model_log = logged(run, model.structure, x, Sensors.of(run))
@@ -163,7 +172,7 @@ def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, floa
 def round_of(
     runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options, near: bool = False
 ) -> Round:
-    """One round: the model fitted, in the metric of what every rover has, and each candidate tried."""
+    """One round: fit the model in the metric of the tolerances and add each candidate to it."""
     options.progress("fitting the model", 0.0)
     plain, closest = fit_with_floor(runs, model, start, near)
     tolerances = signatures(plain, closest, model, possible(model, runs)[0], tolerances=True) + speed_drift(
@@ -175,14 +184,14 @@ def round_of(
     effects, cannot_see = possible(model, runs, options.only, options.without)
     space = tangent(fitted)
     observed = signatures(metric, fitted, model, effects)
-    in_metric = [replace(s, rows=metric.of(s.rows)) for s in tolerances]
-    # what is left may be the effect that is looked for, so a large residual is no large noise
+    metric_tolerances = [replace(s, rows=metric.of(s.rows)) for s in tolerances]
+    # the residual may be the missing effect, so only a part of it counts as noise
     thresholds = null_distribution(
-        observed, in_metric, space, min(fitted.overdispersion, MOST_NOISE), options.seed
+        observed, metric_tolerances, space, min(fitted.overdispersion, MOST_NOISE), options.seed
     )
     needed = thresholds.thresholds
     trials = fit_candidates(metric, fitted, space, model, effects, needed, options.progress, options.stop)
     trials = refit_candidates(metric, fitted, trials, needed, options.stop)
     return Round(
-        model, metric, closest, fitted, tuple(trials), thresholds, space, tuple(in_metric), cannot_see
+        model, metric, closest, fitted, tuple(trials), thresholds, space, tuple(metric_tolerances), cannot_see
     )

@@ -1,4 +1,4 @@
-"""Which model a simulation follows: the plainest of the ladder that fits its recordings."""
+"""Which model a simulation follows: the simplest one that fits its recordings."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
 LADDER: tuple[Baseline, ...] = ("kinematic", "bicycle", "roll-yaw")
-EQUAL_COST = 1.3  # of the fullest model's cost
+EQUAL_COST = 1.3  # factor on the most complex model's cost, up to which a simpler model fits as well
 
 
 def baseline_of(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
-    """The baseline of a simulation, judged in the noise floor that the fullest model leaves of it."""
+    """The baseline of a simulation, with the noise floor of the most complex model's residual."""
     has_roll = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
     ladder = LADDER if has_roll else LADDER[:-1]
     fullest, found = fit_with_floor(runs, Model(ladder[-1], rover, Tolerances()), {})

@@ -1,8 +1,22 @@
-"""Parametric bootstrap of the nominal model on this very set of runs, with the nuisances drawn as well.
+"""Thresholds of the score test: a parametric bootstrap of the nominal model on this set of runs.
 
-A draw is the noise of the recordings and a little of every effect, as every rover has; what it projects
-on the signature of an effect is what that effect would gain though nothing is hidden. By linear algebra a
-thousand draws cost milliseconds.
+Where nothing is missing, the residual rows are noise plus the tolerances that every rover has:
+e + T a, with e ~ N(0, v I), v the variance of a row (`overdispersion`), T the tolerances' rows and
+a ~ N(0, I) (|a| for one-sided ones). With S the signatures of the candidates and P the projection outside
+of the nominal model's reach (see `problem.signatures`), the scores are
+
+    z = S^T P (e + T a),   S^T P e ~ N(0, v G),   G = S^T P S
+
+so a draw needs only the Cholesky factor of G, and 1000 draws take milliseconds. The gain in a draw is z_k^2
+/ G_kk (only z_k > 0 for a one-sided effect), z^T G^-1 z for several parameters, and the largest over the
+runs for a change of ground. That one is searched at n instants too: 2 v ln(n), the growth of the largest of n
+chi-squared numbers, is added.
+
+Thresholds: the same quantile of its own gains for every effect, chosen so that in a share `FALSE_ALARMS` of
+the draws any effect passes (min-P of Westfall and Young 1993); at least `LEAST`.
+
+Efron and Tibshirani 1993: An Introduction to the Bootstrap, section 6.5 (parametric bootstrap).
+Westfall and Young 1993: Resampling-Based Multiple Testing, Wiley.
 """
 
 from __future__ import annotations
@@ -17,67 +31,74 @@ from rover_sweep.diagnosis.problem.signatures import Signature, drawn_amounts
 from rover_sweep.diagnosis.search.candidate_fits import INSTANTS, Tangent
 
 DRAWS = 1000
-FALSE_ALARMS = 0.03  # share of the draws in which any effect at all may pass its threshold
+FALSE_ALARMS = 0.03  # share of the draws in which any effect may pass its threshold
+LEAST = 9.0  # smallest threshold: three standard deviations of one parameter
 
 
 @dataclass(frozen=True, eq=False)
 class NullDistribution:
-    """What effects gain where nothing is hidden: gains {effect: (draws,)}, thresholds {effect: gain}."""
+    """Gains where nothing is missing: gains {effect: (draws,)}, thresholds {effect: gain}."""
 
     gains: Mapping[str, Array]
     thresholds: Mapping[str, float]
 
 
 def null_distribution(
-    found: Sequence[Signature], tiny: Sequence[Signature], tangent: Tangent, overdispersion: float, seed: int
+    found: Sequence[Signature],
+    tolerances: Sequence[Signature],
+    tangent: Tangent,
+    overdispersion: float,
+    seed: int,
 ) -> NullDistribution:
     """Gains and thresholds of all effects of the signatures `found`.
 
-    tiny: signatures at one standard deviation of an ordinary rover. overdispersion: variance of a row.
+    tolerances: signatures at one standard deviation of what every rover has. overdispersion: variance of
+    a row, 1 at the noise floor.
     """
     if not found:
         return NullDistribution({}, {})
     random = np.random.default_rng(seed)
     outside = tangent.outside(np.column_stack([s.rows for s in found]))
     gram = outside.T @ outside
-    # noise counts only in the span of the signatures, where it is N(0, overdispersion * gram)
+    # the small term keeps signatures that are nearly the same from a singular factor
     factor = np.linalg.cholesky(gram + np.diag(1e-9 * np.diag(gram) + 1e-12))
-    seen = random.standard_normal((DRAWS, len(found))) @ factor.T * np.sqrt(overdispersion)
-    if tiny:
-        amounts = drawn_amounts(random, tiny, DRAWS)
-        seen += amounts @ (np.column_stack([s.rows for s in tiny]).T @ outside[: tangent.rows])
+    scores = random.standard_normal((DRAWS, len(found))) @ factor.T * np.sqrt(overdispersion)
+    if tolerances:
+        amounts = drawn_amounts(random, tolerances, DRAWS)
+        scores += amounts @ (np.column_stack([s.rows for s in tolerances]).T @ outside[: tangent.rows])
     gains = {}
     for effect in dict.fromkeys(s.effect for s in found):
         members = [k for k, s in enumerate(found) if s.effect == effect]
-        gains[effect] = _gain(seen, gram, members, found)
-        if effect == "surface_change":  # signed at one instant of each run, while the search tries several
+        gains[effect] = _gain(scores, gram, members, found)
+        if effect == "surface_change":  # its signature is at one instant, the search tries several
             gains[effect] = gains[effect] + overdispersion * 2 * np.log(INSTANTS)
     return NullDistribution(gains, _thresholds(gains))
 
 
-def _gain(seen: Array, gram: Array, members: Sequence[int], signatures: Sequence[Signature]) -> Array:
-    """Drop of the cost when the members are fitted: for several in one run each, that of the best."""
+def _gain(scores: Array, gram: Array, members: Sequence[int], signatures: Sequence[Signature]) -> Array:
+    """Drop (draws,) of the cost when the members are fitted; for one member per run, of the best run."""
     if signatures[members[0]].effect == "surface_change":
-        return np.max([_single(seen[:, k], gram[k, k], True) for k in members], axis=0)
+        return np.max([_single(scores[:, k], gram[k, k], True) for k in members], axis=0)
     if len(members) == 1:
-        return _single(seen[:, members[0]], gram[members[0], members[0]], signatures[members[0]].signed)
+        return _single(scores[:, members[0]], gram[members[0], members[0]], signatures[members[0]].signed)
     block = gram[np.ix_(members, members)] + 1e-9 * np.eye(len(members)) * np.max(np.diag(gram))
-    part = seen[:, members]
+    part = scores[:, members]
     return np.einsum("ij,ij->i", part, np.linalg.solve(block, part.T).T)
 
 
-def _single(seen: Array, power: float, signed: bool) -> Array:
+def _single(scores: Array, power: float, signed: bool) -> Array:
+    """Drop (draws,) of the cost by one parameter with the score `seen` (draws,)."""
     if power < 1e-9:
-        return np.zeros(seen.shape)
-    return (seen if signed else np.maximum(seen, 0.0)) ** 2 / power
+        return np.zeros(scores.shape)
+    return (scores if signed else np.maximum(scores, 0.0)) ** 2 / power
 
 
 def _thresholds(gains: Mapping[str, Array]) -> dict[str, float]:
-    """A quantile per effect, the same for all, such that `FALSE_ALARMS` of the draws pass any of them."""
+    """{effect: gain} at the common quantile that a share `FALSE_ALARMS` of the draws passes somewhere."""
     names = list(gains)
     table = np.column_stack([gains[n] for n in names])
     ranks = np.argsort(np.argsort(table, axis=0), axis=0)
-    worst = np.sort(np.max(ranks, axis=1))
-    rank = int(worst[int((1.0 - FALSE_ALARMS) * (len(worst) - 1))])
+    highest = np.sort(np.max(ranks, axis=1))
+    rank = int(highest[int((1.0 - FALSE_ALARMS) * (len(highest) - 1))])
     ordered = np.sort(table, axis=0)
-    return {n: float(max(ordered[min(rank, len(worst) - 1), k], 9.0)) for k, n in enumerate(names)}
+    return {n: float(max(ordered[min(rank, len(highest) - 1), k], LEAST)) for k, n in enumerate(names)}

@@ -1,1 +1,1 @@
-"""Residuals that no effect of the library explains."""
+"""Misfits that no effect of the library explains."""

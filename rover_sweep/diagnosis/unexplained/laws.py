@@ -1,7 +1,10 @@
-"""Laws without a name: what the state might do to the steering, to the body and to each sensor.
+"""Unnamed terms: simple functions of the state that act on the steering, the body or a sensor.
 
-A model-error model driven by the state. Each law adds one amount of one function of the motion at one place
-of the simulation, so that its signature has gone through the rover's own dynamics, as a left-out force would.
+A model error model (Ljung 1999) driven by the state. Each law adds one amount of one function
+of the motion at one place of the simulation, so its signature passes the rover's own dynamics, as that of a
+missing force does.
+
+Ljung 1999: Model validation and model error modeling, Linkoping University, report LiTH-ISY-R-2125.
 """
 
 from __future__ import annotations
@@ -20,15 +23,15 @@ from rover_sweep.diagnosis.effects.kinds import ForceEffect, LinkageEffect, Sens
 from rover_sweep.diagnosis.simulation.experiment import RATE
 
 Function = Callable[[Mapping[str, Array]], Array]
-AMOUNT = 1e-3  # of a function of signals in their own sizes, in SI units
+AMOUNT = 1e-3  # SI units, factor on a function of signals over their `SIZES`
 SIZES = {"delta": 0.1, "r": 1.0, "across": 2.0, "v": 0.1, "p": 0.2, "phi": 0.02}  # SI, of a small rover
-TURNOVER = 0.1  # of a signal's size, within which a friction changes its sign
+TURNOVER = 0.1  # of a signal's size, within which sgn changes smoothly from -1 to 1
 CHANNELS = ("r", "ay", "p", "vy")
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """place: what is acted on, in words; on: the function of the state; effect: the same, to be simulated."""
+    """One term. place: "steering", "yaw moment", ...; on: function of the state; effect: to simulate it."""
 
     place: str
     on: str
@@ -36,12 +39,12 @@ class Law:
 
     @property
     def words(self) -> str:
-        """Both, as the term of a sum."""
+        """The term as text, "place ~ function"."""
         return f"{self.place} ~ {self.on}"
 
 
 def laws() -> tuple[Law, ...]:
-    """All of them, about sixty."""
+    """All terms, about sixty."""
     force = partial(ForceEffect, iterate=True)
     return (
         *(_law("steering", on, LinkageEffect, _of_steering(f)) for on, f in _STEERING.items()),

@@ -1,8 +1,12 @@
-"""What no candidate explains: a residual that stands out, or one that follows a law without a name.
+"""A misfit that no candidate explains: a channel above the noise, or an unnamed term in the residual.
 
-The residual is regressed on the laws' signatures, a term at a time (a SINDy-type sketch of the missing force,
-moment or steering), and the sketch has to predict a run that the regression did not see. A law alone counts
-where its gain is beyond the parametric bootstrap, as that of a candidate is.
+The residual is regressed on the signatures of unnamed terms (`laws`), one term at a time (forward selection,
+as in the sparse regression of Brunton, Proctor and Kutz 2016). The fitted terms must predict rows that the
+regression did not use. A single term counts where its gain is above the parametric bootstrap, as for a
+candidate.
+
+Brunton, Proctor and Kutz 2016: Discovering governing equations from data by sparse identification of
+nonlinear dynamical systems, PNAS 113(15).
 """
 
 from __future__ import annotations
@@ -24,28 +28,26 @@ from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.diagnosis.unexplained.laws import Law, laws
 
-PREDICTS = 0.3  # share of the residual above the floor that a sketch must predict on the other runs
-BLOCK = 8  # lines
-WORDS = {
+PREDICTS = 0.3  # share of the residual above the floor that the terms must predict in the other rows
+BLOCK = 8  # lines that are used, or held out, together
+CHANNELS = {
     "r": "the yaw rate",
     "ay": "the lateral acceleration",
     "p": "the roll rate",
     "vy": "the lateral velocity",
 }
-FITTED = 3  # laws that promise most, which are fitted
-KEPT = 3  # terms of the sketch of a law
-OVER_CHANCE = (
-    3.0  # times what chance makes, in place of a material size, which a law without a name has none of
-)
-NEW = 1e-3  # share of a signature that the model must not reach, for its law to be told
+FITTED = 3  # terms with the largest predicted gains, which are fitted
+KEPT = 3  # most terms of the regression
+ABOVE_CHANCE = 3.0  # gain over threshold; it replaces the material size, which an unnamed term lacks
+NEW = 1e-3  # least share of a term's signature that the model cannot reach
 
 
 @dataclass(frozen=True, eq=False)
 class _TestedLaws:
-    """Laws that the recordings could show.
+    """The unnamed terms that the recordings could show.
 
-    rows (size, k): of each, unit length outside the model's reach. gains (k,): drop of the cost with that law
-    alone; over (k,): the same over what chance would make.
+    rows (size, k): signatures with unit length outside the model's reach. gains (k,): drop of the cost with
+    each term alone; over_chance (k,): that drop over its threshold.
     """
 
     laws: tuple[Law, ...]
@@ -55,9 +57,9 @@ class _TestedLaws:
 
 
 def unmodelled_gain(of: Round, seed: int) -> float:
-    """Drop of the cost by the law without a name that explains most, fitted; less what chance would make.
+    """Drop of the cost by the unnamed term that explains most, minus its threshold.
 
-    What a law promises while the nominal coordinates move freely is more than they can do within bounds.
+    Fitted, since the linear prediction ignores the bounds of the nominal coordinates and so is too large.
     """
     tested = _tested_laws(of, seed)
     best = np.argsort(-tested.gains)[:FITTED]
@@ -76,28 +78,28 @@ def _fitted_gain(of: Round, law: Law) -> float:
 
 
 def left_unexplained(last: Round, named: bool, seed: int, sure: bool = False) -> Unknown | None:
-    """The answer on what the final model leaves, None where it is at the noise floor.
+    """The misfit of the final model, None where it is at the noise floor.
 
-    named: effects were found; what their laws are inexact by is then no unknown, unless it is loud.
-    sure: a law without a name is known to explain it.
+    named: effects were found. Small remainders are then errors of their equations and are not reported.
+    sure: an unnamed term is known to explain the residual.
     """
-    notable = {c: left.level for c, left in last.misfit.items() if left.notable}
+    notable = {c: misfit.level for c, misfit in last.misfit.items() if misfit.notable}
     if named and not notable:
         return None
     tested = _tested_laws(last, seed)
     if notable:
         found = _notable(last, tested, notable)
-        noise = named and found.law_gain is None and not any(left.large for left in last.misfit.values())
+        noise = named and found.law_gain is None and not any(m.large for m in last.misfit.values())
         return None if noise else found
-    if tested.over_chance.size == 0 or (not sure and np.max(tested.over_chance) <= OVER_CHANCE):
+    if tested.over_chance.size == 0 or (not sure and np.max(tested.over_chance) <= ABOVE_CHANCE):
         return None
     return _follows_one_law(last, tested, int(np.argmax(tested.over_chance)))
 
 
 def unknown_place(places: Sequence[Mismatch]) -> Unknown | None:
-    """What stands out under a condition, or in V_y, where no law and no candidate was found.
+    """The largest misfit under a condition, or in V_y, where no candidate and no unnamed term was found.
 
-    What is there in r, a_y or p throughout may be the little of everything that an ordinary rover has.
+    A misfit throughout r, a_y or p may come from normal tolerances.
     """
     conditional = [m for m in places if m.condition != THROUGHOUT or m.channel == "vy"]
     if not conditional:
@@ -110,8 +112,8 @@ def unknown_place(places: Sequence[Mismatch]) -> Unknown | None:
 def _notable(last: Round, tested: _TestedLaws, notable: dict[str, float]) -> Unknown:
     channel = max(notable, key=lambda c: notable[c])
     ratio = float(np.sqrt(notable[channel]))
-    still = f"{WORDS[channel]} still differs by {ratio:.1f} times the noise"
-    chosen, gain = _sketch(last, tested)
+    still = f"{CHANNELS[channel]} still differs by {ratio:.1f} times the noise"
+    chosen, gain = _regression(last, tested)
     if gain < PREDICTS:
         return Unknown(
             channel,
@@ -125,9 +127,9 @@ def _notable(last: Round, tested: _TestedLaws, notable: dict[str, float]) -> Unk
 
 
 def _follows_one_law(last: Round, tested: _TestedLaws, best: int) -> Unknown:
-    """One law that is beyond chance, though no channel stands out as a whole."""
+    """One term above chance, where no channel as a whole is above the noise."""
     law, row = tested.laws[best], tested.rows[:, best]
-    power = {c: float(np.sum(last.problem.part(row, channel=c) ** 2)) for c in WORDS}
+    power = {c: float(np.sum(last.problem.part(row, channel=c) ** 2)) for c in CHANNELS}
     channel = max(power, key=lambda c: power[c])
     ratio = over_noise(float(tested.gains[best]), row)
     times = (
@@ -136,8 +138,8 @@ def _follows_one_law(last: Round, tested: _TestedLaws, best: int) -> Unknown:
         else f"{tested.over_chance[best]:.0f} times"
     )
     sentence = (
-        f"{WORDS[channel]} differs by {ratio:.1f} times the noise where it follows {law.on}, as if acting on "
-        f"the {law.place}, {times} what chance would make; no candidate explains it"
+        f"{CHANNELS[channel]} differs by {ratio:.1f} times the noise, as if a term {law.on} acted on the "
+        f"{law.place}; its gain is {times} the threshold, and no candidate explains it"
     )
     share = _share_predicted(last, tested, [best])
     return Unknown(channel, law.on, ratio, sentence, law.words, share)
@@ -175,9 +177,9 @@ def _tested_laws(last: Round, seed: int) -> _TestedLaws:
     return _TestedLaws(tuple(law for law, _, _ in kept), table, gains, gains / needed)
 
 
-def _sketch(last: Round, tested: _TestedLaws) -> tuple[list[Law], float]:
-    """(laws chosen on the seen rows, share of the others' residual above the floor that they predict)."""
-    target, test = last.fitted.rows, _unseen_rows(last)
+def _regression(last: Round, tested: _TestedLaws) -> tuple[list[Law], float]:
+    """(terms selected on the used rows, share of the held-out residual above the floor they predict)."""
+    target, test = last.fitted.rows, _held_out_rows(last)
     terms = tested.rows
     size = np.linalg.norm(terms[~test], axis=0) + 1e-12
     left, chosen = target[~test], list[int]()
@@ -191,8 +193,8 @@ def _sketch(last: Round, tested: _TestedLaws) -> tuple[list[Law], float]:
 
 
 def _share_predicted(last: Round, tested: _TestedLaws, chosen: Sequence[int]) -> float:
-    """Share of the residual above the floor of the unseen rows that laws fitted to the others predict."""
-    target, test = last.fitted.rows, _unseen_rows(last)
+    """Share of the held-out residual above the floor that terms fitted to the other rows predict."""
+    target, test = last.fitted.rows, _held_out_rows(last)
     terms = tested.rows[:, list(chosen)]
     amounts = np.linalg.lstsq(terms[~test], target[~test], rcond=None)[0]
     before, after = (float(np.sum(y**2)) for y in (target[test], target[test] - terms[test] @ amounts))
@@ -200,13 +202,13 @@ def _share_predicted(last: Round, tested: _TestedLaws, chosen: Sequence[int]) ->
     return (before - after) / above if above > 0.1 * test.sum() else 0.0
 
 
-def _unseen_rows(last: Round) -> NDArray[np.bool_]:
-    """Rows left out of a regression: those of the last run; of a single run every other block of lines."""
+def _held_out_rows(last: Round) -> NDArray[np.bool_]:
+    """Rows (size,) held out of a regression: the last run, or every other block of lines of a single run."""
     out = np.zeros(last.problem.size, bool)
     runs = {r.run for r in last.problem.rows}
     for r in last.problem.rows:
         if len(runs) > 1:
             out[r.start : r.start + r.size] = r.run == max(runs)
-        else:  # neighbours share what the taper spreads, so whole blocks
+        else:  # whole blocks, since the taper correlates neighbouring lines
             out[r.start : r.start + r.size] = np.tile(np.arange(r.bins.size) // BLOCK % 2 == 1, 2)
     return out
