@@ -1,5 +1,6 @@
 """What many tests share: the recordings, the vehicle that made them."""
 
+import base64
 import os
 from pathlib import Path
 
@@ -8,6 +9,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: two workers 
 import pytest
 
 DATA = Path(__file__).parent / "data"
+PIXEL = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg=="
+)
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
@@ -29,3 +33,9 @@ def foreign_recordings() -> Path:
     if not path.is_dir():
         pytest.skip(f"no recordings at {path}; set ROVER_SWEEP_RECORDINGS")
     return path
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every picture of a report is one pixel: for tests of its numbers and words. Drawing takes longest."""
+    monkeypatch.setattr("rover_sweep.report.identification.pictures.Picture.png", lambda picture: PIXEL)

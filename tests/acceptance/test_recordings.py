@@ -10,6 +10,7 @@ from rover_sweep.cli.main import run
 
 TRUE_C, TRUE_IZZ, TRUE_K_PHI = (31.0 + 33.5) / 2, 0.071, 10.8
 NEW = "ardurover-4.6.3"
+FEWER = ("--bootstrap", "20")  # replicates, where no interval is looked at
 
 
 def identified(data: Path, out: Path, runs: list[str], verify: list[str], *options: str) -> dict:
@@ -58,13 +59,14 @@ def test_nominal_report_is_whole(nominal):
     assert sorted(p.name for p in (out / "pictures").glob("*.png"))
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("kind", ["BIN", "tlog", "pair"])
 def test_factory_filters_are_taken_into_account(data, tmp_path, kind: str):
     def source(n: int) -> str:
         name = f"{NEW}/defaults/run{n}"
         return f"{name}.BIN+{name}.tlog" if kind == "pair" else f"{name}.{kind}"
 
-    document = identified(data, tmp_path, [source(1)], [source(2)], "--models", "roll-yaw")
+    document = identified(data, tmp_path, [source(1)], [source(2)], "--models", "roll-yaw", *FEWER)
     model = document["models"]["roll-yaw"]
     assert model["parameters"]["Izz"]["value"] == pytest.approx(TRUE_IZZ, rel=0.12)
     ignored = model["variants"]["filters ignored"]
@@ -74,6 +76,7 @@ def test_factory_filters_are_taken_into_account(data, tmp_path, kind: str):
     assert "filter" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_other_firmware_and_speed(data, tmp_path):
     sources = ["ardurover-4.5.7/nominal/run1.BIN", f"{NEW}/nominal/run3.BIN"]
     document = identified(
@@ -85,6 +88,7 @@ def test_other_firmware_and_speed(data, tmp_path):
     assert document["models"]["roll-yaw"]["verification"]["tic"] <= 0.07
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_kinematic_rover_has_no_tyres(data, tmp_path):
     document = identified(data, tmp_path, [f"{NEW}/stock/run1.BIN"], [f"{NEW}/stock/run2.BIN"])
     assert document["recommended"] == "kinematic"
@@ -95,9 +99,10 @@ def test_a_kinematic_rover_has_no_tyres(data, tmp_path):
     assert "kinematic" in document["summary"][0]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_doublet_in_the_same_call_verifies(data, tmp_path):
     runs = [f"{NEW}/nominal/run1.BIN", f"{NEW}/nominal/run4.BIN"]
-    document = identified(data, tmp_path, runs, [], "--models", "bicycle")
+    document = identified(data, tmp_path, runs, [], "--models", "bicycle", *FEWER)
     assert [r["name"] for r in document["runs"]] == ["run1"]
     assert [r["name"] for r in document["verification_recordings"]] == ["run4"]
     assert document["models"]["bicycle"]["verification"]["tic"] <= 0.07
@@ -119,9 +124,11 @@ def test_a_run_may_not_judge_itself(data, tmp_path, capsys):
     assert "both identified from and verified on" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_json_is_the_file(data, tmp_path, capsys):
     source = str(data / NEW / "nominal/run1.BIN")
-    args = ["--vehicle", str(data / "rover.toml"), "--out", str(tmp_path), "--models", "bicycle", "--json"]
+    vehicle = ["--vehicle", str(data / "rover.toml")]
+    args = [*vehicle, "--out", str(tmp_path), "--models", "bicycle", "--json", *FEWER]
     assert run(["identify", source, *args]) == 0
     assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "identification.json").read_text())
 

@@ -13,6 +13,7 @@ from rover_sweep.vehicle.events import Event, Sample, StateChanged
 from sitl import launcher
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_runs_are_driven_judged_fetched_and_identified(
     told: Tell, ready: launcher.Running, tmp_path: Path
 ) -> None:
@@ -49,6 +50,7 @@ def test_runs_are_driven_judged_fetched_and_identified(
     assert exported.code == 0 and json.loads(exported.out)["model"] == "roll-yaw"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
     told: Tell, ready: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
