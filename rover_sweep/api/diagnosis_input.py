@@ -21,7 +21,7 @@ from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSetting
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
 from rover_sweep.identification.imu_place import wrong_place_in
-from rover_sweep.quality.faults import SPARED, faulty_channels
+from rover_sweep.quality.faults import OPTIONAL, faulty_channels
 from rover_sweep.quality.length import with_length
 from rover_sweep.quality.rovers import with_rovers
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
@@ -126,7 +126,7 @@ def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
     if not without:
         return given, ()
     left = {c for run in runs for c in run.channels} - without
-    if without - set(SPARED) or not left & set(SPARED):
+    if without - set(OPTIONAL) or not left & set(OPTIONAL):
         raise DataRefused("; ".join(why))
     fitted, kept = (tuple(r.without(without) for r in some) for some in (given.runs, given.held_out))
     return replace(given, runs=fitted, held_out=kept), tuple(f"left out: {words}" for words in why)

@@ -31,7 +31,7 @@ from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.verdicts import ModelVerdict, at_most_acceptable
 from rover_sweep.quality.coherence import CoherenceVerdict, assess, input_responses
 from rover_sweep.quality.doubts import doubts
-from rover_sweep.quality.faults import spoiling
+from rover_sweep.quality.faults import fault_sentences
 from rover_sweep.quality.length import each_with_length, too_short, with_length
 from rover_sweep.quality.rovers import TWO_ROVERS, with_rovers
 from rover_sweep.spectra.conditioned import moving
@@ -180,7 +180,7 @@ def _judged_by_data(
     imu_fault: a sentence on the IMU's position, '' for none.
     """
     why = {
-        name: spoiling(runs, [o for o in settings.fitted if o in m.fit.structure.outputs])
+        name: fault_sentences(runs, [o for o in settings.fitted if o in m.fit.structure.outputs])
         for name, m in models.items()
     }
     if imu_fault:

@@ -1,1 +1,1 @@
-"""Data that look fine and are not: one file for each check, all called by `faults.faults_of`."""
+"""Checks of recordings: coherence, and faults that are not obvious. Commands and screens call `faults`."""

@@ -1,4 +1,4 @@
-"""A clock that runs too fast or too slow, told by angles and their rates or by a second clock."""
+"""Detects a clock that runs too fast or too slow, from angles and their rates or from a second clock."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_sweep.data.recording import Array, Note
-from rover_sweep.quality.relations import ALIKE, Relation, Relations
+from rover_sweep.quality.relations import FORCE_RANGE, Relation, Relations
 
 STRETCHED = "stretched clock"
 ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
-SLOPE = 0.05  # of 1: sound recordings have .98 to 1.00 between heading and yaw rate
-APPLET_OFF = 0.005  # of 1: sound recordings have 6e-5; both count the same oscillator
-ARRIVAL_OFF = 0.04  # of 1: a link's delay may grow by a second in a run
+SLOPE = 0.05  # from 1: correct recordings have .98 to 1.00 between heading and yaw rate
+APPLET_OFF = 0.005  # from 1: correct recordings have 6e-5, as both clocks count the same oscillator
+ARRIVAL_OFF = 0.04  # from 1: the delay of a link may grow by a second in a run
 SHORTEST, LONG, FEWEST = 3.0, 20.0, 20  # s, s, messages
-AGREE = 0.06  # between heading and roll: sound recordings have .02 to .06
-ALONE = 0.1  # of 1, where the heading alone says it
-REACH = 0.25, 4.0  # stretches that are a clock's; beyond, another unit
+AGREE = 0.06  # between heading and roll: correct recordings have .02 to .06
+HEADING_ONLY = 0.1  # from 1, when only the heading is known
+REACH = 0.25, 4.0  # factors of a clock; outside, the unit is wrong
 
 
 def stretched_by_angles(found: Relations) -> Iterator[Note]:
-    """A fault where heading and roll angle both change by the same wrong factor of their rates.
+    """A fault when heading and roll angle both change by the same wrong factor of their rates.
 
-    Of a rover that does not roll the heading must do, where r agrees with a_y.
+    Without a roll angle the heading decides, if r agrees with a_y.
     """
     if found.heading is None:
         return
@@ -36,18 +36,18 @@ def stretched_by_angles(found: Relations) -> Iterator[Note]:
     if abs(roll / heading - 1) < AGREE:
         yield stretched(
             1 / heading,
-            f"heading and roll angle change {heading:.3g} and {roll:.3g} times as fast as r and p say",
+            f"heading and roll angle change {heading:.3g} and {roll:.3g} times as fast as r and p",
         )
 
 
 def _by_heading(heading: float, force: Relation | None) -> Iterator[Note]:
-    agrees = force is not None and ALIKE[0] < force.ratio < ALIKE[1]
-    if agrees and REACH[0] < heading < REACH[1] and abs(heading - 1) > ALONE:
-        yield stretched(1 / heading, f"the heading changes {heading:.3g} times as fast as r says")
+    agrees = force is not None and FORCE_RANGE[0] < force.ratio < FORCE_RANGE[1]
+    if agrees and REACH[0] < heading < REACH[1] and abs(heading - 1) > HEADING_ONLY:
+        yield stretched(1 / heading, f"the heading changes {heading:.3g} times as fast as r")
 
 
 def stretched_by_applet(t: Array, clock: Array) -> Iterator[Note]:
-    """A fault where the applet's own clock (n,) s of a run runs otherwise than the log's t (n,) s."""
+    """A fault when the applet's clock (n,) [s] in a run differs in rate from the log's t (n,) [s]."""
     ratio = _slope(clock, t) if t.size >= FEWEST and np.ptp(clock) > SHORTEST else 1.0
     if abs(ratio - 1) > APPLET_OFF:
         yield stretched(
@@ -58,10 +58,10 @@ def stretched_by_applet(t: Array, clock: Array) -> Iterator[Note]:
 
 
 def stretched_by_arrival(t: Array, arrival: Array, heading: Relation | None) -> Iterator[Note]:
-    """A fault where messages with the vehicle's times t (n,) s arrive at another pace.
+    """A fault when messages with vehicle times t (n,) [s] arrive at another rate, arrival (n,) [s].
 
-    A simulation that runs faster than time has its messages arrive so as well: heading against yaw rate
-    decides, where both were recorded.
+    In a simulation that runs faster than real time they also do, without fault: if heading and yaw rate were
+    recorded, they decide.
     """
     ratio = _slope(arrival, t) if t.size >= FEWEST and np.ptp(arrival) > LONG else 1.0
     refuted = heading is not None and abs(heading.ratio * ratio - 1) > abs(heading.ratio - 1)
@@ -78,9 +78,9 @@ def _slope(x: Array, y: Array) -> float:
 
 
 def stretched(factor: float, by: str) -> Note:
-    """The fault of a clock of which a second is `factor` true seconds."""
+    """The fault of a clock whose second lasts `factor` true seconds. by: the evidence."""
     text = (
         f"the clock of this recording is stretched by {factor:.3g}: {by}; frequencies, stiffness and "
-        "inertia would be wrong, so record again or mend the times"
+        "inertia would be wrong, so record again or correct the times"
     )
     return Note("warning", text, STRETCHED, ALL)

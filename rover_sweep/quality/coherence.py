@@ -1,4 +1,4 @@
-"""Is a run good enough? Coherence by band, in words, with what to change before it is driven again."""
+"""The verdict on a run from its coherence: keep it, or repeat it with which change."""
 
 from __future__ import annotations
 
@@ -27,15 +27,18 @@ from rover_sweep.spectra.spectra import Transformer
 
 COVERED = 0.8  # of the swept range, in log w
 VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction (the paper used 3-25 rad/s)
-SERVO_TRAVEL = 500.0  # us from the trim, where a log does not say
-WHEEL_LOCK = 0.6  # rad that the front wheels of a car or rover turn at most
-LINE_GAP = 3.0  # rad/s
-LATERAL_LIMIT = 6.0  # m/s^2, above which a rover on asphalt slides or rolls over
+SERVO_TRAVEL = 500.0  # us from the trim, when the log does not have it
+WHEEL_LOCK = 0.6  # rad, largest road-wheel angle of a car or rover
+LINE_GAP = 3.0  # rad/s, largest gap between excited lines of a multisine
+LATERAL_LIMIT = 6.0  # m/s^2: above it a rover on asphalt slides or rolls over
 
 
 @dataclass(frozen=True)
 class OutputCoherence:
-    """Coherence of one output: usable band [rad/s], share of the swept range at >= .6, lowest value."""
+    """Coherence of one output: usable band [rad/s], covered: share of the range (in log w) at >= .6.
+
+    lowest: smallest coherence, at lowest_at [rad/s].
+    """
 
     output: str
     band: Band | None
@@ -46,9 +49,9 @@ class OutputCoherence:
 
 @dataclass(frozen=True, repr=False)
 class CoherenceVerdict(Shown):
-    """keep, or repeat with what. range: the excited range [rad/s]; amplitude [us] or [rad] as recorded.
+    """Keep a run, or repeat it. range: excited (low, high) [rad/s]; amplitude in amplitude_unit.
 
-    amplitude_factor: by how much more amplitude the coherence would reach .8, None when kept.
+    amplitude_factor: of the amplitude for a coherence of .8, None when kept. sentence: verdict and reason.
     """
 
     run: str
@@ -61,7 +64,7 @@ class CoherenceVerdict(Shown):
     sentence: str
 
     def table(self) -> ShortTable:
-        """The usable band of each output, and the sentence."""
+        """The usable band of each output; the verdict."""
         rows = tuple(
             (o.output, band_words(o.band), f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}")
             for o in self.outputs
@@ -71,10 +74,10 @@ class CoherenceVerdict(Shown):
 
 
 def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | None = None) -> Band:
-    """Frequencies [rad/s] around its strongest that the steering excites: power within 20 dB of the median.
+    """(low, high) [rad/s] around the strongest frequency, with steering power within 20 dB of the median.
 
-    It goes on between the lines of a multisine. From 2 pi/(half the longest run) to `top` or to .8 of the
-    slowest Nyquist frequency, at most 60 rad/s.
+    Gaps between the lines of a multisine are bridged. Limits: 2 pi/(half the longest run), and `top` (60
+    rad/s by default) or .8 of the lowest Nyquist frequency.
     """
     longest = max(run.span[1] - run.span[0] for run in runs)
     nyquist = np.pi * min(run[c].rate for run in runs for c in (input, "r") if c in run)
@@ -83,15 +86,15 @@ def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | 
     strong = power > 1e-2 * np.median(power[power > 1e-3 * power.max()])
     peak = int(np.argmax(power))
     if any(run.kind == "multisine" for run in runs):
-        strong = _bridged(w, strong)
+        strong = _without_gaps(w, strong)
     below, above = np.flatnonzero(~strong[:peak]), np.flatnonzero(~strong[peak:])
     low = int(below[-1]) + 1 if below.size else 0
     high = peak + int(above[0]) - 1 if above.size else w.size - 1
     return float(w[low]), float(w[high])
 
 
-def _bridged(w: Array, strong: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """With weak stretches up to `LINE_GAP` rad/s between strong ones filled: the lines that are left out."""
+def _without_gaps(w: Array, strong: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask (n_w,) with gaps of up to LINE_GAP between excited frequencies filled."""
     filled, k = strong.copy(), np.flatnonzero(strong)
     for a, b in zip(k[:-1], k[1:], strict=True):
         filled[a:b] |= w[b] - w[a] <= LINE_GAP
@@ -111,10 +114,10 @@ def responses(
     windows: Sequence[float] | None = None,
     bands: Mapping[str, Band] | None = None,
 ) -> dict[str, FrequencyResponse]:
-    """Composite responses of all outputs that were recorded, over the excited range.
+    """{output: composite response} of all recorded outputs, over the excited range.
 
-    band: swept range [rad/s] in place of the excited one; windows [s] in place of the default five;
-    bands: usable band per output in place of the choice from the coherence.
+    band: swept range [rad/s], default the excited one; windows [s]: default five lengths; bands: {output:
+    usable band [rad/s]}, default from the coherence.
     """
     return input_responses(runs, (input,), outputs, band, windows, bands)[input]
 
@@ -127,14 +130,14 @@ def input_responses(
     windows: Sequence[float] | None = None,
     bands: Mapping[str, Band] | None = None,
 ) -> dict[str, dict[str, FrequencyResponse]]:
-    """{input: {output: response}}; of several inputs each is conditioned on the others.
+    """{input: {output: response}}; each of several inputs is conditioned on the others.
 
-    The first input is the one that was swept; band and windows as in `responses`, bands for the first
-    input. Several inputs need windows that leave an average for each of them: longer ones are shortened.
+    The first input is the swept one. band and windows as in `responses`; bands for the first input. With
+    several inputs long windows are shortened, because each input needs an independent average.
     """
     spans = [run.span for run in runs]
     total, longest = sum(e - s for s, e in spans), max(e - s for s, e in spans)
-    low, high = _reaching(band or excited_range(runs, inputs[0]), bands)
+    low, high = _extended(band or excited_range(runs, inputs[0]), bands)
     lengths = windows or default_windows(low, high, total, longest)
     if len(inputs) > 1:
         lengths = tuple(sorted({min(n, total / len(inputs)) for n in lengths}))
@@ -150,14 +153,14 @@ def input_responses(
 
 
 def _above(f: FrequencyResponse, low: float) -> FrequencyResponse:
-    """The response with its band cut off below `low` rad/s."""
+    """The response with its band limited to above `low` [rad/s]."""
     if f.band is None or f.band[1] < 2 * low:
         return replace(f, band=None)
     return replace(f, band=(max(f.band[0], low), f.band[1]))
 
 
-def _reaching(swept: Band, bands: Mapping[str, Band] | None) -> Band:
-    """The range, wide enough for the bands that were asked for."""
+def _extended(swept: Band, bands: Mapping[str, Band] | None) -> Band:
+    """The range, extended to the requested bands."""
     asked = [swept, *(bands or {}).values()]
     return min(b[0] for b in asked), max(b[1] for b in asked)
 
@@ -165,13 +168,13 @@ def _reaching(swept: Band, bands: Mapping[str, Band] | None) -> Band:
 def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None) -> CoherenceVerdict:
     """The verdict on one run from the coherence of r and a_y over the excited range.
 
-    found: the run's responses, if they are there; conditioned ones are judged by their partial coherence.
-    The roll rate is judged too where it answers at all; a rover that does not roll is none the worse.
+    found: the run's responses, if already computed; conditioned ones are judged by partial coherence. The
+    roll rate is judged only when it has a usable band.
     """
     input = "delta" if "delta" in run else "pwm"
     measured = found or responses([run], input=input)
     outputs = tuple(_output(f) for f in measured.values())
-    judged = list(answering(measured).values())
+    judged = list(judged_responses(measured).values())
     worst = min(judged, key=lambda f: _output(f).covered)
     signal = run.manoeuvre("pwm" if "pwm" in run else input)
     amplitude = float(np.ptp(signal.x)) / 2
@@ -180,11 +183,11 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     keep = _output(worst).covered >= COVERED
     factor = None if keep else _factor(judged)
     peak = _peak(measured, float(np.ptp(run.manoeuvre(input).x)) / 2) * (factor or 1.0)
-    if broken := advice_on(run):
-        return CoherenceVerdict(run.name, False, swept, amplitude, unit, None, outputs, broken[1])
+    if fault := advice_on(run):
+        return CoherenceVerdict(run.name, False, swept, amplitude, unit, None, outputs, fault[1])
     if run.kind == "doublet":
-        said = "doublet: for verification, so its coherence is not judged"
-        return CoherenceVerdict(run.name, True, swept, amplitude, unit, None, outputs, said)
+        sentence = "doublet: for verification, so its coherence is not judged"
+        return CoherenceVerdict(run.name, True, swept, amplitude, unit, None, outputs, sentence)
     words = (
         _keep_words(outputs, swept, _kind(worst))
         if keep
@@ -195,7 +198,7 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, words)
 
 
-def answering(found: Mapping[str, FrequencyResponse]) -> dict[str, FrequencyResponse]:
+def judged_responses(found: Mapping[str, FrequencyResponse]) -> dict[str, FrequencyResponse]:
     """The responses that a run is judged by: r, a_y, and p of a rover that rolls."""
     return {name: f for name, f in found.items() if name in ("r", "ay") or (name == "p" and f.band)}
 
@@ -209,16 +212,16 @@ def _output(f: FrequencyResponse) -> OutputCoherence:
 
 
 def _judged(f: FrequencyResponse) -> tuple[Array, Array]:
-    """(w, coherence) where an answer may be asked for: rising responses drown at the low end.
+    """(w, coherence) that are judged: responses that rise with w are lost in noise at the low end.
 
-    Of a narrow range, as a part of a sweep has, the upper half.
+    For them, from 4 times the lowest frequency, or the upper half of a narrow range.
     """
     start = min(RISING_FROM * f.w[0], np.sqrt(f.w[0] * f.w[-1])) if f.output in RISING else f.w[0]
     return f.w[f.w >= start], f.coherence[f.w >= start]
 
 
 def _factor(judged: Sequence[FrequencyResponse]) -> float:
-    """Amplitude ratio that brings every octave of these to the wanted coherence (`amplitude`)."""
+    """Factor of the amplitude that gives every octave the wanted coherence (see `amplitude`)."""
     needs = [
         need[0]
         for f in judged
@@ -230,19 +233,21 @@ def _factor(judged: Sequence[FrequencyResponse]) -> float:
 
 def _kind(f: FrequencyResponse) -> str:
     return (
-        f"partial coherence ({' and '.join(f.conditioned_on)} taken out)" if f.conditioned_on else "coherence"
+        f"partial coherence (effect of {' and '.join(f.conditioned_on)} removed)"
+        if f.conditioned_on
+        else "coherence"
     )
 
 
 def _keep_words(outputs: Sequence[OutputCoherence], swept: Band, kind: str) -> str:
     bands = ", ".join(f"{o.output} {o.band[0]:.2g}-{o.band[1]:.3g}" for o in outputs if o.band)
     poor = [o.output for o in outputs if o.band is None]
-    rest = f"; {', '.join(poor)} too weak to be used" if poor else ""
+    rest = f"; {', '.join(poor)} not usable" if poor else ""
     return f"keep: {kind} >= 0.6 over {swept[0]:.2g}-{swept[1]:.3g} rad/s ({bands} rad/s{rest})"
 
 
 def _peak(found: Mapping[str, FrequencyResponse], amplitude: float) -> float:
-    """Largest a_y [m/s^2] that follows a steering amplitude in the input's unit; noise is not counted."""
+    """Largest a_y [m/s^2] due to a steering amplitude (in the input's unit), without noise."""
     ay = found.get("ay")
     return amplitude * float(np.max(np.abs(ay.h) * np.sqrt(ay.coherence))) if ay else 0.0
 
@@ -263,18 +268,16 @@ def _repeat_words(
         most = f"{travel:.0f} us" if unit == "us" else f"{travel:.2g} {unit}"
         return (
             f"repeat faster, with a longer T_rec or a lower w_max: {why}; {value} would be needed, but the "
-            f"steering has {most} only"
+            f"steering reaches only {most}"
         )
-    said = f"repeat with {factor:.1f} times the amplitude ({value} in place of {amplitude:.3g}): {why}"
+    sentence = f"repeat with {factor:.1f} times the amplitude ({value} instead of {amplitude:.3g}): {why}"
     if peak > LATERAL_LIMIT:
-        said += (
-            f"; that much would take a_y to about {peak:.0f} m/s^2, so lengthen T_rec or lower w_max instead"
-        )
-    return said
+        sentence += f"; a_y would then reach about {peak:.0f} m/s^2, so lengthen T_rec or lower w_max instead"
+    return sentence
 
 
 def _steering_travel(run: Recording, unit: str) -> float:
-    """How far the steering goes to either side [us or rad]: by SERVOn_MIN, _MAX and _TRIM where logged."""
+    """Largest steering amplitude [us or rad], from SERVOn_MIN, _MAX and _TRIM if logged."""
     ends = {name.rpartition("_")[2]: float(x) for name, x in run.vehicle.items() if name.startswith("SERVO")}
     if unit != "us":
         return WHEEL_LOCK
@@ -284,7 +287,7 @@ def _steering_travel(run: Recording, unit: str) -> float:
 
 
 def sign_is_wrong(response: FrequencyResponse) -> bool:
-    """True when r answers the steering with the opposite sign at the low end of the band."""
+    """True when r has the opposite sign of the steering in the lower half of the band."""
     low, high = response.band or (response.w[0], response.w[-1])
     inside = (response.w >= low) & (response.w <= np.sqrt(low * high))
     return bool(np.sum((response.h * response.coherence)[inside]).real < 0)

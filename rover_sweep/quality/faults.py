@@ -1,4 +1,4 @@
-"""The one place that judges whether a recording may be believed; commands and screens all ask it."""
+"""Faults of a recording, collected from all checks; the only place where commands and screens get them."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from rover_sweep.quality.kinematics import kinematics
 from rover_sweep.quality.length import TOO_SHORT
 from rover_sweep.quality.relations import relations
 
-REPEATED = (CLIPPED, TOO_SHORT)  # another drive mends these
-SPARED = {"p": "r,ay", "ay": "r,p"}  # channel that a fit can do without: the option that leaves it out
+REPEATED = (CLIPPED, TOO_SHORT)  # faults that another run can avoid
+OPTIONAL = {"p": "r,ay", "ay": "r,p"}  # {channel that a fit can leave out: value of --fit}
 
 
 def faults_of(run: Recording) -> tuple[Note, ...]:
-    """What is certainly wrong with a run: the faults among its notes, and those that its channels show."""
+    """The faults of a run: those among its notes and those that its channels show."""
     return tuple(note for note in _found(run) if note.fault)
 
 
 def _found(run: Recording) -> tuple[Note, ...]:
-    """Faults and warnings, each once."""
+    """Faults and warnings, without repetitions."""
     read = tuple(note for note in run.notes if note.fault)
     odd_clock = any(note.fault == STRETCHED for note in read)
-    told: dict[tuple[str, tuple[str, ...]], Note] = {}
-    for note in (*read, *_shown(run, odd_clock)):
-        told.setdefault((note.fault, note.spoils), note)  # two clocks may say the same
-    return tuple(told.values())
+    notes: dict[tuple[str, tuple[str, ...]], Note] = {}
+    for note in (*read, *_from_channels(run, odd_clock)):
+        notes.setdefault((note.fault, note.spoils), note)  # two clocks may show the same
+    return tuple(notes.values())
 
 
-def _shown(run: Recording, odd_clock: bool) -> tuple[Note, ...]:
-    """Faults and warnings that the channels show; with a wrong clock, rates cannot be held to angles."""
+def _from_channels(run: Recording, odd_clock: bool) -> tuple[Note, ...]:
+    """Faults and warnings from the channels. odd_clock: known clock fault, so rates do not match angles."""
     clipped = tuple(clipping(run))
     if odd_clock:
         return clipped
@@ -45,39 +45,39 @@ def _shown(run: Recording, odd_clock: bool) -> tuple[Note, ...]:
 
 
 def _given_speed(run: Recording) -> float | None:
-    """m/s, where the speed is one number and was not recorded."""
+    """The speed [m/s] if it is constant, so given instead of recorded; else None."""
     speed = run["speed"].x if "speed" in run else np.empty(0)
     return float(speed[0]) if speed.size and not np.ptp(speed) else None
 
 
 def with_faults(run: Recording) -> Recording:
-    """The run with its faults and warnings among its notes, each once."""
+    """The run with its faults and warnings added to its notes."""
     return replace(run, notes=tuple(dict.fromkeys((*run.notes, *_found(run)))))
 
 
-def spoiling(runs: Sequence[Recording], channels: Sequence[str]) -> tuple[str, ...]:
-    """A sentence for each fault of the runs that spoils what is made of these channels."""
+def fault_sentences(runs: Sequence[Recording], channels: Sequence[str]) -> tuple[str, ...]:
+    """A sentence for each fault of the runs that affects results from these channels."""
     used = {*channels, "r", "speed"}
     found = ((run.name, f) for run in runs for f in faults_of(run) if used & set(f.spoils))
-    return tuple(f"{name}: {_with_way_out(fault)}" for name, fault in found)
+    return tuple(f"{name}: {_with_option(fault)}" for name, fault in found)
 
 
 def faulty_channels(runs: Sequence[Recording]) -> tuple[set[str], tuple[str, ...]]:
-    """(channels that a fault of any of the runs spoils, the faults in words)."""
+    """(channels that a fault of a run makes unusable, a sentence for each fault)."""
     found = [(run.name, fault) for run in runs for fault in faults_of(run)]
     return {c for _, f in found for c in f.spoils}, tuple(f"{name}: {f.text}" for name, f in found)
 
 
-def _with_way_out(fault: Note) -> str:
-    """The fault's sentence, with how to answer without the channel where one can be left out."""
+def _with_option(fault: Note) -> str:
+    """The fault's sentence, with the option to fit without the channel where possible."""
     only = fault.spoils[0] if len(fault.spoils) == 1 else ""
-    return f"{fault.text}; without {only}: --fit {SPARED[only]}" if only in SPARED else fault.text
+    return f"{fault.text}; without {only}: --fit {OPTIONAL[only]}" if only in OPTIONAL else fault.text
 
 
 def advice_on(run: Recording) -> tuple[Literal["repeat", "discard"], str] | None:
-    """(what to do, why) for the first fault of a run, None for a run without."""
+    """(action, sentence) for the first fault of a run, None without a fault."""
     for fault in faults_of(run):
         if fault.fault in REPEATED:
-            return "repeat", f"repeat: {_with_way_out(fault)}"
-        return "discard", f"discard: {_with_way_out(fault)}"
+            return "repeat", f"repeat: {_with_option(fault)}"
+        return "discard", f"discard: {_with_option(fault)}"
     return None

@@ -1,4 +1,4 @@
-"""What a rover answers, in a few bands: enough to tell whether two runs are of one rover."""
+"""The responses of a rover in a few bands, to check whether two runs are of the same rover."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rover_sweep.data.recording import Array, Recording
 
 STEP = 0.02  # s, of the common clock
 EDGES = np.geomspace(1.5, 15.0, 9)  # rad/s
-CLEAR = 0.8  # coherence of a band that counts
-FEWEST = 4  # clear bands that make a comparison
-LOW = 3  # bands in which the yaw rate follows the steering by the wheelbase, whatever the tyres
+CLEAR = 0.8  # smallest coherence of a usable band
+FEWEST = 4  # usable bands needed for a comparison
+LOW = 3  # lowest bands, in which the yaw rate depends on the wheelbase and hardly on the tyres
 WINDOW = 1.5  # equivalent bins of a Hann window, by which fewer averages are independent
 Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
 class Bands:
-    """An answer by band and its random error relative to it, NaN where the coherence is low."""
+    """A response h (n_bands,) and its relative random error (n_bands,), NaN where the coherence is low."""
 
     h: Complex
     error: Array
@@ -28,9 +28,9 @@ class Bands:
 
 @dataclass(frozen=True, eq=False)
 class Fingerprint:
-    """yaw: r per steering; lean: p per a_y, which neither tyres, surface, speed nor steering change.
+    """yaw: r per steering; lean: p per a_y, independent of tyres, surface, speed and steering.
 
-    speed [m/s]; amplitude of the steering.
+    speed [m/s]; amplitude of the steering, in its unit.
     """
 
     yaw: Bands
@@ -41,14 +41,14 @@ class Fingerprint:
 
 @dataclass(frozen=True)
 class AnswerDifference:
-    """Median relative difference of two answers, and the random error of it."""
+    """Median relative difference of two responses, and its random error."""
 
     difference: float
     error: float
 
 
 def fingerprint(run: Recording, input: str) -> Fingerprint:
-    """The fingerprint of a run whose steering is the channel `input`; known low-passes are taken out."""
+    """The fingerprint of a run with the steering channel `input`; known low-passes are corrected."""
     t = np.arange(run.span[0], run.span[1], STEP)
     w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(t.size, STEP), np.float64)
     spectra = {c: _spectrum(run, c, t, w) for c in (input, "r", "ay", "p") if c in run}
@@ -81,8 +81,8 @@ def _answer(w: Array, output: Complex, input: Complex) -> Bands:
     return Bands(h, error)
 
 
-def apart(one: Bands, two: Bands) -> AnswerDifference | None:
-    """How far two answers are apart in size and phase, None with too few clear bands."""
+def difference_of(one: Bands, two: Bands) -> AnswerDifference | None:
+    """Median difference of two responses in magnitude and phase, None with too few usable bands."""
     clear = np.isfinite(one.error) & np.isfinite(two.error)
     if clear.sum() < FEWEST:
         return None
@@ -93,7 +93,7 @@ def apart(one: Bands, two: Bands) -> AnswerDifference | None:
 
 
 def gain_ratio(one: Bands, two: Bands) -> AnswerDifference | None:
-    """|ln| of the ratio of two answers' sizes at low frequencies, None where not clear."""
+    """|ln| of the ratio of two responses' magnitudes in the lowest bands, None where not usable."""
     if not np.all(np.isfinite(one.error[:LOW]) & np.isfinite(two.error[:LOW])):
         return None
     off = np.log(np.abs(one.h[:LOW]) / np.abs(two.h[:LOW]))

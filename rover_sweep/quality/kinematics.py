@@ -1,4 +1,4 @@
-"""A channel alone with the wrong sign or in another unit, told by what it must be to the others."""
+"""Detects a channel with the wrong sign or unit, from its kinematic relations to the others."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_sweep.data.recording import Note
-from rover_sweep.quality.relations import ALIKE, Relation, Relations
+from rover_sweep.quality.relations import FORCE_RANGE, Relation, Relations
 
 REVERSED, UNIT, SCALE = "reversed", "other unit", "wrong scale"
-SAME = 0.8, 1.25  # an angle's slope over its rate: sound recordings have .94 to 1.01
-CLOSE, WIDE = 1.15, 1.4  # factor within which a scale is that of a known unit: by angles, by a_y over V r
-PLAIN = 0.5, 2.0  # size of a factor that is no change of unit
-LEANING = 0.15  # rad s^2/m: 84 deg at 1 g; sound recordings have .002 to .03
+SAME = 0.8, 1.25  # an angle's slope over its rate: correct recordings have .94 to 1.01
+CLOSE, WIDE = 1.15, 1.4  # tolerance (factor) for the scale of a known unit: from angles, from a_y over V r
+PLAIN = 0.5, 2.0  # magnitude of a factor that is not a change of unit
+LEANING = 0.15  # rad s^2/m: 84 deg at 1 g; correct recordings have .002 to .03
 DEGREES, G = 180 / np.pi, 9.80665
 UNITS = {
     "r": (("in deg/s", DEGREES), ("converted from deg/s twice", 1 / DEGREES), ("in mrad/s", 1e3)),
@@ -26,14 +26,14 @@ UNITS = {
         ("converted from g twice", G),
     ),
     "speed": (("in km/h", 3.6), ("in mph", 2.237)),
-}  # a channel in that unit holds so many times its value in SI
-ORIENTATION = "or the autopilot is mounted otherwise than AHRS_ORIENTATION says, or the rover drove backwards"
+}  # {channel: (unit, its value over the SI value)}
+ORIENTATION = "or the autopilot is not mounted as in AHRS_ORIENTATION, or the rover drove backwards"
 
 
 class Wrong(NamedTuple):
-    """A channel that holds `factor` times its true value, by a relation in words, or one of `others` does.
+    """A channel with `factor` times its true value, unless one of `others` is wrong. by: the evidence.
 
-    close: factor within which the relation is known.
+    close: tolerance (factor) of the relation.
     """
 
     channel: str
@@ -44,10 +44,10 @@ class Wrong(NamedTuple):
 
 
 def kinematics(found: Relations, given_speed: float | None = None) -> Iterator[Note]:
-    """A fault for each of r, p, a_y, V that disagrees with the others.
+    """A fault for each of r, p, a_y, V that contradicts the others.
 
-    given_speed: m/s where the speed is one number that somebody gave. It has no unit to mistake, so a
-    disagreement is a warning and no fault: Stanford's second P1 file, whose speed is not known.
+    given_speed [m/s]: a constant speed from the user. Its unit is known, so a contradiction is only a warning
+    (as in Stanford's second P1 file, whose speed is not known).
     """
     yaw = tuple(_yaw(found))
     turned = any(wrong.channel == "ay" and wrong.factor < 0 and not wrong.others for wrong in yaw)
@@ -59,44 +59,45 @@ def kinematics(found: Relations, given_speed: float | None = None) -> Iterator[N
 
 
 def _yaw(found: Relations) -> Iterator[Wrong]:
-    """r by the heading; a_y by V and the corrected r. The heading itself is in no fit."""
+    """Checks r by the heading, then a_y by V and the corrected r. No fit uses the heading."""
     factor, heading, force = 1.0, found.heading, found.force
     if heading is not None and not _within(heading.ratio, SAME):
-        if force is not None and _within(force.ratio, ALIKE):
-            return  # r agrees with a_y, so the heading is the odd one
+        if force is not None and _within(force.ratio, FORCE_RANGE):
+            return  # r agrees with a_y, so the heading is wrong
         factor = 1 / heading.ratio
-        yield Wrong("r", factor, f"the heading changes by {heading.ratio:.3g} times r")
-    if force is not None and not _within(force.ratio * factor, ALIKE):
+        yield Wrong("r", factor, f"the rate of the heading is {heading.ratio:.3g} times r")
+    if force is not None and not _within(force.ratio * factor, FORCE_RANGE):
         yield _of_force(force.ratio, factor, heading is not None, found.lean)
 
 
 def _of_force(ratio: float, factor: float, has_heading: bool, lean: Relation | None) -> Wrong:
-    """Which of r, V and a_y makes a_y `ratio` times V r, where r holds `factor` times its value.
+    """The wrong one of r, V and a_y, when a_y is `ratio` times V r and r is `factor` times its value.
 
-    Without a heading the outward lean tells whether r or a_y is the reversed one.
+    Without a heading, the outward lean decides whether r or a_y is reversed.
     """
     by = f"a_y is {ratio:.3g} times V r"
     if not has_heading and _unit("r", 1 / ratio, WIDE):
         return Wrong("r", 1 / ratio, by, ("ay",), WIDE)
     if _unit("speed", 1 / (ratio * factor), WIDE):
         return Wrong("speed", 1 / (ratio * factor), by, close=WIDE)
-    if not has_heading and lean is not None and ratio < 0 and _within(-ratio, ALIKE):
+    if not has_heading and lean is not None and ratio < 0 and _within(-ratio, FORCE_RANGE):
         return Wrong("ay" if lean.ratio < 0 else "r", -1.0, by)
     return Wrong("ay", ratio * factor, by, () if has_heading else ("r",), WIDE)
 
 
 def _roll(found: Relations) -> Iterator[Wrong]:
     if found.roll is not None and not _within(found.roll.ratio, SAME):
-        yield Wrong("p", 1 / found.roll.ratio, f"the roll angle changes by {found.roll.ratio:.3g} times p")
+        by = f"the rate of the roll angle is {found.roll.ratio:.3g} times p"
+        yield Wrong("p", 1 / found.roll.ratio, by)
 
 
 def _lean(found: Relations, turned: bool) -> Iterator[Wrong]:
-    """p by a_y: a rover on springs leans outward, by less than LEANING."""
+    """Checks p by a_y: a rover leans outwards, by less than LEANING."""
     if found.lean is None:
         return
     ratio = -found.lean.ratio if turned else found.lean.ratio
-    by = f"p is {ratio:.3g} rad s^2/m times the derivative of a_y, and a rover leans outward, by less than"
-    if abs(ratio) > LEANING and found.force is not None and _within(abs(found.force.ratio), ALIKE):
+    by = f"p is {ratio:.3g} rad s^2/m times the derivative of a_y, but a rover leans outwards, by less than"
+    if abs(ratio) > LEANING and found.force is not None and _within(abs(found.force.ratio), FORCE_RANGE):
         yield Wrong("p", np.sign(ratio) * DEGREES, f"{by} {LEANING:g}")
     elif ratio < 0:
         yield Wrong("p", -1.0, f"{by} {LEANING:g}", ("ay",))
@@ -107,7 +108,7 @@ def _within(x: float, range: tuple[float, float]) -> bool:
 
 
 def _unit(channel: str, factor: float, close: float) -> tuple[str, float] | None:
-    """(words, factor) of the unit in which a channel would hold `factor` times its value, of either sign."""
+    """(words, factor) of the unit that gives a channel `factor` times its value (either sign), or None."""
     off = {unit: abs(np.log(abs(factor) / unit[1])) for unit in UNITS[channel]}
     best = min(off, key=lambda unit: off[unit])
     return best if off[best] < np.log(close) else None
@@ -116,7 +117,7 @@ def _unit(channel: str, factor: float, close: float) -> tuple[str, float] | None
 def _given(wrong: Wrong, speed: float) -> Note:
     return Note(
         "warning",
-        f"the given speed of {speed:.4g} m/s does not agree with r and a_y: {wrong.by}, as it is at about "
+        f"the given speed of {speed:.4g} m/s does not agree with r and a_y: {wrong.by}, as expected at about "
         f"{speed / abs(wrong.factor):.2g} m/s; give the speed of this run",
     )
 
@@ -132,7 +133,7 @@ def _fault(wrong: Wrong) -> Note:
     doubt = f" (or {' or '.join(others)} is wrong)" if others else ""
     mounted = f", {ORIENTATION}" if channel == "ay" and turned else ""
     text = (
-        f"{channel} is {' and '.join(states) or 'of the wrong scale'}{doubt}: {by}; "
+        f"{channel} is {' and '.join(states) or 'wrong by a factor'}{doubt}: {by}; "
         f"divide {channel} by {divisor:.4g}{mounted}"
     )
     name = UNIT if unit or not plain else REVERSED if turned else SCALE

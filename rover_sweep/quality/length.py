@@ -1,6 +1,6 @@
-"""Runs too short for their noise: too few periods of the slowest frequency that a fit needs.
+"""Detects runs that are too short: too few periods of the lowest frequency that a fit needs.
 
-The windows adapt to a record of any length, so that coherence and cost look fine in one of 4 s.
+The windows adapt to a record of any length, so coherence and cost look good even for 4 s.
 """
 
 from __future__ import annotations
@@ -15,52 +15,52 @@ from rover_sweep.spectra.response import LOWEST_BIN
 
 TOO_SHORT = "too short"
 ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
-SLOW = 2.0  # rad/s: a fit needs the nearly steady answer, below the yaw mode of every small rover
-PERIODS = 5.0  # T&R 2012: 4..5 long periods; at a coherence of .9 the random error is then .096 of |H|
-WINDOWS = 2.0  # that a run must hold of those which resolve that frequency
+SLOW = 2.0  # rad/s: a fit needs the nearly steady response, below the yaw mode of any small rover
+PERIODS = 5.0  # Tischler & Remple 2012, chapter 5: 4..5; random error of |H| .096 at a coherence of .9
+WINDOWS = 2.0  # windows that resolve that frequency, in a run
 
 
 def needed(lowest: float = SLOW) -> float:
-    """Time [s] that runs fitted from `lowest` [rad/s] must have, less where the fit begins above SLOW."""
+    """Time [s] of driving that a fit from `lowest` [rad/s] needs; less when that is above SLOW."""
     return PERIODS * 2 * np.pi / max(lowest, SLOW)
 
 
 def too_short(runs: Sequence[Recording], lowest: float = SLOW) -> Note | None:
-    """The fault of runs that are too short together, None for none; runs without a whole window do not count.
+    """The fault of runs that are too short in total, or None; runs shorter than 2 windows do not count.
 
-    lowest [rad/s]: where the fit begins.
+    lowest [rad/s]: lowest frequency of the fit.
     """
     period = needed(lowest) / PERIODS
     lengths = [run.span[1] - run.span[0] for run in runs]
     if sum(t for t in lengths if t >= WINDOWS * LOWEST_BIN * period) >= needed(lowest):
         return None
-    seen = f"{len(runs)} runs of at most {max(lengths):.1f} s" if len(runs) > 1 else f"{lengths[0]:.1f} s"
+    driven = f"{len(runs)} runs of at most {max(lengths):.1f} s" if len(runs) > 1 else f"{lengths[0]:.1f} s"
     text = (
-        f"too short: {seen} of driving, and {needed(lowest):.0f} s are needed ({PERIODS:g} periods of "
-        f"{2 * np.pi / period:.2g} rad/s) for a random error of 10 %; drive one whole sweep of "
+        f"too short: {driven} of driving, but {needed(lowest):.0f} s are needed ({PERIODS:g} periods of "
+        f"{2 * np.pi / period:.2g} rad/s) for a random error of 10 %; drive one complete sweep of "
         f"{needed(lowest):.0f} s or more"
     )
     return Note("warning", text, TOO_SHORT, ALL)
 
 
 def with_length(runs: Sequence[Recording], lowest: float = SLOW) -> tuple[Recording, ...]:
-    """The runs of one fit; where they are too short together the first has the fault."""
+    """The runs of one fit; when they are too short in total, the first gets the fault."""
     fault = too_short(runs, lowest) if runs else None
     return (_marked(runs[0], fault), *runs[1:]) if fault else tuple(runs)
 
 
 def each_with_length(runs: Sequence[Recording]) -> tuple[Recording, ...]:
-    """The runs, each with the fault if it is too short alone; those driven by hand count together.
+    """The runs, each with the fault if it is too short; runs driven by hand are counted together.
 
-    Doublets are for verification, which needs no length.
+    Doublets are not judged: they are for verification.
     """
     by_hand = [run for run in runs if run.kind == "other"]
     others = too_short(by_hand) if by_hand else None
-    faults = ((run, others if run.kind == "other" else _alone(run)) for run in runs)
+    faults = ((run, others if run.kind == "other" else _single(run)) for run in runs)
     return tuple(_marked(run, fault) if fault else run for run, fault in faults)
 
 
-def _alone(run: Recording) -> Note | None:
+def _single(run: Recording) -> Note | None:
     return None if run.kind == "doublet" else too_short([run])
 
 

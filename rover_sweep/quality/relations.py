@@ -1,7 +1,7 @@
-"""Kinematic relations between recorded channels, whatever the rover: a ratio for each.
+"""Kinematic relations between recorded channels, valid for any rover, as ratios.
 
-Heading changes with r, roll angle with p (small angles, a rover on level ground), and at low frequencies
-a_y is V r: side slip and the place of the IMU add to a_y with the frequency, roll adds g phi.
+psi' = r and phi' = p (small angles, level ground). At low frequencies a_y = V r: the effects of sideslip and
+of the IMU's position on a_y grow with frequency; roll adds g phi.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Array, LowPass, Recording
 
 STEP = 0.02  # s, of the common clock
-LOWEST, HIGHEST = 0.5, 8.0  # rad/s
-PERIODS = 2.0  # of the lowest frequency in the run
-SHORTEST = 4.0  # s of a run
-SLOWEST = 4.0  # Hz of a channel
+LOWEST, HIGHEST = 0.5, 8.0  # rad/s, band of the comparison
+PERIODS = 2.0  # of the lowest frequency, in the run
+SHORTEST = 4.0  # s, of a run
+SLOWEST = 4.0  # Hz, of a channel
 Spectrum = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
 class Relation:
-    """What one channel is times another: 1 where both are right. coherence: 0..1, how well they agree."""
+    """Ratio of one quantity to another, 1 when both are correct. coherence: of the two, 0..1."""
 
     ratio: float
     coherence: float
@@ -33,7 +33,7 @@ class Relation:
 class Relations:
     """heading: psi' over r; roll: phi' over p; force: a_y over V r; lean: p over a_y' [rad s^2/m].
 
-    None where not recorded or unrelated; lean only where no roll angle was recorded.
+    None when not recorded or not coherent; lean only without a roll angle.
     """
 
     heading: Relation | None
@@ -43,9 +43,9 @@ class Relations:
 
 
 CLEAR = 0.8  # coherence of an angle and its rate
-CLEAR_FORCE = 0.6  # of a_y and V r, which side slip parts
-ALIKE = 0.55, 1.8  # a_y over V r: sound recordings have .87 to 1.28
-IN_PHASE = 0.6  # of the cross spectrum; with less the two are not related as they must be
+CLEAR_FORCE = 0.6  # of a_y and V r, which sideslip makes differ
+FORCE_RANGE = 0.55, 1.8  # accepted a_y over V r: correct recordings have .87 to 1.28
+IN_PHASE = 0.6  # smallest real part of the cross-spectrum over its magnitude
 CLEAR_LEAN = 0.35  # of p and a_y': a stiff rover on rough ground has .4
 
 
@@ -96,7 +96,7 @@ def _clock(run: Recording) -> Array:
 
 
 def _relation(t: Array, y: Array, x: Array, filter: LowPass | None = None) -> Relation | None:
-    """y over x by least squares in the frequency range; filter: the low-pass that x has and y lacks."""
+    """y over x by least squares between LOWEST and HIGHEST; filter: low-pass in x but not in y."""
     w = 2 * np.pi * np.fft.rfftfreq(t.size, STEP)
     inside = (w >= max(LOWEST, PERIODS * 2 * np.pi / (t[-1] - t[0]))) & (w <= HIGHEST)
     top, bottom = _spectrum(y)[inside], _spectrum(x)[inside]

@@ -1,4 +1,4 @@
-"""Runs of two rovers given together: told by what the logs carry of the vehicle, and by its answers."""
+"""Detects runs of different rovers, from the vehicle data in the logs and from the responses."""
 
 from __future__ import annotations
 
@@ -7,32 +7,39 @@ from dataclasses import replace
 from itertools import combinations
 
 from rover_sweep.data.recording import Note, Recording
-from rover_sweep.quality.fingerprint import AnswerDifference, Fingerprint, apart, fingerprint, gain_ratio
+from rover_sweep.quality.fingerprint import (
+    AnswerDifference,
+    Fingerprint,
+    difference_of,
+    fingerprint,
+    gain_ratio,
+)
 
 TWO_ROVERS = "two rovers"
-SPOILT = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
-WIDE = ("sweep", "multisine")  # kinds that excite all bands alike
+ALL_CHANNELS = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
+WIDE = ("sweep", "multisine")  # kinds that excite all bands
 SAME_SPEED = 0.06  # relative
-SAME_AMPLITUDE = 0.3  # relative; beyond, what is not linear makes answers differ
-# Least difference of lean and of yaw. At one speed and amplitude, one rover's runs differ by up to .04; a
-# surface changes yaw alone, dry friction in the suspension lean (.75 between amplitudes), nothing both.
-ALIKE, OTHERWISE = (0.08, 0.08), (0.2, 0.25)
+SAME_AMPLITUDE = 0.3  # relative; above it, nonlinear effects make responses differ
+# Thresholds of lean and yaw, at the same and at another amplitude. Runs of one rover at one speed and
+# amplitude differ by up to .04. A surface changes yaw only, dry friction in the suspension lean only (.75
+# between amplitudes); nothing changes both.
+SAME, OTHER_AMPLITUDE = (0.08, 0.08), (0.2, 0.25)
 GAIN = 0.22  # |ln| of the steady yaw gain's ratio at one speed and amplitude, which the tyres hardly change
-SURE = 4.0  # random errors
-ASSUMED = "assumed"  # in the source of a low-pass that the log does not hold
-CERTAIN = ("board", "system id")  # of what a log says of the vehicle; the rest may have been changed
+SIGNIFICANT = 4.0  # random errors
+ASSUMED = "assumed"  # word in the source of a low-pass that is not in the log
+CERTAIN = ("board", "system id")  # keys of the log that identify a vehicle; the others can be changed
 
 
 def with_rovers(runs: Sequence[Recording]) -> tuple[Recording, ...]:
-    """The runs; each that is of another rover than an earlier one has a fault that says so."""
+    """The runs; a run of another rover than an earlier one gets a fault."""
     faults: dict[int, Note] = {}
     input = "pwm" if all("pwm" in run for run in runs) else "delta"
     prints = {i: fingerprint(r, input) for i, r in enumerate(runs) if input in r and _comparable(r)}
     for i, k in combinations(range(len(runs)), 2):
         why = _by_log(runs[i].vehicle, runs[k].vehicle)
         if not why and i in prints and k in prints:
-            why = _by_answers(prints[i], prints[k])
-            changed = _changed(runs[i].vehicle, runs[k].vehicle) if why else ""
+            why = _by_responses(prints[i], prints[k])
+            changed = _changed_settings(runs[i].vehicle, runs[k].vehicle) if why else ""
             why += f"; {changed}" if changed else ""
         if why and k not in faults:
             faults[k] = _fault(runs[i].name, runs[k].name, why)
@@ -41,7 +48,7 @@ def with_rovers(runs: Sequence[Recording]) -> tuple[Recording, ...]:
 
 
 def _comparable(run: Recording) -> bool:
-    """Whether all bands were excited, and the low-passes of the sensors are known."""
+    """True when all bands were excited and the low-passes of the sensors are known."""
     return run.kind in WIDE and "r" in run and not any(ASSUMED in f.source for f in run.filters.values())
 
 
@@ -52,10 +59,10 @@ def _marked(run: Recording, fault: Note) -> Recording:
 
 def _fault(first: str, second: str, why: str) -> Note:
     text = (
-        f"{first} and {second} are not of one rover, or it was changed between them: {why}; give the runs of "
-        "one rover only"
+        f"{first} and {second} are not from the same rover, or it was changed between them: {why}; give runs "
+        "of one rover only"
     )
-    return Note("warning", text, TWO_ROVERS, SPOILT)
+    return Note("warning", text, TWO_ROVERS, ALL_CHANNELS)
 
 
 def _by_log(one: Mapping[str, str], two: Mapping[str, str]) -> str:
@@ -63,35 +70,35 @@ def _by_log(one: Mapping[str, str], two: Mapping[str, str]) -> str:
     return "; ".join(f"{key} {one[key]} and {two[key]}" for key in other)
 
 
-def _changed(one: Mapping[str, str], two: Mapping[str, str]) -> str:
+def _changed_settings(one: Mapping[str, str], two: Mapping[str, str]) -> str:
     other = [key for key in one if key in two and one[key] != two[key]]
     return ", ".join(f"{key} {one[key]} and {two[key]}" for key in other[:4])
 
 
-def _by_answers(one: Fingerprint, two: Fingerprint) -> str:
-    """Why two runs cannot be of one rover, '' where they may."""
+def _by_responses(one: Fingerprint, two: Fingerprint) -> str:
+    """Why two runs cannot be of one rover, '' if they can."""
     if abs(one.speed / two.speed - 1) > SAME_SPEED:
         return ""
     same = max(one.amplitude / two.amplitude, two.amplitude / one.amplitude) < 1 + SAME_AMPLITUDE
-    least_lean, least_yaw = ALIKE if same else OTHERWISE
-    lean, yaw = apart(one.lean, two.lean), apart(one.yaw, two.yaw)
-    if _beyond(lean, least_lean) and _beyond(yaw, least_yaw):
+    least_lean, least_yaw = SAME if same else OTHER_AMPLITUDE
+    lean, yaw = difference_of(one.lean, two.lean), difference_of(one.yaw, two.yaw)
+    if _exceeds(lean, least_lean) and _exceeds(yaw, least_yaw):
         return (
             f"at {one.speed:.3g} and {two.speed:.3g} m/s their roll for the same a_y differs by "
-            f"{_percent(lean)} and their yaw rate for the same steering by {_percent(yaw)}, which no "
-            "surface does"
+            f"{_percent(lean)} and their yaw rate for the same steering by {_percent(yaw)}, which another "
+            "surface cannot cause"
         )
     gain = gain_ratio(one.yaw, two.yaw) if same else None
-    if _beyond(gain, GAIN):
+    if _exceeds(gain, GAIN):
         return (
-            f"at {one.speed:.3g} and {two.speed:.3g} m/s and one amplitude the slow yaw rate for the same "
-            f"steering differs by {_percent(gain)}, which needs another wheelbase or linkage"
+            f"at {one.speed:.3g} and {two.speed:.3g} m/s and one amplitude the yaw rate at low frequency for "
+            f"the same steering differs by {_percent(gain)}, which needs another wheelbase or linkage"
         )
     return ""
 
 
-def _beyond(found: AnswerDifference | None, least: float) -> bool:
-    return found is not None and found.difference > max(least, SURE * found.error)
+def _exceeds(found: AnswerDifference | None, least: float) -> bool:
+    return found is not None and found.difference > max(least, SIGNIFICANT * found.error)
 
 
 def _percent(found: AnswerDifference | None) -> str:

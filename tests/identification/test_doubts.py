@@ -41,5 +41,5 @@ def test_an_assumed_filter_is_a_doubt(run: Recording) -> None:
 def test_a_run_that_is_not_whole_is_a_doubt_where_none_is(run: Recording) -> None:
     cut = replace(run, name="cut", notes=(CUT,))
     found, why = level(cut)
-    assert found == "acceptable" and why.startswith("no run was recorded whole (cut)")
+    assert found == "acceptable" and why.startswith("no run was recorded completely (cut)")
     assert doubts([cut, run]) == ()

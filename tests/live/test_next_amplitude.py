@@ -11,7 +11,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.live.verdict.run_verdict import proposed
 from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.quality.coherence import answering, responses
+from rover_sweep.quality.coherence import judged_responses, responses
 from rover_sweep.session.dry_run import DryRun, dry_run
 from rover_sweep.spectra.amplitude import (
     WANTED_COHERENCE,
@@ -134,7 +134,7 @@ def test_driven_with_what_was_proposed_the_coherence_is_what_was_forecast(
 ) -> None:
     forecast, run = weak[1], repeated[0]
     assert forecast.amplitude is not None and 70.0 < forecast.amplitude < 120.0
-    found = answering(responses([run], input="pwm"))
+    found = judged_responses(responses([run], input="pwm"))
     for band in forecast.bands:
         f = found[band.response]
         inside = (f.w >= band.low) & (f.w <= band.high)

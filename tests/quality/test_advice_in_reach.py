@@ -33,7 +33,7 @@ def test_an_angle_is_advised_in_rad_and_within_the_lock(sweep: Recording, rad_pe
     assert " us" not in found.sentence and " rad" in found.sentence
     assert all(band.amplitude <= WHEEL_LOCK for band in found.bands)
     assert found.amplitude is None or found.amplitude <= WHEEL_LOCK
-    assert "but the steering has 0.6 rad only" in assess(run).sentence
+    assert "but the steering reaches only 0.6 rad" in assess(run).sentence
     assert "times the amplitude" not in assess(run).sentence
 
 
@@ -48,7 +48,7 @@ def test_no_advice_goes_beyond_the_stops(sweep: Recording) -> None:
     run = replace(noisy(sweep, 60.0), vehicle={k: f"{x:g}" for k, x in ENDS.items()})
     found = proposed(run, responses([run], input="pwm"), ENDS)
     assert all(band.amplitude <= 200.0 for band in found.bands)
-    assert "the steering has 200 us only" in assess(run).sentence
+    assert "the steering reaches only 200 us" in assess(run).sentence
     low = proposed(run, responses([run], input="pwm"), {**ENDS, "SWP_PWM_MAX": 170.0})
     assert all(band.amplitude <= 170.0 for band in low.bands)
 

@@ -32,12 +32,12 @@ def fault_of(run: Recording) -> Note:
 @pytest.mark.parametrize(
     ("channel", "factor", "name", "words"),
     [
-        ("r", -1.0, REVERSED, "r is reversed: the heading changes by -0.99"),
-        ("p", -1.0, REVERSED, "p is reversed: the roll angle changes by -0.98"),
+        ("r", -1.0, REVERSED, "r is reversed: the rate of the heading is -0.99"),
+        ("p", -1.0, REVERSED, "p is reversed: the rate of the roll angle is -0.98"),
         ("ay", -1.0, REVERSED, "ay is reversed: a_y is -1.0"),
-        ("r", DEGREES, UNIT, "r is in deg/s: the heading changes by 0.0174 times r; divide r by 57.3"),
+        ("r", DEGREES, UNIT, "r is in deg/s: the rate of the heading is 0.0174 times r; divide r by 57.3"),
         ("r", -DEGREES, UNIT, "r is reversed and in deg/s"),
-        ("p", DEGREES, UNIT, "p is in deg/s: the roll angle changes by 0.017"),
+        ("p", DEGREES, UNIT, "p is in deg/s: the rate of the roll angle is 0.017"),
         ("p", 1 / DEGREES, UNIT, "p is converted from deg/s twice"),
         ("ay", 1 / G, UNIT, "ay is in g: a_y is 0.108 times V r; divide ay by 0.102"),
         ("ay", 1e3 / G, UNIT, "ay is in mg"),

@@ -18,7 +18,7 @@ from rover_sweep.quality.coherence import assess
 from rover_sweep.quality.length import TOO_SHORT, each_with_length, needed, too_short, with_length
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
-SAID = "of driving, and 16 s are needed (5 periods of 2 rad/s) for a random error of 10 %; drive one whole"
+SAID = "of driving, but 16 s are needed (5 periods of 2 rad/s) for a random error of 10 %; drive one complete"
 
 
 def piece(run: Recording, start: float, length: float) -> Recording:

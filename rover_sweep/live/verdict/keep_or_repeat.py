@@ -10,7 +10,7 @@ import numpy as np
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.live.snapshot import Advice
-from rover_sweep.quality.coherence import CoherenceVerdict, answering, sign_is_wrong
+from rover_sweep.quality.coherence import CoherenceVerdict, judged_responses, sign_is_wrong
 from rover_sweep.quality.faults import advice_on
 from rover_sweep.spectra.amplitude import AmplitudeProposal
 from rover_sweep.spectra.response import COHERENCE_GOOD, FrequencyResponse
@@ -47,7 +47,7 @@ def advice(
         return fault
     unit = measured.amplitude_unit
     if not measured.keep:
-        return "repeat", _repeat(answering(found), measured, proposal)
+        return "repeat", _repeat(judged_responses(found), measured, proposal)
     better = "" if proposal.amplitude is None else f"; better with {_us(proposal.amplitude, unit)} {unit}"
     return "keep", measured.sentence + better
 

@@ -18,7 +18,7 @@ from rover_sweep.live.verdict.keep_or_repeat import advice, side_remark
 from rover_sweep.live.verdict.limits import limits_of, limits_of_wheels
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs, runs_of
-from rover_sweep.quality.coherence import answering, assess, responses
+from rover_sweep.quality.coherence import assess, judged_responses, responses
 from rover_sweep.quality.faults import advice_on
 from rover_sweep.quality.length import each_with_length
 from rover_sweep.spectra.amplitude import AmplitudeProposal, propose_amplitude
@@ -99,7 +99,7 @@ def proposed(
     servo_60_deg: float | None = None,
 ) -> AmplitudeProposal:
     """The amplitude for the next run like this one [us; rad for a .csv that has the wheels' angle]."""
-    judged = answering(found)
+    judged = judged_responses(found)
     if "pwm" not in run:
         unit = run["delta"].unit or "rad"
         driven = _amplitude(run, "delta")
