@@ -17,7 +17,7 @@ from rover_sweep.design.demand import (
     SERVO_FRAMES,
     TRIM_ERROR,
     Design,
-    FilterEffect,
+    FilterLoss,
 )
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.sweep import BiasSweep, Sweep
@@ -252,7 +252,7 @@ def _filters(design: Design) -> list[Note]:
     return notes
 
 
-def _filter_text(effect: FilterEffect, w_top: float) -> str:
+def _filter_text(effect: FilterLoss, w_top: float) -> str:
     return (
         f"{effect.parameter} {effect.cutoff_hz:g} Hz lags {effect.lag_deg:.0f} deg ({effect.lag_ms:.0f} ms) "
         f"at {w_top:.0f} rad/s and passes {100 * effect.gain:.0f} %: raise it to {effect.advised_hz:g} Hz."

@@ -105,7 +105,7 @@ class Rates:
 
 
 @dataclass(frozen=True)
-class FilterEffect:
+class FilterLoss:
     """What a sensor's low-pass does at the highest frequency; advised: cut-off to set instead [Hz]."""
 
     parameter: str
@@ -129,7 +129,7 @@ class Design:
     servo: ServoDemand
     space: Space | None
     rates: Rates
-    filters: tuple[FilterEffect, ...]
+    filters: tuple[FilterLoss, ...]
     notes: tuple[Note, ...] = ()
 
 
@@ -280,12 +280,12 @@ def fastest_stream(loop_rate: float) -> float:
     return 1000.0 / max(1, int(1250.0 / loop_rate))
 
 
-def filter_effect(parameter: str, cutoff_hz: float, w_top: float) -> FilterEffect:
+def filter_effect(parameter: str, cutoff_hz: float, w_top: float) -> FilterLoss:
     """Gain and lag of ArduPilot's second-order low-pass at w_top [rad/s]; advised in steps of 5 Hz."""
     h = complex(LowPass(cutoff_hz).response(np.array([w_top]))[0])
     lag = -math.degrees(math.atan2(h.imag, h.real))
     advised = 5 * math.ceil(FILTER_MARGIN * w_top / (2 * math.pi) / 5 - 0.01)
-    return FilterEffect(parameter, cutoff_hz, abs(h), lag, 1000 * math.radians(lag) / w_top, float(advised))
+    return FilterLoss(parameter, cutoff_hz, abs(h), lag, 1000 * math.radians(lag) / w_top, float(advised))
 
 
 def _integral(t: Array, x: Array) -> Array:

@@ -46,7 +46,7 @@ class Snapshot:
 
 
 @dataclass(frozen=True)
-class Band:
+class CoherenceBand:
     """Coherence of one response in a band [rad/s]: the median in it, and the verdict in a word or two."""
 
     response: str
@@ -65,7 +65,7 @@ class Verdict:
     run: str
     advice: Advice
     sentence: str
-    bands: tuple[Band, ...] = ()
+    bands: tuple[CoherenceBand, ...] = ()
     amplitude: float | None = None
     per_band: tuple[tuple[float, float, float], ...] = ()
     source: Path | None = None

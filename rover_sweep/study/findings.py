@@ -46,7 +46,7 @@ def ms(seconds: float) -> str:
     return f"{1000 * seconds:.0f} ms"
 
 
-def outcome_of(*conditions: bool) -> Outcome:
+def agreement(*conditions: bool) -> Outcome:
     """Whether all, some or none of the conditions hold."""
     if all(conditions):
         return "came out"
@@ -78,7 +78,7 @@ def cost_order(study: Study) -> StudyFinding:
         f"{_where_the_cost_lies(study)}"
     )
     claim = "The lumped model has the lowest average cost, then the roll-yaw, then the bicycle (Table 5)."
-    return StudyFinding("cost", claim, outcome_of(*same), text)
+    return StudyFinding("cost", claim, agreement(*same), text)
 
 
 def _where_the_cost_lies(study: Study) -> str:
@@ -106,7 +106,7 @@ def nominal(study: Study) -> StudyFinding:
         "On a doublet at the fitted speed the roll-yaw model predicts best, although the lumped model fits "
         "the responses best (Table 6)."
     )
-    return StudyFinding("nominal", claim, outcome_of(best == "roll-yaw"), text)
+    return StudyFinding("nominal", claim, agreement(best == "roll-yaw"), text)
 
 
 def _why_ahead(study: Study, best: str) -> str:
@@ -153,7 +153,7 @@ def grass(study: Study) -> StudyFinding:
     claim = (
         "On artificial grass the roll-yaw model predicts best, nothing in the models being changed (Table 7)."
     )
-    return StudyFinding("grass", claim, outcome_of(best == "roll-yaw"), text)
+    return StudyFinding("grass", claim, agreement(best == "roll-yaw"), text)
 
 
 def _yaw_ratio(study: Study) -> float:
@@ -180,7 +180,7 @@ def fast(study: Study) -> StudyFinding:
         "roll-yaw model does (Table 7)."
     )
     return StudyFinding(
-        "fast", claim, outcome_of(ours["lumped"] > TIC_GUIDE, ours["roll-yaw"] <= TIC_GUIDE), text
+        "fast", claim, agreement(ours["lumped"] > TIC_GUIDE, ours["roll-yaw"] <= TIC_GUIDE), text
     )
 
 
@@ -219,7 +219,7 @@ def fast_best(study: Study) -> StudyFinding:
         "At 4 m/s the roll-yaw model predicts best, and the bicycle over-predicts its yaw rate (section 8.1)."
     )
     return StudyFinding(
-        "fast-best", claim, outcome_of(*best, gain["bicycle"] > max(gain["roll-yaw"], 0.0)), text
+        "fast-best", claim, agreement(*best, gain["bicycle"] > max(gain["roll-yaw"], 0.0)), text
     )
 
 

@@ -8,7 +8,7 @@ from math import pi, sqrt
 from rover_sweep.identification.handling import handling
 from rover_sweep.report.wording.number_format import SHORT_NAMES, number, symbol
 from rover_sweep.study import published
-from rover_sweep.study.findings import StudyFinding, ms, outcome_of, signed_percent
+from rover_sweep.study.findings import StudyFinding, agreement, ms, signed_percent
 from rover_sweep.study.virtual_study import Practice, Study, true_delay
 
 PHYSICAL = ("bicycle", "roll-yaw")
@@ -28,7 +28,7 @@ def inertia_finding(study: Study) -> StudyFinding:
         f"The roll-yaw model's I_zz lies nearer to the swing test ({printed['roll-yaw']}) than the bicycle's "
         f"({printed['bicycle']})."
     )
-    return StudyFinding("inertia", claim, outcome_of(ours["roll-yaw"] < ours["bicycle"]), text)
+    return StudyFinding("inertia", claim, agreement(ours["roll-yaw"] < ours["bicycle"]), text)
 
 
 def _inertias(practice: Practice, true: float) -> str:
@@ -74,7 +74,7 @@ def stiffness(study: Study) -> StudyFinding:
         "The roll-yaw model's cornering stiffness is much higher than the bicycle's and the more plausible "
         "one (Tables 2 and 3)."
     )
-    return StudyFinding("stiffness", claim, outcome_of(apart > 0.5 * in_print, nearer), text)
+    return StudyFinding("stiffness", claim, agreement(apart > 0.5 * in_print, nearer), text)
 
 
 def delays(study: Study) -> StudyFinding:
@@ -97,7 +97,7 @@ def delays(study: Study) -> StudyFinding:
         "The models need an equivalent delay of 71 to 88 ms (Tables 2 to 4), laid to higher-order dynamics "
         "that are not modelled."
     )
-    return StudyFinding("delays", claim, outcome_of(*near), text)
+    return StudyFinding("delays", claim, agreement(*near), text)
 
 
 def _gyro_words(study: Study, known: float) -> str:
@@ -135,7 +135,7 @@ def roll(study: Study) -> StudyFinding:
         f"{number(ignored['roll-yaw'], 3)} with them ignored{', where their lag hides it' if hidden else ''}."
     )
     claim = "The bicycle cannot predict roll, and fits a_y less well than the roll-yaw model does (Table 5)."
-    return StudyFinding("roll", claim, outcome_of(True, worse, not hidden), text)
+    return StudyFinding("roll", claim, agreement(True, worse, not hidden), text)
 
 
 def structure(study: Study) -> StudyFinding:
@@ -159,7 +159,7 @@ def structure(study: Study) -> StudyFinding:
     )
     claim = "Reduction leaves ten derivatives and a delay, some with Cramer-Rao bounds near 30 % (Table 4)."
     near = len(ours ^ printed) <= 2
-    return StudyFinding("structure", claim, outcome_of(near, 20 < (worst.cr_percent or 0.0) < 60), text)
+    return StudyFinding("structure", claim, agreement(near, 20 < (worst.cr_percent or 0.0) < 60), text)
 
 
 def _bound(percentage: float | None) -> str:
@@ -186,7 +186,7 @@ def coherence_finding(study: Study) -> StudyFinding:
             "coherence weighs it down."
         )
     claim = "Usable from 0.2 (r, a_y), 0.6 (p) and 3 rad/s (V̇_y) up to 20 or 25 rad/s (section 5)."
-    return StudyFinding("bands", claim, outcome_of(*as_wide.values()), text)
+    return StudyFinding("bands", claim, agreement(*as_wide.values()), text)
 
 
 def _covers(band: tuple[float, float] | None, wanted: tuple[float, float]) -> bool:
@@ -217,7 +217,7 @@ def yaw_rate(study: Study) -> StudyFinding:
         f"{1000 * study.runs.asphalt.rad_per_us:.2g} mrad/µs, is not printed and was chosen for this.)"
     )
     claim = "±150 µs give about ±40 to 45 deg/s of yaw rate, until it rolls off (Figure 2)."
-    return StudyFinding("yaw-rate", claim, outcome_of(0.9 * low <= peak <= 1.1 * high), text)
+    return StudyFinding("yaw-rate", claim, agreement(0.9 * low <= peak <= 1.1 * high), text)
 
 
 def speed_limit(study: Study) -> StudyFinding:
@@ -232,7 +232,7 @@ def speed_limit(study: Study) -> StudyFinding:
         "Not said in the paper, but in its numbers (a > b): unstable above 5.6 m/s by the bicycle model and "
         "7.0 m/s by the roll-yaw model."
     )
-    return StudyFinding("speed-limit", claim, outcome_of(*inside), text)
+    return StudyFinding("speed-limit", claim, agreement(*inside), text)
 
 
 CRITICAL = (5.6, 7.0)  # m/s, of the printed parameters

@@ -10,7 +10,7 @@ from synthetic import GEOMETRY, TRUE
 from rover_sweep.data.recording import Signal
 from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
 from rover_sweep.identification.bootstrap.forced_response import forced_response
-from rover_sweep.identification.bootstrap.refit import refitted
+from rover_sweep.identification.bootstrap.refit import refitted_replicates
 from rover_sweep.identification.cost import sampled
 from rover_sweep.identification.fit import fit
 from rover_sweep.identification.grouping import Settings, grouped
@@ -56,7 +56,7 @@ def test_the_methods_own_bias_is_found(clean):
 def test_a_refit_is_the_full_fit(noisy):
     groups, conditions, found = noisy
     made = Bootstrap(groups, conditions).groups[0](found.structure, 25, np.random.default_rng(0))
-    quick = refitted(found.structure, conditions, [made])
+    quick = refitted_replicates(found.structure, conditions, [made])
     condition = conditions[0]
     for i in range(25):
         data = tuple(

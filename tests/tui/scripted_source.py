@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rover_sweep.live.snapshot import Band, Snapshot, Verdict
+from rover_sweep.live.snapshot import CoherenceBand, Snapshot, Verdict
 from rover_sweep.live.source import Checked, Connect, DriveRequest, Ended, Judged, Request, Update
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.session import SessionRun
@@ -87,12 +87,12 @@ VERDICT = Verdict(
     "repeat",
     "repeat with 220 us: the roll rate's coherence is 0.41 at 14 rad/s, and 0.6 is needed.",
     (
-        Band("r", 0.3, 2.0, 0.99, "very good"),
-        Band("r", 2.0, 25.0, 0.93, "good"),
-        Band("ay", 0.3, 2.0, 0.95, "good"),
-        Band("ay", 2.0, 25.0, 0.88, "good"),
-        Band("p", 0.3, 2.0, 0.55, "weak"),
-        Band("p", 2.0, 25.0, 0.41, "too weak to use"),
+        CoherenceBand("r", 0.3, 2.0, 0.99, "very good"),
+        CoherenceBand("r", 2.0, 25.0, 0.93, "good"),
+        CoherenceBand("ay", 0.3, 2.0, 0.95, "good"),
+        CoherenceBand("ay", 2.0, 25.0, 0.88, "good"),
+        CoherenceBand("p", 0.3, 2.0, 0.55, "weak"),
+        CoherenceBand("p", 2.0, 25.0, 0.41, "too weak to use"),
     ),
     219.7,  # as it is computed; planned in whole us
     ((0.3, 2.0, 180.0), (2.0, 25.0, 220.0)),

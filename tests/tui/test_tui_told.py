@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scripted_source import ROVER, SWEEP, TLOG, snapshot
 
-from rover_sweep.live.snapshot import Band, Verdict
+from rover_sweep.live.snapshot import CoherenceBand, Verdict
 from rover_sweep.live.source import DriveRequest, Lost, Preflight
 from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun
 from rover_sweep.tui.drawn.palette import LIGHT
@@ -128,7 +128,7 @@ def test_a_verdict_of_before_that_cannot_be_shown_is_left_out(tmp_path: Path) ->
         driven = DrivenRun("sweep1", "sweep1.tlog", SWEEP, "done", verdict=said | other)
         return records(Content(runs=(driven,)), tmp_path)[0].verdict
 
-    assert verdict() == Verdict("sweep1", "keep", "keep", (Band("r", 1, 2, 0.9, "good"),), 150.0)
+    assert verdict() == Verdict("sweep1", "keep", "keep", (CoherenceBand("r", 1, 2, 0.9, "good"),), 150.0)
     for wrong in (
         {"advice": "burn"},
         {"advice": []},

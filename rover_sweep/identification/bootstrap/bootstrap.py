@@ -26,7 +26,7 @@ import numpy as np
 
 from rover_sweep.data.intervals import LEVEL, Intervals
 from rover_sweep.data.recording import Array
-from rover_sweep.identification.bootstrap.refit import logarithmic, refitted
+from rover_sweep.identification.bootstrap.refit import logarithmic, refitted_replicates
 from rover_sweep.identification.bootstrap.replicates import GroupReplicator
 from rover_sweep.identification.cost import Condition, restricted
 from rover_sweep.identification.fit import FitResult
@@ -59,7 +59,7 @@ class Bootstrap:
         rng = np.random.default_rng(seed)
         made = [group(fit.structure, replicates, rng) for group in self.groups]
         conditions = [restricted(g.condition, fit.structure) for g in self.groups]
-        return refitted(fit.structure, conditions, made)
+        return refitted_replicates(fit.structure, conditions, made)
 
 
 def _interval(p: Parameter, log: bool, theta: Array, level: float, failed: int) -> Intervals:

@@ -24,7 +24,7 @@ MAX_STEPS = 8  # most Gauss-Newton steps of a replicate
 CONVERGED = 1e-6  # of the cost: converged when the predicted gain of a step is smaller
 
 
-def refitted(
+def refitted_replicates(
     structure: ModelStructure, conditions: Sequence[Condition], replicates: Sequence[Sequence[Replicates]]
 ) -> Array:
     """theta_b (count, n_free) in parameter units, nan in rows that did not converge or lack a usable band.

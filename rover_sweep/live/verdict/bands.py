@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from rover_sweep.live.snapshot import Band
+from rover_sweep.live.snapshot import CoherenceBand
 from rover_sweep.quality.coherence import RISING_FROM, VYDOT_FROM
 from rover_sweep.spectra.amplitude import octaves
 from rover_sweep.spectra.response import COHERENCE_GOOD, RISING, FrequencyResponse
@@ -14,18 +14,18 @@ from rover_sweep.spectra.response import COHERENCE_GOOD, RISING, FrequencyRespon
 GOOD, WEAK = 0.8, 0.3
 
 
-def coherence_bands(found: Mapping[str, FrequencyResponse]) -> tuple[Band, ...]:
+def coherence_bands(found: Mapping[str, FrequencyResponse]) -> tuple[CoherenceBand, ...]:
     """Median coherence of each response in bands of about an octave [rad/s]."""
     return tuple(band for f in found.values() for band in _bands(f))
 
 
-def _bands(f: FrequencyResponse) -> Iterator[Band]:
+def _bands(f: FrequencyResponse) -> Iterator[CoherenceBand]:
     edges = octaves(float(f.w[0]), float(f.w[-1])).tolist()
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         inside = (f.w >= low * (1 - 1e-9)) & (f.w <= high * (1 + 1e-9))
         if inside.any():
             coherence = float(np.median(f.coherence[inside]))
-            yield Band(f.output, low, high, coherence, _words(f, low, high, coherence))
+            yield CoherenceBand(f.output, low, high, coherence, _words(f, low, high, coherence))
 
 
 def _words(f: FrequencyResponse, low: float, high: float, coherence: float) -> str:
@@ -41,7 +41,7 @@ def _words(f: FrequencyResponse, low: float, high: float, coherence: float) -> s
     return "weak" if coherence >= WEAK else "lost in noise"
 
 
-def spoken(found: tuple[Band, ...]) -> dict[str, str]:
+def spoken(found: tuple[CoherenceBand, ...]) -> dict[str, str]:
     """One line per response: where it is good, usable, weak."""
     lines: dict[str, list[tuple[str, float, float]]] = {}
     for band in found:

@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
 
-from rover_sweep.live.snapshot import Advice, Band, Verdict
+from rover_sweep.live.snapshot import Advice, CoherenceBand, Verdict
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import Content, DrivenRun, SessionRun
 from rover_sweep.tui.model.plan_rows import SPEED, Row
@@ -76,5 +76,5 @@ def _verdict(said: Mapping[str, Any] | None) -> Verdict | None:
         return None
 
 
-def _band(response: str, low: float, high: float, coherence: float, words: str) -> Band:
-    return Band(str(response), float(low), float(high), float(coherence), str(words))
+def _band(response: str, low: float, high: float, coherence: float, words: str) -> CoherenceBand:
+    return CoherenceBand(str(response), float(low), float(high), float(coherence), str(words))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.live.snapshot import Band, Verdict
+from rover_sweep.live.snapshot import CoherenceBand, Verdict
 from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows, cells
 from rover_sweep.tui.drawn.gauges import bar, fixed_width
@@ -149,7 +149,7 @@ def _matrix(rows: ScreenRows, verdict: Verdict) -> None:
         rows.add(" ... and more in a larger window", style=rows.palette.quiet)
 
 
-def _told(band: Band | None, wide: bool) -> str:
+def _told(band: CoherenceBand | None, wide: bool) -> str:
     if band is None:
         return "-"
     word = band.words.partition(":")[0]
