@@ -1,4 +1,4 @@
-"""From runs that were driven, or are thought of, to what the plan takes."""
+"""Plans runs: turns recorded or intended runs and a vehicle file into the input of a plan."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from rover_sweep.diagnosis.plans.plan_result import Limits, Plan, PlannedRun
 from rover_sweep.errors import UsageError
 from rover_sweep.identification.handling import FRICTION, NEAR
 
-BIAS_SHARE = 0.3  # of the amplitude, from which a sweep counts as one about a steering bias
-SLOWEST, FASTEST = 0.8, 12.0  # m/s, of a run that is proposed
+BIAS_SHARE = 0.3  # of the amplitude; a sweep with a larger mean is a sweep about a bias
+SLOWEST, FASTEST = 0.8, 12.0  # m/s, of proposed runs
 
 
 def plan_runs(
@@ -29,11 +29,12 @@ def plan_runs(
     driven: Sequence[Recording] = (),
     progress: Callable[[str, float], None] | None = None,
 ) -> Plan:
-    """What these runs can tell apart, of all effects or of the wanted ones, and which runs to add. What a
-    bench has settled is no longer looked for, unless it is wanted.
+    """Which effects these runs can detect and separate, and which runs to add.
 
-    driven: the recordings of those runs that have a name. UsageError for a vehicle file without steering,
-    since an amplitude is then no angle, and where nothing of what is wanted can be missing.
+    wanted: effect ids, all effects if empty. Effects that a bench has settled are not looked for unless they
+    are wanted. driven: the recordings of the runs that have a name. progress: called with the current step
+    and the share done, 0 to 1. UsageError if the vehicle file has no steering scale, which turns an amplitude
+    into an angle, or if no run can show any of the wanted effects.
     """
     from rover_sweep.diagnosis.plans.plan import plan
     from rover_sweep.diagnosis.simulation.experiment import experiment
@@ -56,7 +57,7 @@ def plan_runs(
 
 
 def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
-    """UsageError where no run could show any of the wanted effects beside the plan's baseline."""
+    """UsageError if no run can show any of the wanted effects with the baseline of the plan."""
     from rover_sweep.diagnosis.plans.sets import Planner
 
     geometry, (_, rad_per_us) = geometry_of(vehicle), vehicle.steering()
@@ -65,23 +66,23 @@ def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
     )
     if wanted and not planner.asked:
         raise UsageError(
-            f"no run can show {', '.join(wanted)} beside the {planner.model.baseline} model that the plan is "
-            f"about; want others, of {', '.join(effect.id for effect in planner.effects)}"
+            f"no run can show {', '.join(wanted)} with the {planner.model.baseline} baseline of this plan; "
+            f"choose from {', '.join(effect.id for effect in planner.effects)}"
         )
 
 
 def planning_limits(vehicle: Vehicle) -> Limits:
-    """What may be proposed: within the friction that the report warns at, and the applet's own limits."""
+    """Limits of proposed runs: the friction share at which the report warns, and the limits of the applet."""
     from rover_sweep.design.advice import PWM_MAX
 
     friction = vehicle.friction.value if vehicle.friction else FRICTION
-    source = "of the vehicle file" if vehicle.friction else "assumed, for the vehicle file has none"
+    source = "of the vehicle file" if vehicle.friction else "assumed, since the vehicle file gives none"
     why = f"{100 * NEAR:.0f} % of the friction limit, friction {friction:g} {source}"
     return Limits(NEAR * friction * GRAVITY, float(PWM_MAX), (SLOWEST, FASTEST), why)
 
 
 def merged(runs: Sequence[PlannedRun]) -> tuple[PlannedRun, ...]:
-    """Equal runs as one that is repeated, in the order of their first."""
+    """Equal runs merged into one with a repeat count, in their first order."""
     found: dict[PlannedRun, int] = {}
     for run in runs:
         single = replace(run, repeat=1)
@@ -90,13 +91,16 @@ def merged(runs: Sequence[PlannedRun]) -> tuple[PlannedRun, ...]:
 
 
 def as_planned(run: Recording, vehicle: Vehicle) -> PlannedRun:
-    """A run that was driven as one of a plan: amplitude and bias of its steering, speed, heading."""
+    """A recorded run as a run of a plan: amplitude and bias of its steering, speed, heading.
+
+    UsageError if it has no speed.
+    """
     _, rad_per_us = vehicle.steering()
     steering = run.manoeuvre("delta").x / abs(rad_per_us)
     low, high = np.percentile(steering, (1, 99))
     amplitude, bias = float(high - low) / 2, -float(np.mean(steering))
     if "speed" not in run:
-        raise UsageError(f"{run.name} has no speed, so it has no place in a plan")
+        raise UsageError(f"{run.name} has no recorded speed, which a plan needs")
     bent = run.kind == "sweep" and abs(bias) > BIAS_SHARE * amplitude
     return PlannedRun(
         "bias_sweep" if bent else run.kind,

@@ -178,7 +178,7 @@ def test_a_plan_no_longer_asks_for_what_the_bench_settled(monkeypatch: pytest.Mo
     plain, planner = (Planner(rover, scale, wanted, spread, driven, progress, s) for s in ({}, settled))
     assert set(plain.asked) - set(planner.asked) == set(settled)
     planner.simulate(runs, (0.0, 1.0))
-    why = {u.effect: u.why for u in planner.unseen(runs, planner.seen(runs))}
+    why = {u.effect: u.why for u in planner.unseen(runs, planner.evaluate(runs))}
     assert "the bench measured backlash 0.01" in why["steering_backlash"]
 
 

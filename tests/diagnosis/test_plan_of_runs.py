@@ -100,7 +100,7 @@ def test_few_rows_stand_for_many(usual: Planner) -> None:
         sensitivities(problem, base).jacobian.T
         @ signatures(problem, base, usual.model, usual.effects[:1])[0].rows
     )
-    few = usual._shown[STEPS]
+    few = usual._evidence[STEPS]
     assert few.size < 100 < problem.size
     np.testing.assert_allclose(
         few.nominal.T @ few.effects[0].rows, many, rtol=1e-6, atol=1e-6 * np.abs(many).max()
@@ -108,7 +108,7 @@ def test_few_rows_stand_for_many(usual: Planner) -> None:
 
 
 def test_more_runs_show_smaller_sizes(usual: Planner) -> None:
-    few, more = usual.seen((SMALL,)).stacked.sizes, usual.seen((SMALL, LARGE, SLOW)).stacked.sizes
+    few, more = usual.evaluate((SMALL,)).stacked.sizes, usual.evaluate((SMALL, LARGE, SLOW)).stacked.sizes
     for effect in ("tyre_saturation", "load_transfer", "roll_steer", "steering_nonlinearity"):
         assert (
             next(iter(more[effect].values())).coordinate < 0.8 * next(iter(few[effect].values())).coordinate
@@ -116,14 +116,14 @@ def test_more_runs_show_smaller_sizes(usual: Planner) -> None:
 
 
 def test_a_repeat_tells_noise_from_distortion_and_so_does_a_periodic_wave(usual: Planner) -> None:
-    assert usual.seen((SMALL, LARGE)).noisy
-    assert not usual.seen((replace(SMALL, repeat=2),)).noisy
+    assert usual.evaluate((SMALL, LARGE)).noise_unknown
+    assert not usual.evaluate((replace(SMALL, repeat=2),)).noise_unknown
     usual.simulate((PlannedRun("multisine", 150.0, 2.4),), (0.0, 1.0))
-    assert not usual.seen((SMALL, PlannedRun("multisine", 150.0, 2.4))).noisy
+    assert not usual.evaluate((SMALL, PlannedRun("multisine", 150.0, 2.4))).noise_unknown
 
 
 def test_blocks_show_the_steering_and_nothing_else(usual: Planner) -> None:
-    shown = {s.effect: float(np.linalg.norm(s.rows)) for s in usual._shown[BLOCKS].effects}
+    shown = {s.effect: float(np.linalg.norm(s.rows)) for s in usual._evidence[BLOCKS].effects}
     steering = (
         "servo_rate_limit",
         "steering_deadband",
@@ -140,14 +140,14 @@ def test_blocks_show_the_steering_and_nothing_else(usual: Planner) -> None:
 
 
 def test_blocks_tell_a_delay_from_sensor_filters(usual: Planner) -> None:
-    alike = usual.seen((SMALL, SLOW)).stacked.cosine("transport_delay", "sensor_filter")
+    alike = usual.evaluate((SMALL, SLOW)).stacked.cosine("transport_delay", "sensor_filter")
     assert alike > 0.85
-    assert usual.seen((SMALL, SLOW, BLOCKS)).stacked.cosine("transport_delay", "sensor_filter") < 0.5
+    assert usual.evaluate((SMALL, SLOW, BLOCKS)).stacked.cosine("transport_delay", "sensor_filter") < 0.5
 
 
 def test_two_clocks_make_an_offset_a_delay(usual: Planner) -> None:
-    one = Stacked.of(usual.model, [usual._shown[SMALL]])
-    two = Stacked.of(replace(usual.model, two_clocks=True), [usual._shown[SMALL]])
+    one = Stacked.of(usual.model, [usual._evidence[SMALL]])
+    two = Stacked.of(replace(usual.model, two_clocks=True), [usual._evidence[SMALL]])
     assert one.cosine("clock_offset", "transport_delay") < 0.1
     assert two.cosine("clock_offset", "transport_delay") == pytest.approx(1.0)
 
@@ -156,7 +156,7 @@ def test_material_sizes_move_what_is_found() -> None:
     def sizes(spread: Tolerances) -> dict[str, float]:
         one = planner(spread)
         one.simulate((STEPS,), (0.0, 1.0))
-        found = one.seen((STEPS,)).stacked.sizes
+        found = one.evaluate((STEPS,)).stacked.sizes
         return {
             e: next(iter(found[e].values())).coordinate
             for e in ("imu_tilt", "transport_delay", "steering_trim")
@@ -202,6 +202,9 @@ def test_a_plan_proposes_what_settles_the_open_points(monkeypatch: pytest.Monkey
     assert [u.effect for u in found.cannot_see] == ["servo_rate_limit"] and not found.detectable
     assert 1 <= len(found.proposal) == len(found.settles) <= 3
     assert "servo_rate_limit" in found.settles[0] and "noise from distortion" in " ".join(found.settles)
-    assert not found.proposed_apart
-    assert found.sentences[0].startswith("these runs find 0 of 1") and "7.0 m/s^2" in found.notes[0]
+    assert not found.proposed_look_alikes
+    assert (
+        found.sentences[0].startswith("these runs detect and separate 0 of 1")
+        and "7.0 m/s^2" in found.notes[0]
+    )
     assert told == sorted(told) and told[-1] <= 1.0

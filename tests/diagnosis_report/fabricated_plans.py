@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.plans.plan_result import Apart, DetectableSize, Plan, PlannedRun
+from rover_sweep.diagnosis.plans.plan_result import DetectableSize, Plan, PlannedRun, SimilarPair
 from rover_sweep.diagnosis.result import Unseen
 
 PLAN = Plan(
@@ -12,9 +12,9 @@ PLAN = Plan(
         "tyre_saturation": DetectableSize("mu", "-", 0.62, 0.9),
         "servo_rate_limit": DetectableSize("R", "rad/s", None),
     },
-    apart=(
-        Apart("tyre_relaxation", "transport_delay", 0.991),
-        Apart("tyre_saturation", "load_transfer", 0.94),
+    look_alikes=(
+        SimilarPair("tyre_relaxation", "transport_delay", 0.991),
+        SimilarPair("tyre_saturation", "load_transfer", 0.94),
     ),
     cannot_see=(Unseen("cross_slope", "one heading"),),
     proposal=(PlannedRun("sweep", 240.0, 2.4), PlannedRun("bias_sweep", 100.0, 1.6, 180.0, 150.0)),
@@ -23,7 +23,7 @@ PLAN = Plan(
         "sweep about a bias: tells noise from distortion",
     ),
     notes=("no run is proposed beyond 3.9 m/s^2 of lateral acceleration",),
-    proposed_apart=(Apart("tyre_saturation", "load_transfer", 0.93),),
+    proposed_look_alikes=(SimilarPair("tyre_saturation", "load_transfer", 0.93),),
     sentences=(
         "these runs cannot tell tyre relaxation from a delay, nor see the rate limit of the servo",
         "two more runs would",

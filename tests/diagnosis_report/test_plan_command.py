@@ -98,11 +98,8 @@ def test_json_has_everything(engine: Engine, told: Tell) -> None:
         (("--sweep", "100+50@2.4"), "which is for --bias-sweep; write it as 150@2.4"),
         (("--sweep", "900@2.4"), "1..500 us"),
         (("--doublet", "150@0"), "a speed up to 30 m/s"),
-        (
-            ("--want", "tyre_slip"),
-            "no run can show tyre_slip beside the roll-yaw model that the plan is about",
-        ),
-        (("--want", "roll_dof,speed_variation"), "no run can show roll_dof, speed_variation beside"),
+        (("--want", "tyre_slip"), "no run can show tyre_slip with the roll-yaw baseline of this plan"),
+        (("--want", "roll_dof,speed_variation"), "no run can show roll_dof, speed_variation with"),
         (("--want", "servo"), "there is no effect 'servo'"),
     ],
 )

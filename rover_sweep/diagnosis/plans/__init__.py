@@ -1,1 +1,1 @@
-"""What a set of runs would show before it is driven, and which runs to add."""
+"""Planning of runs: which effects a set of runs can detect and separate, and which runs to add."""

@@ -1,8 +1,8 @@
-"""What a set of runs shows: the size at which each effect is found, and the pairs that look alike.
+"""What a set of runs can detect: the detectable size of each effect, and the pairs that look alike.
 
-Two effects are told apart where noise and the little that every rover has leave no doubt, either being the
-truth at twice its detectable size, and where their signatures are not nearly the same: then the least error
-of the model would decide.
+Two effects are separated if, with either one present at twice its detectable size, noise and the normal
+tolerances of a rover leave no doubt which one it is. Their signatures must also differ clearly: if they are
+nearly equal, the smallest error of the model would decide.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from rover_sweep.diagnosis.search.rounds import LAGS
 from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model
 
-TRUTH = 2.0  # of its detectable size, at which an effect is told from its neighbours
-SURE = (
-    3.7  # length of what is left of a signature: `alike` then excludes the other (at 2 %) in 95 of 100 sets
-)
-ALIKE = 0.9  # cosine, from which two effects are not told apart whatever their size
-LATE = 3.0  # times the size at which an effect counts: found only beyond that, it is found too late
+TRUE_SIZE = 2.0  # times the detectable size: the size at which effects must be separated
+# length of the part of a signature that the other effect cannot explain: the other one is then excluded, at
+# the 2 % level of `look_alikes`, in 95 of 100 sets of runs
+SEPARATED = 3.7
+MOST_ALIKE = 0.9  # cosine of two signatures above which no size separates the effects
+LATE = 3.0  # times the size that matters: an effect is found late if it is detectable only above this
 FAINT = 1e-6
 
 
@@ -39,12 +39,12 @@ FAINT = 1e-6
 class Size:
     """The detectable size of one parameter, as a coordinate.
 
-    beyond: up to where the nominal model follows; column: of the signature that shows it.
+    upper_bound: up to where the nominal model can take its place. column: index of its signature.
     """
 
     parameter: EffectParameter
     coordinate: float
-    beyond: float
+    upper_bound: float
     column: int
 
 
@@ -53,43 +53,49 @@ Sizes = Mapping[str, Mapping[str, Size]]
 
 @dataclass(frozen=True, eq=False)
 class Stacked:
-    """Runs side by side: columns of the nominal model, of all effects, and of the little every rover has."""
+    """A set of runs: columns of the nominal model, signatures of all effects and of the tolerances.
+
+    The rows of the runs are stacked, in units of the noise. nominal (rows, m). found, tolerances: signatures
+    of (rows,) each.
+    """
 
     model: Model
     nominal: Array
     found: tuple[Signature, ...]
-    tiny: tuple[Signature, ...]
+    tolerances: tuple[Signature, ...]
 
     @staticmethod
     def of(model: Model, runs: Sequence[Evidence]) -> Stacked:
-        """The set of these runs, each as often as it is driven; rows in sizes of the noise."""
-        found = (*_common(runs, "effects"), *_apart(runs, "own_effects"))
-        tiny = (*_common(runs, "tiny"), *_apart(runs, "own_tiny"))
-        return Stacked(model, np.vstack([run.nominal for run in runs]), found, tiny)
+        """The set of these runs, each as often as it is driven."""
+        found = (*_common(runs, "effects"), *_single(runs, "own_effects"))
+        tolerances = (*_common(runs, "tolerances"), *_single(runs, "own_tolerances"))
+        return Stacked(model, np.vstack([run.nominal for run in runs]), found, tolerances)
 
     @cached_property
     def judged(self) -> Stacked:
-        """The same in the metric in which noise and what an ordinary rover does anyhow count alike."""
-        metric = Metric.of_directions(columns(self.tiny, self.nominal.shape[0]))
-        found, tiny = (
-            tuple(replace(s, rows=metric.of(s.rows)) for s in part) for part in (self.found, self.tiny)
+        """The same in the metric of noise and normal tolerances together."""
+        metric = Metric.of_directions(columns(self.tolerances, self.nominal.shape[0]))
+        found, tolerances = (
+            tuple(replace(s, rows=metric.of(s.rows)) for s in part) for part in (self.found, self.tolerances)
         )
-        return Stacked(self.model, metric.of(self.nominal), found, tiny)
+        return Stacked(self.model, metric.of(self.nominal), found, tolerances)
 
     @cached_property
     def thresholds(self) -> Mapping[str, float]:
-        """{effect: gain} as the bootstrap of a diagnosis on these runs has them."""
+        """{effect: fall of chi-squared that a diagnosis of these runs would require}."""
         judged = self.judged
-        return null_distribution(judged.found, judged.tiny, tangent(judged._fitted(())), 1.0, 1).thresholds
+        return null_distribution(
+            judged.found, judged.tolerances, tangent(judged._fitted(())), 1.0, 1
+        ).thresholds
 
     @cached_property
     def _outside(self) -> dict[frozenset[str], Array]:
         return {}
 
     def outside(self, held: Collection[str]) -> Array:
-        """What of the k signatures the nominal model cannot reach while it holds some coordinates.
+        """The part of the k signatures that the nominal model cannot explain with some coordinates held.
 
-        (k, k): columns with the inner products of those of all rows.
+        (k, k): columns with the same inner products as the full rows.
         """
         key = frozenset(held)
         if key not in self._outside:
@@ -98,7 +104,7 @@ class Stacked:
         return self._outside[key]
 
     def _fitted(self, held: Collection[str]) -> Fitted:
-        """The nominal fit, with held coordinates at their upper bounds, where they do not move."""
+        """The nominal fit with the held coordinates at their upper bounds."""
         base = self._start
         x = dict(base.x) | {c.name: c.high for c in base.free if c.name in held}
         return replace(base, x=x, jacobian=self.nominal)
@@ -112,7 +118,7 @@ class Stacked:
         return out
 
     def held(self, effect: str) -> set[str]:
-        """Nominal coordinates that are at their bounds where this effect is a finding."""
+        """Nominal coordinates that are at their bounds when this effect is a finding."""
         if effect in LAGS or effect == "clock_offset":
             return {"lag", "delay"}
         return {p.nominal for p in library()[effect].parameters if p.nominal} & set(self._start.x)
@@ -123,7 +129,7 @@ class Stacked:
 
     @cached_property
     def sizes(self) -> Sizes:
-        """{effect: {parameter: size}} of what shows; of columns of one run each that which shows best."""
+        """{effect: {parameter: size}} of the detectable parameters; the smallest if each run has a column."""
         out: dict[str, dict[str, Size]] = {}
         for effect, members in self.members.items():
             rows = self.judged.outside(self.held(effect))
@@ -136,40 +142,40 @@ class Stacked:
 
     @cached_property
     def late(self) -> dict[str, float]:
-        """{effect: how many times the size at which it counts it is found from}, beyond `LATE`."""
+        """{effect: detectable size over the size that matters}, where that is above `LATE`."""
         out = {}
         for effect, size in ((e, next(iter(shown.values()))) for e, shown in self.sizes.items()):
-            counts = material_sizes(library()[effect], self.model.spread).get(size.parameter.name, 0.0)
-            if counts > 0 and size.coordinate > LATE * counts:
-                out[effect] = size.coordinate / counts
+            matters = material_sizes(library()[effect], self.model.spread).get(size.parameter.name, 0.0)
+            if matters > 0 and size.coordinate > LATE * matters:
+                out[effect] = size.coordinate / matters
         return out
 
     def cosine(self, one: str, two: str) -> float:
-        """How alike the first looks to what the second can do, the nominal model refitted: at most 1."""
+        """Cosine of the first to its best fit by the second, the nominal model refitted; at most 1."""
         rows = self.outside(self.held(one) | self.held(two))
         return max((self._explained(rows, k, two) for k in self.members[one]), default=0.0)
 
-    def told_apart(self, one: str, two: str, sizes: Sizes | None = None) -> float:
-        """By how much the first, being the truth, is told from the second: 1 and more is told apart.
+    def separation(self, one: str, two: str, sizes: Sizes | None = None) -> float:
+        """How clearly the first effect, if present, is separated from the second; 1 or more is separated.
 
-        sizes: the detectable ones of a larger set that these runs are part of, None for their own.
+        sizes: detectable sizes of a larger set that these runs are part of; None: their own.
         """
         held = self.held(one) | self.held(two)
         plain, judged = self.outside(held), self.judged.outside(held)
-        sure = []
+        found = []
         for k in self.members[one]:
             if (size := (sizes or self.sizes)[one].get(self.found[k].parameter)) is None:
                 continue
             strength = float(np.linalg.norm(judged[:, k])) / abs(self.found[k].size) * _per(self.found[k])
-            length = strength * (TRUTH * size.coordinate - size.beyond)
+            length = strength * (TRUE_SIZE * size.coordinate - size.upper_bound)
             left = length * np.sqrt(1.0 - self._explained(judged, k, two) ** 2)
-            apart = (1.0 - self._explained(plain, k, two) ** 2) / (1.0 - ALIKE**2)
-            sure.append(min(left / SURE, apart))
-        worst = max if library()[one].in_one_run else min  # a change of ground needs one good run
-        return float(worst(sure))
+            distinct = (1.0 - self._explained(plain, k, two) ** 2) / (1.0 - MOST_ALIKE**2)
+            found.append(min(left / SEPARATED, distinct))
+        worst = max if library()[one].in_one_run else min  # one good run is enough for a change of ground
+        return float(worst(found))
 
     def _explained(self, rows: Array, k: int, effect: str) -> float:
-        """Cosine of column k to the best that the effect's columns can do, one-sided ones with their sign."""
+        """Cosine of column k to its best fit by the effect's columns; one-sided columns keep their sign."""
         target, size = rows[:, k], float(np.linalg.norm(rows[:, k]))
         others = self.members[effect]
         if size < FAINT:
@@ -192,11 +198,11 @@ class Stacked:
 
     @cached_property
     def _free(self) -> list[bool]:
-        """Which columns may come with either sign."""
+        """For each column, whether both signs are possible."""
         return [s.signed and parameter_of(s).low < 0 and not self._early(s.effect) for s in self.found]
 
     def _early(self, effect: str) -> bool:
-        """With one clock an offset is only an answer before its command, the other way from a delay."""
+        """With one clock an offset shows only as a response before its command, unlike a delay."""
         return effect == "clock_offset" and not self.model.two_clocks
 
 
@@ -207,8 +213,8 @@ def _common(runs: Sequence[Evidence], name: str) -> list[Signature]:
     ]
 
 
-def _apart(runs: Sequence[Evidence], name: str) -> list[Signature]:
-    """Columns of one run each, nothing in the others."""
+def _single(runs: Sequence[Evidence], name: str) -> list[Signature]:
+    """Columns that belong to one run each, zero in the other runs."""
     ends = np.cumsum([0, *(run.size for run in runs)])
     out = []
     for begin, run in zip(ends, runs, strict=False):
@@ -220,7 +226,7 @@ def _apart(runs: Sequence[Evidence], name: str) -> list[Signature]:
 
 
 def parameter_of(s: Signature) -> EffectParameter:
-    """The parameter whose signature it is."""
+    """The parameter of a signature."""
     return next(p for p in library()[s.effect].parameters if p.name == s.parameter)
 
 
@@ -229,24 +235,24 @@ def _per(s: Signature) -> float:
 
 
 def _size(stacked: Stacked, k: int, rows: Array) -> Size | None:
-    """The size that half of such sets would show, None where no believable one does."""
+    """The size that is found in half of repeats, None where it would be above the parameter's bound."""
     s = stacked.found[k]
     effect, parameter = library()[s.effect], parameter_of(s)
     strength = float(np.linalg.norm(rows)) / abs(s.size) * _per(s)
     if strength < FAINT:
         return None
-    beyond = _beyond(stacked.model, effect, parameter)
-    needed = beyond + float(np.sqrt(stacked.thresholds[s.effect])) / strength
+    upper_bound = _upper_bound(stacked.model, effect, parameter)
+    needed = upper_bound + float(np.sqrt(stacked.thresholds[s.effect])) / strength
     least = material_sizes(effect, stacked.model.spread).get(parameter.name, 0.0)
-    if s.effect in LAGS:  # with the other one as an ordinary rover has it
+    if s.effect in LAGS:  # the other lag as in a normal rover
         other = "delay" if s.effect == "servo_lag" else "lag"
         least = stacked.model.spread.together - stacked._start.x[other]
     size = max(needed, least)
-    return Size(parameter, size, beyond, k) if size <= parameter.high else None
+    return Size(parameter, size, upper_bound, k) if size <= parameter.high else None
 
 
-def _beyond(model: Model, effect: Effect, parameter: EffectParameter) -> float:
-    """How far the nominal model follows on its own, in the parameter's own unit."""
+def _upper_bound(model: Model, effect: Effect, parameter: EffectParameter) -> float:
+    """The coordinate up to which the nominal model can take the effect's place."""
     if effect.id == "clock_offset" and not model.two_clocks:
         return EARLIER
     bound = {c.name: c.high for c in model.free if c.prior is None}

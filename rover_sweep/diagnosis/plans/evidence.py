@@ -1,8 +1,8 @@
-"""What one planned run shows of every number, as few rows with the same inner products as its many.
+"""Sensitivities and signatures of one planned run, compressed to few rows.
 
-Whatever a plan asks - what the nominal model soaks up, how large a signature is, how alike two are - are
-inner products of rows. A run is therefore simulated once, and its thousands of rows are turned (QR) into
-as many as there are columns; sets of runs are stacked from these in no time.
+A plan needs only inner products of columns: what the nominal model absorbs, the length of a signature, the
+cosine of two. A run is therefore simulated once, and a QR decomposition reduces its thousands of rows to as
+many as there are columns, with the same inner products. Sets of runs are then cheap to stack.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Structure, wheel_angle
 
 NOISE = {"r": 3e-5, "ay": 1.8e-3, "p": 6e-5, "vy": 1e-5}
-"""One-sided densities, unit^2/Hz: those of the official firmware's recordings of a 2.7 kg rover."""
+"""One-sided noise densities, unit^2/Hz, from recordings of a 2.7 kg rover on the official firmware."""
 ANGLE_NOISE = 2 * np.radians(0.3) ** 2 / 60.0
-"""rad^2/Hz: a wheel angle read to 0.3 deg rms 60 times a second, a camera's or a potentiometer's."""
+"""rad^2/Hz: wheel angle with 0.3 deg rms at 60 Hz, by a camera or a potentiometer."""
 ANGLE_BAND = (0.05, 8.0)  # Hz
 ANGLE_SCALE, ANGLE_CLOCK = 0.03, 0.005
-"""What the measurement on blocks is known to: scale of the angle, s between its clock and the command's."""
+"""Standard deviations of the measurement on blocks: relative scale, and clock offset to the command [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Columns of one run; rows are few and stand for many.
+    """Columns of one run, compressed to k rows.
 
-    nominal (k, m): by the coordinates of the model over their scales. effects, tiny: signatures, common to
-    all runs, at a plain size and at one standard deviation of an ordinary rover. own_effects, own_tiny:
-    of what happened in, or belongs to, this run alone.
+    nominal (k, m): sensitivities to the m nominal coordinates, in their scales. effects: signatures (k,) at
+    a plain size. tolerances: signatures (k,) at one standard deviation of a normal rover. own_effects,
+    own_tolerances: the same for what belongs to this run alone.
     """
 
     nominal: Array
     effects: tuple[Signature, ...]
-    tiny: tuple[Signature, ...]
+    tolerances: tuple[Signature, ...]
     own_effects: tuple[Signature, ...]
-    own_tiny: tuple[Signature, ...]
+    own_tolerances: tuple[Signature, ...]
 
     @property
     def size(self) -> int:
@@ -55,30 +55,33 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class OnBlocks(Problem):
-    """The rover stands on blocks and the angle of its wheel is measured: no tyres, no body."""
+    """The rover is on blocks and its wheel angle is measured; tyres and body have no effect."""
 
     def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
-        """What the model puts into the rows (size,)."""
+        """The rows (size,) that the model predicts."""
         return whitened(self.rows, self.runs, [{"delta": wheel_angle(self.runs[0], structure, x)}])
 
 
 def evidence(
     run: Experiment, model: Model, effects: Sequence[Effect], at: Mapping[str, float] | None = None
 ) -> Evidence:
-    """What a run shows beside the nominal model at its start; at: {coordinate: size}, plain where silent."""
+    """Columns of a run, the nominal model at its start values.
+
+    at: {coordinate: size of the signature}, the plain size where a coordinate is not named.
+    """
     problem = _on_blocks(run) if run.kind == "servo_test" else _driven(run)
     base = start(model, problem.size)
     problem = replace(problem, measured=problem.model(model.structure, base.x))
     nominal = sensitivities(problem, base).jacobian
     found = signatures(problem, base, model, effects, at)
-    tiny = signatures(problem, base, model, effects, tolerances=True)
+    tolerances = signatures(problem, base, model, effects, tolerances=True)
     if isinstance(problem, OnBlocks):
-        tiny += _nuisances(problem, model, base.x)
-    return _few_rows(nominal, found, tiny, {e.id for e in effects if e.in_one_run} | {"servo_test"})
+        tolerances += _nuisances(problem, model, base.x)
+    return _few_rows(nominal, found, tolerances, {e.id for e in effects if e.in_one_run} | {"servo_test"})
 
 
 def start(model: Model, rows: int) -> Fitted:
-    """The nominal model at its start, as if it had been fitted and nothing were left."""
+    """The nominal model at its start values, as a fit without residual."""
     x = {c.name: float(np.clip(c.start, c.low, c.high)) for c in model.free}
     return Fitted(model.structure, model.free, x, 0.0, np.zeros(rows), np.zeros((rows, 0)))
 
@@ -93,12 +96,12 @@ def _on_blocks(run: Experiment) -> OnBlocks:
     bins = np.flatnonzero((f >= ANGLE_BAND[0]) & (f <= ANGLE_BAND[1]))
     weight = np.full(bins.size, 1.0 / np.sqrt(ANGLE_NOISE * RATE / 4 * np.sum(run.taper**2)))
     nothing = np.zeros(2 * bins.size)
-    none = Floor(np.ones(1), {})  # the angle has its own, in the weight
+    none = Floor(np.ones(1), {})  # the noise of the angle is in the weight
     return OnBlocks((run,), (), none, (Rows(0, "delta", bins, f[bins], weight, 0),), nothing, nothing)
 
 
 def _nuisances(problem: OnBlocks, model: Model, x: Mapping[str, float]) -> list[Signature]:
-    """Scale and clock of the angle's own measurement, at one standard deviation."""
+    """Signatures of scale and clock of the angle measurement, at one standard deviation."""
     row, run = problem.rows[0], problem.runs[0]
     lines = rfft(wheel_angle(run, model.structure, x) * run.taper)[row.bins] * row.weight
     late = lines * (-2j * np.pi * row.f) * ANGLE_CLOCK
@@ -109,9 +112,9 @@ def _nuisances(problem: OnBlocks, model: Model, x: Mapping[str, float]) -> list[
 
 
 def _few_rows(
-    nominal: Array, effects: Sequence[Signature], tiny: Sequence[Signature], own: set[str]
+    nominal: Array, effects: Sequence[Signature], tolerances: Sequence[Signature], own: set[str]
 ) -> Evidence:
-    both = (*effects, *tiny)
+    both = (*effects, *tolerances)
     few: Array = np.asarray(np.linalg.qr(np.column_stack((nominal, *(s.rows for s in both))), mode="r"))
     turned = [replace(s, rows=few[:, nominal.shape[1] + k]) for k, s in enumerate(both)]
     found, small = turned[: len(effects)], turned[len(effects) :]

@@ -1,7 +1,7 @@
-"""Before driving: what a set of runs would show of each effect, which look alike, and which runs to add.
+"""Before driving: the detectable size of each effect, the effects that look alike, and the runs to add.
 
-No data is needed: the runs are simulated with the vehicle file's numbers and the noise of a small rover,
-and what the nominal model cannot follow of each effect's signature is compared.
+No data is needed. The runs are simulated with the numbers of the vehicle file and the noise of a small rover,
+and the parts of the signatures that the nominal model cannot explain are compared.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.plans.plan_result import Limits, Plan, PlannedRun
 from rover_sweep.diagnosis.plans.plan_sentences import answer, notes, settles
 from rover_sweep.diagnosis.plans.proposals import allowed, candidates, first_set
-from rover_sweep.diagnosis.plans.sets import Planner, Progress, Seen
+from rover_sweep.diagnosis.plans.sets import Planner, Progress, SetResult
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
-MOST_RUNS = 4  # to be proposed beside what is there
-STEP = 0.1  # of one open point, by which a run that settles none must bring them nearer, for others to settle
+MOST_RUNS = 4  # proposed in addition to the given ones
+STEP = 0.1  # of one open point: least progress of a run that does not settle a point itself
 
 
 def plan(
@@ -32,11 +32,12 @@ def plan(
     progress: Progress | None = None,
     settled: Mapping[str, str] | None = None,
 ) -> Plan:
-    """What these runs tell of all effects, or of the wanted ones, and the fewest runs found that tell more.
+    """Which effects these runs can detect and separate, and the smallest set of runs to add.
 
-    rad_per_us: road-wheel angle per us of servo output, positive. limits: of what is proposed. spread: of
-    an ordinary rover. driven: {name of a run: what was recorded}, for those that were. progress is called
-    with what is being done and the share done, 0..1. settled: {effect: why it is no longer looked for}.
+    wanted: effect ids, all effects if empty. rad_per_us: road-wheel angle per us of servo output, positive.
+    limits: of the proposed runs. spread: normal tolerances of a rover. driven: {run name: recording} of the
+    runs that were driven. progress: called with the current step and the share done, 0 to 1. settled:
+    {effect: why it is not looked for}.
     """
     planner = Planner(
         rover,
@@ -51,59 +52,59 @@ def plan(
     base = now or first_set(rover, rad_per_us, limits)
     more = candidates(base, rover, rad_per_us, limits)
     planner.simulate(base, (0.0, 0.1))
-    seen = planner.seen(base)
+    given = planner.evaluate(base)
     chosen: tuple[PlannedRun, ...] = ()
-    if seen.open:
+    if given.open:
         planner.simulate(more, (0.1, 0.7))
-        chosen = _smallest(planner, now, _greedy(planner, base, more, seen))
+        chosen = _smallest(planner, now, _greedy(planner, base, more, given))
     elif not now:
         chosen = base
-    best = planner.seen((*now, *chosen)) if chosen else seen
-    shown, runs_shown = (seen, now) if now else (best, chosen)
+    best = planner.evaluate((*now, *chosen)) if chosen else given
+    shown, runs_shown = (given, now) if now else (best, chosen)
     drives, chosen = len(chosen), _counted(chosen)
     return Plan(
         now,
         planner.sizes(runs_shown, shown),
-        shown.apart,
+        shown.look_alikes,
         planner.unseen(runs_shown, shown),
         chosen,
         _settled(planner, now, chosen),
-        best.apart,
-        answer(now, len(planner.asked), seen, best, drives),
+        best.look_alikes,
+        answer(now, len(planner.asked), given, best, drives),
         notes([r for r in now if not r.name and not allowed(r, rover, rad_per_us, limits)], limits),
     )
 
 
 def _counted(runs: Sequence[PlannedRun]) -> tuple[PlannedRun, ...]:
-    """Equal runs as one that is repeated."""
+    """Equal runs merged into one with a repeat count."""
     return tuple(replace(run, repeat=runs.count(run)) for run in dict.fromkeys(runs))
 
 
 def _greedy(
-    planner: Planner, base: tuple[PlannedRun, ...], more: Sequence[PlannedRun], seen: Seen
+    planner: Planner, base: tuple[PlannedRun, ...], more: Sequence[PlannedRun], current: SetResult
 ) -> tuple[PlannedRun, ...]:
-    """The set with runs added, each time the one that settles most, until none brings anything nearer."""
+    """The set with runs added, each time the one that settles most points, until none makes progress."""
     found = base
-    while seen.open and len(found) < len(base) + MOST_RUNS:
+    while current.open and len(found) < len(base) + MOST_RUNS:
         planner.progress("choosing runs", 0.7 + 0.2 * (len(found) - len(base)) / MOST_RUNS)
-        trials = [(run, planner.seen((*found, run))) for run in more]
+        trials = [(run, planner.evaluate((*found, run))) for run in more]
         run, result = min(trials, key=lambda trial: trial[1].rank)
-        nearer = result.open == seen.open and result.near >= seen.near + STEP
-        if result.open >= seen.open and not nearer:
+        nearer = result.open == current.open and result.near >= current.near + STEP
+        if result.open >= current.open and not nearer:
             break
-        found, seen = (*found, run), result
+        found, current = (*found, run), result
     return found
 
 
 def _smallest(
     planner: Planner, now: tuple[PlannedRun, ...], found: tuple[PlannedRun, ...]
 ) -> tuple[PlannedRun, ...]:
-    """The runs beside those of now, without those that turned out not to be needed."""
+    """The runs added to the given ones, without those that are not needed."""
     chosen = found[len(now) :] if now else found
-    least = planner.seen(found).open
+    least = planner.evaluate(found).open
     for run in chosen:
         fewer = tuple(r for k, r in enumerate(chosen) if k != chosen.index(run))
-        if (now or fewer) and planner.seen((*now, *fewer)).open <= least:
+        if (now or fewer) and planner.evaluate((*now, *fewer)).open <= least:
             chosen = fewer
     return chosen
 
@@ -111,11 +112,13 @@ def _smallest(
 def _settled(
     planner: Planner, now: tuple[PlannedRun, ...], chosen: tuple[PlannedRun, ...]
 ) -> tuple[str, ...]:
-    """What each run settles beside those before it."""
+    """One sentence for each run: what it adds to those before it."""
     out = []
     for k, run in enumerate(chosen):
         before = (*now, *chosen[:k])
         out.append(
-            settles(run, before, planner.seen(before) if before else None, planner.seen((*before, run)))
+            settles(
+                run, before, planner.evaluate(before) if before else None, planner.evaluate((*before, run))
+            )
         )
     return tuple(out)

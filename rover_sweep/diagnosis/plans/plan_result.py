@@ -1,4 +1,4 @@
-"""What a plan of runs is asked, and what it answers, as frozen values."""
+"""The question to a plan of runs and its answer, as frozen values."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ RunKind = Literal["sweep", "doublet", "bias_sweep", "multisine", "servo_test", "
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """A run to be driven, or one that was.
+    """A run to drive, or one that was driven.
 
-    amplitude_us: peak of the steering offset [us]; speed [m/s], 0 on blocks; heading: direction of the
-    drive [deg, clockwise from north], None where it does not matter; bias_us: steering offset about which
-    it is driven [us]; repeat: how often; name: of a run that was driven, else "".
+    amplitude_us: peak steering offset [us]. speed [m/s], 0 on blocks. heading: direction of the drive [deg
+    clockwise from north], None if any. bias_us: steering offset about which the run is driven [us].
+    repeat: number of drives. name: of a run that was driven, else "".
     """
 
     kind: RunKind
@@ -31,9 +31,9 @@ class PlannedRun:
 
 @dataclass(frozen=True)
 class Limits:
-    """What may be proposed: lateral acceleration [m/s^2], peak steering offset [us], speeds [m/s].
+    """Limits of proposed runs: lateral acceleration [m/s^2], peak steering offset [us], speeds [m/s].
 
-    why: where the lateral acceleration comes from, in words.
+    why: the origin of the lateral acceleration, for a sentence.
     """
 
     ay: float
@@ -44,9 +44,9 @@ class Limits:
 
 @dataclass(frozen=True)
 class DetectableSize:
-    """The size of an effect's parameter that half of such sets of runs would show; material: when it counts.
+    """The smallest size of an effect's parameter that is found in half of repeats of the set of runs.
 
-    size: None where no size would show. material: the size below which it is a nuisance and no finding.
+    size: None if no size is detectable. material: the size that matters; smaller is normal tolerance.
     """
 
     parameter: str
@@ -56,8 +56,8 @@ class DetectableSize:
 
 
 @dataclass(frozen=True)
-class Apart:
-    """Two effects that look much alike in these runs: the cosine of their signatures after the refit."""
+class SimilarPair:
+    """Two effects that are not separated; cosine of their signatures, the nominal model refitted."""
 
     first: str
     second: str
@@ -66,20 +66,20 @@ class Apart:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a set of runs can and cannot tell.
+    """What a set of runs can detect and separate, and the runs to add.
 
-    runs: the set asked about. detectable: {effect: size}. apart: the pairs that these runs do not tell
-    apart, most alike first. cannot_see: effects that no size would show. proposal: the runs to add, the
-    smallest set found; settles: a sentence for each of them; proposed_apart: what stays alike with them.
-    sentences: the answer first. notes: limits that were kept, and what the sizes stand on.
+    runs: the given set. detectable: {effect: size}. look_alikes: the pairs that these runs do not separate,
+    largest cosine first. cannot_see: effects that are not detectable at any size. proposal: the smallest
+    set of runs found to add; settles: a sentence for each of them; proposed_look_alikes: the pairs that
+    remain with them. sentences: the answer first. notes: limits that were kept.
     """
 
     runs: tuple[PlannedRun, ...]
     detectable: Mapping[str, DetectableSize] = field(default_factory=dict)
-    apart: tuple[Apart, ...] = ()
+    look_alikes: tuple[SimilarPair, ...] = ()
     cannot_see: tuple[Unseen, ...] = ()
     proposal: tuple[PlannedRun, ...] = ()
     settles: tuple[str, ...] = ()
-    proposed_apart: tuple[Apart, ...] = ()
+    proposed_look_alikes: tuple[SimilarPair, ...] = ()
     sentences: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""A plan in sentences: the answer, what each proposed run settles and why, what was kept within."""
+"""Sentences of a plan: the answer, what each proposed run adds and why, and the limits that were kept."""
 
 from __future__ import annotations
 
@@ -7,99 +7,109 @@ from typing import TYPE_CHECKING
 
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
-from rover_sweep.diagnosis.plans.proposals import words
+from rover_sweep.diagnosis.plans.proposals import run_text
 
 if TYPE_CHECKING:
-    from rover_sweep.diagnosis.plans.sets import Seen
+    from rover_sweep.diagnosis.plans.sets import SetResult
 
-DOUBT = 2.0  # of what tells a pair apart, below which it is worth more
-TOLD = 3  # pairs that a sentence names
-SAME = 0.12  # relative; speeds and amplitudes that differ less count as one
-SHARED = "what differs between two equal runs is noise, and what they share is the vehicle"
+DOUBTFUL = 2.0  # separation below which a clearer one is worth a sentence
+NAMED = 3  # pairs that a sentence names
+SAME = 0.12  # relative; speeds and amplitudes that differ less count as equal
+SHARED = "two equal runs differ only by noise, and their common part is the vehicle"
 ON_BLOCKS = (
-    "the wheel's angle is measured against the command to 0.3 deg on one clock, without tyres and body; "
-    "what it shows of lag and delay goes into [material] of the vehicle file"
+    "the wheel angle is measured against the command to 0.3 deg on one clock, without tyres and body; "
+    "enter the lag and delay that it shows in [material] of the vehicle file"
 )
 
 
-def answer(now: Sequence[PlannedRun], asked: int, seen: Seen, best: Seen, added: int) -> tuple[str, ...]:
-    """First what the runs tell, then what the proposal adds, then what stays open."""
+def answer(
+    now: Sequence[PlannedRun], asked: int, given: SetResult, best: SetResult, added: int
+) -> tuple[str, ...]:
+    """First what the given runs separate, then what the proposal adds, then what stays open."""
     count = "1 run" if added == 1 else f"{added} runs"
     if not now:
-        first = f"{count} find {told(asked, best)} of {asked} effects in time and tell them from all others"
-        return (first, *_left(best))
-    first = f"these runs find {told(asked, seen)} of {asked} effects in time and tell them from all others"
+        verb = "detects and separates" if added == 1 else "detect and separate"
+        return (f"{count} {verb} {separated(asked, best)} of {asked} effects", *_open(best))
+    first = f"these runs detect and separate {separated(asked, given)} of {asked} effects"
     if not added:
-        return (first, "no run was found that would tell more", *_left(seen)) if seen.open else (first,)
+        return (first, "no run was found that adds to this", *_open(given)) if given.open else (first,)
     more = count.replace("run", "more run")
-    return (first, f"with {more} it would be {told(asked, best)}", *_left(best))
+    return (first, f"with {more} it is {separated(asked, best)}", *_open(best))
 
 
-def told(asked: int, seen: Seen) -> int:
-    """Effects that are found in time and told from all others."""
-    alike = {e for pair in seen.apart for e in (pair.first, pair.second)}
-    return max(asked - len(set(seen.blind) | set(seen.late) | alike), 0)
+def separated(asked: int, result: SetResult) -> int:
+    """Number of effects that are detected near the size that matters and separated from all others."""
+    alike = {e for pair in result.look_alikes for e in (pair.first, pair.second)}
+    return max(asked - len(set(result.undetectable) | set(result.late) | alike), 0)
 
 
-def _left(best: Seen) -> tuple[str, ...]:
-    left = [f"{p.first} from {p.second}" for p in best.apart[:TOLD]]
+def _open(best: SetResult) -> tuple[str, ...]:
+    pairs = [f"{p.first} from {p.second}" for p in best.look_alikes[:NAMED]]
     late = [f"{e} ({times:.1f} times)" for e, times in best.late.items()]
-    out = [f"not told apart stay {_listed(left)}"] if left else []
-    out += [f"found only far beyond the size at which it counts: {_listed(late)}"] if late else []
+    out = [f"not separated: {_listed(pairs)}"] if pairs else []
+    out += [f"detected only far above the size that matters: {_listed(late)}"] if late else []
     return tuple(out)
 
 
-def settles(run: PlannedRun, before: Sequence[PlannedRun], without: Seen | None, beside: Seen) -> str:
-    """What a run settles beside those before it; without, beside: what the set shows less it and with it."""
+def settles(
+    run: PlannedRun, before: Sequence[PlannedRun], without: SetResult | None, with_run: SetResult
+) -> str:
+    """What a run adds to those before it. without, with_run: results of the set without it and with it."""
     if without is None:
-        asked = len(beside.blind | beside.stacked.sizes.keys())
-        return f"{words(run)}: by itself finds {told(asked, beside)} of {asked} effects in time"
-    left = {(p.first, p.second) for p in beside.apart}
-    pairs = [(p.first, p.second) for p in without.apart if (p.first, p.second) not in left]
-    shows = sorted(without.blind - beside.blind)
-    sooner = sorted(set(without.late) - set(beside.late) - beside.blind)
-    parts = [f"shows {_listed(shows)}"] if shows else []
-    parts += [f"finds {_listed(sooner)} in time"] if sooner else []
+        asked = len(with_run.undetectable | with_run.stacked.sizes.keys())
+        return (
+            f"{run_text(run)}: alone it detects and separates {separated(asked, with_run)} of {asked} effects"
+        )
+    left = {(p.first, p.second) for p in with_run.look_alikes}
+    pairs = [(p.first, p.second) for p in without.look_alikes if (p.first, p.second) not in left]
+    detects = sorted(without.undetectable - with_run.undetectable)
+    smaller = sorted(set(without.late) - set(with_run.late) - with_run.undetectable)
+    parts = [f"detects {_listed(detects)}"] if detects else []
+    parts += [f"detects {_listed(smaller)} near the size that matters"] if smaller else []
     if pairs:
-        named = [f"{one} from {two}" for one, two in pairs[:TOLD]]
-        over = len(pairs) - TOLD
+        named = [f"{one} from {two}" for one, two in pairs[:NAMED]]
+        over = len(pairs) - NAMED
         more = [f"{over} more pair{'s' if over > 1 else ''}"] if over > 0 else []
-        parts.append(f"tells {_listed([*named, *more])}")
-    elif helped := _helped(without, beside):
-        pairs = [helped]
-        parts.append(f"tells {helped[0]} more surely from {helped[1]}")
-    if without.noisy and not beside.noisy:
-        parts.append("tells noise from distortion")
-    why = _because(run, before, pairs, without.noisy)
-    what = ", and ".join(parts) or "makes all sizes smaller"
-    return f"{words(run)}: {what}{f', because {why}' if why else ''}"
+        parts.append(f"separates {_listed([*named, *more])}")
+    elif clearer := _clearer(without, with_run):
+        pairs = [clearer]
+        parts.append(f"separates {clearer[0]} more clearly from {clearer[1]}")
+    if without.noise_unknown and not with_run.noise_unknown:
+        parts.append("separates noise from distortion")
+    why = _because(run, before, pairs, without.noise_unknown)
+    what = ", and ".join(parts) or "makes all detectable sizes smaller"
+    return f"{run_text(run)}: {what}{f', because {why}' if why else ''}"
 
 
-def _helped(without: Seen, beside: Seen) -> tuple[str, str] | None:
-    """The pair in doubt that the run does most for."""
-    doubtful = {pair: sure for pair, sure in without.sure.items() if sure < DOUBT and pair in beside.sure}
-    gain = {pair: beside.sure[pair] / max(sure, 0.1) for pair, sure in doubtful.items()}
+def _clearer(without: SetResult, with_run: SetResult) -> tuple[str, str] | None:
+    """The doubtful pair whose separation the run improves most."""
+    doubtful = {
+        pair: clear
+        for pair, clear in without.separation.items()
+        if clear < DOUBTFUL and pair in with_run.separation
+    }
+    gain = {pair: with_run.separation[pair] / max(clear, 0.1) for pair, clear in doubtful.items()}
     best = max(gain, key=lambda pair: gain[pair], default=None)
     return best if best and gain[best] > 1.0 + SAME else None
 
 
 def _because(
-    run: PlannedRun, rest: Sequence[PlannedRun], pairs: Sequence[tuple[str, str]], noisy: bool
+    run: PlannedRun, rest: Sequence[PlannedRun], pairs: Sequence[tuple[str, str]], noise_unknown: bool
 ) -> str:
     if run.kind == "servo_test":
         return ON_BLOCKS
     if run.kind == "multisine":
         return (
-            "its even and odd lines that are not driven show 2nd and 3rd harmonics at once, and what does "
-            "not repeat with its periods is noise"
+            "its lines without excitation show 2nd and 3rd harmonics at once, and what does not repeat with "
+            "its period is noise"
         )
-    if any(_like(run, r) for r in rest):
-        return SHARED if noisy else "the same again makes every size smaller"
-    if run.repeat > 1 and noisy:
-        return "; ".join(part for part in (_new(run, rest), SHARED) if part)
-    new = _new(run, rest)
+    if any(_alike(run, r) for r in rest):
+        return SHARED if noise_unknown else "a repeat makes every detectable size smaller"
+    if run.repeat > 1 and noise_unknown:
+        return "; ".join(part for part in (_difference(run, rest), SHARED) if part)
+    new = _difference(run, rest)
     if run.kind == "bias_sweep":
-        about = "what is even about straight shows about a bias, and tyres are bent there"
+        about = "effects that are even in the steering show about a bias, where the tyre curve is bent"
         new = f"{about}; {new}" if new else about
     if pairs:
         effect = library()[_by_word(pairs[0], new)]
@@ -107,8 +117,8 @@ def _because(
     return new
 
 
-def _new(run: PlannedRun, rest: Sequence[PlannedRun]) -> str:
-    """In what the run differs from all the rest."""
+def _difference(run: PlannedRun, rest: Sequence[PlannedRun]) -> str:
+    """How the run differs from all the rest."""
     others = [r for r in rest if r.kind != "servo_test"]
     new = []
     if all(abs(run.speed - r.speed) > SAME * r.speed for r in others):
@@ -116,13 +126,13 @@ def _new(run: PlannedRun, rest: Sequence[PlannedRun]) -> str:
     if all(abs(run.amplitude_us - r.amplitude_us) > SAME * r.amplitude_us for r in others):
         new.append("it has another amplitude")
     if run.kind == "doublet" and not any(r.kind == "doublet" for r in others):
-        new.append("its steps show the beginning of a turn")
+        new.append("its steps show the start of a turn")
     if run.heading is not None and all(r.heading != run.heading for r in others):
-        new.append("it goes another way")
+        new.append("it has another heading")
     return " and ".join(new)
 
 
-def _like(one: PlannedRun, two: PlannedRun) -> bool:
+def _alike(one: PlannedRun, two: PlannedRun) -> bool:
     return (
         one.kind == two.kind
         and abs(one.speed - two.speed) <= SAME * two.speed
@@ -133,21 +143,23 @@ def _like(one: PlannedRun, two: PlannedRun) -> bool:
 
 
 def _by_word(pair: tuple[str, str], new: str) -> str:
-    """The effect of a pair whose own explanation speaks of what is new."""
+    """The effect of a pair whose own explanation names the difference of the run."""
     for effect in pair:
         if any(word in library()[effect].apart for word in ("speed", "amplitude") if word in new):
             return effect
     return pair[0]
 
 
-def notes(beyond: Sequence[PlannedRun], limits: Limits) -> tuple[str, ...]:
-    """What was kept within, and runs of the user's that are not."""
+def notes(outside: Sequence[PlannedRun], limits: Limits) -> tuple[str, ...]:
+    """The limits that the proposal keeps, and the given runs that exceed them."""
     kept = (
-        f"no run is proposed beyond {limits.ay:.1f} m/s^2 of lateral acceleration ({limits.why}), "
-        f"{limits.amplitude_us:g} us, or outside {limits.speed[0]:g} to {limits.speed[1]:g} m/s"
+        f"proposed runs stay within {limits.ay:.1f} m/s^2 of lateral acceleration ({limits.why}), "
+        f"{limits.amplitude_us:g} us, and {limits.speed[0]:g} to {limits.speed[1]:g} m/s"
     )
-    doubt = "is beyond these limits: what it would show is not to be relied on"
-    return (kept, *(f"the {words(run)} {doubt}" for run in beyond))
+    return (
+        kept,
+        *(f"the {run_text(run)} exceeds these limits, so its result is not reliable" for run in outside),
+    )
 
 
 def _listed(parts: Sequence[str]) -> str:

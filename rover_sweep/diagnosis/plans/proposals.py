@@ -1,4 +1,4 @@
-"""Runs of a plan as experiments, what they ask of the rover, and which ones may be proposed."""
+"""Runs of a plan as experiments, their lateral acceleration, and the runs that may be proposed."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from rover_sweep.diagnosis.simulation.experiment import RATE, SLOWEST, Experimen
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
 
-LOGGED = 100.0  # Hz, rate at which a log has the motion
-STEERED = 80.0  # Hz, and the steering
-USUAL_SPEED, USUAL_AMPLITUDE = 2.4, 240.0  # m/s, us: where a plan begins for which nothing was driven
-COMFORT = 0.75  # of the lateral acceleration allowed, for a first set
-OTHER_SPEEDS = (0.6, 1.4)  # of the speed that is driven
+LOGGED = 100.0  # Hz, rate of the motion in a log
+STEERED = 80.0  # Hz, rate of the steering in a log
+USUAL_SPEED, USUAL_AMPLITUDE = 2.4, 240.0  # m/s, us, of a plan without given runs
+COMFORT = 0.75  # of the allowed lateral acceleration, for a first set
+OTHER_SPEEDS = (0.6, 1.4)  # relative to the given speed
 NAMES = {
     "sweep": "sweep",
     "doublet": "doublet",
@@ -28,8 +28,8 @@ NAMES = {
 }
 
 
-def law(run: PlannedRun) -> Sweep | Doublet | Multisine:
-    """The steering that the applet drives; for another drive that of a sweep stands in."""
+def manoeuvre_of(run: PlannedRun) -> Sweep | Doublet | Multisine:
+    """The manoeuvre that the applet drives; a sweep for a run of another kind."""
     if run.kind == "doublet":
         return Doublet(run.amplitude_us)
     if run.kind == "multisine":
@@ -40,15 +40,15 @@ def law(run: PlannedRun) -> Sweep | Doublet | Multisine:
 
 
 def as_experiment(run: PlannedRun, rover: Geometry, rad_per_us: float, channels: Sequence[str]) -> Experiment:
-    """The run as if it had been driven on level ground, with the kinematic yaw rate; nothing measured yet."""
-    found = law(run)
+    """The run as if driven on level ground with the kinematic yaw rate; the measured channels are zero."""
+    found = manoeuvre_of(run)
     t = np.arange(int(found.duration * RATE)) / RATE
     steer = -np.asarray(found.wave(t), np.float64) * rad_per_us
     speed = np.full(t.size, max(run.speed, SLOWEST))
     turned = np.cumsum(run.speed * np.tan(steer) / rover.wheelbase) / RATE
     heading = turned - np.radians(run.heading or 0.0)
     return Experiment(
-        words(run),
+        run_text(run),
         run.kind,
         t,
         steer,
@@ -65,8 +65,8 @@ def as_experiment(run: PlannedRun, rover: Geometry, rad_per_us: float, channels:
     )
 
 
-def words(run: PlannedRun) -> str:
-    """Such as "sweep of 120 us at 2.4 m/s"."""
+def run_text(run: PlannedRun) -> str:
+    """The run in words, such as "sweep of 120 us at 2.4 m/s"."""
     about = f" about {run.bias_us:+g} us" if run.bias_us else ""
     at = f" at {run.speed:g} m/s" if run.speed else ""
     towards = "" if run.heading is None else f" heading {run.heading:.0f} deg"
@@ -75,18 +75,18 @@ def words(run: PlannedRun) -> str:
 
 
 def lateral_acceleration(run: PlannedRun, rover: Geometry, rad_per_us: float) -> float:
-    """V r at the largest steering angle, kinematic, m/s^2: more than tyres that slip make of it."""
+    """V r at the largest steering angle [m/s^2], kinematic: an upper bound, since tyres slip."""
     angle = min((run.amplitude_us + abs(run.bias_us)) * rad_per_us, 1.5)
     return float(run.speed**2 * np.tan(angle) / rover.wheelbase)
 
 
 def largest_amplitude(speed: float, ay: float, rover: Geometry, rad_per_us: float) -> float:
-    """Offset [us] that makes V r = ay, down to a multiple of 10."""
+    """Steering offset [us] at which V r = ay, rounded down to a multiple of 10."""
     return 10.0 * float(np.floor(np.arctan(ay * rover.wheelbase / speed**2) / rad_per_us / 10.0))
 
 
 def allowed(run: PlannedRun, rover: Geometry, rad_per_us: float, limits: Limits) -> bool:
-    """Within the limits of rover and applet."""
+    """True within the limits of rover and applet."""
     if run.amplitude_us + abs(run.bias_us) > limits.amplitude_us or run.amplitude_us < 20.0:
         return False
     if run.kind == "servo_test":
@@ -96,7 +96,7 @@ def allowed(run: PlannedRun, rover: Geometry, rad_per_us: float, limits: Limits)
 
 
 def first_set(rover: Geometry, rad_per_us: float, limits: Limits) -> tuple[PlannedRun, ...]:
-    """Two amplitudes at one speed, the larger one well within the limits."""
+    """Two sweeps of different amplitude at one speed, well within the limits."""
     most = largest_amplitude(USUAL_SPEED, COMFORT * limits.ay, rover, rad_per_us)
     speed = USUAL_SPEED
     while most < 60.0 and speed > limits.speed[0] * 1.2:
@@ -109,7 +109,7 @@ def first_set(rover: Geometry, rad_per_us: float, limits: Limits) -> tuple[Plann
 def candidates(
     base: Sequence[PlannedRun], rover: Geometry, rad_per_us: float, limits: Limits
 ) -> list[PlannedRun]:
-    """Runs that may be added to a set, safe ones only, without those whose like is there."""
+    """Different runs that may be added to a set, all within the limits."""
     kinds = [r for r in base if r.kind != "servo_test"] or list(first_set(rover, rad_per_us, limits))
     top = max(kinds, key=lambda run: run.amplitude_us)
     a, v = top.amplitude_us, round(top.speed, 1)
@@ -121,7 +121,7 @@ def candidates(
 
 
 def _around(a: float, v: float, rover: Geometry, rad_per_us: float, limits: Limits) -> Iterator[PlannedRun]:
-    """Amplitudes, speeds and kinds about a run of amplitude a [us] at v [m/s]."""
+    """Variations of amplitude, speed and kind around a run of amplitude a [us] at v [m/s]."""
     half = float(round(a / 2))
     yield PlannedRun("sweep", half, v)
     yield PlannedRun(

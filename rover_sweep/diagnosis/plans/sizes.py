@@ -1,4 +1,4 @@
-"""Detectable sizes, with the signature taken at the very size: a tyre's or a servo's limit grows steeply."""
+"""Detectable sizes from signatures at two sizes: the signature of a limit grows steeply with its size."""
 
 from __future__ import annotations
 
@@ -12,13 +12,17 @@ from rover_sweep.diagnosis.plans.detectable import Size, Stacked
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize
 from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
 
-STEEPNESS = (0.5, 4.0)  # exponents that a signature's length may have in its size
+STEEPNESS = (0.5, 4.0)  # bounds of the exponent of a signature's length in its size
 
 
 def detectable(
     first: Stacked, again: Callable[[Mapping[str, float]], Stacked], asked: Sequence[str]
 ) -> dict[str, DetectableSize]:
-    """{effect: size that half of such sets would show}; again: the same runs with signatures at sizes."""
+    """{effect: detectable size} of the asked effects, by ids.
+
+    first: the runs with signatures at plain sizes. again: gives the same runs with signatures at the sizes
+    {coordinate: size}.
+    """
     sizes = {e: next(iter(first.sizes[e].values())) for e in asked if e in first.sizes}
     at = {library()[e].key(size.parameter.name): _own(size, e) for e, size in sizes.items()}
     second = again({name: size for name, size in at.items() if size})
@@ -27,17 +31,17 @@ def detectable(
         coordinate = size.coordinate
         if _own(size, effect):
             coordinate = _steep(first, second, size)
-        out[effect] = _told(library()[effect], size.parameter, coordinate, first)
+        out[effect] = _detectable_size(library()[effect], size.parameter, coordinate, first)
     return out
 
 
 def _own(size: Size, effect: str) -> float:
-    """The coordinate where it is the effect's own, 0 where the nominal model has it."""
+    """The coordinate if the effect adds it, 0 if the nominal model has it."""
     return 0.0 if size.parameter.nominal else size.coordinate
 
 
 def _steep(first: Stacked, second: Stacked, size: Size) -> float:
-    """The size at which the signature is long enough, by a power law through its lengths at two sizes."""
+    """The size with a signature of the needed length, by a power law through the lengths at two sizes."""
     k, effect = size.column, first.found[size.column].effect
     sizes = [abs(s.found[k].size) for s in (first, second)]
     lengths = [float(np.linalg.norm(s.judged.outside(s.held(effect))[:, k])) for s in (first, second)]
@@ -50,17 +54,19 @@ def _steep(first: Stacked, second: Stacked, size: Size) -> float:
     return max(sizes[1] * (needed / lengths[1]) ** (1.0 / power), least)
 
 
-def _told(effect: Effect, parameter: EffectParameter, coordinate: float, stacked: Stacked) -> DetectableSize:
+def _detectable_size(
+    effect: Effect, parameter: EffectParameter, coordinate: float, stacked: Stacked
+) -> DetectableSize:
     material = material_sizes(effect, stacked.model.spread).get(parameter.name)
     name, unit, value = _reported(effect, parameter, coordinate)
     if effect.id == "clock_offset":
         material = EARLIER
-    counts = None if material is None else _reported(effect, parameter, material)[2]
-    return DetectableSize(name, unit, value, counts)
+    matters = None if material is None else _reported(effect, parameter, material)[2]
+    return DetectableSize(name, unit, value, matters)
 
 
 def _reported(effect: Effect, parameter: EffectParameter, coordinate: float) -> tuple[str, str, float]:
-    """(name, unit, value) as a user reads it, of one parameter alone."""
+    """(name, unit, value) of one parameter as a user reads it."""
     if not effect.report_values:
         return parameter.name, parameter.unit, float(parameter.value(coordinate))
     way = -1.0 if effect.id == "clock_offset" else 1.0

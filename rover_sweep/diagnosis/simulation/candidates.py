@@ -1,4 +1,4 @@
-"""Which effects could be missing from a model, and how a model looks with one more or one less."""
+"""The effects that a model can lack, and the model with one effect added or removed."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ WHOLE = frozenset(e.id for e in library().values() if isinstance(e, DegreeOfFree
 
 @dataclass(frozen=True)
 class Model:
-    """A baseline with named effects: what is simulated and what is fitted.
+    """A baseline with effects: the structure to simulate and the coordinates to fit.
 
-    baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". effects: ids. happened_in: run of a surface
-    change.
+    baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". spread: normal tolerances of a rover. effects:
+    ids. happened_in: name of the run with a surface change. two_clocks: steering and motion have two clocks.
     """
 
     baseline: str
@@ -35,32 +35,32 @@ class Model:
 
     @property
     def slip(self) -> bool:
-        """True where the tyres slip."""
+        """True if the tyres slip."""
         return self.baseline != "kinematic" or "tyre_slip" in self.effects
 
     @property
     def roll(self) -> bool:
-        """True where the body rolls."""
+        """True if the body rolls."""
         if self.baseline == "lumped":
             return bool(self.rover.sprung_mass and self.rover.h and self.rover.roll_inertia)
         return self.baseline == "roll-yaw" or "roll_dof" in self.effects
 
     @property
     def lumped(self) -> bool:
-        """True where derivatives stand in place of tyres and springs."""
+        """True if derivatives replace tyres and springs."""
         return self.baseline == "lumped"
 
     @property
     def structure(self) -> Structure:
-        """What is simulated."""
+        """The structure that is simulated."""
         found = tuple(library()[e] for e in self.effects if e not in WHOLE)
-        # V_y of derivatives is that which is measured, at the IMU
+        # the V_y of the derivatives is the measured one, at the IMU
         rover = replace(self.rover, imu_x=0.0, imu_z=0.0) if self.lumped else self.rover
         return Structure(rover, self.slip, self.roll, found, self.happened_in, self.lumped)
 
     @property
     def free(self) -> tuple[Coordinate, ...]:
-        """What is fitted: the nominal coordinates, those that an effect releases without prior, its own."""
+        """The fitted coordinates: nominal ones (without prior if an effect releases them) and added ones."""
         nominal = self._nominal()
         released = {k: v for e in self.effects for k, v in self._released(library()[e]).items()}
         out = [
@@ -77,26 +77,26 @@ class Model:
         if not self.lumped:
             return coordinates(self.baseline, self.rover, self.spread, self.slip, self.roll)
         common = coordinates(self.baseline, self.rover, self.spread, False, False)
-        steering = tuple(c for c in common if c.name != "scale")  # Y_delta, L_delta and N_delta hold it
+        steering = tuple(c for c in common if c.name != "scale")  # Y_delta, L_delta and N_delta include it
         return (*steering, *lumped_baseline.derivatives(self.rover, self.roll))
 
     def _released(self, effect: Effect) -> Mapping[str, tuple[float, float]]:
-        """With one clock an offset is told from a delay only where the answer comes before the command."""
+        """Bounds that an effect releases. With one clock only a response before the command is an offset."""
         if effect.id == "clock_offset" and not self.two_clocks:
             return {"delay": (effect.releases["delay"][0], self.spread.delay)}
         return effect.releases
 
     def with_effect(self, effect: str, run: str = "") -> Model:
-        """This model and one effect more; run: where it happened."""
+        """This model with an effect added; run: in which it happened."""
         return replace(self, effects=(*self.effects, effect), happened_in=run or self.happened_in)
 
     def without(self, effect: str) -> Model:
-        """This model without one of its effects."""
+        """This model with an effect removed."""
         return replace(self, effects=tuple(e for e in self.effects if e != effect))
 
 
 def own(effect: Effect) -> list[Coordinate]:
-    """The coordinates that an effect adds (not those that it releases)."""
+    """The coordinates that an effect adds, without those that it releases."""
     return [
         Coordinate(effect.key(p.name), 0.0, p.low, p.high, p.size) for p in effect.parameters if not p.nominal
     ]
@@ -105,9 +105,9 @@ def own(effect: Effect) -> list[Coordinate]:
 def possible(
     model: Model, runs: Sequence[Experiment], only: Collection[str] = (), without: Collection[str] = ()
 ) -> tuple[list[Effect], dict[str, str]]:
-    """(effects that these runs could show in addition, {effect: why it cannot be seen}).
+    """(effects that these runs can show in addition, {effect: why they cannot show it}).
 
-    What acts on the speed is no part of them: the measured speed drives the model, `speed_loss` judges it.
+    Effects on the speed are left out: the measured speed drives the model, and `speed_loss` tests them.
     """
     found, unseen = [], {}
     for effect in library().values():
@@ -124,21 +124,21 @@ def possible(
 
 
 def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
-    """Why an effect cannot show in these runs beside this model, "" where it can."""
+    """Why an effect cannot show in these runs with this model, "" if it can."""
     recorded = {c for run in runs for c in run.measured}
     has = "roll-yaw" if model.slip and model.roll else "bicycle" if model.slip else "kinematic"
     has = "lumped" if model.lumped else has
     if effect.id in WHOLE:
         if model.baseline not in effect.baselines:
-            return "its derivatives hold it" if model.lumped else "the baseline has it"
+            return "the lumped derivatives include it" if model.lumped else "the baseline includes it"
     elif has not in effect.baselines:
         return f"acts in {' or '.join(effect.baselines)} models, the baseline is {has}"
     if not recorded & set(effect.channels):
         return f"none of {', '.join(effect.channels)} was recorded"
     if effect.id == "imu_tilt" and model.lumped:
-        return "its derivatives hold what mixes p and r, and bias_ay a constant"
+        return "the lumped derivatives include the mixing of p and r, and bias_ay the constant"
     if effect.id == "imu_offset" and model.lumped and "vy" not in recorded:
-        return "no V_y was recorded, without which the derivatives hold it"
+        return "no V_y was recorded, so the lumped derivatives include it"
     if effect.id == "cross_slope" and not any(run.has_heading for run in runs):
         return "no heading was recorded"
     if effect.id == "roll_dof" and not (

@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from rover_sweep.diagnosis.plans.plan_result import Apart, DetectableSize, Plan, PlannedRun
+from rover_sweep.diagnosis.plans.plan_result import DetectableSize, Plan, PlannedRun, SimilarPair
 from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.identification.terminal import Sentence, rich_table
 from rover_sweep.report.wording.effect_names import sentence
@@ -37,12 +37,12 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "sentences": plan.sentences,
             "runs": [asdict(run) for run in plan.runs],
             "detectable": {effect: asdict(size) for effect, size in plan.detectable.items()},
-            "not_told_apart": [asdict(pair) for pair in plan.apart],
+            "not_told_apart": [asdict(pair) for pair in plan.look_alikes],
             "cannot_see": [asdict(unseen) for unseen in plan.cannot_see],
             "proposal": [asdict(run) for run in plan.proposal],
             "settles": plan.settles,
             "notes": plan.notes,
-            "not_told_apart_with_the_proposal": [asdict(pair) for pair in plan.proposed_apart],
+            "not_told_apart_with_the_proposal": [asdict(pair) for pair in plan.proposed_look_alikes],
             "units": "amplitude_us, bias_us: us; speed: m/s, 0 on blocks; heading: deg clockwise from north",
         }
     )
@@ -64,8 +64,8 @@ def _parts(plan: Plan) -> Iterator[RenderableType]:
         yield rich_table(run_table(plan.runs, "These runs"))
     if plan.detectable:
         yield rich_table(size_table(plan))
-    if plan.apart:
-        yield rich_table(pair_table(plan.apart, "Effects that they do not tell apart"))
+    if plan.look_alikes:
+        yield rich_table(pair_table(plan.look_alikes, "Effects that they do not tell apart"))
     if plan.cannot_see:
         rows = tuple((Cell(u.effect), Cell(u.why)) for u in plan.cannot_see)
         yield rich_table(Table("Effects that they cannot show", ("effect", "why"), rows, text_columns=2))
@@ -73,8 +73,8 @@ def _parts(plan: Plan) -> Iterator[RenderableType]:
         yield rich_table(run_table(plan.proposal, "Drive these as well" if plan.runs else "Drive these"))
         if plan.settles:
             yield Group(*(Sentence(sentence(text)) for text in plan.settles))
-        if plan.proposed_apart:
-            yield rich_table(pair_table(plan.proposed_apart, "With them, still not told apart"))
+        if plan.proposed_look_alikes:
+            yield rich_table(pair_table(plan.proposed_look_alikes, "With them, still not told apart"))
     if plan.notes:
         yield Group(*(Sentence(sentence(text)) for text in plan.notes))
 
@@ -110,7 +110,7 @@ def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
     )
 
 
-def pair_table(pairs: Sequence[Apart], heading: str) -> Table:
+def pair_table(pairs: Sequence[SimilarPair], heading: str) -> Table:
     """Two effects and how alike they look."""
     rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{p.cosine:.3f}")) for p in pairs)
     return Table(heading, ("", "", "cosine"), rows, text_columns=2)
