@@ -1,11 +1,11 @@
-"""What the model leaves out, in Python: `diagnose` runs, look at the answer, report, save, load.
+"""Diagnosis in Python: find what a model lacks, and show, report, save or load the result.
 
 import rover_sweep as rs
 runs = rs.read("run1.BIN", "run2.BIN", "run3.BIN", vehicle="rover.toml")
 found = rs.diagnose(runs, held_out=rs.read("run4.BIN", vehicle="rover.toml"))
 found.findings[0].effect
 found.report("report")
-rs.simulate(found, runs[0])  # by the model with what was found
+rs.simulate(found, runs[0])  # with the effects that were found
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FullDiagnosis(Shown, Diagnosis):
-    """What `diagnose` found: a `Diagnosis` that knows where it comes from and shows itself as a table."""
+    """The result of `diagnose`: a `Diagnosis` with its origin, shown as a table."""
 
     origin: DiagnosisOrigin = field(default_factory=DiagnosisOrigin)
 
     def table(self) -> ShortTable:
-        """Each finding with its parameters, intervals, look-alikes and what it removes; then the rest."""
+        """Findings with parameters, intervals, look-alikes and share removed; then unknown and cannot_see."""
         rows = []
         for f in self.findings:
             removed = next((h.share_removed for h in f.held_out), None)
@@ -54,13 +54,13 @@ class FullDiagnosis(Shown, Diagnosis):
         return ShortTable(f"{self.verdict}: {self.sentence}", headings, tuple(rows), tuple(notes))
 
     def report(self, directory: Location) -> DiagnosisFiles:
-        """Writes diagnosis.html and diagnosis.json into a folder."""
+        """Write diagnosis.html and diagnosis.json into a folder."""
         from rover_sweep.report.diagnosis.report_folder import write_diagnosis
 
         return write_diagnosis(self, Path(directory), self.origin)
 
     def save(self, path: Location) -> Path:
-        """Writes everything, recordings as well, into a .json that `load_diagnosis` reads without loss."""
+        """Write everything, with the recordings, into a .json that `load_diagnosis` reads without loss."""
         from rover_sweep.api.save import dumps
         from rover_sweep.files.replaced import write_file
 
@@ -81,18 +81,19 @@ def diagnose(
     progress: Callable[[str, float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> FullDiagnosis:
-    """Says what a model leaves out of the runs: where, what, how much, and on what evidence.
+    """Find the physics that a model lacks: where, which effect, how large, and the evidence.
 
-    held_out: runs that neither the fit nor the choice may see; without any, the doublets among `runs`.
-    baseline: "roll-yaw" (default), "bicycle", "lumped" or "kinematic"; model: an identification.json whose
-    model is the baseline instead; simulated: recordings of a simulation driven as `runs` were. only,
-    without: ids of effects to try, or not to. time_limit [s] and stop (True ends it) end with what was
-    found until then. progress is called with what is being done and the share done, 0..1. seed: of the
-    bootstrap. Raises UsageError for what cannot be asked; refused data are an answer with that verdict.
+    held_out: runs used neither for the fit nor for the selection; by default the doublets among `runs`.
+    baseline: the model to test, "roll-yaw" (default), "bicycle", "lumped" or "kinematic". model: an
+    identification.json with the baseline and its parameters. simulated: recordings of a simulation with the
+    same steering as `runs`, whose model becomes the baseline. only, without: ids of effects to try, or to
+    exclude. time_limit [s]; stop: returns True to end; both end with the results so far. progress(activity,
+    share done 0..1). seed: of the bootstrap. UsageError for invalid arguments; refused data give the verdict
+    "refused".
     """
     if not isinstance(runs, Runs):
         kind = type(runs).__name__
-        raise UsageError(f'the first argument ({kind}) is no runs: rs.read(..., vehicle="rover.toml")')
+        raise UsageError(f'the first argument ({kind}) must be runs: rs.read(..., vehicle="rover.toml")')
     if runs.vehicle is None:
         raise UsageError('the vehicle is not known: rs.read(..., vehicle="rover.toml")')
     if not len(runs):
@@ -100,7 +101,7 @@ def diagnose(
     if baseline is not None and baseline not in BASELINES:
         raise UsageError(f"there is no baseline {baseline!r}; choose from {', '.join(BASELINES)}")
     if model is not None and simulated:
-        raise UsageError("model and simulated are two simulations; give one of them")
+        raise UsageError("model and simulated both give a baseline; give only one of them")
     limit = time_limit_of(time_limit)
     _refuse_no_runs("held_out", held_out)
     _refuse_no_runs("simulated", simulated)
@@ -115,7 +116,7 @@ def diagnose(
 
 def _refuse_no_runs(name: str, given: object) -> None:
     if not isinstance(given, Sequence) or not all(isinstance(run, Recording) for run in given):
-        raise UsageError(f"{name} ({type(given).__name__}) is no sequence of runs; give rs.read(...)")
+        raise UsageError(f"{name} ({type(given).__name__}) must be a sequence of runs; give rs.read(...)")
 
 
 def _full(found: Diagnosis, origin: DiagnosisOrigin) -> FullDiagnosis:
@@ -126,7 +127,7 @@ def _full(found: Diagnosis, origin: DiagnosisOrigin) -> FullDiagnosis:
 def load_diagnosis(path: Location) -> FullDiagnosis:
     """The diagnosis that `FullDiagnosis.save` wrote, or the diagnosis.json of a report (or its folder).
 
-    The latter has neither recordings nor the curves of the pictures. UsageError for a file that is none.
+    The latter has neither recordings nor the curves of the pictures. UsageError for any other file.
     """
     from rover_sweep.api.save import loads
     from rover_sweep.report.export.augmented_model_json import refuse_insane
@@ -143,7 +144,7 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
         return _full(read_diagnosis(path), DiagnosisOrigin())
     found = loads(text, str(path))
     if not isinstance(found, FullDiagnosis):
-        raise UsageError(f"{path} holds a {type(found).__name__} and no diagnosis")
+        raise UsageError(f"{path} holds a {type(found).__name__}, not a diagnosis")
     if found.model is not None:
         try:
             refuse_insane(found.model)

@@ -1,4 +1,4 @@
-"""From what a user names to what the diagnosis takes, and back with where it came from."""
+"""The inputs of a diagnosis from the user's arguments, and the call itself with remarks on the data."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.wording.provenance import Provenance
 
 NOTHING_HELD_OUT = (
-    "no run was held out, so nothing shows what the finding is worth on data that it was not made from: "
-    "drive a doublet or one more sweep, and name it with --hold-out"
+    "no run was held out, so the result is not tested on other data: drive a doublet or one more sweep, "
+    "and give it with --hold-out"
 )
 Progress = Callable[[str, float], None]
 Stop = Callable[[], bool]
@@ -37,14 +37,14 @@ Stop = Callable[[], bool]
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """What a diagnosis is made from: runs to fit and choose on, runs held out, runs of a simulation."""
+    """The recordings by their roles: used for fit and selection, held out, made by a simulation."""
 
     runs: tuple[Recording, ...]
     held_out: tuple[Recording, ...] = ()
     simulated: tuple[Recording, ...] = ()
 
     def origin(self, provenance: Provenance, settings: DiagnosisSettings) -> DiagnosisOrigin:
-        """Its recordings by their roles, with the settings, for the report."""
+        """The recordings with their roles, and the settings, for the report."""
         parts = (
             *(("fit", run) for run in self.runs),
             *(("held out", run) for run in self.held_out),
@@ -56,9 +56,9 @@ class Material:
 def material(
     runs: Sequence[Recording], held_out: Sequence[Recording], simulated: Sequence[Recording] = ()
 ) -> Material:
-    """The runs by their roles; without held-out ones the doublets are held out, where other runs are left.
+    """The runs by their roles; if none is held out, the doublets are, provided that other runs remain.
 
-    UsageError where a run would be its own judge.
+    UsageError where one run has two roles.
     """
     if held_out:
         fitted, kept = tuple(runs), tuple(held_out)
@@ -72,7 +72,7 @@ def material(
 
 
 def _of_one_file(one: Recording, two: Recording) -> bool:
-    """Do they share a file, whatever its name."""
+    """True where both come from the same file, even under another name."""
     return bool({digest for _, digest in one.sources} & {digest for _, digest in two.sources})
 
 
@@ -83,13 +83,13 @@ def diagnosed(
     progress: Progress | None = None,
     stop: Stop | None = None,
 ) -> Diagnosis:
-    """The diagnosis, with a remark where it was stopped or nothing was held out.
+    """The diagnosis with remarks on the data and on how it ended.
 
-    Data that the diagnosis refuses are an answer, the verdict "refused" with the reason.
+    Data that the diagnosis refuses give the verdict "refused" with the reason, not an exception.
     """
     from rover_sweep.diagnosis.diagnose import diagnose
 
-    begun = time.monotonic()
+    started = time.monotonic()
     bench = known(vehicle, tolerances_of(vehicle.material))
     settled = {effect: why for effect, why in bench.settled.items() if effect not in settings.with_effects}
     settings = replace(settings, spread=bench.spread, without_effects=(*settings.without_effects, *settled))
@@ -102,7 +102,7 @@ def diagnosed(
             given.runs, geometry_of(vehicle), settings, given.held_out, given.simulated, progress, stop
         )
     except DataRefused as error:
-        found = _refused(str(error), given, settings, time.monotonic() - begun)
+        found = _refused(str(error), given, settings, time.monotonic() - started)
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
         found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
@@ -110,17 +110,17 @@ def diagnosed(
     remarks += [f"{effect} was not looked for: {why}" for effect, why in settled.items()]
     if has_linkage(vehicle):
         remarks.append(
-            "the steering was taken through what the bench measured ([steering] of the vehicle file); a "
-            "rover simulated from this report lacks that"
+            "the steering was corrected by the bench measurement ([steering] in the vehicle file); a "
+            "simulation from this report does not include that correction"
         )
     if stop is not None and stop():
-        seconds = time.monotonic() - begun
-        remarks.append(f"stopped by hand after {seconds:.0f} s: this is what was found until then, no more")
+        seconds = time.monotonic() - started
+        remarks.append(f"stopped by hand after {seconds:.0f} s, so only the results so far are reported")
     return replace(found, remarks=(*found.remarks, *remarks))
 
 
 def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
-    """The material without lateral channels that are faulty, and why; DataRefused where more is faulty."""
+    """The material without faulty lateral channels, and the reasons; DataRefused where more is faulty."""
     runs = with_rovers((*with_length(given.runs), *given.held_out))
     without, why = faulty_channels(runs)
     if not without:
@@ -144,7 +144,7 @@ def _refused(why: str, given: Material, settings: DiagnosisSettings, seconds: fl
 
 
 def effects_named(names: Sequence[str]) -> tuple[str, ...]:
-    """The ids, each once; UsageError for what is no effect of the library."""
+    """The ids, each once; UsageError for an id that the library does not have."""
     from difflib import get_close_matches
 
     for name in names:
@@ -160,7 +160,7 @@ def candidates_left(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(with_effects, without_effects) of the settings; UsageError where no candidate would be left.
 
-    baseline: None where a simulation has yet to show it.
+    baseline: None where a simulation will determine it.
     """
     chosen, left_out = effects_named(only), effects_named(without)
     left = set(chosen or library()) - set(left_out)
@@ -169,28 +169,30 @@ def candidates_left(
     if baseline and not any(baseline in library()[effect].baselines for effect in left):
         kept = ", ".join(e for e in library() if e in left)
         raise UsageError(
-            f"no candidate is left to try: nothing of {kept} can be missing from the {baseline} baseline; "
-            "name other effects in --only, or take another --baseline"
+            f"no candidate is left to try: none of {kept} can be missing from the {baseline} baseline; "
+            "name other effects in --only, or use another --baseline"
         )
     return chosen, left_out
 
 
 def time_limit_of(seconds: float | None) -> float | None:
-    """The limit [s], None for none; UsageError for what is no time."""
+    """The limit [s], None for no limit; UsageError for a value that is not a positive number."""
     if seconds is None:
         return None
     if isinstance(seconds, bool) or not isinstance(seconds, int | float):
-        raise UsageError(f"the time limit is {seconds!r}; give seconds, or leave it out for none")
+        raise UsageError(f"the time limit is {seconds!r}; give seconds, or leave it out for no limit")
     if not (isfinite(seconds) and seconds > 0):
-        raise UsageError(f"the time limit is {seconds:g} s; give a time above 0, or leave it out for none")
+        raise UsageError(
+            f"the time limit is {seconds:g} s; give a time above 0, or leave it out for no limit"
+        )
     return float(seconds)
 
 
 def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str, float]]:
-    """(baseline, {parameter: value}) of an identification.json, or of one of its models/*.json.
+    """(baseline, {parameter: SI value}) of an identification.json, or of one of its models/*.json.
 
-    baseline: which of its models, None for the recommended one. UsageError for another file, or a model
-    that is not there or whose numbers were rejected.
+    baseline: which of its models, None for the recommended one. UsageError for any other file, and for a
+    model that is missing or whose parameters were rejected.
     """
     document = _document(path)
     if document.get("format") == "rover-sweep model":
@@ -205,7 +207,9 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
     if name not in known or baseline not in (None, name):
         raise UsageError(f"{path} holds the model {name!r}; give one of {', '.join(BASELINES)}")
     if lacking := [p for p, v in values.items() if v is None]:
-        raise UsageError(f"{path}: {lacking[0]} of its {name} model could not be identified; take another")
+        raise UsageError(
+            f"{path}: {lacking[0]} of its {name} model could not be identified; use another model"
+        )
     return known[name], {p: float(v) for p, v in values.items()}
 
 
@@ -216,5 +220,5 @@ def _document(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path} cannot be read as a model: {error}") from None
     formats = ("rover-sweep identification", "rover-sweep model")
     if not isinstance(document, dict) or document.get("format") not in formats:
-        raise UsageError(f"{path} is no identification.json; give the one that `identify` wrote")
+        raise UsageError(f"{path} is not an identification.json; give the file that `identify` wrote")
     return document

@@ -1,5 +1,5 @@
-"""Where simulation and recordings differ, which physics was left out, and what it gains on a fresh run.
+"""Where simulation and recordings differ, which physics is missing, and what it improves on held-out runs.
 
-Pure: recordings in, frozen values out. The simulation here is the diagnosis' own; `sitl` knows nothing
-of it, nor it of `sitl`.
+Pure functions: recordings in, frozen values out. The diagnosis has its own simulation; it and `sitl` do not
+import each other.
 """

@@ -1,4 +1,4 @@
-"""What a diagnosis says, frozen; `rover_sweep.report` writes it down, nothing here computes."""
+"""The result of a diagnosis as frozen values; `rover_sweep.report` writes it."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
 Array = NDArray[np.float64]
 Verdict = Literal["none", "explained", "partly explained", "unexplained", "refused"]
-THROUGHOUT = "throughout"  # condition of a mismatch that has none
+THROUGHOUT = "throughout"  # condition of a mismatch that occurs in all runs
 
 
 @dataclass(frozen=True)
 class Profile:
-    """What the residual depends on, for a small picture: its size in noise floors over one quantity.
+    """The residual over one quantity, for a small picture.
 
-    over: what stands along the axis ("frequency", "amplitude", "speed", "time", "heading", "turn",
-    "harmonic"); unit: of it, "" for words. x: (n,) its values, or words such as "left"; ratio: (n,).
+    over: the quantity ("frequency", "amplitude", "speed", "time", "heading", "turn", "harmonic", "run");
+    unit: its unit, "" for words. x: (n,) values, or words such as "left"; ratio: (n,) rms over noise.
     """
 
     over: str
@@ -32,11 +32,11 @@ class Profile:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """A place where simulation and recording differ, in sizes of the noise floor.
+    """A place where simulation and recording differ.
 
-    channel: r, ay, p or vy. band [rad/s]. condition: of what the place is a part, in words ("240 us",
-    "1.65 m/s", "left turns", "3rd harmonic", "from 31 s on", "heading east", "throughout").
-    residual_over_noise: rms of the residual there over rms of the noise there. profile: for its picture.
+    channel: r, ay, p or vy. band [rad/s]. condition: the part of the data, in words ("240 us", "1.65 m/s",
+    "left turns", "3rd harmonic", "from 31 s on", "heading east", "throughout"). residual_over_noise: rms of
+    the residual there over rms of the noise there. profile: for its picture.
     """
 
     channel: str
@@ -49,7 +49,7 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class EffectValue:
-    """A parameter of a named effect with its 90 % interval; low, high None where none could be found."""
+    """A parameter with its 90 % interval, in `unit`; low or high None where there is no such limit."""
 
     name: str
     unit: str
@@ -61,9 +61,10 @@ class EffectValue:
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit of a model to one run: J_rms, TIC, and where the run is a sweep J per response (empty otherwise).
+    """Fit of a model to one run: J_rms and TIC (equations (15) and (16) of the paper).
 
-    cost: {output: J} of r, ay, vydot, p, over the band in which the recording is coherent.
+    cost: {output: J} (equation (11)) of r, ay, vydot and p of a sweep, over the bands in which the recording
+    is coherent; empty for other runs.
     """
 
     j_rms: float
@@ -73,9 +74,9 @@ class Fit:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Before and after on a run that neither the fit nor the choice used.
+    """Fit before and after on a run that neither the fit nor the selection used.
 
-    share_removed: (RSS before - RSS after)/(RSS before - noise floor), None where before is at the floor.
+    share_removed: (RSS before - RSS after)/(RSS before - noise floor), None where `before` is at the floor.
     """
 
     run: str
@@ -86,12 +87,11 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect that was left out, the effects that would explain it as well, and what tells them apart.
+    """One missing effect with its look-alikes: effects that explain the residual nearly as well.
 
-    evidence: {name: number}: gain (drop of the whitened cost), threshold (bootstrap), cosine with
-    "cosine:<id>" for each look-alike.
-    held_out: the whole model against the same without this effect, the rest of it fitted again: what the
-    effect is worth in the presence of all others. With a single finding it is the total.
+    evidence: {name: number}: "gain" (drop of the whitened cost), "threshold" (bootstrap) and "cosine:<id>"
+    for each look-alike. held_out: the full model against the refitted model without this effect; with a
+    single finding, against the nominal model. next_run: the run that would decide.
     """
 
     effect: str
@@ -106,7 +106,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Unknown:
-    """Something that no candidate explains: where it is, what it depends on, what law it looks like."""
+    """A misfit that no candidate explains.
+
+    channel: where it is. depends_on: functions of the state, a condition or a parameter. law: fitted terms,
+    "place ~ function + ..."; law_gain: share of the held-out residual above the floor that they predict.
+    """
 
     channel: str
     depends_on: str
@@ -118,7 +122,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Unseen:
-    """An effect that these runs cannot show, or not apart from another, and why."""
+    """An effect that these runs cannot show, or cannot separate from another, and why."""
 
     effect: str
     why: str
@@ -126,7 +130,7 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Falsified:
-    """A parameter of the nominal model that the missing effect had falsified."""
+    """A nominal parameter that changes when the missing effects are added, in `unit`."""
 
     name: str
     unit: str
@@ -136,10 +140,10 @@ class Falsified:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """Measured against simulated, before and after, for the pictures.
+    """Measured and simulated signals before and after, for the pictures.
 
-    run, channel; held_out: the run was not used; t (n,) s; measured, before, after (n,) SI; noise: rms of
-    the floor, SI. spectra: w (k,) rad/s and the residual's power over the noise's, before and after (k,).
+    held_out: the run was not used. t (n,) [s]; measured, before, after (n,) SI units; noise: rms of the
+    floor, SI unit. w (k,) [rad/s]; residual_before, residual_after (k,): residual power over the noise.
     """
 
     run: str
@@ -157,11 +161,12 @@ class Overlay:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The whole answer.
+    """The result of a diagnosis.
 
-    baseline: the model that something was left out of. parameters: the nominal model refitted together
-    with the effects, {name: EffectValue}. scores: {effect: gain of the first round} of all candidates.
-    sentence: the answer in one sentence. remarks: what the reader should know of the data (one each).
+    sentence: the answer in one sentence. baseline: the model that was tested. parameters: those of the
+    nominal model, refitted with the effects. scores: {effect: gain in the first round} of all candidates.
+    held_out: nominal and full model on each held-out run. remarks: sentences on the data. seconds: computing
+    time.
     """
 
     verdict: Verdict
@@ -181,4 +186,4 @@ class Diagnosis:
     runs: tuple[str, ...] = ()
     held_out_runs: tuple[str, ...] = ()
     model: AugmentedModel | None = None
-    """The nominal model with the effects, to simulate and export; None where the data were refused."""
+    """The nominal model with the effects, for simulation and export; None where the data were refused."""

@@ -1,4 +1,4 @@
-"""What a user may choose of a diagnosis."""
+"""The settings of a diagnosis."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ BASELINES: tuple[Baseline, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """baseline: the model that something may have been left out of.
+    """Settings. baseline: the model to test.
 
-    with_effects: the only candidates, empty for all; without_effects: those left out. time_limit [s]:
-    the diagnosis ends with what it has, None for no limit. seed: of the bootstrap. parameters: {name: SI
-    value} of a model that was identified before, to begin from; empty: found from the runs. spread: how far
-    an ordinary rover lies from its vehicle file.
+    with_effects: the only candidates, empty for all; without_effects: ids to exclude. time_limit [s]: the
+    diagnosis ends with the results so far, None for no limit. seed: of the bootstrap. parameters: {name: SI
+    value} of an identified model as start values, empty to find them from the runs. spread: normal
+    tolerances of a rover against its vehicle file.
     """
 
     baseline: Baseline = "roll-yaw"
@@ -31,6 +31,6 @@ class DiagnosisSettings:
     spread: Tolerances = Tolerances()
 
     def candidates(self, known: tuple[str, ...]) -> tuple[str, ...]:
-        """Those of the known effects that are asked for, in their order."""
+        """The ids of the known effects that these settings select, in their order."""
         chosen = self.with_effects or known
         return tuple(e for e in known if e in chosen and e not in self.without_effects)

@@ -47,7 +47,7 @@ def remarks_of(
     """
     out = []
     if len(speeds_of(used)) < 2:
-        out.append("all runs have the same speed, so a lag over distance looks like a lag in time")
+        out.append("all runs have the same speed, so a lag over a distance looks like a lag in time")
     if len({round(run.amplitude, 2) for run in used}) < 2:
         out.append("all runs have the same amplitude, so saturation looks like a smaller linear gain")
     if withdrawn:

@@ -113,7 +113,7 @@ def test_an_identified_model_is_the_baseline(engine: Engine, asked: Tell, tmp_pa
         ({}, ("--baseline", "lumped"), "has no model 'lumped'; it has roll-yaw, bicycle"),
         ({}, ("--baseline", "bicycle"), "C of its bicycle model could not be identified"),
         ({"recommended": None}, (), "has no model None"),
-        ({"format": "something"}, (), "is no identification.json"),
+        ({"format": "something"}, (), "is not an identification.json"),
         ({}, ("--simulation", str(SWEEP)), "--model and --simulation are alternatives"),
     ],
 )

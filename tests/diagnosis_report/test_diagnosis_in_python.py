@@ -52,9 +52,9 @@ def test_it_is_reported_and_saved(engine: Engine, runs: rs.Runs, tmp_path: Path)
 def test_mistakes_end_with_a_sentence(engine: Engine, runs: rs.Runs, tmp_path: Path) -> None:
     with pytest.raises(rs.UsageError, match="the vehicle is not known"):
         rs.diagnose(rs.read(NOMINAL / "run4.BIN"))
-    with pytest.raises(rs.UsageError, match=r"the first argument \(int\) is no runs"):
+    with pytest.raises(rs.UsageError, match=r"the first argument \(int\) must be runs"):
         rs.diagnose(5)  # type: ignore[arg-type]
-    with pytest.raises(rs.UsageError, match=r"held_out \(Recording\) is no sequence of runs"):
+    with pytest.raises(rs.UsageError, match=r"held_out \(Recording\) must be a sequence of runs"):
         rs.diagnose(runs[:1], held_out=runs[1])
     with pytest.raises(rs.UsageError, match=r"the first argument \(int\) is no model"):
         rs.simulate(5, runs[0])  # type: ignore[arg-type]
@@ -63,7 +63,7 @@ def test_mistakes_end_with_a_sentence(engine: Engine, runs: rs.Runs, tmp_path: P
     with pytest.raises(rs.UsageError, match="no baseline 'tricycle'"):
         rs.diagnose(runs, baseline="tricycle")
     for limit in (float("nan"), float("inf"), -1, 0, "a", True):
-        with pytest.raises(rs.UsageError, match="the time limit is .* leave it out for none"):
+        with pytest.raises(rs.UsageError, match="the time limit is .* leave it out for no limit"):
             rs.diagnose(runs, time_limit=limit)  # type: ignore[arg-type]
     with pytest.raises(rs.UsageError, match="can be missing from the bicycle baseline"):
         rs.diagnose(runs, baseline="bicycle", only="tyre_slip")

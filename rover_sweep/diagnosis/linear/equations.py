@@ -1,7 +1,8 @@
 """The rows of a linear rover's equations, by the names of its states: M x' = F x + G u, y = H0 x + H1 x'.
 
-A rover with tyres as in equation (18) of the paper as corrected, one whose yaw rate follows the steering at
-once, or the derivatives of equation (19); with it the servo, roll, relaxing tyres and the IMU.
+Three kinds: tyres (equation (18) of the paper, corrected), kinematic (the yaw rate follows the steering at
+once), lumped derivatives (equation (19)); each with servo, roll, tyre relaxation and IMU. States: wheel
+[rad], wheel_rate [rad/s], V_y [m/s], r, p [rad/s], phi [rad], F_f, F_r [N], V_m [m/s].
 """
 
 from __future__ import annotations
@@ -15,15 +16,15 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.identification.structure.state_space import Matrices
 
-FAST = 1e4  # rad/s, of a yaw rate that follows the steering at once
+FAST = 1e4  # rad/s, bandwidth of a yaw rate that follows the steering at once
 Kind = Literal["tyres", "kinematic", "lumped"]
 AXES = {"v": "V_y", "p": "p", "r": "r", "phi": "phi"}
 
 
 class Equations:
-    """Rows of M, F, G filled in by the names of the states; a term is {state: factor}.
+    """Rows of M (n, n), F (n, n), G (n,), filled by the names of the n states; a term is {state: factor}.
 
-    p: parameters as `linear` names them, and "V" [m/s].
+    p: {parameter: SI value} with the names of `linear`, and "V" [m/s].
     """
 
     def __init__(self, p: Mapping[str, Any], states: tuple[str, ...], kind: Kind) -> None:
@@ -34,7 +35,7 @@ class Equations:
         self.g = np.zeros(len(states), dtype)
 
     def matrices(self, outputs: tuple[str, ...]) -> Matrices:
-        """All of it."""
+        """M, F, G, H0, H1 for these outputs."""
         self._servo()
         if self.kind == "lumped":
             self._derivatives()
@@ -54,7 +55,7 @@ class Equations:
             matrix[self._at(row), self._at(state)] += factor
 
     def _steer(self, row: str, factor: Any) -> None:
-        """A term of a row in the true wheel angle."""
+        """Add a term of a row in the true wheel angle."""
         if "wheel" in self.states:
             self._put(self.f, row, {"wheel": factor})
         else:
@@ -79,7 +80,7 @@ class Equations:
             self.g[self._at("wheel")] = p["gain"]
 
     def _tyres(self) -> None:
-        """Side force and yaw moment of both axles, at once or over the relaxation length."""
+        """Side force and yaw moment of both axles, with the relaxation length where it is a state."""
         p, v = self.p, self.p["V"]
         self._put(self.m, "V_y", {"V_y": p["m"]})
         self._put(self.f, "V_y", {"r": -p["m"] * v})
@@ -107,7 +108,7 @@ class Equations:
         self._steer("r", self.p["V"] / self.p["L_eff"])
 
     def _derivatives(self) -> None:
-        """V_y' + V r, p', r' of the derivatives, those by v and r over the speed."""
+        """V_y' + V r, p' and r' by the derivatives; those by v and r are divided by the speed."""
         v = self.p["V"]
         rows = {"Y": "V_y", "L": "p", "N": "r"} if self.roll else {"Y": "V_y", "N": "r"}
         for row, state in rows.items():
@@ -123,7 +124,7 @@ class Equations:
             self._put(self.f, "phi", {"p": 1.0})
 
     def _rolls(self) -> None:
-        """(Ixx + ms h^2) p' + Ixz r' - h ms (V_y' + V r) = (ms g h - k) phi - b p, and what acts back."""
+        """(Ixx + ms h^2) p' + Ixz r' - h ms (V_y' + V r) = (ms g h - k) phi - b p, and its reactions."""
         p, v = self.p, self.p["V"]
         hm = p["h"] * p["ms"]
         self._put(self.m, "p", {"p": p["Ixx"] + hm * p["h"], "r": p["Ixz"]})
@@ -136,7 +137,7 @@ class Equations:
             self._put(self.m, "r", {"p": p["Ixz"]})
 
     def _velocity(self) -> None:
-        """T V_m' = V_y at the IMU - V_m - T V r: the heading runs away from a velocity that lags."""
+        """T V_m' = V_y at the IMU - V_m - T V r: the axes turn while the velocity lags."""
         if "V_m" not in self.states:
             return
         p = self.p
@@ -145,13 +146,13 @@ class Equations:
         self._put(self.f, "V_m", {"r": -p["vy_lag"] * p["V"]})
 
     def _at_imu(self, measured: bool) -> dict[str, Any]:
-        """Lateral velocity at the IMU by the states; V_y of derivatives is the measured one itself."""
+        """Lateral velocity at the IMU by the states; V_y of derivatives is already the measured one."""
         away = 0.0 if measured and self.kind == "lumped" else 1.0
         found = {"r": away * self.p["imu_x"]} | ({"V_y": 1.0} if self.slip else {})
         return found | ({"p": -away * self.p["imu_z"]} if self.roll else {})
 
     def _outputs(self, outputs: tuple[str, ...]) -> tuple[Array, Array]:
-        """H0, H1 of r, ay, vydot and p as the IMU shows them."""
+        """H0, H1 (outputs, n) of r, ay, vydot and p as the IMU measures them."""
         p = self.p
         rate, speed = self._at_imu(measured=False), self._at_imu(measured=True)
         turned, tilt = p.get("yaw", 0.0), p.get("pitch", 0.0)

@@ -1,8 +1,7 @@
-"""What is linear of an augmented model, as M x' = F x + G u(t - tau), y = H0 x + H1 x'.
+"""The linear part of an augmented model, as M x' = F x + G u(t - tau), y = H0 x + H1 x'.
 
-The rover as in equation (18) of the paper as corrected, and with it the servo's lag, the tyres' relaxation
-length, roll steer, mounting angles of the IMU and the lag of the velocity. What is not linear stands in
-`left_out`, in words.
+Equation (18) of the paper, corrected, with the servo's lag, the tyres' relaxation length, roll steer,
+mounting angles of the IMU and the lag of the velocity. `left_out` describes the nonlinear rest.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from rover_sweep.diagnosis.linear.equations import Equations, Kind
 from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
 from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
 
-SHORTEST = 1e-5  # s, below which a lag is none
+SHORTEST = 1e-5  # s; a shorter lag is omitted
 CONSTANT = {"cross_slope", "surface_change", "clock_offset", "speed_variation"}
 NONLINEAR = {
     "servo_rate_limit",
@@ -68,7 +67,8 @@ OPTIONAL = ("sigma", "e_roll", "lag", "lag_shape", "vy_lag", "vy_gain", "pitch",
 def linear(model: AugmentedModel) -> ModelStructure:
     """The linear part about straight driving; its parameters are the physical numbers, all fixed.
 
-    Outputs r, ay, vydot and, with roll, p, at the IMU; delays of the steering and of the channels beside.
+    Outputs at the IMU: r [rad/s], ay, vydot [m/s^2] and, with roll, p [rad/s]; with delays [s] of the
+    steering and of the outputs.
     """
     values = _values(model)
     slip, roll = model.structure.slip, model.structure.roll
@@ -86,7 +86,7 @@ def linear(model: AugmentedModel) -> ModelStructure:
         outputs=outputs,
         parameters=tuple(Parameter(name, _unit(name), value) for name, value in values.items()),
         build=build,
-        reference="equation (18) as corrected, with what was found to be missing",
+        reference="equation (18) as corrected, with the effects found by the diagnosis",
         input_delays={"delta": "tau"},
         output_delays=late,
         units={"wheel": "rad", "wheel_rate": "rad/s", "F_f": "N", "F_r": "N", "V_m": "m/s"},
@@ -94,7 +94,7 @@ def linear(model: AugmentedModel) -> ModelStructure:
 
 
 def hidden_filters(model: AugmentedModel) -> dict[str, LowPass]:
-    """{channel: low-pass} that nobody knew of, behind which the known ones are."""
+    """{channel: low-pass} that the diagnosis found; the known filters follow them."""
     if "sensor_filter" not in model.effects:
         return {}
     gyro, accel = (model.value(f"sensor_filter.{name}") for name in ("gyro_hz", "accel_hz"))
@@ -104,12 +104,12 @@ def hidden_filters(model: AugmentedModel) -> dict[str, LowPass]:
 
 
 def left_out(model: AugmentedModel) -> list[str]:
-    """What the linear model lacks and why, one sentence each."""
+    """What the linear model omits and why, one sentence each."""
     out = []
     for effect in model.added:
         if effect.id in NONLINEAR | CONSTANT:
             numbers = ", ".join(f"{p} = {v:.4g} {unit}" for p, (v, unit, _) in model.reported(effect).items())
-            why = "is not linear" if effect.id in NONLINEAR else "is no part of a linear model of the rover"
+            why = "is not linear" if effect.id in NONLINEAR else "is not part of a linear model of the rover"
             out.append(f"{effect.id} ({effect.equation}; {numbers}) {why}")
     constants = {"trim": ("trim of the steering", "rad"), "bias_ay": ("constant of a_y", "m/s^2")}
     for name, (what, unit) in constants.items():
@@ -118,12 +118,14 @@ def left_out(model: AugmentedModel) -> list[str]:
     if model.value("bend") > 0.0:
         out.append(f"the bend of the tyres near their limit, {model.value('bend'):.2g}, is not linear")
     if (scale := model.value("vscale")) != 0.0:
-        out.append(f"the log's speed, which is to be multiplied by {1 + scale:.4f}; here the true one counts")
+        out.append(
+            f"the log's speed must be multiplied by {1 + scale:.4f}; the linear model uses the true speed"
+        )
     return out
 
 
 def _values(model: AugmentedModel) -> dict[str, float]:
-    """The parameters that this model has."""
+    """{name: SI value} of the parameters that this model has."""
     n, x = model.numbers, model.value
     delay, late = _delays(model)
     roll = model.structure.roll
@@ -150,7 +152,7 @@ def _values(model: AugmentedModel) -> dict[str, float]:
 
 
 def _unit(name: str) -> str:
-    """Of a parameter; a derivative's is its row's per its column's, those by v and r times the speed."""
+    """Unit of a parameter; of a derivative by v or r, that of the derivative times the speed."""
     row, _, column = name.partition("_")
     if name not in DERIVATIVES:
         return UNITS[name]
@@ -159,9 +161,9 @@ def _unit(name: str) -> str:
 
 
 def _delays(model: AugmentedModel) -> tuple[float, dict[str, float]]:
-    """Delay of the steering [s] and {"late_<output>": what that lags it by}, none of them negative.
+    """(delay of the steering [s], {"late_<output>": further delay [s]}), none of them negative.
 
-    A clock's offset is no delay of the rover: the usual one is taken there.
+    A clock offset is not a delay of the rover; the usual delay is used instead.
     """
     from rover_sweep.diagnosis.effects.clock_offset import USUAL_DELAY
 

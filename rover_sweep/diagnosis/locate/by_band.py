@@ -155,8 +155,8 @@ def _by_amplitude(problem: Problem, rows: Array, channel: str, small: int, large
         grows = "hardly grows with"
     sentence = (
         f"{channel_name(channel)} differs by {noise_ratio(pair.ratio[1])} at {angles[1]:.1f} deg of "
-        f"steering and by {pair.ratio[0]:.1f} at {angles[0]:.1f} deg: it {grows} the motion (its power grows "
-        f"{np.exp(grown):.2g} times when the motion doubles; 4 times would be in proportion)"
+        f"steering and by {pair.ratio[0]:.1f} at {angles[0]:.1f} deg: it {grows} the motion (its power is "
+        f"{np.exp(grown):.2g} times as large when the motion doubles; 4 times would be in proportion)"
     )
     profile = Profile("amplitude", "deg", angles, pair.ratio)
     yield Mismatch(channel, pair.band, f"{grows} amplitude", max(pair.ratio), sentence, profile)
