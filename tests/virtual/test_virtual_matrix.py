@@ -5,15 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from virtual_matrix import CASES
-from virtual_mutants import noticed, problems, without
+from virtual_fork import problems_of
+from virtual_matrix import CASES, MOMENTS
+from virtual_mutants import noticed, without
 
 RULES = "rover_sweep.vehicle.run.right_to_move.RULES"
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_what_is_promised_holds(name: str, tmp_path: Path) -> None:
-    assert problems(CASES[name], tmp_path) == []
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_what_is_promised_holds(moment: str, tmp_path: Path) -> None:
+    """All faults that begin at that moment."""
+    found = problems_of(MOMENTS[moment], tmp_path)
+    assert found == {case.name: [] for case in MOMENTS[moment]}
+
+
+def test_no_case_is_left_out() -> None:
+    assert sorted(c.name for cases in MOMENTS.values() for c in cases) == sorted(
+        c.name for c in CASES.values()
+    )
 
 
 @pytest.mark.parametrize(

@@ -56,9 +56,11 @@ class Case:
     def name(self) -> str:
         return f"{self.fault.name} @ {self.phase}"
 
-    def played(self, folder: Path) -> Outcome:
-        """The scenario's outcome; the world goes on for 10 s and for 5 s without the fault."""
-        happening = (At(self.phase, self.seconds), self.fault)
+    def played(self, folder: Path, fault: Fault | None = None) -> Outcome:
+        """The scenario's outcome; the world goes on for 10 s and for 5 s without the fault.
+
+        fault: another one at the same moment."""
+        happening = (At(self.phase, self.seconds), fault or self.fault)
         return played(folder, [happening], settings=SETTINGS, limit=self.limit, after=10.0, back=5.0)
 
 
@@ -135,3 +137,14 @@ def _cases() -> Iterator[Case]:
 
 
 CASES = {f"{case.name} + {case.seconds:g} s": case for case in _cases()}
+
+
+def _moments() -> dict[str, list[Case]]:
+    """The cases by the moment at which their faults begin."""
+    found: dict[str, list[Case]] = {}
+    for case in CASES.values():
+        found.setdefault(f"{case.phase} + {case.seconds:g} s", []).append(case)
+    return found
+
+
+MOMENTS = _moments()

@@ -10,6 +10,7 @@ from unittest import mock
 
 from virtual_matrix import Case
 from virtual_promises import broken
+from virtual_run import Outcome
 
 from rover_sweep.vehicle.run import right_to_move
 from rover_sweep.vehicle.run.right_to_move import Rule
@@ -32,7 +33,11 @@ def noticed(place: str, instead: object, case: Case, folder: Path) -> list[str]:
 
 def problems(case: Case, folder: Path) -> list[str]:
     """What `broken` says of a case, and a benign one that does not come to its end."""
-    outcome = case.played(folder)
+    return judged(case, case.played(folder))
+
+
+def judged(case: Case, outcome: Outcome) -> list[str]:
+    """The same of an outcome."""
     wrong = broken(outcome)
     if not outcome.fired:
         wrong.append("the fault did not happen")

@@ -141,6 +141,12 @@ class World:
         """Let `fault` begin at that moment."""
         self._plan.append(_Planned(at, fault))
 
+    def instead(self, fault: Fault) -> None:
+        """Let `fault` begin now, in place of the only one that was planned."""
+        (planned,) = self._plan
+        planned.fault = fault
+        fault.begin(self)
+
     def enter(self, phase: Phase) -> None:
         """The laptop's own phases are told by whoever runs its program; those of the applet are seen."""
         self.entered.setdefault(phase, self.now_us)
