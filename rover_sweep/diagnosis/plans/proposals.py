@@ -28,7 +28,7 @@ NAMES = {
 }
 
 
-def manoeuvre_of(run: PlannedRun) -> Sweep | Doublet | Multisine:
+def manoeuvre_for(run: PlannedRun) -> Sweep | Doublet | Multisine:
     """The manoeuvre that the applet drives; a sweep for a run of another kind."""
     if run.kind == "doublet":
         return Doublet(run.amplitude_us)
@@ -41,7 +41,7 @@ def manoeuvre_of(run: PlannedRun) -> Sweep | Doublet | Multisine:
 
 def as_experiment(run: PlannedRun, rover: Geometry, rad_per_us: float, channels: Sequence[str]) -> Experiment:
     """The run as if driven on level ground with the kinematic yaw rate; the measured channels are zero."""
-    found = manoeuvre_of(run)
+    found = manoeuvre_for(run)
     t = np.arange(int(found.duration * RATE)) / RATE
     steer = -np.asarray(found.wave(t), np.float64) * rad_per_us
     speed = np.full(t.size, max(run.speed, SLOWEST))

@@ -1,1 +1,1 @@
-"""The simulation inside the diagnosis: models with effects, driven by a run's own steering and speed."""
+"""Simulation for the diagnosis: a model with effects, driven by the recorded steering and speed of a run."""

@@ -1,6 +1,6 @@
-"""The nominal model with the effects that were found: all numbers that it takes to simulate it.
+"""The baseline with the effects that were found: all numbers that its simulation needs.
 
-Light on purpose: what simulates, linearises or translates it is imported where that is done.
+The modules that simulate, linearise or export it are imported where they are used, to keep imports fast.
 """
 
 from __future__ import annotations
@@ -23,14 +23,13 @@ SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
 
 @dataclass(frozen=True, eq=False)
 class AugmentedModel:
-    """A baseline, the effects added to it, and the coordinates that were fitted to both together.
+    """A baseline, the effects added to it, and the coordinates of both, fitted together.
 
-    baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". rover: what was known beforehand, SI units,
-    ISO axes. effects: ids. x: {coordinate: value} named as in `nominal`. speed: mean
-    of the runs it was fitted to, m/s. filters: known low-passes of the channels. steering: (trim_us,
-    rad_per_us) of the vehicle file. wait: share of the delay in which a command waits for the autopilot's
-    main loop, s. happened_in: run of a change of ground; happened_at: its instant, s from the start of that
-    run's manoeuvre.
+    baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". rover: the known numbers, SI units, ISO axes.
+    effects: ids. x: {coordinate: value}, named as in `nominal`. speed: mean of the fitted runs [m/s].
+    filters: known low-passes of the channels. steering: (trim_us, rad_per_us) of the vehicle file. wait:
+    part of the delay in which a command waits for the autopilot's main loop [s]. happened_in: name of the
+    run with a change of ground. happened_at: instant of the change [s] from the start of that manoeuvre.
     """
 
     baseline: str
@@ -46,17 +45,17 @@ class AugmentedModel:
 
     @property
     def name(self) -> str:
-        """The baseline and what was added, as "roll-yaw with tyre_relaxation"."""
+        """The baseline and its effects, such as "roll-yaw with tyre_relaxation"."""
         return " with ".join((self.baseline, " and ".join(self.effects))) if self.effects else self.baseline
 
     @property
     def lumped(self) -> bool:
-        """True where derivatives stand in place of tyres and springs."""
+        """True if derivatives replace tyres and springs."""
         return self.baseline == "lumped"
 
     @property
     def structure(self) -> Structure:
-        """What the simulation takes."""
+        """The structure for the simulation."""
         from rover_sweep.data.tolerances import Tolerances
         from rover_sweep.diagnosis.simulation.candidates import Model
 
@@ -65,16 +64,19 @@ class AugmentedModel:
 
     @property
     def added(self) -> tuple[Effect, ...]:
-        """The effects themselves."""
+        """The effects from the library."""
         from rover_sweep.diagnosis.effects import library
 
         return tuple(library()[effect] for effect in self.effects)
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Physical numbers, SI units: m, ms, h, Ixx, Izz, Ixz, a, b, Cf, Cr, k_phi, b_phi, g, and of effects
-        inv_mu, sigma, k_load, e_roll, T_roll (0 where absent); imu_x, imu_z; L_eff without tyres. Of a lumped
-        model the derivatives "Y_v" .. "N_delta", those by v and r times the speed, m, g, imu_x, imu_z."""
+        """{name: physical number}, SI units.
+
+        The fields of `kernel.VehicleNumbers` (0 for absent effects), imu_x, imu_z, and L_eff without tyres.
+        For a lumped model: the derivatives "Y_v" to "N_delta" (those by v and r times the speed), m, g,
+        imu_x, imu_z.
+        """
         from math import exp
 
         if self.lumped:
@@ -93,11 +95,11 @@ class AugmentedModel:
         return found
 
     def value(self, coordinate: str) -> float:
-        """A coordinate, 0 where the model has none of that name."""
+        """A coordinate by name, 0 if the model does not have it."""
         return float(self.x.get(coordinate, 0.0))
 
     def reported(self, effect: Effect) -> dict[str, tuple[float, str, str]]:
-        """What a user reads of one of its effects, {parameter: (value, unit, convention)}."""
+        """The parameters of one of its effects for a user, {parameter: (value, unit, convention)}."""
         found = effect.reported(self.x)
         if effect.in_one_run and self.happened_at is not None:
             found["t"] = (self.happened_at, *found["t"][1:])
@@ -107,7 +109,7 @@ class AugmentedModel:
 def augmented(
     model: Model, x: Mapping[str, float], runs: Sequence[Recording], begins: Sequence[float]
 ) -> AugmentedModel:
-    """The model that was fitted to runs. begins: of each run's grid, on the recording's clock [s]."""
+    """The model fitted to runs. begins: start of each run's grid on the clock of its recording [s]."""
     at = None
     for run, begin in zip(runs, begins, strict=True):
         if run.name == model.happened_in and "surface_change.t" in x:
@@ -128,8 +130,11 @@ def augmented(
 
 
 def _wait(run: Recording) -> float:
-    """Half a main loop [s], where the command stands where it was set: the gyro is logged every loop."""
+    """Half a main loop [s] if commands have the time at which they were set, else 0.
+
+    The gyro is logged once per loop, so its rate is that of the loop.
+    """
     steering = run["delta"]
     waited = steering.hold and not steering.source.endswith(AT_LOOP)
-    told = waited and SLOWEST_LOOP <= run["r"].rate <= FASTEST_LOOP
-    return 0.5 / run["r"].rate if told else 0.0
+    known = waited and SLOWEST_LOOP <= run["r"].rate <= FASTEST_LOOP
+    return 0.5 / run["r"].rate if known else 0.0

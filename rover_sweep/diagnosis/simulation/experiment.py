@@ -1,4 +1,4 @@
-"""A run as the diagnosis sees it: steering, speed and heading on one grid, and what was measured there."""
+"""A run for the diagnosis: steering, speed, heading and measured channels on one time grid."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from scipy.fft import next_fast_len
 from rover_sweep.data.recording import Array, LowPass, Recording
 
 RATE = 200.0  # Hz, of the simulation
-MARGIN = 1.5  # s of driving taken before and after the manoeuvre, where it was recorded
+MARGIN = 1.5  # s of driving before and after the manoeuvre that are used, if recorded
 CHANNELS = ("r", "ay", "p", "vy")
 SMOOTH = 0.25  # s
-SLOWEST = 0.4  # m/s; below it a slip angle means nothing
+SLOWEST = 0.4  # m/s; a slip angle is not defined at standstill
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """One run on a grid of `RATE` Hz, ISO axes, SI units.
 
-    t (n,) s from the run's start; steer (n,) rad commanded road-wheel angle; speed (n,) m/s measured
-    forward velocity, smoothed over .25 s; heading (n,) rad, left positive, zero where none was recorded.
-    measured: {channel: (n,)} of r, ay, p, vy. at_rest: {channel: mean at standstill}. filters: known
-    low-passes. taper (n,): 0 at both ends, 1 between. rates: {channel: sampling rate, Hz}.
-    begin: of t, on the recording's clock [s]. two_clocks: steering and motion come from different clocks.
+    t (n,): time from the start of the grid [s]. steer (n,): commanded road-wheel angle [rad]. speed (n,):
+    measured forward velocity, averaged over 0.25 s [m/s]. heading (n,): left positive [rad], zero if not
+    recorded. measured: {channel: (n,)} of r, ay, p, vy. at_rest: {channel: mean at standstill}. filters:
+    known low-passes. taper (n,): 0 at both ends, 1 between. rates: {channel: sampling rate [Hz]}.
+    steer_rate: that of the steering [Hz]. begin: time of t = 0 on the clock of the recording [s].
+    two_clocks: steering and motion come from different clocks.
     """
 
     name: str
@@ -46,17 +47,17 @@ class Experiment:
 
     @property
     def mean_speed(self) -> float:
-        """Mean forward speed, m/s."""
+        """Mean forward speed [m/s]."""
         return float(np.mean(self.speed))
 
     @property
     def amplitude(self) -> float:
-        """Largest steering angle, rad."""
+        """Largest steering angle [rad]."""
         return float(np.max(np.abs(self.steer))) if self.steer.size else 0.0
 
 
 def experiment(run: Recording) -> Experiment:
-    """The run between `MARGIN` before and after its manoeuvre, as far as the rover was driving there."""
+    """The run with up to `MARGIN` before and after its manoeuvre, while the rover was driving."""
     start, end = _driven(run)
     grid = start + np.arange(_fast(int((end - start) * RATE) + 1)) / RATE
     measured = {c: run[c].on(grid) for c in CHANNELS if c in run}
@@ -83,14 +84,14 @@ def experiment(run: Recording) -> Experiment:
 
 
 def _fast(n: int) -> int:
-    """The largest length up to n whose transform is quick."""
+    """The largest length up to n with a fast Fourier transform."""
     while n > 16 and next_fast_len(n, real=True) != n:
         n -= 1
     return n
 
 
 def _clock(run: Recording, channel: str) -> str:
-    """Which file a channel came from: MAVLink message names are upper case words, DataFlash ones short."""
+    """The clock of a channel, by its message name: MAVLink names have an underscore or are ATTITUDE."""
     message = run[channel].source.partition(".")[0]
     return "tlog" if "_" in message or message == "ATTITUDE" else "vehicle"
 
@@ -106,14 +107,14 @@ def _driven(run: Recording) -> tuple[float, float]:
 
 
 def smoothed(x: Array) -> Array:
-    """A speed (n,) as a run keeps it: the mean of `SMOOTH` about each sample."""
+    """The mean (n,) of a speed (n,) over `SMOOTH` around each sample."""
     width = int(SMOOTH * RATE) | 1
     padded = np.pad(x, width // 2, mode="edge")
     return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
 
 
 def tapered(n: int) -> Array:
-    """Weight (n,) that rises and falls as a raised cosine over the first and last second."""
+    """Weight (n,): 1, with raised-cosine edges in the first and last second."""
     edge = min(int(RATE), n // 4)
     ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / max(edge, 1))
     return np.concatenate((ramp, np.ones(n - 2 * edge), ramp[::-1]))

@@ -1,10 +1,11 @@
 """The lumped (Taylor series) model as a baseline, equation (19) of the paper, driven at the measured speed.
 
-    v' + V r = (Y_v v + Y_r r)/V + Y_p p + Y_phi phi + Y_delta d,   p' and r' alike with L and N
+    v' + V r = (Y_v v + Y_r r)/V + Y_p p + Y_phi phi + Y_delta d,   and the same for p' with L, r' with N
 
-Tyre forces go with v/V and r/V, so the derivatives by v and r stand times the speed here, which makes them
-hold at every speed; at one speed they are those of `identify.models.lumped`. v is V_y where it is measured:
-the place of the IMU counts from there. Without V_y the derivatives take that place up. Axes ISO, SI units.
+Tyre forces are proportional to v/V and r/V. The derivatives by v and r are therefore multiplied by the speed
+here, which makes them valid at every speed; divided by it they are those of `identification.models.lumped`.
+v is V_y at the place of its measurement, and the position of the IMU is relative to that place. Without V_y
+the derivatives absorb the position. ISO axes, SI units.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ COLUMNS = ("v", "p", "r", "phi", "delta")
 Y, L, N = range(3)
 BY_V, BY_P, BY_R, BY_PHI, BY_DELTA = range(5)
 PER_SPEED = ("v", "r")
-REACH = 10.0  # of a derivative's first value, or of a tenth of its row's middle one: what is free runs away
-STARTED_AT = 1.0  # m/s; the derivatives times the speed do not depend on it
+REACH = 10.0  # bound over the first value, or over a tenth of the median of the row if that is larger
+STARTED_AT = 1.0  # m/s; any value, since the derivatives times the speed do not depend on it
 
 
 def derivatives(rover: Geometry, roll: bool) -> tuple[Coordinate, ...]:
-    """The coordinates "Y_v" .. "N_delta", those by v and r times the speed; without roll none by p or phi."""
+    """The coordinates "Y_v" to "N_delta", those by v and r times the speed; without roll none by p or phi."""
     first = _first(rover, roll)
     rows = {row: {c: first[f"{row}_{c}"] for c in COLUMNS if f"{row}_{c}" in first} for row in ROWS}
     out = []
@@ -45,7 +46,7 @@ def derivatives(rover: Geometry, roll: bool) -> tuple[Coordinate, ...]:
 
 
 def _first(rover: Geometry, roll: bool) -> dict[str, float]:
-    """First values out of the rover's numbers: those of the roll-yaw model, or of the bicycle."""
+    """First values from the rover's numbers by the roll-yaw model, or without roll by the bicycle model."""
     if roll:
         values = identified(rover, roll_yaw(rover), STARTED_AT).values
         return {f"{row}_{c}": values[f"{row}_{c}"] for row in ROWS for c in COLUMNS}
@@ -60,18 +61,22 @@ def _first(rover: Geometry, roll: bool) -> dict[str, float]:
 
 
 def start_coordinates(parameters: Mapping[str, float], speed: float) -> dict[str, float]:
-    """Coordinates out of the derivatives of a lumped model that was identified at a speed [m/s]."""
+    """Coordinates from the derivatives of a lumped model that was identified at a speed [m/s]."""
     names = [(row, c) for row in ROWS for c in COLUMNS if f"{row}_{c}" in parameters]
     return {f"{row}_{c}": parameters[f"{row}_{c}"] * (speed if c in PER_SPEED else 1.0) for row, c in names}
 
 
 def motion(delta: Array, speed: Array, pushed: Array, x: Mapping[str, float], dt: float) -> dict[str, Array]:
-    """Motion {name: (n,)} as that of the other baselines. pushed (n,): side force per mass, m/s^2."""
+    """Motion {name: (n,)} as `simulator.motion` gives it, ISO axes, SI units.
+
+    delta (n,): road-wheel angle [rad]. speed (n,): V [m/s]. pushed (n,): added side force per mass [m/s^2].
+    x: coordinates. dt: step [s].
+    """
     table = np.array([[x.get(f"{row}_{c}", 0.0) for c in COLUMNS] for row in ROWS])
     y = _states(delta, speed, pushed, table, dt)
     names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
     found = {name: y[:, k] for k, name in enumerate(names)}
-    # V_y is v itself, while the sensors move "v" to the IMU
+    # v is V_y at the sensor already, while `simulator.sensed` moves "v" to the IMU
     found["v"] = found["v"] - x.get("imu_x", 0.0) * found["r"] + x.get("imu_z", 0.0) * found["p"]
     return found
 
@@ -92,7 +97,7 @@ def _rates(x, out, d, speed, push, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _states(steer, speed, push, q, dt):  # type: ignore[no-untyped-def]
-    """(n, 7): v, r, phi, p, v' + V r, r', p' driven by steer (n,) rad at speed (n,) m/s; RK4 of step dt."""
+    """Motion (n, 7) in the columns v, r, phi, p, v' + V r, r', p'; RK4 of step dt. q (3, 5): derivatives."""
     n = steer.size
     y = np.zeros((n, 7))
     x, xs = np.zeros(4), np.zeros(4)

@@ -1,9 +1,8 @@
-"""The nominal model of a baseline: its coordinates, with what is known of each beforehand.
+"""The nominal model of a baseline: its coordinates with their bounds and priors.
 
-Every rover has a little of everything (left_out_physics, material size): a lag and a delay up to 40 ms,
-Cf and Cr within 15 %, a steering scale within 3 % ... are coordinates of the nominal model, with the
-material size as bound or as a prior, so that they are never a finding. Positive physical numbers move as
-logarithms.
+Normal tolerances of every rover are coordinates of the nominal model: a lag and a delay up to 40 ms, Cf and
+Cr within 15 %, a steering scale within 3 % and others. The tolerance is the bound or the prior, so that it is
+never a finding. Positive physical numbers have logarithmic coordinates.
 """
 
 from __future__ import annotations
@@ -17,7 +16,11 @@ from rover_sweep.data.tolerances import Tolerances
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A number that the fit moves. prior: standard deviation about `start`, None where nothing is known."""
+    """A number that the fit moves.
+
+    low, high: bounds. scale: typical change. prior: standard deviation about `start`, None for no prior.
+    unit: of the physical parameter.
+    """
 
     name: str
     start: float
@@ -26,14 +29,17 @@ class Coordinate:
     scale: float
     prior: float | None = None
     parameter: str = ""
-    """Name of the physical parameter whose logarithm it is."""
+    """Physical parameter of a logarithmic coordinate, else ""."""
     unit: str = ""
 
 
 def coordinates(
     baseline: str, rover: Geometry, spread: Tolerances, slip: bool, roll: bool
 ) -> tuple[Coordinate, ...]:
-    """The coordinates of a baseline ("kinematic", "bicycle", "roll-yaw"); slip, roll: what it now has."""
+    """The coordinates of a baseline ("kinematic", "bicycle", "roll-yaw").
+
+    spread: normal tolerances. slip, roll: True if the model has them, by the baseline or by an effect.
+    """
     s = spread
     out = [
         Coordinate("lag", 0.02, 0.0, s.lag, 0.01),

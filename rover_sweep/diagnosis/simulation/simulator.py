@@ -1,4 +1,4 @@
-"""A model with effects, driven by a run's own steering and speed: what each sensor would have logged."""
+"""A model with effects, driven by the recorded steering and speed of a run: the log that it predicts."""
 
 from __future__ import annotations
 
@@ -35,9 +35,10 @@ Kind = TypeVar("Kind", bound=Effect)
 
 @dataclass(frozen=True)
 class Structure:
-    """What a model consists of: the rover's numbers, whether tyres slip and the body rolls, its effects.
+    """The parts of a model: the rover's numbers, slip, roll, and effects.
 
-    run_of: {effect: name of the run} of effects that happened in one run.
+    slip, roll: True if the tyres slip, the body rolls. happened_in: name of the run with a change of ground,
+    "" for every run. lumped: derivatives replace tyres and springs.
     """
 
     rover: Geometry
@@ -56,7 +57,7 @@ Values = Mapping[str, float]
 
 
 def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
-    """Road-wheel angle (n,) rad out of the commanded one: delay, command, servo, linkage, trim."""
+    """Road-wheel angle (n,) rad from the commanded one through delay, command, servo, linkage and trim."""
     limits = {name: value for e in structure.of(ServoEffect) for name, value in e.numbers(x).items()}
     d = late(run.steer * (1.0 + x.get("scale", 0.0)), run.t, x.get("delay", 0.0))
     for effect in structure.of(CommandEffect):
@@ -68,7 +69,7 @@ def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
 
 
 def late(u: Array, t: Array, delay: float) -> Array:
-    """u (n,) moved by a delay [s], linear between samples."""
+    """u (n,) delayed by `delay` [s], linear between samples."""
     if delay == 0.0:
         return u
     shift = delay * RATE
@@ -80,7 +81,11 @@ def late(u: Array, t: Array, delay: float) -> Array:
 
 
 def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
-    """Motion {name: (n,)}: v, r, phi, p, across (v' + V r), r_dot, p_dot, delta, V, psi, t; ISO axes, SI."""
+    """The motion {name: (n,)}, ISO axes, SI units.
+
+    t, V (speed), psi (heading), delta (road-wheel angle), v_dot_x (V'), ms_h (ms h), v (lateral velocity at
+    the roll axis), r, phi, p, across (v' + V r), r_dot, p_dot, weight (see `_weight`).
+    """
     delta = wheel_angle(run, structure, x)
     speed = run.speed * (1.0 + x.get("vscale", 0.0))
     q, zero = vehicle_numbers(structure, x), np.zeros(delta.size)
@@ -112,7 +117,7 @@ def _lumped(base: dict[str, Array], structure: Structure, x: Values) -> dict[str
 
 
 def _weight(structure: Structure, found: Mapping[str, Array], x: Values) -> Array:
-    """Side force per mass (n,) m/s^2 that an accelerometer does not feel."""
+    """Lateral part of the weight per mass (n,) m/s^2, which an accelerometer does not measure."""
     zero = np.zeros(found["t"].size)
     heavy = tuple(e for e in structure.of(ForceEffect) if e.weight)
     return _pushed(heavy, found, x, structure.rover.mass, zero)[0] / structure.rover.mass if heavy else zero
@@ -129,7 +134,7 @@ def _pushed(
 def _without_slip(
     base: dict[str, Array], structure: Structure, x: Values, q: VehicleNumbers, zero: Array
 ) -> dict[str, Array]:
-    """r = V tan(d)/L and no sideslip at the CG, as ArduPilot's own rover: a_y = V r."""
+    """Kinematic motion without sideslip, as in ArduPilot's SITL rover: r = V tan(d)/L, a_y = V r."""
     rover = structure.rover
     length = exp(x["ln_L_eff"]) if "ln_L_eff" in x else rover.wheelbase
     r = base["V"] * np.tan(base["delta"]) / length
@@ -178,7 +183,7 @@ def vehicle_numbers(structure: Structure, x: Values) -> VehicleNumbers:
 def sensed(
     run: Experiment, structure: Structure, x: Values, moved: Mapping[str, Array]
 ) -> Mapping[str, Array]:
-    """What the sensors show (n,) before any low-pass: r, p, ay at the IMU, vy at the IMU."""
+    """{channel: (n,)} of the sensors before any low-pass: r, p, and ay, vy at the IMU."""
     rover = structure.rover
     ahead = rover.imu_x + x.get("imu_x", 0.0)
     above = rover.imu_z + x.get("imu_z", 0.0)
@@ -200,12 +205,15 @@ def sensed(
 
 
 def _lagged_velocity(moved: Mapping[str, Array], across: Array, x: Values) -> Array:
-    """V_y (n,) of a velocity that lags over ground: in a turn the heading runs away from it, T V r."""
+    """V_y (n,) of a velocity that lags over ground; in a turn the lag T takes T V r from V_y as well.
+
+    across (n,): true V_y [m/s]. The lag acts in earth axes, so the velocity is turned there and back.
+    """
     lag = x.get("vy_lag", 0.0)
     if lag <= 1e-5:
         return across
     turned = np.exp(1j * np.cumsum(moved["r"]) * STEP)
-    keep = (2 * lag - STEP) / (2 * lag + STEP)  # trapezoidal, which delays by the lag and no more
+    keep = (2 * lag - STEP) / (2 * lag + STEP)  # trapezoidal rule, whose delay equals the lag
     new = 0.5 * (1.0 - keep)
     ground = (moved["V"] + 1j * across) * turned
     slow = lfilter([new, new], [1.0, -keep], ground, zi=[(1.0 - new) * ground[0]])[0]
@@ -214,7 +222,10 @@ def _lagged_velocity(moved: Mapping[str, Array], across: Array, x: Values) -> Ar
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """Low-passes and lags of a run's channels on the frequencies of its padded transform."""
+    """Low-passes and lags of the channels of a run, at the frequencies of its padded Fourier transform.
+
+    size: length of the padded run. w (k,): rad/s. known: {channel: response (k,)} of the known filters.
+    """
 
     size: int
     w: Array
@@ -222,13 +233,13 @@ class Sensors:
 
     @staticmethod
     def of(run: Experiment) -> Sensors:
-        """Those of a run, with two seconds of padding."""
+        """The filters of a run, padded by two seconds."""
         size = next_fast_len(run.t.size + int(2 * RATE), real=True)
         w: Array = np.asarray(2 * pi * np.fft.rfftfreq(size, STEP), np.float64)
         return Sensors(size, w, {c: run.filters[c].response(w) for c in run.measured if c in run.filters})
 
     def through(self, signals: Mapping[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
-        """The signals (n,) as they are logged."""
+        """{channel: (n,)}: the signals through filters and lags, as a log has them."""
         hidden = [e.response(self.w, e.coordinates(x)) for e in structure.of(FilterEffect)]
         out = {}
         for channel, y in signals.items():
@@ -251,6 +262,6 @@ class Sensors:
 
 
 def logged(run: Experiment, structure: Structure, x: Values, sensors: Sensors) -> dict[str, Array]:
-    """What the run's log would hold by this model: {channel: (n,)} of the measured channels."""
+    """The log that the model predicts: {channel: (n,)} of the measured channels."""
     shown = sensed(run, structure, x, motion(run, structure, x))
     return sensors.through({c: shown[c] for c in run.measured}, structure, x)
