@@ -51,10 +51,6 @@ class Running:
     _outputs: tuple[Path, ...] = field(repr=False, compare=False)
     radio: int | None = None
 
-    def alive(self) -> bool:
-        """Whether everything that was started still runs."""
-        return all(program.poll() is None for program in self._programs)
-
     def last_words(self) -> str:
         """Last line of output of a program that has ended by itself, '' while all run."""
         for program, output in zip(self._programs, self._outputs, strict=True):

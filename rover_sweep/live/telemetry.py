@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 
 from firmware_params.applet_parameters import AUX_FUNCTION, PREFIX, STATES
 from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.manoeuvre.configured import manoeuvre_of
+from rover_sweep.manoeuvre.configured import configured_manoeuvre
 from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.vehicle.estimator import has_position
 from rover_sweep.vehicle.link.mavlink import Message, kind
@@ -117,7 +117,7 @@ class Telemetry:
 
     def _now(self) -> float:
         """Progress of the manoeuvre, 0..1."""
-        planned = self.manoeuvre or manoeuvre_of(self.parameters)
+        planned = self.manoeuvre or configured_manoeuvre(self.parameters)
         if self.state in _STEERED and planned is not None:
             done = (self.t - self._straight_from) / planned.duration
             self._progress = min(max(done, 0.0), 1.0) if math.isfinite(done) else math.nan

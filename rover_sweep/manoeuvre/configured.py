@@ -11,7 +11,7 @@ from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 _DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
 
-def manoeuvre_of(values: Mapping[str, float]) -> Manoeuvre | None:
+def configured_manoeuvre(values: Mapping[str, float]) -> Manoeuvre | None:
     """The manoeuvre of these SWP_ parameters [us, rad/s, s]; those that are missing have their defaults.
 
     None where the values hold no SWP_ parameter at all, or what the applet would refuse.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rover_sweep.files.printable import printable
-from rover_sweep.manoeuvre.configured import manoeuvre_of
+from rover_sweep.manoeuvre.configured import configured_manoeuvre
 from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.session.content import Span, State
 
@@ -52,7 +52,7 @@ def outcome_of(path: Path) -> Outcome | None:
     if not active:
         return None
     number = next((int(value) for _, name, value in reversed(named) if name == "SWP_RUN"), 0)
-    return _outcome(_texts(last), states, active[0][0], number, manoeuvre_of(values))
+    return _outcome(_texts(last), states, active[0][0], number, configured_manoeuvre(values))
 
 
 def _outcome(

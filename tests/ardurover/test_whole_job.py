@@ -9,13 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from conversation_file import read_conversation
 from firmware_jobs import Job, whole_job
 from transport_replayed import ReplayedLine
 
 from rover_sweep.cli.views.truth import truth
 from rover_sweep.session.session import drive
 from rover_sweep.vehicle.events import LogSaved, ParameterSet, Rebooting, RunFinished
-from rover_sweep.vehicle.link.conversation import read_conversation
 from sitl.plant.variant import load_variant
 
 pytestmark = pytest.mark.ardurover

@@ -1,4 +1,4 @@
-"""pymavlink in one module, and the linters."""
+"""pymavlink in one module, the linters, and no dead code."""
 
 import re
 import subprocess
@@ -22,4 +22,11 @@ def test_pymavlink_is_wrapped_in_one_module():
 @pytest.mark.parametrize("command", [["ruff", "check", "."], ["ruff", "format", "--check", "."], ["mypy"]])
 def test_linters(command: list[str]):
     done = subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_no_dead_code():
+    """What only tests use counts as dead. False findings go to vulture_whitelist.py, each with its reason."""
+    pytest.importorskip("vulture")
+    done = subprocess.run([sys.executable, "-m", "vulture"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr

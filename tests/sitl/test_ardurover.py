@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from running_programs import all_run
 
 from sitl.launcher import LaunchError, find_ardurover, start_ardurover
 
@@ -139,4 +140,4 @@ def test_own_rover_model_starts(binary: Path, tmp_path: Path) -> None:
         heartbeat = link.wait_heartbeat(timeout=10)
         link.close()
     assert heartbeat is not None and heartbeat.type == mavutil.mavlink.MAV_TYPE_GROUND_ROVER
-    assert not rover.alive()
+    assert not all_run(rover)

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from running_programs import all_run
 
 from sitl import launcher
 from sitl.launcher import LaunchError, Running, find_ardurover, start_ardurover, start_embedded
@@ -83,7 +84,7 @@ def test_starts_firmware_with_json_physics_and_stops_both(tmp_path: Path) -> Non
     with start_ardurover(
         firmware(tmp_path), work, speedup=5, defaults=[parameters], scripts=[applet]
     ) as rover:
-        assert rover.alive() and rover.directory == work
+        assert all_run(rover) and rover.directory == work
         arguments = (work / "arguments").read_text()
         number = int(arguments.split("--instance ")[1].split()[0])
         assert rover.connection == f"tcp:127.0.0.1:{5760 + 10 * number}"
@@ -92,7 +93,7 @@ def test_starts_firmware_with_json_physics_and_stops_both(tmp_path: Path) -> Non
         assert (work / "scripts" / "applet.lua").read_text() == "return 1"
         assert f'{{"udp": {9002 + 10 * number}, "variant": "nominal"}}' in (work / "physics.out").read_text()
         assert runs(work / "pid") and runs(work / "child")
-    assert not rover.alive()
+    assert not all_run(rover)
     assert gone(work / "pid", work / "child")
     rover.stop()
 
@@ -151,7 +152,7 @@ def test_a_program_deaf_to_the_polite_signal_is_killed(tmp_path: Path) -> None:
 def test_embedded_rover_starts_and_stops(tmp_path: Path) -> None:
     pytest.importorskip("sitl.embedded")
     with start_embedded(tmp_path / "work", seed=2) as rover:
-        assert isinstance(rover, Running) and rover.alive()
+        assert isinstance(rover, Running) and all_run(rover)
         assert rover.connection.startswith("tcp:127.0.0.1:")
         assert int(rover.connection.rpartition(":")[2]) > 1023
-    assert not rover.alive()
+    assert not all_run(rover)

@@ -32,6 +32,8 @@ THROTTLE_US = 1710
 
 Told = Callable[[Event], None]  # what a simulated pilot is told while it is real
 Scenario = Callable[[str, Path, Line, Told], Iterator[Any]]
+RECORDED_AS = {"SurveyedParameter": "Checked", "VehicleIdentity": "Vehicle"}
+"""Names of classes when the conversations were recorded."""
 
 
 def nobody(event: Event) -> None:
@@ -113,7 +115,7 @@ _LEFT_OUT = {
 def _plain(value: Any) -> Any:
     """A value as JSON has it; NaN as a word, since it is not equal to itself; long texts hashed."""
     if is_dataclass(value) and not isinstance(value, type):
-        name = type(value).__name__
+        name = RECORDED_AS.get(type(value).__name__, type(value).__name__)
         return {"": name} | {k: _plain(v) for k, v in vars(value).items() if k not in _LEFT_OUT.get(name, ())}
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}

@@ -20,6 +20,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from conversation_file import read_conversation
 from conversation_scenarios import (
     APPLET,
     CONVERSATIONS,
@@ -37,7 +38,6 @@ from firmware_params.param_files import shipped
 from rover_sweep.session.simulated_rover import pilot
 from rover_sweep.vehicle.events import Event, StateChanged, SwitchWanted
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link.conversation import read_conversation
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine
 from rover_sweep.vehicle.link.requests import Refused

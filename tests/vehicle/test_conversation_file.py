@@ -6,18 +6,14 @@ import gzip
 from pathlib import Path
 
 import pytest
+from conversation_file import Conversation, ConversationEntry
+from conversation_file import read_conversation as read
+from conversation_file import write_conversation as write
 from fake_vehicle import FakeVehicle
 from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import DataRefused, LinkError
-from rover_sweep.vehicle.link.conversation import (
-    Conversation,
-    ConversationEntry,
-    ConversationKind,
-    ConversationWriter,
-)
-from rover_sweep.vehicle.link.conversation import read_conversation as read
-from rover_sweep.vehicle.link.conversation import write_conversation as write
+from rover_sweep.vehicle.link.conversation import ConversationKind, ConversationWriter
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
 from rover_sweep.vehicle.parameters.read_write import read_present

@@ -11,16 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conversation_file import Conversation, ConversationEntry, read_conversation
 from conversation_scenarios import CONVERSATIONS, SCENARIOS, VERSIONS, carried_out
 from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.conversation import (
-    Conversation,
-    ConversationEntry,
-    ConversationKind,
-    read_conversation,
-)
+from rover_sweep.vehicle.link.conversation import ConversationKind
 
 RECORDED = [(firmware, name) for firmware in VERSIONS for name in SCENARIOS]
 

@@ -14,8 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from conversation_file import Conversation
+
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.conversation import Conversation, ConversationKind
+from rover_sweep.vehicle.link.conversation import ConversationKind
 from rover_sweep.vehicle.link.mavlink import Codec, kind
 from rover_sweep.vehicle.link.transport import Transport
 

@@ -24,7 +24,7 @@ from rover_sweep.logs.read import read_logs
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
 from rover_sweep.logs.readers.pair import extent
 from rover_sweep.logs.runs.applet import is_old
-from rover_sweep.manoeuvre.configured import manoeuvre_of
+from rover_sweep.manoeuvre.configured import configured_manoeuvre
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre
 from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
@@ -93,7 +93,7 @@ class FlashPart:
         """The manoeuvre that stood in the parameters at a time."""
         count = int(np.searchsorted(self._set_at, t, "right"))
         if count not in self._planned:
-            self._planned[count] = manoeuvre_of(self.parameters(t))
+            self._planned[count] = configured_manoeuvre(self.parameters(t))
         return self._planned[count]
 
     def state(self, t: float) -> int:

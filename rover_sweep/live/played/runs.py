@@ -18,7 +18,7 @@ from rover_sweep.live.verdict.keep_or_repeat import NOT_WHOLE
 from rover_sweep.live.verdict.run_verdict import renamed, verdict_on_log
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import runs_of
-from rover_sweep.manoeuvre.configured import manoeuvre_of
+from rover_sweep.manoeuvre.configured import configured_manoeuvre
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.quality.coherence import excited_range
@@ -98,7 +98,7 @@ def runs_in(
     runs = []
     for k, recording in enumerate(found):
         begin, end = _extent(recording, states)
-        planned = manoeuvre_of(parameters(begin)) if states else None
+        planned = configured_manoeuvre(parameters(begin)) if states else None
         if planned is None or planned.kind != recording.kind:
             planned = _as_driven(recording)
         marks = [m for t, text in log.marks if begin < t <= end + 1.0 and (m := _SAID.match(text))]

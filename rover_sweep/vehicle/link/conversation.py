@@ -13,18 +13,13 @@ from __future__ import annotations
 import gzip
 import json
 import struct
-import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.errors import DataRefused
-from rover_sweep.files.documents import read_json
-
 FORMAT = "rover-sweep conversation 1"
-_HEAD = struct.Struct(">BQI")
+HEAD = struct.Struct(">BQI")  # kind, us since the first entry, length
 _FLUSH_US = 1_000_000  # what a killed program loses of it at most; the .tlog loses nothing
 
 
@@ -38,24 +33,6 @@ class ConversationKind(IntEnum):
     RECEIVED = 4
     ENDED = 5  # by the other side
     CLOSED = 6
-
-
-@dataclass(frozen=True)
-class ConversationEntry:
-    """t: s since the first entry."""
-
-    kind: ConversationKind
-    t: float
-    data: bytes = b""
-
-
-@dataclass(frozen=True)
-class Conversation:
-    """about: what stands in the header. whole: the file was closed; else its last second may lack."""
-
-    entries: tuple[ConversationEntry, ...]
-    about: Mapping[str, Any] = field(default_factory=dict)
-    whole: bool = True
 
 
 class ConversationWriter:
@@ -74,7 +51,7 @@ class ConversationWriter:
             return
         self._first_us = us if self._first_us is None else self._first_us
         try:
-            self._file.write(_HEAD.pack(kind, us - self._first_us, len(data)) + data)
+            self._file.write(HEAD.pack(kind, us - self._first_us, len(data)) + data)
             if us - self._flushed_us >= _FLUSH_US:
                 self._file.flush()
                 self._flushed_us = us
@@ -86,47 +63,3 @@ class ConversationWriter:
             self._file.close()
         except OSError as error:
             self.failure = self.failure or f"{self.path} cannot be written ({error.strerror})"
-
-
-def write_conversation(path: Path, conversation: Conversation) -> None:
-    """A conversation into a file, as it would have been recorded."""
-    writer = ConversationWriter(path, {k: v for k, v in conversation.about.items() if k != "format"})
-    for entry in conversation.entries:
-        writer.write(entry.kind, round(entry.t * 1e6), entry.data)
-    writer.close()
-
-
-def read_conversation(path: Path) -> Conversation:
-    """DataRefused where it is none or is damaged; one whose writer was killed is read as far as it goes."""
-    content, whole = _unpacked(path)
-    line, newline, body = content.partition(b"\n")
-    try:
-        about = read_json(line.decode("utf-8"))
-        known = about.get("format") == FORMAT
-    except (ValueError, AttributeError):
-        known = False
-    if not newline or not known:
-        raise DataRefused(f"{path} is no conversation recording of this program ({FORMAT})")
-    entries, at = list[ConversationEntry](), 0
-    while at + _HEAD.size <= len(body):
-        kind, us, length = _HEAD.unpack_from(body, at)
-        if kind not in ConversationKind.__members__.values():
-            raise DataRefused(f"{path} is damaged: entry {len(entries)} is of no known kind ({kind})")
-        at += _HEAD.size
-        if at + length > len(body):
-            break
-        entries.append(ConversationEntry(ConversationKind(kind), us * 1e-6, body[at : at + length]))
-        at += length
-    return Conversation(tuple(entries), about, whole)
-
-
-def _unpacked(path: Path) -> tuple[bytes, bool]:
-    """(content as far as it is there, whether the file ends properly)."""
-    unpacker = zlib.decompressobj(wbits=31)
-    try:
-        content = unpacker.decompress(path.read_bytes())
-    except OSError as error:
-        raise DataRefused(f"{path} cannot be read: {error.strerror}") from error
-    except zlib.error as error:
-        raise DataRefused(f"{path} is damaged, or no conversation recording: {error}") from error
-    return content, unpacker.eof

@@ -1,0 +1,44 @@
+"""Names that vulture reports although other programs or getattr use them. Only vulture reads this file."""
+
+from typing import Any
+
+it: Any = None
+
+_ = [
+    # called by click, IPython and textual
+    it.list_commands,
+    it.get_command,
+    it.format_commands,
+    it._repr_html_,
+    it.theme,
+    # fields of the vehicle file and of a plan's evidence, read by getattr
+    it.asymmetry,
+    it.nonlinearity,
+    it.own_effects,
+    it.own_tolerances,
+    # sentence of an effect for readers of the library
+    it.shows,
+    # read or called by pymavlink
+    it.link_id,
+    it.sign_outgoing,
+    it.allow_unsigned_callback,
+    it.robust_parsing,
+    it.source_component,
+    it.mav,
+    it.file_transfer_protocol_send,
+    it.recv_match,
+    it.idle_detection_time,
+    # called by the applet in Lua (sitl/autopilot/lua_api.lua)
+    it.add_parameter,
+    it.get_parameter,
+    it.set_parameter,
+    it.rc_pwm,
+    it.aux_position,
+    it.rc_valid,
+    it.servo_channel,
+    it.override_servo,
+    it.servo_pwm,
+    it.velocity_ned,
+    it.gcs_last_seen_ms,
+    it.named_float,
+]
