@@ -53,7 +53,7 @@ from rover_sweep.identification.grouping import Settings, grouped
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
 MATERIAL_CHANGE = 0.03  # relative change of a nominal parameter from which it is reported as falsified
-UNBOUNDED = 1e9  # value that stands for a limit or cut-off that the data do not show
+UNBOUNDED = 1e9  # value of a limit or cut-off that the data do not show
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Sweeps of a roll-yaw model with noise, and with something planted into what was measured."""
+"""Sweeps of a roll-yaw model with noise, and with signals added to the measurements ("planted")."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Planted = Callable[[Experiment], Mapping[str, Array]]
 
 
 def sweeps(seed: int, plan: Sequence[tuple[float, float]] = PLAN) -> list[Experiment]:
-    """A sweep for each (amplitude [rad], speed [m/s]) as the model would have it, without noise."""
+    """A sweep for each (amplitude [rad], speed [m/s]), simulated by the model without noise."""
     out = []
     for k, (amplitude, speed) in enumerate(plan):
         law = Sweep()
@@ -64,7 +64,7 @@ def sweeps(seed: int, plan: Sequence[tuple[float, float]] = PLAN) -> list[Experi
 def compared(
     planted: Planted, seed: int = 1, plan: Sequence[tuple[float, float]] = PLAN
 ) -> tuple[Problem, Array]:
-    """(problem in the true noise floor, what the model leaves of it) with noise and what is planted."""
+    """(problem with the true noise floor, residual rows of the model) with noise and the planted signals."""
     random = np.random.default_rng(seed)
     runs, noise = [], []
     for run in sweeps(seed, plan):
@@ -77,11 +77,13 @@ def compared(
     return found, found.measured - found.model(MODEL.structure, X)
 
 
-def told(planted: Planted, seed: int = 1, plan: Sequence[tuple[float, float]] = PLAN) -> tuple[Mismatch, ...]:
-    """What is said of the place of what was planted."""
+def located(
+    planted: Planted, seed: int = 1, plan: Sequence[tuple[float, float]] = PLAN
+) -> tuple[Mismatch, ...]:
+    """The places reported for the planted signals."""
     return mismatches(*compared(planted, seed, plan))
 
 
 def over(found: Sequence[Mismatch], quantity: str) -> list[Mismatch]:
-    """Those over one quantity."""
+    """The places over one quantity."""
     return [m for m in found if m.profile and m.profile.over == quantity]

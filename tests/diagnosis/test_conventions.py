@@ -1,4 +1,4 @@
-"""Signs, units, names of files and the order of runs are no physics: the answer is the same."""
+"""The result does not depend on signs, units, file names or the order of the runs."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""A nominal parameter that is wanted beyond what is ordinary is told; what would stand in for it is not."""
+"""A nominal parameter beyond its bound is reported; a proxy for it is not."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.diagnosis.unexplained.laws import laws
 from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unmodelled_gain
 
-RATIO = 1.8  # Cf/Cr, where 15 % are ordinary
+RATIO = 1.8  # Cf/Cr; 15 % are within the tolerances
 
 
 def runs() -> list[Experiment]:
@@ -35,7 +35,7 @@ def chosen(*only: str) -> Choice:
 
 
 @pytest.mark.slow
-def test_what_stands_in_for_it_is_withdrawn() -> None:
+def test_a_proxy_is_withdrawn() -> None:
     found = chosen("roll_steer")
     assert found.exceeded is not None and found.exceeded.coordinate == "ln_ratio"
     assert found.named == () and found.withdrawn == ("roll_steer",)
@@ -45,15 +45,15 @@ def test_what_stands_in_for_it_is_withdrawn() -> None:
 
 
 @pytest.mark.slow
-def test_the_candidate_that_has_it_is_named() -> None:
+def test_the_candidate_for_the_parameter_is_found() -> None:
     found = chosen("roll_steer", "front_rear_stiffness")
     assert found.exceeded is None and [n.trial.effect for n in found.named] == ["front_rear_stiffness"]
     assert np.exp(found.last.fitted.x["ln_ratio"]) == pytest.approx(RATIO, rel=0.1)
 
 
 @pytest.mark.slow
-def test_a_law_without_a_name_is_weighed_as_it_can_be_fitted() -> None:
-    """A wind turns the rover with its heading: no candidate does, and a law that does is found."""
+def test_an_unnamed_term_counts_by_its_fitted_gain() -> None:
+    """A wind turns the rover depending on its heading: no candidate does, but an unnamed term does."""
     law = next(w for w in laws() if w.words == "yaw moment ~ cos(psi)")
     windy = replace(MODEL.structure, effects=(law.effect,))
     random, blown = np.random.default_rng(5), {**X, law.effect.key("amount"): 0.1}

@@ -1,4 +1,4 @@
-"""Dry friction holds the body still in a quiet stretch, so there is more noise where the rover is driven."""
+"""Dry friction holds the body still where the steering is quiet, so the noise grows with the motion."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def runs(grows: float) -> list[Experiment]:
 
 
 @pytest.mark.slow
-def test_what_is_named_is_not_withdrawn_for_noise_that_no_state_predicts() -> None:
+def test_a_finding_is_not_withdrawn_for_noise_that_grows_with_the_motion() -> None:
     found = choose(runs(2.0), MODEL, X, Options((EFFECT,), (), 1, lambda what, share: None, lambda: False))
     assert [n.trial.effect for n in found.named] == [EFFECT]
     assert found.last.fitted.x[f"{EFFECT}.T"] == pytest.approx(TORQUE, rel=0.15)
     assert found.last.misfit["p"].notable and not found.last.misfit["p"].large
     assert left_unexplained(found.last, True, 1) is None
-    assert left_unexplained(found.last, False, 1) is not None  # with nothing named it is worth a question
+    assert left_unexplained(found.last, False, 1) is not None  # without a finding it is reported

@@ -1,4 +1,4 @@
-"""J, J_rms, TIC and share removed on a fresh run, in total and of each effect beside the others."""
+"""J, J_rms, TIC and share removed on a held-out run, in total and for each effect."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_sweep_has_costs_and_a_doublet_has_none() -> None:
 
 
 def test_a_quieter_run_is_judged_by_its_own_noise() -> None:
-    """Half the noise of the runs that were used: what is above it must not count as beyond all."""
+    """A run with half the noise of the used runs: the share removed refers to its own noise."""
     run = driven(5)[0]
     whole, rest = FittedModel(BOTH, TRUE), FittedModel(BOTH, {**TRUE, "tyre_relaxation.sigma": 0.24})
     clean = logged(run, BOTH.structure, TRUE, Sensors.of(run))
@@ -83,8 +83,8 @@ def test_a_model_at_the_floor_has_nothing_to_remove() -> None:
     )
 
 
-def test_an_effect_is_worth_what_the_others_cannot_do() -> None:
-    """Without the trim the rest still has relaxation, so its absence leaves what the trim alone explains."""
+def test_an_effect_counts_by_what_the_others_cannot_explain() -> None:
+    """Without the trim the model still has relaxation, so the difference is the trim's contribution alone."""
     whole = FittedModel(BOTH, TRUE)
     held = HeldOutRun.of(driven(4)[0], FLOOR, FittedModel(BOTH, TRUE))
     rest = refitted_without("steering_trim", with_floor(driven(3), FLOOR), whole)

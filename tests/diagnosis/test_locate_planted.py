@@ -1,4 +1,4 @@
-"""Where something was planted is where it is told to be, and where nothing was planted nothing is told."""
+"""A planted signal is reported where it was planted; without one, nothing is reported."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from planted import over, told
+from planted import located, over
 
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.recording import Array
@@ -24,44 +24,46 @@ def phase(run: Experiment) -> Array:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
-def test_nothing_planted_is_told_nowhere(seed: int) -> None:
-    assert told(lambda run: {}, seed) == ()
+def test_without_a_planted_signal_nothing_is_reported(seed: int) -> None:
+    assert located(lambda run: {}, seed) == ()
 
 
 def test_a_tone_is_found_in_its_channel_and_band() -> None:
-    found = told(lambda run: {"p": 0.1 * np.sin(6.0 * run.t)})
+    found = located(lambda run: {"p": 0.1 * np.sin(6.0 * run.t)})
     assert {m.channel for m in found} == {"p"}
     assert found[0].band[0] < 6.0 < found[0].band[1] < 9.0
     assert found[0].profile is not None and found[0].profile.over == "frequency"
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_a_harmonic_is_told_by_its_order(order: int) -> None:
-    found = over(told(lambda run: {"r": 0.03 * np.sin(order * phase(run)) * (run.taper > 0.5)}), "harmonic")
+def test_a_harmonic_is_reported_with_its_order(order: int) -> None:
+    found = over(
+        located(lambda run: {"r": 0.03 * np.sin(order * phase(run)) * (run.taper > 0.5)}), "harmonic"
+    )
     assert [m.channel for m in found] == ["r"]
     assert found[0].condition == {2: "2nd harmonic", 3: "3rd harmonic"}[order]
 
 
-def test_what_is_in_proportion_is_no_harmonic_and_has_no_amplitude() -> None:
-    found = told(lambda run: {"r": 0.2 * run.measured["r"]})
+def test_a_proportional_residual_has_no_harmonic_and_no_amplitude() -> None:
+    found = located(lambda run: {"r": 0.2 * run.measured["r"]})
     assert found[0].channel == "r" and found[0].residual_over_noise > 3
     assert not over(found, "harmonic") and not over(found, "amplitude") and not over(found, "turn")
     assert not over(found, "time") and not over(found, "heading")
 
 
-def test_a_steady_turn_is_told_with_its_side_and_size() -> None:
-    (found,) = (m for m in told(lambda run: {"r": np.full(run.t.size, -0.05)}) if m.condition == "steady")
+def test_a_steady_turn_is_reported_with_its_side_and_size() -> None:
+    (found,) = (m for m in located(lambda run: {"r": np.full(run.t.size, -0.05)}) if m.condition == "steady")
     assert found.channel == "r"
     assert "2.9 deg/s further to the right" in found.sentence  # .05 rad/s
 
 
-def test_one_side_is_told_apart_from_the_other() -> None:
-    (found,) = over(told(lambda run: {"r": 0.1 * np.maximum(run.measured["r"], 0.0)}), "turn")
+def test_left_and_right_turns_are_separated() -> None:
+    (found,) = over(located(lambda run: {"r": 0.1 * np.maximum(run.measured["r"], 0.0)}), "turn")
     assert found.condition == "left turns"
     assert found.profile is not None
     left, right = found.profile.ratio
     assert left > 5 * abs(right)
-    (found,) = over(told(lambda run: {"r": 0.1 * np.minimum(run.measured["r"], 0.0)}), "turn")
+    (found,) = over(located(lambda run: {"r": 0.1 * np.minimum(run.measured["r"], 0.0)}), "turn")
     assert found.condition == "right turns"
 
 
@@ -73,7 +75,7 @@ def test_one_side_is_told_apart_from_the_other() -> None:
     ],
 )
 def test_growth_with_the_amplitude(bent: Callable[[Experiment], Array], words: str) -> None:
-    (found,) = over(told(lambda run: {"r": bent(run)}), "amplitude")
+    (found,) = over(located(lambda run: {"r": bent(run)}), "amplitude")
     assert found.channel == "r" and found.condition == words
     assert found.profile is not None and found.profile.x == pytest.approx((5.73, 11.46), rel=0.01)
 
@@ -82,7 +84,7 @@ def test_the_speed_at_which_it_differs() -> None:
     def slow_only(run: Experiment) -> Mapping[str, Array]:
         return {"r": (0.2 if run.mean_speed < 1.8 else 0.05) * run.measured["r"]}  # .2/1.2, .05/1.05
 
-    (found,) = over(told(slow_only), "speed")
+    (found,) = over(located(slow_only), "speed")
     assert found.condition == "1.40 m/s"
     assert "17 % of the motion, against 5 % at 2.20 m/s" in found.sentence
 
@@ -91,16 +93,16 @@ def test_the_instant_from_which_a_run_differs() -> None:
     def changed(run: Experiment) -> Mapping[str, Array]:
         return {"r": 0.2 * run.measured["r"] * (run.t > 45.0) * (run.name == "run2")}
 
-    (found,) = over(told(changed), "time")
+    (found,) = over(located(changed), "time")
     assert found.condition.startswith("run2 from ")
     assert float(found.condition.split()[2]) == pytest.approx(45.0, abs=1.5)
 
 
-def test_a_slope_is_told_by_the_heading() -> None:
+def test_a_slope_is_reported_by_the_heading() -> None:
     def slope(run: Experiment) -> Mapping[str, Array]:
         return {"ay": 0.06 * GRAVITY * np.cos(run.heading - np.pi / 2)}
 
-    (found,) = over(told(slope), "heading")
+    (found,) = over(located(slope), "heading")
     assert found.channel == "ay" and found.condition == "heading west"
 
 
@@ -112,7 +114,7 @@ def test_the_list_is_short_and_begins_with_the_largest() -> None:
             for c, s in {"r": 0.01, "ay": 0.1, "p": 0.03, "vy": 0.01}.items()
         }
 
-    found = told(all_of_it)
+    found = located(all_of_it)
     sizes = [m.residual_over_noise for m in found]
     assert 5 <= len(found) <= 8 and sizes == sorted(sizes, reverse=True)
     assert len({m.sentence for m in found}) == len(found)

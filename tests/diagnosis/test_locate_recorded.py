@@ -1,4 +1,4 @@
-"""Where the real firmware's concealed recordings differ from a roll-yaw model, as their truth has it."""
+"""Places where recordings of the real firmware differ from a roll-yaw model, against their known truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings of the real firmware that conceal an effect: named without its name anywhere near the data."""
+"""Recordings of the real firmware that conceal an effect: the diagnosis finds it."""
 
 import json
 import tomllib

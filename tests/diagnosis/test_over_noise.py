@@ -1,4 +1,4 @@
-"""How far a signature is above the noise, also where a fit moved nothing (a 60 kg rover's did)."""
+"""RMS over noise of a signature, also where the fit moved nothing (as for a 60 kg rover)."""
 
 from __future__ import annotations
 
@@ -19,5 +19,5 @@ def test_the_size_of_the_signature_does_not_count(size: float) -> None:
     assert over_noise(12.0, rows) == pytest.approx(2.0)  # 12 in 4 rows of variance 1: sqrt(1 + 3)
 
 
-def test_a_gain_that_is_a_loss_is_no_gain() -> None:
+def test_a_negative_gain_counts_as_zero() -> None:
     assert over_noise(-5.0, np.ones(4)) == 1.0

@@ -1,4 +1,4 @@
-"""Speed lost in turns: found beyond what turned wheels take anyway, and not where there is nothing more."""
+"""Speed lost in turns is found where it exceeds the drag of the turned wheels, and not otherwise."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def test_a_loss_beyond_the_wheels_own_is_found_and_sized(tmp_path: Path, number:
     assert 0.2 < found.lag < 1.2
 
 
-def test_what_turned_wheels_take_anyway_is_no_finding(tmp_path: Path) -> None:
+def test_the_drag_of_the_turned_wheels_is_not_a_finding(tmp_path: Path) -> None:
     write_set(draw_case(32, 1, "none"), tmp_path / "set", tmp_path / "t.json")
     assert not _judged(tmp_path / "set", tmp_path / "set" / "rover.toml").found
 

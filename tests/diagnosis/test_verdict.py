@@ -1,4 +1,4 @@
-"""Verdicts: explained only at the noise floor, and findings that a fresh run contradicts are told."""
+"""Verdicts: explained only at the noise floor; findings that a held-out run contradicts are reported."""
 
 import pytest
 
@@ -32,15 +32,15 @@ def test_explained_is_at_the_noise_floor(
     assert verdict_of(findings, left, variance) == verdict
 
 
-def test_what_is_left_is_told_in_sizes_of_the_noise() -> None:
+def test_the_remaining_residual_is_given_in_multiples_of_the_noise() -> None:
     assert "2.0 times the noise floor" in sentence_of((finding(),), None, 4.0)
     assert sentence_of((), None, 1.0).startswith("nothing is missing")
 
 
-def test_a_finding_that_a_fresh_run_contradicts_is_told() -> None:
+def test_a_finding_that_a_held_out_run_contradicts_is_reported() -> None:
     assert remarks_of([], [finding(0.4, -0.1, None)], ())[-1].endswith("worse on run5")
     assert not any("not confirmed" in remark for remark in remarks_of([], [finding(0.4, None)], ()))
 
 
-def test_what_explains_little_is_told_and_not_named() -> None:
+def test_an_effect_that_explains_little_is_reported_as_withdrawn() -> None:
     assert "surface_change fit a part" in remarks_of([], [], ("surface_change",))[-1]

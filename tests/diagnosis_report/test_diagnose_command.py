@@ -130,7 +130,7 @@ def test_a_model_that_cannot_be_used_ends_with_a_sentence(
         (("--only", "tyre_relax"), "there is no effect 'tyre_relax'; did you mean tyre_relaxation?"),
         (("--only", ""), "'' names nothing"),
         (("--only", "roll_dof,tyre_slip"), "can be missing from the roll-yaw baseline"),
-        (("--only", "roll_steer", "--baseline", "kinematic"), "nothing of roll_steer can be missing"),
+        (("--only", "roll_steer", "--baseline", "kinematic"), "none of roll_steer can be missing"),
         (("--time-limit", "nan"), "the time limit is nan s; give a time above 0"),
         (("--time-limit", "inf"), "the time limit is inf s; give a time above 0"),
         (("--only", "foo"), "there is no effect 'foo'; there are "),

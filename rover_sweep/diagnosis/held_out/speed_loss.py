@@ -172,7 +172,7 @@ def _result(
     best = int(np.argmin(costs))
     rows = fits[best].speed.size
     noise = costs[best] / max(rows - 2 * len(drives) - 2, 1)
-    none = min(float(f.speed @ f.speed) for f in fits)
+    without_loss = min(float(f.speed @ f.speed) for f in fits)
     random = np.random.default_rng(seed)
     units = np.column_stack([f.per_loss / (np.linalg.norm(f.per_loss) or 1.0) for f in fits])
     own = fits[best].own
@@ -195,7 +195,7 @@ def _result(
         low=float(low),
         high=float(high),
         lag=lag,
-        gain=float(none - costs[best]) / noise,
+        gain=float(without_loss - costs[best]) / noise,
         threshold=float(np.quantile(gains, 1.0 - FALSE_ALARMS)),
         drop=drop,
         noise=float(np.var(np.concatenate(_residuals(table[best], loss)))),

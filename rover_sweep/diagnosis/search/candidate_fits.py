@@ -51,7 +51,7 @@ class Trial:
 class Tangent:
     """The directions in which a fitted model can move its rows, orthonormal.
 
-    q (rows + k, k) for k coordinates that are inside their bounds: below the `rows` of the data stands one
+    q (rows + k, k) for k coordinates that are inside their bounds: below the `rows` of the data is one
     row for the prior of each coordinate, so that a prior limits the movement.
     """
 

@@ -87,7 +87,7 @@ def _gain(scores: Array, gram: Array, members: Sequence[int], signatures: Sequen
 
 
 def _single(scores: Array, power: float, signed: bool) -> Array:
-    """Drop (draws,) of the cost by one parameter with the score `seen` (draws,)."""
+    """Drop (draws,) of the cost by one parameter with these scores (draws,)."""
     if power < 1e-9:
         return np.zeros(scores.shape)
     return (scores if signed else np.maximum(scores, 0.0)) ** 2 / power
