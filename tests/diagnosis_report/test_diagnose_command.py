@@ -128,7 +128,7 @@ def test_a_model_that_cannot_be_used_ends_with_a_sentence(
     ("arguments", "words"),
     [
         (("--only", "tyre_relax"), "there is no effect 'tyre_relax'; did you mean tyre_relaxation?"),
-        (("--only", ""), "'' names nothing"),
+        (("--only", ""), "'' contains no name; give a name or remove the option"),
         (("--only", "roll_dof,tyre_slip"), "can be missing from the roll-yaw baseline"),
         (("--only", "roll_steer", "--baseline", "kinematic"), "none of roll_steer can be missing"),
         (("--time-limit", "nan"), "the time limit is nan s; give a time above 0"),
