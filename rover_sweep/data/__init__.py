@@ -1,1 +1,1 @@
-"""What flows between the rooms: recordings, geometry, the vehicle file, intervals, result tables."""
+"""Data types that the other packages exchange: recordings, geometry, vehicle file, intervals, tables."""

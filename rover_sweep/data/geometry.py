@@ -1,22 +1,22 @@
-"""What the models must know of the vehicle, in SI units and ISO axes."""
+"""Vehicle data for the models, in SI units and ISO axes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 GRAVITY = 9.81  # m/s^2, as the paper
-NEAR = 0.8  # of the critical speed or of the friction limit: from here on a run is warned of
-FRICTION = 0.5  # assumed where the vehicle file has none: wet grass, and .8 of it is .4 g, where tyres bend
+NEAR = 0.8  # of the critical speed or of the friction limit: runs above it get a warning
+FRICTION = 0.5  # assumed without a value in the vehicle file: wet grass; tyres are nonlinear above .8 of it
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Known numbers of the rover.
+    """Known quantities of the rover.
 
     mass, sprung_mass [kg]; a, b [m] from the CG to the front and rear axle; h [m] height of the
     sprung CG above the roll axis; roll_inertia Ixx [kg m^2] about the sprung mass' own CG.
     imu_x, imu_z [m]: the IMU ahead of the CG, and above the roll axis (an IMU at the sprung CG
-    has imu_z = h). Numbers that only the roll-yaw model needs may be None.
+    has imu_z = h). Quantities that only the roll-yaw model needs may be None.
     """
 
     mass: float
@@ -29,11 +29,11 @@ class Geometry:
     imu_x: float = 0.0
     imu_z: float = 0.0
     free: tuple[str, ...] = ()
-    """Names of model parameters to be freed beyond the usual ones, such as "h" or "Ixx"."""
+    """Names of model parameters to free in addition to the usual ones, such as "h" or "Ixx"."""
     roll_yaw_inertia: float = 0.0
     """Ixz [kg m^2], the product of inertia in the sign of equation (18)."""
     friction: float | None = None
-    """Peak side force of the tyres over their load, where it is known."""
+    """Peak side force of the tyres over their load, None if not known."""
 
     @property
     def wheelbase(self) -> float:

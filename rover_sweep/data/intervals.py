@@ -1,19 +1,19 @@
-"""Interval of a parameter, as the bootstrap finds it."""
+"""Confidence interval of a parameter, from the bootstrap."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-LEVEL = 0.90
+LEVEL = 0.90  # coverage
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """Interval of one parameter at `level`, and the standard deviation of its estimate, in its unit.
+    """Interval low..high of one parameter at `level` (0..1), in its unit; sd: of the estimate.
 
-    bias: how far the method itself puts the estimate from the truth; the interval has it taken out, so
-    it need not hold the estimate. replicates: how many it rests on; failed: how many ran off. low, high,
-    sd and bias are nan where fewer than half of them settled.
+    bias: of the method; the interval is corrected for it, so it need not contain the estimate. replicates:
+    number that converged; failed: number that did not. low, high, sd and bias are nan when more than half
+    failed.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""[material] of the vehicle file: how far an ordinary rover lies from it; what is smaller is no finding.
+"""[material] of the vehicle file: normal tolerances; a smaller deviation is not reported as a finding.
 
-A number that is fitted within bounds has its size as the bound. One that is pulled to its value has the
-size as two standard deviations of that pull.
+For a quantity fitted within bounds the size is the bound. For one with a Gaussian prior it is two standard
+deviations of the prior.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rover_sweep.data.tolerances import Tolerances
 
 @dataclass(frozen=True)
 class MaterialSize:
-    """A key of [material]. field: of `Tolerances`; deviations: how many of it; most: limit."""
+    """A key of [material]. field: of `Tolerances`; deviations: size over that field; most: largest size."""
 
     unit: str
     meaning: str
@@ -25,7 +25,7 @@ class MaterialSize:
 
     @property
     def default(self) -> float:
-        """The size where the file has none, in `unit`."""
+        """The default size, in `unit`."""
         return float(self.deviations * getattr(Tolerances(), self.field))
 
 
@@ -49,7 +49,7 @@ MATERIAL: dict[str, MaterialSize] = {
 
 
 def read_material(table: Mapping[str, Any]) -> tuple[dict[str, float], list[str]]:
-    """({key: size}, a sentence for each problem) of the table [material]; unknown keys are told elsewhere."""
+    """({key: size}, a sentence for each problem) of the table [material], unknown keys ignored."""
     sizes, problems = {}, []
     for key, entry in table.items():
         if (rule := MATERIAL.get(key)) is None:
@@ -67,7 +67,7 @@ def read_material(table: Mapping[str, Any]) -> tuple[dict[str, float], list[str]
 
 
 def tolerances_of(sizes: Mapping[str, float]) -> Tolerances:
-    """What the diagnosis and the plan take: the sizes of a vehicle file, defaults for those not there."""
+    """Tolerances for diagnosis and plan: the sizes of a vehicle file, defaults for the others."""
     return replace(
         Tolerances(), **{MATERIAL[k].field: size / MATERIAL[k].deviations for k, size in sizes.items()}
     )

@@ -1,7 +1,7 @@
-"""One manoeuvre as the identification sees it: signals in SI units and ISO axes on one clock.
+"""One recorded manoeuvre: signals in SI units and ISO axes on one clock.
 
 Axes are ISO 8855 (x forward, y left, z up): a left turn has positive r, a_y and steering angle;
-an outward roll in a left turn is positive phi. ArduPilot's FRD axes end in `rover_sweep.logs`.
+an outward roll in a left turn is positive phi. `rover_sweep.logs` converts ArduPilot's FRD axes.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-ASSUMED = "factory value, assumed"  # source of a low-pass that nobody recorded or gave
-AT_LOOP = "at the main loop"  # ends the source of commands that stand where the servo got them
+ASSUMED = "factory value, assumed"  # source of a low-pass that was neither recorded nor given
+AT_LOOP = "at the main loop"  # end of the source of commands time-stamped at the main loop that applied them
 Kind = Literal["sweep", "bias_sweep", "doublet", "multisine", "other"]
 
 
@@ -24,8 +24,8 @@ class Signal:
     """A measured signal on its own time stamps.
 
     t: (n,) s on the recording's clock, strictly increasing. x: (n,) in `unit`.
-    hold: True for a staircase (a PWM keeps x[k] from t[k] until t[k+1]); False for samples of
-    something continuous. source: where it was read, e.g. "IMU.GyrZ".
+    hold: True for a staircase (a PWM keeps x[k] from t[k] to t[k+1]), False for samples of a continuous
+    signal. source: message and field, such as "IMU.GyrZ".
     """
 
     t: Array
@@ -48,7 +48,7 @@ class Signal:
         return float(1.0 / np.median(np.diff(self.t))) if self.t.size > 1 else 0.0
 
     def between(self, start: float, end: float) -> Signal:
-        """The samples with start <= t <= end; a staircase keeps the value that held at `start`."""
+        """The samples with start <= t <= end; a staircase starts with its value at `start`."""
         lo, hi = np.searchsorted(self.t, start, "left"), np.searchsorted(self.t, end, "right")
         t, x = self.t[lo:hi], self.x[lo:hi]
         if self.hold and lo > 0 and (t.size == 0 or t[0] > start):
@@ -56,10 +56,10 @@ class Signal:
         return replace(self, t=t, x=x)
 
     def on(self, grid: Array) -> Array:
-        """Values at the times of a uniform `grid` (n,) s.
+        """Values (n,) at the times of an even `grid` (n,) [s].
 
-        Samples are interpolated linearly. A staircase is averaged over the grid cell centred on
-        each time, which keeps its area, so that steps between grid times are not lost.
+        Samples are interpolated linearly. A staircase is averaged over the grid cell around each time, which
+        keeps its integral.
         """
         if not self.hold:
             return np.interp(grid, self.t, self.x)
@@ -72,22 +72,22 @@ class Signal:
 
 @dataclass(frozen=True)
 class LowPass:
-    """A known second-order Butterworth low-pass in a sensor's path, as ArduPilot's LowPassFilter2p."""
+    """A known second-order Butterworth low-pass of a sensor, as ArduPilot's LowPassFilter2p."""
 
     cutoff_hz: float
     source: str = ""
 
     def response(self, w: Array) -> NDArray[np.complex128]:
-        """Frequency response at w [rad/s]: 1 / (1 + sqrt(2) s/w0 + (s/w0)^2)."""
+        """Frequency response (n,) at w (n,) [rad/s]: 1 / (1 + sqrt(2) s/w0 + (s/w0)^2)."""
         s = 1j * w / (2 * np.pi * self.cutoff_hz)
         return 1.0 / (1.0 + np.sqrt(2.0) * s + s * s)
 
 
 @dataclass(frozen=True)
 class Note:
-    """A judgement on the recording, said to the user. level: 'info' or 'warning'.
+    """A sentence for the user about a recording or design. level: 'info' or 'warning'.
 
-    fault: short name of a fault that makes what comes from the channels in `spoils` wrong; '' for none.
+    fault: short name of a fault that makes results from the channels in `spoils` wrong; '' for none.
     """
 
     level: Literal["info", "warning"]
@@ -98,19 +98,19 @@ class Note:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One run: channels on one clock, where the excitation lies, and what is known of the sensors.
+    """One run: channels on one clock, the time of the manoeuvre, and known data of the sensors.
 
-    channels, those that were recorded:
+    channels, as far as recorded:
       pwm    steering output [us], a staircase (hold=True)
-      delta  road-wheel angle [rad], left positive; made from pwm by `steered`, or measured (CSV)
+      delta  road-wheel angle [rad], left positive; from pwm by `steered`, or measured (CSV)
       r, p   yaw and roll rate [rad/s]; phi roll angle [rad]; psi heading [rad], unwrapped, left positive
-      ay     lateral specific force at the IMU [m/s^2], not moved to the CG, gravity included
+      ay     lateral specific force at the IMU [m/s^2], not transferred to the CG, gravity included
       vy     lateral velocity at the IMU [m/s]; speed: forward velocity [m/s]
       throttle  throttle output [us], a staircase
     span: (start, end) s of the manoeuvre, from before fade-in to after fade-out; spectra use it.
     standstill, straight: intervals (start, end) s for biases and the noise floor.
     filters: known sensor low-pass per channel name (r, p: INS_GYRO_FILTER; ay: INS_ACCEL_FILTER).
-    sources: (path name, sha256) of the files it came from. vehicle: what the log says of which one it is.
+    sources: (path name, sha256) of its files. vehicle: {key: value} of the log that identify the vehicle.
     """
 
     name: str
@@ -140,7 +140,7 @@ class Recording:
         return self.channels[channel].between(*self.span)
 
     def uniform(self, rate: float) -> tuple[Array, dict[str, Array]]:
-        """All channels over `span` on one clock of `rate` Hz: (t (n,), {name: (n,)})."""
+        """All channels over `span` at `rate` [Hz]: (t (n,) [s], {name: (n,)})."""
         start, end = self.span
         t = start + np.arange(int((end - start) * rate) + 1) / rate
         return t, {name: signal.on(t) for name, signal in self.channels.items()}
@@ -156,17 +156,17 @@ class Recording:
         return float(np.mean(samples))
 
     def bias(self, channel: str) -> float | None:
-        """Mean of a channel at standstill, None where nothing was recorded standing still."""
+        """Mean of a channel at standstill, None without a recorded standstill."""
         parts = [self.channels[channel].between(a, b).x for a, b in self.standstill]
         samples = np.concatenate(parts) if parts else np.empty(0)
         return float(np.mean(samples)) if samples.size else None
 
 
 def steered(recording: Recording, trim_us: float, rad_per_us: float) -> Recording:
-    """The recording with `delta` [rad, left positive] made of `pwm`.
+    """The recording with `delta` [rad, left positive] computed from `pwm`.
 
-    In ArduPilot a larger PWM normally turns right, so delta = -(pwm - trim_us) * rad_per_us with a
-    positive rad_per_us; a linkage that turns left on a larger PWM has a negative rad_per_us.
+    In ArduPilot a larger PWM normally turns right, so delta = -(pwm - trim_us) * rad_per_us with a positive
+    rad_per_us [rad/us]; it is negative for a linkage that turns left on a larger PWM.
     """
     pwm = recording["pwm"]
     delta = replace(pwm, x=-(pwm.x - trim_us) * rad_per_us, unit="rad")

@@ -1,4 +1,4 @@
-"""Results that show themselves as a short table: as text at a prompt, as HTML in a notebook."""
+"""Results that print as a short table: text at a prompt, HTML in a notebook."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from html import escape
 
 @dataclass(frozen=True)
 class ShortTable:
-    """A title, headings over rows of texts, and sentences below. A first cell is a name: to the left."""
+    """A title, headings over rows of texts, notes below. First cells are aligned left, others right."""
 
     title: str
     headings: tuple[str, ...] = ()
@@ -39,11 +39,11 @@ def _aligned(line: tuple[str, ...], widths: list[int]) -> list[str]:
 
 
 class Shown:
-    """What a result inherits to show itself by its `table`; dataclasses need repr=False."""
+    """Base class of results that print their `table`; dataclasses need repr=False."""
 
     @abstractmethod
     def table(self) -> ShortTable:
-        """What is shown."""
+        """The table to print."""
 
     def __repr__(self) -> str:
         return str(self.table())
@@ -53,7 +53,7 @@ class Shown:
 
 
 def plain_number(value: float | None, digits: int = 4) -> str:
-    """A number with significant digits, - for none."""
+    """A number with `digits` significant digits, "-" for None."""
     return "-" if value is None else f"{value:.{digits}g}"
 
 

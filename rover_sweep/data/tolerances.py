@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How far an ordinary rover lies from its vehicle file: material sizes as standard deviations or bounds.
+    """Normal deviations of a rover from its vehicle file, as standard deviations or bounds.
 
     lag, delay [s], ratio (ln Cf/Cr), bias_ay [m/s^2], trim [rad], steering scale, speed scale (relative),
     cg, imu [m], h, roll_inertia (relative), sensor_lag [s], velocity_gain (relative), velocity_lag [s].
-    together [s]: lag and delay, from which they are a finding. bend: of a tyre near its limit, about
-    friction^-4, F = C alpha (1 - bend (C alpha/Fz)^4/4). [material] of the vehicle file moves them.
+    together [s]: sum of lag and delay, above which they are a finding. bend: curvature of the tyre force near
+    its limit, about friction^-4, in F = C alpha (1 - bend (C alpha/Fz)^4/4). [material] of the vehicle file
+    changes them.
     """
 
     lag: float = 0.040

@@ -1,8 +1,8 @@
-"""The vehicle file `rover.toml`: read, judged all at once, written without losing its comments.
+"""The vehicle file `rover.toml`: read, checked completely, written without losing its comments.
 
-Sections: [vehicle], [steering], [imu], [fit] and [material]; see `example`. Any number but those of
-[material] may be `{ value = .., sd = .. }`. What a fit may change is one list, `[fit] free =
-["roll_inertia"]`, so that a reader finds all of it in one place.
+Sections: [vehicle], [steering], [imu], [fit] and [material]; see `example`. Any number, except in [material],
+may be `{ value = .., sd = .. }`. The quantities that a fit may change are one list, `[fit] free =
+["roll_inertia"]`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rover_sweep.files.documents import read_toml
 
 Model = Literal["bicycle", "roll-yaw", "lumped"]
 
-# mass, a and b are needed in every file, so only what a model needs beyond them stands here.
+# Keys that a model needs in addition to mass, a and b, which every file has.
 NEEDED: dict[Model, tuple[str, ...]] = {
     "bicycle": (),
     "roll-yaw": ("sprung_mass", "cg_height_above_roll_centre", "roll_inertia"),
@@ -44,19 +44,19 @@ class Measured:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A rover as its file describes it, SI units.
+    """The contents of a vehicle file, in SI units.
 
     mass, sprung_mass [kg]; cg_to_front_axle (a), cg_to_rear_axle (b) [m];
     cg_height_above_roll_centre (h) [m]: CG of the sprung mass above the roll axis;
     roll_inertia [kg m^2] of the sprung mass about its own CG; yaw_inertia [kg m^2] of the whole vehicle
     about its CG; roll_yaw_inertia [kg m^2], Ixz in the sign of equation (18), 0 if not stated; friction:
-    peak side force of the tyres over their load;
-    trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right; what `bench` measures of the
-    steering: asymmetry e [-], nonlinearity c3 [1/rad^2], deadband, backlash (halves) [rad], servo_lag,
+    peak side force of the tyres over their load [-];
+    trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right; measured by `bench`:
+    asymmetry e [-], nonlinearity c3 [1/rad^2], deadband, backlash (halves) [rad], servo_lag,
     servo_delay [s], servo_rate_limit [rad/s], all at the road wheel;
     imu_position [m] (forward, right, down) from the CG of the sprung mass;
-    free: the [vehicle] numbers that a fit may change; material: sizes that the file states in place of the
-    usual ones, by the keys of `material_sizes.MATERIAL`. None: not in the file.
+    free: the [vehicle] keys that a fit may change; material: {key of `material_sizes.MATERIAL`: size} that
+    replace the defaults. None: not in the file.
     """
 
     mass: Measured
@@ -89,14 +89,14 @@ class Vehicle:
 
     @property
     def imu_iso(self) -> tuple[float, float, float]:
-        """IMU from the CG of the sprung mass in ISO axes (forward, left, up), m; at the CG if not stated."""
+        """(forward, left, up) [m] of the IMU from the CG of the sprung mass; zero if not stated."""
         if self.imu_position is None:
             return 0.0, 0.0, 0.0
         forward, right, down = (m.value for m in self.imu_position)
-        return forward, 0.0 - right, 0.0 - down  # 0 - x, so that an IMU at the CG is not at -0.0
+        return forward, 0.0 - right, 0.0 - down  # 0 - x avoids -0.0
 
     def missing_for(self, model: Model) -> tuple[str, ...]:
-        """The keys of [vehicle] that `model` needs and the file does not have."""
+        """The keys of [vehicle] that `model` needs and the file lacks."""
         return tuple(key for key in NEEDED[model] if getattr(self, key) is None)
 
     def require(self, model: Model) -> None:
@@ -105,15 +105,15 @@ class Vehicle:
             lines = "".join(f"\n  {KEYS[f'vehicle.{key}'].example}" for key in missing)
             raise UsageError(
                 f"the {model} model needs {', '.join(missing)} in the vehicle file; "
-                f"add to [vehicle], as in:{lines}"
+                f"add to [vehicle] lines such as:{lines}"
             )
 
     def steering(self) -> tuple[float, float]:
-        """(trim_us, rad_per_us); UsageError if the file has none."""
+        """(trim_us [us], rad_per_us [rad/us]); UsageError if the file lacks them."""
         if self.trim_us is None or self.rad_per_us is None:
             raise UsageError(
-                "the vehicle file says nothing on steering, so a PWM cannot be turned into a road-wheel "
-                f"angle; add:\n  [steering]\n  {KEYS['steering.trim_us'].example}"
+                "the vehicle file has no [steering], so a PWM cannot be converted to a road-wheel angle; "
+                f"add:\n  [steering]\n  {KEYS['steering.trim_us'].example}"
                 f"\n  {KEYS['steering.rad_per_us'].example}"
             )
         return self.trim_us.value, self.rad_per_us.value
@@ -125,12 +125,12 @@ def example() -> str:
 
 
 def load(path: str | os.PathLike[str]) -> Vehicle:
-    """Read a vehicle file; UsageError naming every problem of the file at once."""
+    """Read a vehicle file; UsageError that lists all problems of the file."""
     return parse(_read(Path(path)), str(path))
 
 
 def parse(text: str, name: str = "rover.toml") -> Vehicle:
-    """A Vehicle from TOML text; `name` is what errors call the file. Raises UsageError as `load` does."""
+    """A Vehicle from TOML text; UsageError as in `load`. name: of the file, in errors."""
     try:
         data = read_toml(text)
     except tomllib.TOMLDecodeError as error:
@@ -153,14 +153,14 @@ def parse(text: str, name: str = "rover.toml") -> Vehicle:
 
 
 def set_number(path: str | os.PathLike[str], key: str, number: Measured) -> Vehicle:
-    """`set_numbers` of one."""
+    """`set_numbers` for one number."""
     return set_numbers(path, {key: number})
 
 
 def set_numbers(path: str | os.PathLike[str], numbers: Mapping[str, Measured]) -> Vehicle:
-    """Write numbers by their keys ("vehicle.yaw_inertia") into the file, comments and order kept.
+    """Write {key such as "vehicle.yaw_inertia": number} into the file; comments and order are kept.
 
-    The new text is judged as a whole before the file is touched; returns the vehicle as it now reads.
+    The new text is checked before the file changes. Returns the vehicle of the new file.
     """
     import tomlkit
 
@@ -197,14 +197,14 @@ def _read(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise UsageError(
-            f"there is no vehicle file {path}; begin one with: rover-sweep vehicle --example > {path}"
+            f"there is no vehicle file {path}; create one with: rover-sweep vehicle --example > {path}"
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"the vehicle file {path} cannot be read: {error}") from None
 
 
 def _replace(path: Path, text: str) -> None:
-    """Write beside it and rename, so that a full disk does not cost the old file."""
+    """Write a new file and rename it, so that the old one survives a full disk."""
     beside = path.with_name(path.name + ".new")
     try:
         beside.write_text(text, encoding="utf-8")
@@ -220,7 +220,7 @@ def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _number(data: dict[str, Any], key: str, problems: list[str]) -> Measured | None:
-    """The number at `key`, None if absent; what is wrong with it goes to `problems`."""
+    """The number at `key`, None if absent; a sentence on a problem is added to `problems`."""
     section, _, name = key.partition(".")
     table, rule = _section(data, section), KEYS[key]
     if name not in table:
@@ -239,7 +239,7 @@ def _position(data: dict[str, Any], problems: list[str]) -> tuple[Measured, Meas
     if not isinstance(entry, list) or len(entry) != 3:
         problems.append(
             f"[imu] position is {entry!r}; it must be three numbers [forward, right, down] in m, "
-            "as in: position = [0.02, 0.0, 0.05]"
+            "such as: position = [0.02, 0.0, 0.05]"
         )
         return None
     read = [read_number(part, f"[imu] position[{i}]", None) for i, part in enumerate(entry)]
@@ -255,9 +255,9 @@ def _free(data: dict[str, Any], problems: list[str]) -> tuple[str, ...]:
         return ()
     for name in names:
         if name not in FREE_KEYS:
-            problems.append(f"[fit] free names {name!r}, which is none of: {', '.join(FREE_KEYS)}")
+            problems.append(f"[fit] free contains {name!r}; it may contain {', '.join(FREE_KEYS)}")
         elif name not in _section(data, "vehicle"):
-            problems.append(f"[fit] free names {name}, but [vehicle] gives no {name} to start from")
+            problems.append(f"[fit] free contains {name}, but [vehicle] has no {name} as its starting value")
     return tuple(dict.fromkeys(name for name in names if name in FREE_KEYS))
 
 
@@ -268,7 +268,7 @@ def _listed(name: str, problems: list[str]) -> str:
 
 
 def _hint(text: str, message: str) -> str:
-    """A word more where the commonest slip, a decimal comma or a unit after the number, is on the line."""
+    """A hint on the common mistakes: a decimal comma, or a unit after the number."""
     line = re.search(r"line (\d+)", message)
     lines = text.splitlines()
     if not line or not 0 < int(line[1]) <= len(lines):
@@ -277,5 +277,5 @@ def _hint(text: str, message: str) -> str:
     if re.search(r"=\s*-?\d+,\d", content):
         return f"; write decimals with a point: {content}"
     if re.search(r"=\s*-?[\d.]+\s*[A-Za-z°]", content):
-        return f"; write the number alone, units are fixed: {content}"
+        return f"; write the number without its unit: {content}"
     return f": {content}"

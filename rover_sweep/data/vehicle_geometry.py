@@ -1,4 +1,4 @@
-"""The numbers of a vehicle file as the models take them."""
+"""Conversion of a vehicle file to the quantities of the models."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MODEL_NAMES = {
 
 
 def geometry_of(vehicle: Vehicle) -> Geometry:
-    """The numbers of a vehicle file as the models take them."""
+    """The quantities of the models, in SI units and ISO axes, from a vehicle file."""
 
     def value(number: Any) -> float | None:
         return None if number is None else float(number.value)

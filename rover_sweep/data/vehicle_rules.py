@@ -1,6 +1,6 @@
-"""What may stand in a vehicle file: keys, units, examples, and what cannot be true.
+"""The rules of a vehicle file: keys, units, examples, and checks of the values.
 
-Every rule answers with a sentence, so that all problems of a file can be told at once.
+Each check returns sentences, so that all problems of a file are reported together.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rover_sweep.data.material_sizes import MATERIAL
 
 @dataclass(frozen=True)
 class Key:
-    """A number of the file. sign: +1 must be above 0, 0 may be anything."""
+    """A number of the file. sign: +1 must be above 0, 0 any sign."""
 
     unit: str
     meaning: str
@@ -31,7 +31,7 @@ KEYS: dict[str, Key] = {
         "m", "CG to front axle, a", "cg_to_front_axle = 0.203  # m", required=True
     ),
     "vehicle.cg_to_rear_axle": Key("m", "CG to rear axle, b", "cg_to_rear_axle = 0.188  # m", required=True),
-    "vehicle.sprung_mass": Key("kg", "what the springs carry", "sprung_mass = 2.40  # kg"),
+    "vehicle.sprung_mass": Key("kg", "mass carried by the springs", "sprung_mass = 2.40  # kg"),
     "vehicle.cg_height_above_roll_centre": Key(
         "m", "sprung CG over roll axis", "cg_height_above_roll_centre = 0.058  # m", sign=0
     ),
@@ -47,7 +47,7 @@ KEYS: dict[str, Key] = {
     ),
     "steering.asymmetry": Key("-", "gain 1+e left, 1-e right", "asymmetry = 0.02", sign=0),
     "steering.nonlinearity": Key("1/rad^2", "gain 1 + c3 u^2", "nonlinearity = 0.5  # 1/rad^2", sign=0),
-    "steering.deadband": Key("rad", "half band without an answer", "deadband = 0.002  # rad", sign=0),
+    "steering.deadband": Key("rad", "half width of the dead band", "deadband = 0.002  # rad", sign=0),
     "steering.backlash": Key("rad", "half gap at the road wheel", "backlash = 0.004  # rad", sign=0),
     "steering.servo_lag": Key("s", "first-order lag of the servo", "servo_lag = 0.025  # s", sign=0),
     "steering.servo_delay": Key("s", "output to first movement", "servo_delay = 0.015  # s", sign=0),
@@ -77,10 +77,10 @@ SYMBOLS = {
 }
 
 WHEELBASE = (0.05, 5.0)  # m
-TRIM = (800.0, 2200.0)  # us, what a servo output can be
+TRIM = (800.0, 2200.0)  # us, range of a servo output
 LARGEST_LOCK = 60.0  # deg of road-wheel angle at 500 us
 SMALLEST_LOCK = 1.0
-# Largest size of what `bench` measures, beyond which it is a slip of units, and the unit that it was then in.
+# Largest values of what `bench` measures; above them the unit is probably the one named.
 LARGEST_OF_STEERING = {
     "asymmetry": (0.6, "percent? give a ratio"),
     "nonlinearity": (30.0, "per degree squared? give 1/rad^2"),
@@ -92,11 +92,11 @@ LARGEST_OF_STEERING = {
 }
 EITHER_SIGN = ("asymmetry", "nonlinearity")
 LARGEST_FRICTION = 2.0
-DENSEST = 5000.0  # kg per wheelbase cubed; rovers and cars have 20..200
+DENSEST = 5000.0  # kg/m^3, mass over wheelbase cubed; rovers and cars have 20..200
 
 
 def unknown_keys(data: Mapping[str, Any]) -> list[str]:
-    """A sentence for each section or key that is not known, with the nearest known one."""
+    """A sentence for each unknown section or key, with the closest known one."""
     problems = []
     for section, content in data.items():
         if section not in SECTIONS:
@@ -111,10 +111,12 @@ def unknown_keys(data: Mapping[str, Any]) -> list[str]:
 def _unknown_section(section: str, content: Any) -> str:
     if not isinstance(content, dict):
         owner = _owner(section)
-        return f"{section} stands outside a section" + (f"; it belongs under [{owner}]" if owner else "")
+        return f"{section} is outside a section" + (f"; it belongs under [{owner}]" if owner else "")
     near = difflib.get_close_matches(section.lower(), SECTIONS, 1, 0.5)
     return f"there is no section [{section}]" + (
-        f"; did you mean [{near[0]}]?" if near else f"; known are {', '.join(f'[{s}]' for s in SECTIONS)}"
+        f"; did you mean [{near[0]}]?"
+        if near
+        else f"; the sections are {', '.join(f'[{s}]' for s in SECTIONS)}"
     )
 
 
@@ -140,7 +142,7 @@ def _owner(key: str) -> str | None:
 def read_number(
     entry: Any, where: str, rule: Key | None
 ) -> tuple[tuple[float, float | None] | None, list[str]]:
-    """((value, sd), complaints) of a TOML entry; the pair is None where it cannot be read as a number."""
+    """((value, sd), complaints) of a TOML entry; the pair is None if it is not a valid number."""
     value, sd = entry, None
     if isinstance(entry, dict):
         extra = [key for key in entry if key not in ("value", "sd")]
@@ -148,7 +150,7 @@ def read_number(
             wrong = f"has {', '.join(extra)}" if extra else "has no value"
             return None, [f"{where} {wrong}; write {{ value = .., sd = .. }}"]
         value, sd = entry["value"], entry.get("sd")
-    example = f", as in: {rule.example}" if rule else " of metres"
+    example = f", such as: {rule.example}" if rule else " in metres"
     if not _is_number(value):
         quotes = " in quotes" if isinstance(value, str) else ""
         return None, [f"{where} is {value!r}{quotes}; it must be a plain number{example}"]
@@ -169,13 +171,13 @@ def _is_number(entry: Any) -> bool:
 
 
 def inconsistencies(values: Mapping[str, float], imu: tuple[float, ...] | None) -> list[str]:
-    """What the numbers that could be read say against one another; `values` by dotted key, `imu` in m."""
+    """Sentences on numbers that contradict each other. values: {dotted key: value}; imu [m]."""
     v = {key.partition(".")[2]: value for key, value in values.items()}
     return [*_masses(v), *_lengths(v, imu), *_inertias(v), *_friction(v), *_steering(v)]
 
 
 def _wheelbase(v: Mapping[str, float]) -> float | None:
-    """a + b if both are there and believable, so that one slip is told once."""
+    """a + b [m] if both are given and plausible, else None, so that one mistake is reported once."""
     if "cg_to_front_axle" not in v or "cg_to_rear_axle" not in v:
         return None
     wheelbase = v["cg_to_front_axle"] + v["cg_to_rear_axle"]
@@ -191,7 +193,7 @@ def _masses(v: Mapping[str, float]) -> list[str]:
     if mass and sprung and sprung > mass:
         return [
             f"[vehicle] sprung_mass {sprung:g} kg is above mass {mass:g} kg; "
-            "it is the part of it that the springs carry"
+            "it is the part of the mass that the springs carry"
         ]
     return []
 
@@ -214,20 +216,20 @@ def _lengths(v: Mapping[str, float], imu: tuple[float, ...] | None) -> list[str]
         )
     if imu and max(abs(x) for x in imu) > 2 * reach:
         problems.append(
-            f"[imu] position {list(imu)} m lies outside the vehicle; centimetres? give metres from the CG"
+            f"[imu] position {list(imu)} m is outside the vehicle; centimetres? give metres from the CG"
         )
     return problems
 
 
 def _inertias(v: Mapping[str, float]) -> list[str]:
-    """A body is not wider than its vehicle: the radius of gyration sqrt(I/m) stays below the wheelbase."""
+    """Checks that the radius of gyration sqrt(I/m) is below the wheelbase."""
     problems = []
     for key, mass_key in (("roll_inertia", "sprung_mass"), ("yaw_inertia", "mass")):
         inertia, mass, wheelbase = v.get(key), v.get(mass_key) or v.get("mass"), _wheelbase(v)
         if inertia and mass and wheelbase and (radius := math.sqrt(inertia / mass)) > wheelbase:
             problems.append(
-                f"[vehicle] {key} {inertia:g} kg m^2 puts the mass {radius:.2g} m from the axis, beyond the "
-                f"wheelbase of {wheelbase:.3g} m; kg cm^2 or g m^2? give kg m^2"
+                f"[vehicle] {key} {inertia:g} kg m^2 means a radius of gyration of {radius:.2g} m, above "
+                f"the wheelbase of {wheelbase:.3g} m; kg cm^2 or g m^2? give kg m^2"
             )
     return problems
 
@@ -236,7 +238,7 @@ def _friction(v: Mapping[str, float]) -> list[str]:
     friction = v.get("friction")
     if friction is None or friction <= LARGEST_FRICTION:
         return []
-    return [f"[vehicle] friction {friction:g} is beyond any tyre; percent? it is a ratio of forces, 0.3..1.2"]
+    return [f"[vehicle] friction {friction:g} is too large for a tyre; percent? give a ratio, 0.3..1.2"]
 
 
 def _steering(v: Mapping[str, float]) -> list[str]:
@@ -268,7 +270,7 @@ def _bench(v: Mapping[str, float]) -> list[str]:
             continue
         unit = KEYS[f"steering.{key}"].unit
         if abs(v[key]) > largest:
-            problems.append(f"[steering] {key} is {v[key]:g}, beyond {largest:g} {unit}; {slip}")
+            problems.append(f"[steering] {key} is {v[key]:g}, above {largest:g} {unit}; {slip}")
         elif v[key] < 0 and key not in EITHER_SIGN:
             problems.append(f"[steering] {key} is {v[key]:g} {unit}; it cannot be below 0")
     return problems

@@ -1,1 +1,1 @@
-"""A manoeuvre on paper: what it demands of servo, tyres, space and clocks, and advice before it is driven."""
+"""A manoeuvre before it is driven: its demands on servo, tyres, space and sampling rates, and advice."""

@@ -1,4 +1,4 @@
-"""What an experienced test driver would say of a design, in plain words."""
+"""Advice on a design: warnings and remarks as sentences."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from rover_sweep.manoeuvre.sweep import BiasSweep, Sweep
 LEAST_PERIODS = 4.0  # long periods in T_rec, Tischler & Remple 2012
 WEAK_AMPLITUDE, LARGE_AMPLITUDE = 50.0, 350.0  # us
 PWM_MAX = next(p.default for p in PARAMETERS if p.name == "SWP_PWM_MAX")
-NONSENSE_G, NONSENSE_WHEEL = 3.0, 45.0  # g that no tyre holds, deg that no steering turns
+NONSENSE_G, NONSENSE_WHEEL = 3.0, 45.0  # g, deg: impossible for tyres and steering
 WEAK_YAW_RATE, GOOD_YAW_RATE = 10.0, 40.0  # deg/s; the paper's rover reached 40..45
 
 
 def with_advice(design: Design, servo_60_deg: float | None = None) -> Design:
-    """The design with its notes; servo_60_deg: this rover's own servo, s for 60 deg."""
+    """The design with its notes. servo_60_deg: time of the rover's servo for 60 deg [s]."""
     notes = [*_sweep(design), *_amplitude(design), *_servo(design, servo_60_deg), *_space(design)]
     notes += [*_rates(design), *_filters(design)]
     return replace(design, notes=tuple(notes))
 
 
 def refuse_nonsense(design: Design) -> None:
-    """UsageError for a design that no rover can drive: a mistake in the units, most likely."""
+    """UsageError for a design that no rover can drive, probably due to a wrong unit."""
     space, wheel = design.space, design.servo.wheel_deg
     if wheel is not None and wheel > NONSENSE_WHEEL:
         raise UsageError(
-            f"{design.manoeuvre.peak:g} us would turn the road wheels by {wheel:.0f} deg, which no "
-            "steering does; check rad_per_us in the vehicle file, or take less"
+            f"{design.manoeuvre.peak:g} us would turn the road wheels by {wheel:.0f} deg, more than "
+            "any steering allows; check rad_per_us in the vehicle file, or reduce the amplitude"
         )
     if space is not None and space.ay > NONSENSE_G * GRAVITY:
         raise UsageError(
-            f"{space.ay / GRAVITY:.0f} g of lateral acceleration at {space.speed:g} m/s, where tyres hold "
+            f"{space.ay / GRAVITY:.0f} g of lateral acceleration at {space.speed:g} m/s, but tyres hold "
             f"{FRICTION[0]:g}..{FRICTION[1]:g} g; check the speed (m/s), the wheelbase and rad_per_us, or "
-            "take less"
+            "reduce the amplitude"
         )
 
 
@@ -65,10 +65,9 @@ def _sweep(design: Design) -> list[Note]:
     if periods < LEAST_PERIODS:
         notes.append(
             _warning(
-                f"T_rec {sweep.t_rec:g} s holds {periods:.1f} periods of {sweep.w_min:g} rad/s, 4..5 "
-                f"are advised: the lowest "
-                f"frequencies will be uncertain. Take T_rec {4 * longest:.0f} s or w_min "
-                f"{4 * 2 * math.pi / sweep.t_rec:.2g} rad/s, "
+                f"T_rec {sweep.t_rec:g} s contains {periods:.1f} periods of {sweep.w_min:g} rad/s, "
+                f"but 4..5 are advised: the lowest frequencies will be uncertain. Use T_rec "
+                f"{4 * longest:.0f} s or w_min {4 * 2 * math.pi / sweep.t_rec:.2g} rad/s, "
                 "or drive more runs."
             )
         )
@@ -76,19 +75,19 @@ def _sweep(design: Design) -> list[Note]:
         needed = math.ceil(5 * longest / (sweep.duration - 2 * sweep.straight))
         notes.append(
             _warning(
-                f"with {_runs(design.runs)} of this sweep the longest window is {windows.t_max:.0f} s by the "
-                f"rule, too short for {sweep.w_min:g} rad/s ({longest:.0f} s): drive {needed} runs."
+                f"with {_runs(design.runs)} of this sweep the longest window is {windows.t_max:.0f} s, "
+                f"too short for {sweep.w_min:g} rad/s ({longest:.0f} s): drive {needed} runs."
             )
         )
     if sweep.fade == 0:
         notes.append(
-            _warning("without a fade the wave ends in a step, which the servo cannot follow: take 1..2 s.")
+            _warning("without a fade the wave ends in a step, which the servo cannot follow: use 1..2 s.")
         )
     if sweep.straight < 2:
         notes.append(
             _warning(
-                "less than 2 s straight before and after leaves nothing to take biases and the noise "
-                "floor from."
+                "less than 2 s straight before and after the sweep is too short to measure biases and the "
+                "noise floor: use 2 s or more."
             )
         )
     return notes
@@ -103,24 +102,23 @@ def _amplitude(design: Design) -> list[Note]:
         amplitude = design.manoeuvre.amplitude
         return [
             _warning(
-                f"{amplitude:g} us is little: play in the steering and the servo's dead band (2..8 us) "
-                f"become part of "
-                f"what is measured; try {WEAK_AMPLITUDE:g} us or more."
+                f"{amplitude:g} us is small: play in the steering and the servo's dead band (2..8 us) "
+                f"affect the result; use {WEAK_AMPLITUDE:g} us or more."
             )
         ]
     amplitude = design.manoeuvre.peak
     if amplitude > LARGE_AMPLITUDE:
         return [
             _warning(
-                f"{amplitude:g} us comes near the end stops of most steerings (500 us and less): check "
+                f"{amplitude:g} us is near the end stops of most steerings (500 us or less): check "
                 f"that the linkage moves freely that far, and set SWP_PWM_MAX to {amplitude:g}."
             )
         ]
     if amplitude > PWM_MAX:
         return [
             _warning(
-                f"{amplitude:g} us is past SWP_PWM_MAX, {PWM_MAX:g} us as it comes: the applet refuses it "
-                "until that is raised."
+                f"{amplitude:g} us is above SWP_PWM_MAX ({PWM_MAX:g} us by default): the applet refuses it "
+                "until SWP_PWM_MAX is raised."
             )
         ]
     return []
@@ -135,21 +133,20 @@ def _servo(design: Design, own: float | None) -> list[Note]:
         return []
     servo = f"your servo ({own:g} s/60 deg)" if own else f"a slow servo ({SERVO_60_DEG[1]:g} s/60 deg)"
     fits = limit / HORN_DEG_PER_US / design.w_top
-    too_quick = ""
+    hint = ""
     if not own and horn > 60 / SERVO_60_DEG[0]:
         servo, fits = (
-            f"even a quick servo ({SERVO_60_DEG[0]:g} s/60 deg)",
+            f"even a fast servo ({SERVO_60_DEG[0]:g} s/60 deg)",
             60 / SERVO_60_DEG[0] / HORN_DEG_PER_US / design.w_top,
         )
         limit = 60 / SERVO_60_DEG[0]
     elif not own:
-        too_quick = " Give --servo with the data sheet's figure to be sure."
+        hint = " Give --servo with the value of the data sheet to check yours."
     return [
         _warning(
             f"at {HORN_DEG_PER_US:g} deg/us the horn must turn at {horn:.0f} deg/s at the end of the "
-            f"sweep; {servo} does {limit:.0f} "
-            f"deg/s and would "
-            f"flatten the wave. {fits:.0f} us would fit.{too_quick}"
+            f"sweep; {servo} reaches {limit:.0f} deg/s and would reduce the amplitude. {fits:.0f} us is "
+            f"possible.{hint}"
         )
     ]
 
@@ -163,23 +160,23 @@ def _space(design: Design) -> list[Note]:
     if share > FRICTION[1]:
         notes.append(
             _warning(
-                f"{share:.2f} g of lateral acceleration: the tyres will slide on any ground. Drive "
-                f"slower or take less."
+                f"{share:.2f} g of lateral acceleration: the tyres will slide on any ground. Reduce "
+                f"the speed or the amplitude."
             )
         )
     elif share > FRICTION[0]:
         notes.append(
             _warning(
-                f"{share:.2f} g of lateral acceleration slides on loose or wet ground and is far from "
-                f"linear on asphalt."
+                f"{share:.2f} g of lateral acceleration: the tyres slide on loose or wet ground and are far "
+                f"from linear on asphalt."
             )
         )
     elif share > FRICTION[0] / 2:
         notes.append(
             Note(
                 "info",
-                f"{share:.2f} g of lateral acceleration: fine on dry asphalt, on loose ground the tyres "
-                f"leave their linear range.",
+                f"{share:.2f} g of lateral acceleration: good on dry asphalt; on loose ground the "
+                f"tyres leave their linear range.",
             )
         )
     if space.yaw_rate_deg_s < WEAK_YAW_RATE:
@@ -187,26 +184,25 @@ def _space(design: Design) -> list[Note]:
         notes.append(
             _warning(
                 f"only {space.yaw_rate_deg_s:.1f} deg/s of yaw rate, near the noise of a small IMU: "
-                f"about {more:.0f} us would give {GOOD_YAW_RATE:g}."
+                f"about {more:.0f} us would give {GOOD_YAW_RATE:g} deg/s."
             )
         )
     if isinstance(design.manoeuvre, BiasSweep):
-        circle = f"the bias takes the rover round in circles, {space.length:.0f} x {space.width:.0f} m."
+        circle = f"the rover drives in circles because of the bias: {space.length:.0f} x {space.width:.0f} m."
         notes.append(Note("info", circle))
     elif space.heading_deg > 180:
         text = (
-            f"the slow part turns the rover through {space.heading_deg:.0f} deg and the rest goes off at "
+            f"the slow part turns the rover by {space.heading_deg:.0f} deg, and it ends "
             f"{abs(space.heading_end_deg):.0f} deg to the "
-            f"{'left' if space.heading_end_deg > 0 else 'right'} of where "
-            "it pointed. A higher w_min, a lower speed or less amplitude keeps it on a lane."
+            f"{'left' if space.heading_end_deg > 0 else 'right'} of its initial heading. A higher w_min, a "
+            "lower speed or a smaller amplitude keeps it on a lane."
         )
         notes.append(Note("info", text))
     notes.append(
         Note(
             "info",
-            f"nobody steers during the run: with the trim {TRIM_ERROR:g} us off the rover gets up to "
-            f"{space.farthest:.0f} m from "
-            "where it began. Keep that circle free, and a hand on the switch.",
+            f"nobody steers during the run: with a trim error of {TRIM_ERROR:g} us the rover gets up to "
+            f"{space.farthest:.0f} m away from its start. Keep that circle free, and a hand on the switch.",
         )
     )
     return notes
@@ -217,23 +213,21 @@ def _rates(design: Design) -> list[Note]:
     remedy = (
         f"set SCHED_LOOP_RATE {rates.loop_needed} and reboot"
         if rates.loop_needed
-        else "no loop rate gives that"
+        else "no loop rate is enough"
     )
     if rates.stream < rates.good:
         text = (
-            f"at SCHED_LOOP_RATE {rates.loop:g} telemetry comes at {rates.stream:.0f} Hz at most, "
-            f"{rates.stream / hertz:.0f} "
-            f"samples in a period of {hertz:.1f} Hz; {rates.good:.0f} Hz are good: {remedy}. A faster "
-            f"request is DENIED."
+            f"at SCHED_LOOP_RATE {rates.loop:g} telemetry reaches {rates.stream:.0f} Hz, or "
+            f"{rates.stream / hertz:.0f} samples in a period of {hertz:.1f} Hz; {rates.good:.0f} Hz are "
+            f"good: {remedy}. The vehicle answers DENIED to a faster request."
         )
         notes.append(Note("warning" if rates.stream < rates.least else "info", text))
     if hertz * LEAST_SAMPLES > SERVO_FRAMES:
         notes.append(
             _warning(
-                f"{hertz:.1f} Hz is too fast for the chain that makes the wave: servo frames at "
-                f"{SERVO_FRAMES:g} Hz, the applet at "
-                f"about {APPLET_RATE:g} Hz. Stay below {2 * math.pi * SERVO_FRAMES / LEAST_SAMPLES:.0f} "
-                f"rad/s."
+                f"{hertz:.1f} Hz is too high for the output of the wave: servo frames at "
+                f"{SERVO_FRAMES:g} Hz, the applet at about {APPLET_RATE:g} Hz. Stay below "
+                f"{2 * math.pi * SERVO_FRAMES / LEAST_SAMPLES:.0f} rad/s."
             )
         )
     return notes
@@ -244,9 +238,8 @@ def _filters(design: Design) -> list[Note]:
     notes = [_warning(_filter_text(effect, design.w_top)) for effect in strong]
     if strong:
         text = (
-            "identify accounts for a filter that it finds in the log, but what is left of an error in "
-            "it looks "
-            "like delay, tyre stiffness and inertia: the smaller the correction, the safer."
+            "identify corrects for a filter that it finds in the log, but an error of this correction "
+            "changes the delay, tyre stiffness and inertia: keep the correction small."
         )
         notes.append(Note("info", text))
     return notes
@@ -254,6 +247,7 @@ def _filters(design: Design) -> list[Note]:
 
 def _filter_text(effect: FilterLoss, w_top: float) -> str:
     return (
-        f"{effect.parameter} {effect.cutoff_hz:g} Hz lags {effect.lag_deg:.0f} deg ({effect.lag_ms:.0f} ms) "
-        f"at {w_top:.0f} rad/s and passes {100 * effect.gain:.0f} %: raise it to {effect.advised_hz:g} Hz."
+        f"{effect.parameter} {effect.cutoff_hz:g} Hz has a lag of {effect.lag_deg:.0f} deg "
+        f"({effect.lag_ms:.0f} ms) at {w_top:.0f} rad/s and a gain of {100 * effect.gain:.0f} %: raise it "
+        f"to {effect.advised_hz:g} Hz."
     )

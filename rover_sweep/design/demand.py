@@ -1,6 +1,6 @@
-"""A manoeuvre on paper before it is driven: what it asks of servo, space, tyres, clocks and filters.
+"""The demands of a manoeuvre on servo, space, tyres, sampling rates and filters, before it is driven.
 
-Pure computation; `rover_sweep.design.advice` puts the judgement into words.
+Numbers only; `rover_sweep.design.advice` adds the sentences.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from rover_sweep.spectra.response import default_windows
 
 GRAVITY = 9.81
 HORN_DEG_PER_US = 0.09  # a hobby servo turns its horn by about 90 deg from 1000 to 2000 us
-SERVO_60_DEG = (0.1, 0.2)  # s, typical data-sheet times for 60 deg without load, quick and slow
+SERVO_60_DEG = (0.1, 0.2)  # s, typical data-sheet times for 60 deg without load, fast and slow
 FRICTION = (0.5, 0.9)  # loose or wet ground, clean dry asphalt
 LEAST_SAMPLES, GOOD_SAMPLES = 10, 20  # per period of the highest frequency
 APPLET_RATE = 84.0  # Hz, at which the applet sets the servo; measured on ArduRover 4.6.3
-SERVO_FRAMES = 50.0  # Hz, SERVO_RATE as it comes
+SERVO_FRAMES = 50.0  # Hz, default of SERVO_RATE
 FILTER_MARGIN = 5.0  # cut-off over highest frequency: 16 deg of lag and no loss of gain
-TRIM_ERROR = 10.0  # us; nobody steers during a sweep, so a wrong trim bends the whole path
+TRIM_ERROR = 10.0  # us; nobody steers during a sweep, so a trim error curves the whole path
 DOUBLET_PEAK = 2.331  # rad: a doublet's spectrum peaks where w times pulse is this, tan(x/2) = x
 
 
@@ -32,8 +32,8 @@ DOUBLET_PEAK = 2.331  # rad: a doublet's spectrum peaks where w times pulse is t
 class Windows:
     """Window lengths of the identification [s]; lowest: the frequency that the longest resolves [rad/s].
 
-    t_min, t_max: the rule 20 (2 pi/w_max) and min(T_rec/2, T_F/5) (Tischler & Remple 2012); lengths:
-    those that `identify` takes, longer than t_max where the rule would lose w_min.
+    t_min, t_max: 20 (2 pi/w_max) and min(T_rec/2, T_F/5) (Tischler & Remple 2012, chapter 10); lengths: those
+    that `identify` uses, longer than t_max where that does not resolve w_min.
     """
 
     t_min: float
@@ -44,9 +44,9 @@ class Windows:
 
 @dataclass(frozen=True)
 class ServoDemand:
-    """Peak rates: us_s at the servo output [us/s], None for the steps of a doublet; horn_deg_s of the horn.
+    """Peak rates: us_s at the servo output [us/s], None for the steps of a doublet; horn_deg_s [deg/s].
 
-    step_s: time that a typical servo (quick, slow) takes from one peak to the other [s]. wheel_deg: peak
+    step_s: time of a typical servo (fast, slow) from one peak to the other [s]. wheel_deg: peak
     road-wheel angle [deg], wheel_deg_s: its peak rate [deg/s], None without a vehicle file.
     """
 
@@ -61,8 +61,8 @@ class ServoDemand:
 class Space:
     """Ground needed at `speed` [m/s], from the kinematic path; forward, back, left, right of the start [m].
 
-    farthest: largest distance from the start with the trim wrong by up to +-TRIM_ERROR [m]. heading_deg: span
-    of the heading; heading_end_deg: heading in which the run ends, left positive, 0 the one it began with.
+    farthest: largest distance from the start with a trim error of up to +-TRIM_ERROR [m]. heading_deg: span
+    of the heading; heading_end_deg: final minus initial heading, left positive.
     yaw_rate_deg_s, ay: peaks [deg/s, m/s^2]; radius: turning radius at the amplitude [m].
     """
 
@@ -86,7 +86,7 @@ class Space:
 
     @property
     def width(self) -> float:
-        """Extent across it, m."""
+        """Extent across the initial heading, m."""
         return self.left + self.right
 
 
@@ -106,7 +106,7 @@ class Rates:
 
 @dataclass(frozen=True)
 class FilterLoss:
-    """What a sensor's low-pass does at the highest frequency; advised: cut-off to set instead [Hz]."""
+    """Gain and lag of a sensor's low-pass at the highest frequency; advised_hz: better cut-off [Hz]."""
 
     parameter: str
     cutoff_hz: float
@@ -118,7 +118,7 @@ class FilterLoss:
 
 @dataclass(frozen=True)
 class Design:
-    """A manoeuvre and what it needs. w_top: highest frequency of interest [rad/s]; duration of a run [s]."""
+    """A manoeuvre and its demands. w_top: highest frequency of interest [rad/s]; duration of a run [s]."""
 
     manoeuvre: Manoeuvre
     runs: int
@@ -155,8 +155,8 @@ def make_design(
 ) -> Design:
     """A Design without its notes. speed [m/s]; runs: sweeps identified together; rates and cut-offs in Hz.
 
-    The defaults of loop_rate and filters are ArduRover's. UsageError if a space is asked for (speed and
-    vehicle) and the vehicle file has no steering.
+    The defaults of loop_rate and filters are those of ArduRover. UsageError when speed and vehicle are given
+    but the vehicle file has no [steering].
     """
     sweep = manoeuvre if isinstance(manoeuvre, Sweep) else None
     banded = manoeuvre if isinstance(manoeuvre, Sweep | Multisine) else None
@@ -179,7 +179,7 @@ def make_design(
 
 
 def highest_frequency(manoeuvre: Manoeuvre) -> float:
-    """Where a sweep ends, a multisine's highest line, a doublet's main lobe (2 pi/pulse); rad/s."""
+    """Final frequency of a sweep, highest line of a multisine, main lobe of a doublet (2 pi/pulse); rad/s."""
     if isinstance(manoeuvre, Sweep):
         return float(manoeuvre.rate(manoeuvre.t_rec))
     if isinstance(manoeuvre, Multisine):
@@ -201,7 +201,7 @@ def wave_spectrum(manoeuvre: Manoeuvre, w: Array) -> Array:
 
 
 def spectrum_grid(design: Design, points: int) -> Array:
-    """Log-spaced frequencies [rad/s] worth looking at: a little beyond a swept band, a doublet's lobes."""
+    """Log-spaced frequencies (points,) [rad/s]: slightly more than a swept band, or a doublet's lobes."""
     m = design.manoeuvre
     if isinstance(m, Sweep | Multisine):
         return np.geomspace(m.w_min / 1.5, m.w_max * 1.5, points)
@@ -233,8 +233,7 @@ def servo_demand(manoeuvre: Manoeuvre, vehicle: Vehicle | None) -> ServoDemand:
 def simulated_track(manoeuvre: Manoeuvre, vehicle: Vehicle, speed: float, trim_error: float = 0.0) -> Path:
     """The track with the kinematic yaw rate r = V tan(delta)/(a + b); speed m/s, trim_error us.
 
-    Sideslip and servo lag are left out; both make the true path a little smaller at high frequency, where
-    it hardly moves the rover anyway.
+    Sideslip and servo lag are neglected; at high frequency they make the true path slightly smaller.
     """
     t, offset = wave(manoeuvre)
     _, scale = vehicle.steering()
@@ -272,9 +271,9 @@ def rates(w_top: float, loop_rate: float) -> Rates:
 
 
 def fastest_stream(loop_rate: float) -> float:
-    """Fastest SET_MESSAGE_INTERVAL [Hz] that ArduPilot grants at a SCHED_LOOP_RATE [Hz].
+    """Highest rate [Hz] that ArduPilot accepts in SET_MESSAGE_INTERVAL at a SCHED_LOOP_RATE [Hz].
 
-    0.8 of the loop rate, as an interval cut to whole ms (GCS_MAVLINK::cap_message_interval). Seen on
+    0.8 of the loop rate, its interval cut to whole ms (GCS_MAVLINK::cap_message_interval). Measured on
     ArduRover 4.6.3: 40 Hz at loop 50, 333 Hz at loop 400.
     """
     return 1000.0 / max(1, int(1250.0 / loop_rate))

@@ -1,1 +1,1 @@
-"""Reading and writing files safely: hostile text, whole files or none, printable text."""
+"""Safe reading and writing of files: checked TOML and JSON, complete replacement, printable text."""

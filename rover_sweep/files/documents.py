@@ -1,7 +1,7 @@
-"""TOML and JSON of anybody's making, read so that a hostile or damaged text is one sentence.
+"""TOML and JSON from unknown sources: a hostile or damaged text gives an error of one sentence.
 
-The parsers of the standard library end in RecursionError over deep nesting, in ValueError over a numeral of
-more than 4,300 digits, and tomllib takes minutes for a key of 100,000 parts.
+The parsers of the standard library raise RecursionError on deep nesting and ValueError on a number of more
+than 4,300 digits, and tomllib takes minutes for a key of 100,000 parts.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-DEEPEST = 100  # objects or lists within each other; ours have some 30
+DEEPEST = 100  # nested objects or lists; our files have about 30
 LONGEST_LINE = 10_000  # characters of a line of TOML
 
 
@@ -22,7 +22,7 @@ def read_toml(text: str) -> dict[str, Any]:
     number, line = max(enumerate(lines, 1), key=lambda numbered: len(numbered[1]))
     if len(line) > LONGEST_LINE:
         raise tomllib.TOMLDecodeError(
-            f"line {number} has {len(line)} characters; {LONGEST_LINE} are the most, so is the file damaged?"
+            f"line {number} has {len(line)} characters, more than {LONGEST_LINE}; is the file damaged?"
         )
     try:
         found = tomllib.loads(text)
@@ -30,7 +30,7 @@ def read_toml(text: str) -> dict[str, Any]:
         raise tomllib.TOMLDecodeError(_too_deep()) from None
     except tomllib.TOMLDecodeError:
         raise
-    except ValueError as error:  # a date that is none, a numeral that is too long
+    except ValueError as error:  # an invalid date, a number that is too long
         raise tomllib.TOMLDecodeError(_number_words(error)) from None
     if _is_deep(found):
         raise tomllib.TOMLDecodeError(_too_deep())
@@ -42,7 +42,7 @@ def read_toml(text: str) -> dict[str, Any]:
 
 
 def read_json(text: str, parse_constant: Callable[[str], Any] | None = None) -> Any:
-    """The value; ValueError with a sentence for what is no JSON. parse_constant: as of json.loads."""
+    """The value; ValueError with a sentence for invalid JSON. parse_constant: as in json.loads."""
     try:
         found = json.loads(text, parse_constant=parse_constant)
     except RecursionError:
@@ -57,26 +57,26 @@ def read_json(text: str, parse_constant: Callable[[str], Any] | None = None) -> 
 
 
 def _too_deep() -> str:
-    return f"more than {DEEPEST} brackets or keys lie within each other; is the file damaged?"
+    return f"more than {DEEPEST} nested brackets or keys; is the file damaged?"
 
 
 def _number_words(error: ValueError) -> str:
-    """Python's words on a long numeral end in advice to programmers."""
+    """Python's message on a long number, without its advice to programmers."""
     return str(error).partition(";")[0]
 
 
 def _is_deep(value: Any) -> bool:
-    """Whether objects or lists lie deeper within each other than `DEEPEST`."""
+    """True when objects or lists are nested more than `DEEPEST` times."""
     return next((True for depth, _ in enumerate(_levels(value)) if depth == DEEPEST), False)
 
 
 def _levels(value: Any) -> Iterator[list[Any]]:
-    """What is in it, then what is in that, until nothing is."""
+    """The parts of the value, level by level of nesting."""
     level = [value]
     while level := [part for whole in level for part in _parts(whole)]:
         yield level
 
 
 def _parts(value: Any) -> Iterable[Any]:
-    """What is in an object or a list."""
+    """The items of an object or a list."""
     return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()

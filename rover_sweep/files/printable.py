@@ -1,7 +1,7 @@
-"""Text from outside made safe to show: no control character reaches a terminal, a screen or a report.
+"""Makes external text safe to show: no control character reaches a terminal, a screen or a report.
 
-A vehicle's status text may hold escape sequences that clear the screen, write the clipboard (OSC 52) or
-rewrite earlier lines; a bidirectional override shows a name in another order than it has.
+A vehicle's status text may contain escape sequences that clear the screen, write the clipboard (OSC 52) or
+rewrite earlier lines; a bidirectional override shows a name in a wrong order.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ _INSIDE_LINES = re.compile(f"(?!\n)[{_UNSAFE}]")
 
 
 def printable(text: str) -> str:
-    r"""One line: each control character, line breaks included, as a visible escape such as \x1b."""
+    r"""One line: control characters, line breaks included, become visible escapes such as \x1b."""
     return _ANY.sub(_escape, text)
 
 
 def printable_lines(text: str) -> str:
-    r"""As `printable`, for a text of our own with foreign parts: its line breaks stay."""
+    r"""As `printable`, but line breaks stay: for our own text with external parts."""
     return _INSIDE_LINES.sub(_escape, text)
 
 
 def same_length(text: str) -> str:
-    """As `printable_lines`, each by one U+FFFD, so that places in the text (styles, columns) still hold."""
+    """As `printable_lines`, but each becomes one U+FFFD, so that positions (styles, columns) stay valid."""
     return _INSIDE_LINES.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 def shortened(text: str, most: int) -> str:
-    """At most `most` characters; what is left out of the middle is counted."""
+    """At most about `most` characters; the middle is replaced by the number of characters left out."""
     if len(text) <= most:
         return text
     half = most // 2
@@ -43,12 +43,12 @@ def shortened(text: str, most: int) -> str:
 
 
 def within_json(text: str) -> str:
-    """JSON text whose strings hold no such character either, each as JSON's own escape: the same values."""
+    """JSON text with these characters as JSON escapes; its values stay the same."""
     return _INSIDE_LINES.sub(_json_escape, text)
 
 
 def _json_escape(match: re.Match[str]) -> str:
-    if match[0] == "\x7f":  # which JSON takes as it is
+    if match[0] == "\x7f":  # which JSON does not escape
         return "\\u007f"
     return json.dumps(match[0])[1:-1]
 

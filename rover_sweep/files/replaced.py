@@ -1,4 +1,4 @@
-"""Files that are either the old ones or wholly the new ones."""
+"""Files that are replaced completely or not at all."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rover_sweep.errors import UsageError
 
 
 def write_file(path: Path, content: str | bytes) -> Path:
-    """Writes a file by replacing it at once; UsageError where the place cannot be written."""
+    """Replaces a file in one step; UsageError when it cannot be written."""
     data = content.encode("utf-8") if isinstance(content, str) else content
     temporary = ""
     try:
@@ -18,18 +18,18 @@ def write_file(path: Path, content: str | bytes) -> Path:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
             temporary = file.name
             file.write(data)
-        os.chmod(temporary, 0o644)  # temporary files are the owner's alone; a report is to be shared
+        os.chmod(temporary, 0o644)  # temporary files are private; a report is to be shared
         os.replace(temporary, path)
     except OSError as error:
         if temporary:
             Path(temporary).unlink(missing_ok=True)
-        raise UsageError(f"{path} cannot be written: {error.strerror}; give another place") from error
+        raise UsageError(f"{path} cannot be written: {error.strerror}; choose another place") from error
     return path
 
 
 def remove_file(path: Path) -> None:
-    """Removes a file if it is there; UsageError where that is not allowed."""
+    """Removes a file if it exists; UsageError when that is not allowed."""
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror}; give another place") from error
+        raise UsageError(f"{path} cannot be removed: {error.strerror}") from error

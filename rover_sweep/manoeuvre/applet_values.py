@@ -16,12 +16,12 @@ LEAST_SAMPLES = 10  # per period of the highest frequency
 def parameters_of(manoeuvre: Manoeuvre, **others: float) -> dict[str, float]:
     """SWP_ parameters [us, rad/s, s] that make the applet drive this manoeuvre.
 
-    others: limits and the like in the applet's names without prefix (v_max, roll_max, still, ...).
-    UsageError for what the applet would refuse.
+    others: further parameters, such as limits, by the applet's names without prefix (v_max, roll_max, ...).
+    UsageError for values that the applet would refuse.
     """
     numbers = asdict(manoeuvre)
     if twice := sorted(numbers.keys() & others.keys()):
-        raise UsageError(f"{', '.join(twice)}: the manoeuvre's own, and no limit; leave it out of the limits")
+        raise UsageError(f"{', '.join(twice)}: set by the manoeuvre; remove it from the limits")
     try:
         return for_manoeuvre(numbers.pop("kind"), **numbers, **others)
     except ValueError as error:
@@ -29,11 +29,11 @@ def parameters_of(manoeuvre: Manoeuvre, **others: float) -> dict[str, float]:
 
 
 def refuse_undersampled(manoeuvre: Manoeuvre, loop_rate: float) -> None:
-    """UsageError for what is too fast for a vehicle of this SCHED_LOOP_RATE [Hz] to steer and record."""
+    """UsageError when w_max is too high for a SCHED_LOOP_RATE [Hz]: below 10 samples per period."""
     top = 2 * math.pi * loop_rate / LEAST_SAMPLES
     if isinstance(manoeuvre, Sweep | Multisine) and manoeuvre.w_max > top:
         samples = 2 * math.pi * loop_rate / manoeuvre.w_max
         raise UsageError(
-            f"w_max {manoeuvre.w_max:g} rad/s has {samples:.1f} samples a period at the loop rate of "
-            f"{loop_rate:g} Hz, and {LEAST_SAMPLES} are needed: take {math.floor(top):g} rad/s or less"
+            f"w_max {manoeuvre.w_max:g} rad/s has {samples:.1f} samples per period at the loop rate of "
+            f"{loop_rate:g} Hz, but {LEAST_SAMPLES} are needed: use {math.floor(top):g} rad/s or less"
         )

@@ -1,4 +1,4 @@
-"""The manoeuvre that stands in the applet's parameters, as its telemetry tells them."""
+"""The manoeuvre configured in the applet's parameters."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
 
 def configured_manoeuvre(values: Mapping[str, float]) -> Manoeuvre | None:
-    """The manoeuvre of these SWP_ parameters [us, rad/s, s]; those that are missing have their defaults.
+    """The manoeuvre of these SWP_ parameters [us, rad/s, s]; missing ones have their defaults.
 
-    None where the values hold no SWP_ parameter at all, or what the applet would refuse.
+    None without any SWP_ parameter, or for values that the applet would refuse.
     """
     if not any(name.startswith(PREFIX) for name in values):
         return None

@@ -1,8 +1,8 @@
-"""An odd multisine with lines left out, which shows 2nd and 3rd harmonics at once, in closed form.
+"""An odd multisine that does not excite all odd lines, to measure 2nd and 3rd harmonics in one run.
 
-Pintelon and Schoukens, System Identification: A Frequency Domain Approach (2012), chapter 4: of the lines
-k w0 only odd ones are excited, and not all of those. Whatever is even in the vehicle (squares) answers at
-even lines, whatever is odd (cubes) at odd ones, and so also at those that were left out.
+Pintelon and Schoukens, System Identification: A Frequency Domain Approach (2012), chapter 4. Of the lines k
+w0, three out of four odd ones are excited. Even nonlinearities (squares) of the vehicle respond at even
+lines, odd ones (cubes) at odd lines, including those that are not excited.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Lines = NDArray[np.int64]
 
-# Which of each four odd lines in turn is not excited (0 to 3); never the lowest, never two neighbours.
+# Index (0 to 3) of the odd line that is not excited, for each four lines; never the lowest or two neighbours.
 LEFT_OUT = (2, 1, 3, 2, 1, 2, 3, 1, 1, 3, 2, 2, 3, 1, 2, 1)
-EDGE = 0.01  # of w0: a line that lies past the band by less belongs to it
+EDGE = 0.01  # of w0: a line this close to the band belongs to it
 LEAST_LINES, MOST_LINES = 4, 128  # odd lines in the band
-POINTS = 16  # a period of the highest line, at which the peak is looked for
+POINTS = 16  # per period of the highest line, in the search for the peak
 
 
 def fading(since: Array, full: float, fade: float) -> Array:
-    """Envelope 0..1 at `since` s from where fade-in begins: fade [s], `full` s at 1, fade [s]."""
+    """Envelope 0..1 at `since` (...) [s] from the start of fade-in: fade [s], `full` [s] at 1, fade [s]."""
     left = full + 2 * fade - since
     if fade == 0:
         return np.where((since < 0) | (left < 0), 0.0, 1.0)
@@ -35,11 +35,11 @@ def fading(since: Array, full: float, fade: float) -> Array:
 
 @dataclass(frozen=True)
 class Multisine:
-    """Equal sines at three of each four odd multiples of w0 = 2 pi periods/t_rec, w_min to w_max [rad/s].
+    """Equal sines at three out of four odd multiples of w0 = 2 pi periods/t_rec, from w_min to w_max [rad/s].
 
-    amplitude: the peak of their sum [us], met within 2 %. On the clock of the override: straight, fade-in,
-    dwell (the rover settles), t_rec with a whole number of periods, fade-out, straight [s]; the wave repeats
-    itself throughout. Phases after Schroeder (1970).
+    amplitude: peak of the sum [us], within 2 %. Order in time: straight, fade-in, dwell (the rover settles),
+    t_rec with `periods` whole periods, fade-out, straight [s]; the wave is periodic throughout. Phases by
+    Schroeder (1970).
     """
 
     amplitude: float = 150.0
@@ -63,28 +63,29 @@ class Multisine:
             )
         if self.periods < 2 or self.periods != int(self.periods):
             raise ValueError(f"a multisine needs 2, 3 .. whole periods in t_rec, got {self.periods}")
-        held = (self.w_max - self.w_min) / self.base / 2  # about, as memory may not hold them all
+        held = (self.w_max - self.w_min) / self.base / 2  # estimate, as a list could be too long for memory
         held = self.odd.size if held < 1e6 else held
         if not LEAST_LINES <= held <= MOST_LINES:
             raise ValueError(
-                f"{self.w_min:g} to {self.w_max:g} rad/s hold {held:g} odd lines of "
-                f"{self.base:.3g} rad/s, and {LEAST_LINES} to {MOST_LINES} will do; change t_rec or periods"
+                f"{self.w_min:g} to {self.w_max:g} rad/s contain {held:g} odd lines of "
+                f"{self.base:.3g} rad/s, but {LEAST_LINES} to {MOST_LINES} are allowed: change t_rec or "
+                "periods"
             )
 
     @property
     def base(self) -> float:
-        """w0, of which all lines are multiples, rad/s."""
+        """w0 [rad/s]: all lines are multiples of it."""
         return 2 * math.pi * self.periods / self.t_rec
 
     @property
     def odd(self) -> Lines:
-        """All odd lines of the band, as multiples of w0."""
+        """All odd lines of the band (J,), as multiples of w0."""
         low, high = math.ceil(self.w_min / self.base - EDGE), math.floor(self.w_max / self.base + EDGE)
         return np.arange(low + 1 - low % 2, high + 1, 2)
 
     @property
     def even(self) -> Lines:
-        """Even lines between the odd ones, none of which is excited."""
+        """The even lines between the odd ones, not excited."""
         return self.odd[:-1] + 1
 
     @property
@@ -99,7 +100,7 @@ class Multisine:
 
     @property
     def phases(self) -> Array:
-        """Phase of each excited line where the law begins, rad: -pi j^2/J, j counting all J odd lines."""
+        """Phase [rad] of each excited line at the start of t_rec: -pi j^2/J, j counting all J odd lines."""
         j, count = np.arange(self.odd.size), self.odd.size
         return np.asarray(-np.pi * (j * j % (2 * count)) / count)[self._excited]
 
@@ -110,14 +111,14 @@ class Multisine:
 
     @cached_property
     def _sum_peak(self) -> float:
-        """Peak of the sum of unit sines, on the grid on which the applet looks for it."""
-        half = POINTS // 2 * int(self.lines[-1])  # the second half period is the first with its sign changed
+        """Peak of the sum of unit sines, on the same grid as in the applet."""
+        half = POINTS // 2 * int(self.lines[-1])  # the second half period is the negative first
         points = np.arange(half)[:, None] * self.lines % (2 * half)
         return float(np.max(np.abs(np.sin(np.pi * points / half + self.phases).sum(axis=1))))
 
     @property
     def crest_factor(self) -> float:
-        """Peak over root mean square of the wave: 1.8 to 3.4, mostly 2.1 to 2.6 (a sine: 1.41)."""
+        """Peak over rms of the wave: 1.8 to 3.4, usually 2.1 to 2.6 (a sine: 1.41)."""
         return self._sum_peak / math.sqrt(self.lines.size / 2)
 
     @property

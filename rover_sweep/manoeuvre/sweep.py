@@ -1,6 +1,6 @@
-"""Test inputs in closed form: the exponential sweep of the paper, the same about a steering bias, a doublet.
+"""Test inputs in closed form: the exponential sweep of the paper, a sweep about a steering bias, a doublet.
 
-The wave is the contract between the applet on the vehicle and everything else.
+The applet on the vehicle drives exactly these waves.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rover_sweep.manoeuvre.multisine import Multisine, fading
 
 Array = NDArray[np.float64]
 
-C1 = 4.0  # Tischler & Remple 2012; equation (5) of the paper is misprinted, see `Sweep.rate`
+C1 = 4.0  # Tischler & Remple 2012, chapter 5; equation (5) of the paper is misprinted, see `Sweep.rate`
 C2 = 0.0187
 
 
@@ -24,8 +24,8 @@ C2 = 0.0187
 class Sweep:
     """A frequency sweep: amplitude [us], w_min, w_max [rad/s], t_rec, fade, dwell, straight [s].
 
-    On the clock of the override: straight, fade-in at w_min, dwell at w_min, the law over t_rec,
-    fade-out at the final frequency, straight. Fade and dwell lie outside t_rec.
+    Order in time: straight, fade-in at w_min, dwell at w_min, sweep over t_rec, fade-out at the final
+    frequency, straight. Fade and dwell are outside t_rec.
     """
 
     amplitude: float = 150.0
@@ -58,19 +58,19 @@ class Sweep:
         return self.straight + self.fade + self.dwell
 
     def rate(self, t: Array | float) -> Array:
-        """Frequency [rad/s] at law time t [s], constant outside 0..t_rec.
+        """Frequency (...) [rad/s] at t (...) [s] from the start of t_rec, constant outside 0..t_rec.
 
-        w(t) = w_min + C2 (e^(C1 t/T_rec) - 1)(w_max - w_min); equation (5) of the paper as
-        corrected from Tischler & Remple (as printed it never leaves w_min). Ends .23 % of the span
-        above w_max because C2 is rounded.
+        w(t) = w_min + C2 (e^(C1 t/T_rec) - 1)(w_max - w_min): equation (5) of the paper, corrected by
+        Tischler & Remple (as printed, w stays at w_min). It ends .23 % of the span above w_max, as C2 is
+        rounded.
         """
         s = np.clip(t, 0.0, self.t_rec)
         return self.w_min + C2 * np.expm1(C1 * s / self.t_rec) * (self.w_max - self.w_min)
 
     def phase(self, t: Array | float) -> Array:
-        """Phase theta [rad] at law time t [s], equation (4) integrated in closed form; 0 at t = 0.
+        """Phase theta (...) [rad] at t (...) [s] from the start of t_rec, equation (4); 0 at t = 0.
 
-        Before the law and after it the frequency stays, so the phase goes on linearly.
+        Outside t_rec the frequency is constant, so the phase is linear.
         """
         s = np.clip(t, 0.0, self.t_rec)
         law = (self.w_max - self.w_min) * C2 * (self.t_rec / C1 * np.expm1(C1 * s / self.t_rec) - s)
@@ -78,7 +78,7 @@ class Sweep:
         return self.w_min * (s + before) + law + self.rate(self.t_rec) * after
 
     def wave(self, t: Array | float) -> Array:
-        """Steering offset [us] at t [s] from the start of the override; zero phase where fade-in begins."""
+        """Steering offset [us] at t [s] from the start of the override; phase 0 at the start of fade-in."""
         since_fade = np.asarray(t, dtype=float) - self.straight
         law_time = since_fade - self.fade - self.dwell
         start_phase = self.w_min * (self.fade + self.dwell)
@@ -87,7 +87,7 @@ class Sweep:
 
     @property
     def middle(self) -> float:
-        """Offset from trim about which it steers, us."""
+        """Mean steering offset from trim, us."""
         return 0.0
 
     @property
@@ -103,10 +103,10 @@ class Sweep:
 
 @dataclass(frozen=True)
 class BiasSweep(Sweep):
-    """A sweep about a steering offset: bias [us], which fades in and out with the sweep; larger PWM positive.
+    """A sweep about a steering offset: bias [us], positive for larger PWM, faded in and out with the sweep.
 
-    What is even about straight (a saturating tyre, a quadratic linkage) shows in how its response differs
-    from that of a sweep about straight.
+    Even nonlinearities (a saturating tyre, a quadratic linkage) show as a difference to the response of a
+    sweep about straight.
     """
 
     bias: float = 100.0
@@ -114,7 +114,7 @@ class BiasSweep(Sweep):
 
     @property
     def middle(self) -> float:
-        """Offset from trim about which it steers, us."""
+        """Mean steering offset from trim, us."""
         return self.bias
 
 
@@ -153,5 +153,5 @@ Manoeuvre = Sweep | Doublet | Multisine
 
 
 def long_periods(sweep: Sweep) -> float:
-    """How many periods of w_min fit into T_rec; 4..5 are advised (Tischler & Remple 2012)."""
+    """Number of periods of w_min in T_rec; 4..5 are advised (Tischler & Remple 2012, chapter 5)."""
     return sweep.t_rec * sweep.w_min / (2 * math.pi)

@@ -67,7 +67,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["design", "--wmin", "30"], "must lie below --wmax"),
         (["design", "--type", "doublet", "--wmin", "1"], "--wmin belongs to --type sweep"),
         (["design", "--type", "multisine", "--bias", "50"], "--bias belongs to --type bias-sweep"),
-        (["design", "--type", "multisine", "--trec", "5"], "hold 3 odd lines"),
+        (["design", "--type", "multisine", "--trec", "5"], "contain 3 odd lines"),
         (["design", "--type", "bias-sweep", "--bias", "450"], "SWP_BIAS 450 us is outside -400 to 400"),
         (["design", "--amplitude", "0"], "--amplitude"),
         (["design", "--plot", "x.foo"], "cannot be written"),
@@ -261,7 +261,7 @@ def test_design_shows_numbers_pictures_and_warnings(
         "205 deg/s",
         "127 x 39 m",
         "2.6 of 0.3 rad/s",
-        "INS_GYRO_FILTER 4 Hz lags",
+        "INS_GYRO_FILTER 4 Hz has a lag",
         "\u28ff",
     ):
         assert part in out

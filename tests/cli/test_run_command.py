@@ -138,7 +138,7 @@ def test_amplitudes_and_frequencies_beyond_the_rover_are_refused_before_it_arms(
     done = told(*base, "--sweep", "300", "--out", str(tmp_path / "a"))
     assert done.code == 2 and "SWP_PWM_MAX allows 250 us" in done.err
     done = told(*base, "--sweep", "100,wmax=80", "--out", str(tmp_path / "b"))
-    assert done.code == 2 and "samples a period at the loop rate of 100 Hz" in done.err
+    assert done.code == 2 and "samples per period at the loop rate of 100 Hz" in done.err
 
 
 def test_the_live_line_names_what_matters_and_fits() -> None:

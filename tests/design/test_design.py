@@ -138,21 +138,26 @@ def test_a_good_design_has_no_warning() -> None:
 GOOD_SWEEP = Sweep(amplitude=120, w_min=0.6, w_max=20, t_rec=50)
 FAST, TOO_FAST = (replace(GOOD_SWEEP, w_max=w, amplitude=60) for w in (28, 40))
 FAULTS: dict[str, tuple[Sweep, float, dict[str, float], str]] = {
-    "short": (replace(GOOD_SWEEP, t_rec=30), 2.0, {}, "T_rec 30 s holds 2.9 periods"),
+    "short": (replace(GOOD_SWEEP, t_rec=30), 2.0, {}, "T_rec 30 s contains 2.9 periods"),
     "one run": (replace(GOOD_SWEEP, w_min=0.55), 2.0, {"runs": 1}, "too short for 0.55 rad/s"),
     "no fade": (replace(GOOD_SWEEP, fade=0), 2.0, {}, "without a fade"),
-    "no straight": (replace(GOOD_SWEEP, straight=0), 2.0, {}, "nothing to take biases"),
-    "weak": (replace(GOOD_SWEEP, amplitude=20), 5.0, {}, "20 us is little"),
+    "no straight": (replace(GOOD_SWEEP, straight=0), 2.0, {}, "too short to measure biases"),
+    "weak": (replace(GOOD_SWEEP, amplitude=20), 5.0, {}, "20 us is small"),
     "at the stops": (replace(GOOD_SWEEP, amplitude=400, w_max=6), 0.5, {}, "end stops"),
-    "slow servo": (replace(GOOD_SWEEP, amplitude=200), 1.0, {}, "a slow servo (0.2 s/60 deg) does 300 deg/s"),
-    "no servo": (replace(GOOD_SWEEP, amplitude=340, w_max=24), 0.5, {}, "even a quick servo"),
-    "sliding": (GOOD_SWEEP, 4.5, {}, "slides on loose or wet ground"),
+    "slow servo": (
+        replace(GOOD_SWEEP, amplitude=200),
+        1.0,
+        {},
+        "a slow servo (0.2 s/60 deg) reaches 300 deg/s",
+    ),
+    "no servo": (replace(GOOD_SWEEP, amplitude=340, w_max=24), 0.5, {}, "even a fast servo"),
+    "sliding": (GOOD_SWEEP, 4.5, {}, "slide on loose or wet ground"),
     "flying": (GOOD_SWEEP, 8.0, {}, "slide on any ground"),
     "creeping": (GOOD_SWEEP, 0.3, {}, "of yaw rate, near the noise"),
     "loop rate": (FAST, 2.0, {"loop_rate": 50.0}, "SCHED_LOOP_RATE 200"),
-    "too fast": (TOO_FAST, 2.0, {"loop_rate": 400.0}, "too fast for the chain"),
-    "gyro filter": (GOOD_SWEEP, 2.0, {"gyro_filter": 4.0}, "INS_GYRO_FILTER 4 Hz lags"),
-    "accel filter": (GOOD_SWEEP, 2.0, {"accel_filter": 5.0}, "INS_ACCEL_FILTER 5 Hz lags"),
+    "too fast": (TOO_FAST, 2.0, {"loop_rate": 400.0}, "too high for the output"),
+    "gyro filter": (GOOD_SWEEP, 2.0, {"gyro_filter": 4.0}, "INS_GYRO_FILTER 4 Hz has a lag"),
+    "accel filter": (GOOD_SWEEP, 2.0, {"accel_filter": 5.0}, "INS_ACCEL_FILTER 5 Hz has a lag"),
 }
 
 
@@ -174,7 +179,7 @@ def test_own_servo_replaces_the_typical_one() -> None:
     fast = replace(GOOD_SWEEP, amplitude=200)
     assert warnings(make_design(fast, ROVER, 1.0, **GOOD), servo=0.08) == []
     said = warnings(make_design(fast, ROVER, 1.0, **GOOD), servo=0.25)
-    fits = float(said[0].split("flatten the wave. ")[1].split(" us")[0])
+    fits = float(said[0].split("reduce the amplitude. ")[1].split(" us")[0])
     assert warnings(make_design(replace(fast, amplitude=fits - 1), ROVER, 1.0, **GOOD), servo=0.25) == []
 
 

@@ -43,7 +43,7 @@ def test_of_a_variant_too(text: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, LONG, "[" * 200 + "]" * 200])
 def test_hostile_json_is_a_sentence(text: str) -> None:
-    with pytest.raises(ValueError, match="digits|within each other"):
+    with pytest.raises(ValueError, match="digits|nested"):
         read_json(text)
 
 

@@ -72,9 +72,9 @@ def test_lines_left_out_are_never_the_lowest_of_four() -> None:
     [
         ({"periods": 1}, "2, 3 .. whole periods"),
         ({"periods": 2.5}, "2, 3 .. whole periods"),
-        ({"t_rec": 5}, "hold 3 odd lines of 3.77 rad/s"),
-        ({"t_rec": 600}, "hold 393 odd lines"),
-        ({"t_rec": 1e15}, "hold 6.55188e.14 odd lines"),  # more than memory holds
+        ({"t_rec": 5}, "contain 3 odd lines of 3.77 rad/s"),
+        ({"t_rec": 600}, "contain 393 odd lines"),
+        ({"t_rec": 1e15}, "contain 6.55188e.14 odd lines"),  # more than memory holds
         ({"w_min": 30}, "w_min 30 and w_max 25"),
         ({"t_rec": 0}, "need t_rec > 0"),
         ({"amplitude": -1}, "amplitude > 0"),
