@@ -1,1 +1,1 @@
-"""A recorded drive through a simulation: its own steering and speed, and a recording of what comes of it."""
+"""Redrive: a recorded drive repeated in simulation with its steering and speed, and the new recording."""

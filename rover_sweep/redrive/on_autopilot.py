@@ -1,8 +1,8 @@
-"""A drive repeated on a vehicle that has an autopilot: the embedded rover, or the real firmware in SITL.
+"""A drive repeated on a simulated vehicle with autopilot: the embedded rover, or the real firmware in SITL.
 
-A Lua script on the vehicle plays the steering, as the sweep applet would, and follows the speed; this side
-starts the vehicle, arms it, waits, and takes the log from its folder. Nothing but a simulated rover that was
-started here is ever armed.
+A Lua script on the vehicle plays the steering, as the sweep applet does, and follows the speed. This module
+starts the vehicle, arms it, waits, and reads the log from its folder. It arms only simulated rovers that it
+has started itself.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from sitl.redrive.restamp import first, restamped
 from sitl.redrive.script import script
 
 _READY_S, _ARMING_S = 120.0, 60.0  # of the vehicle's clock
-_SLACK_S = 30.0  # beyond the course, until a script that says nothing is given up
-_SCRIPT_LOOP_HZ = 100.0  # least main loop: below it scripts may wait 72 ms for their turn
+_SLACK_S = 30.0  # s after the course until a silent script counts as stopped
+_SCRIPT_LOOP_HZ = 100.0  # lowest main loop rate; at lower ones scripts may wait 72 ms
 _CHANNELS = Channels(steering=1, throttle=3, switch=6, steering_trim=1500, throttle_trim=1500)
 
 
@@ -37,8 +37,8 @@ def drive_course(
 ) -> Iterator[str]:
     """Drive the course on `simulator` ("embedded", "ardurover") and write its log to `out`.
 
-    The log is put on the clock of the course. Yields what is going on, in words. LinkError where the vehicle
-    does not play it to the end.
+    The log is put on the clock of the course. Yields the current step as a sentence. LinkError if the vehicle
+    does not drive the course to its end.
     """
     with tempfile.TemporaryDirectory() as folder:
         home = Path(folder) / "vehicle"
@@ -50,13 +50,13 @@ def drive_course(
         data = logs[-1].read_bytes() if logs else b""
     begun = first(data, "RDRV", "T")
     if begun is None:
-        raise LinkError("the simulated rover kept no log of the drive; try again, or take --vehicle plant")
+        raise LinkError("the simulated rover recorded no log of the drive; try again, or use --vehicle plant")
     shift = float(course.t[0]) + begun[1] - begun[0]
     out.write_bytes(restamped(data, shift, float(course.t[0]), float(course.t[-1])))
 
 
 def _settings(course: Course) -> dict[str, float]:
-    """Parameters of the recorded rover that shape what is recorded."""
+    """Parameters of the recorded rover that affect the recording: filters and loop rate."""
     have = course.parameters
     settings = {name: have[name] for name in ("INS_GYRO_FILTER", "INS_ACCEL_FILTER") if name in have}
     loop = max(have.get("SCHED_LOOP_RATE", _SCRIPT_LOOP_HZ), _SCRIPT_LOOP_HZ)
@@ -72,7 +72,7 @@ def _vehicle(
     seed: int,
     settings: dict[str, float],
 ) -> Any:
-    """The simulated rover that runs, with the script on it."""
+    """Start the simulated rover with the script on it. LinkError if it does not start."""
     from sitl import launcher
 
     home, variant, player = folder / "vehicle", folder / "variant.toml", folder / "redrive.lua"
@@ -99,7 +99,7 @@ def _vehicle(
 
 
 def _drive(link: Link, length: float) -> Iterator[str]:
-    """Arm once the estimator is ready, and wait for the end of the course."""
+    """Arm when the estimator is ready, and wait for the end of the course."""
     yield "waiting for the estimator"
     started = link.clock.now
     while not estimator_ready(link):
@@ -135,7 +135,7 @@ def _await(link: Link, length: float) -> None:
         link.receive(0.5)
         errors = [text.text for text in link.texts if text.text.startswith("Lua:") and "rror" in text.text]
         if errors:
-            raise LinkError(f"the script that drives stopped: {errors[-1]}")
+            raise LinkError(f"the driving script stopped: {errors[-1]}")
         late = link.clock.now - started > length + _SLACK_S
         if late or time.monotonic() - wall > 3.0 * length + _SLACK_S:
-            raise LinkError(f"the simulated rover did not end its drive of {length:.0f} s")
+            raise LinkError(f"the simulated rover did not finish its drive of {length:.0f} s in time")

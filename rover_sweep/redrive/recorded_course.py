@@ -1,4 +1,4 @@
-"""Out of a log: what to drive again."""
+"""The course of a recorded drive, to be driven again."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import Array, Log
 from sitl.redrive.course import AppletState, Course
 
-SMOOTHING_S = 0.3  # of the estimator's speed: its noise is no driving
-LONGEST_GAP = 5  # loops without a record, beyond which loops are put in
+SMOOTHING_S = 0.3  # of the estimated speed, to remove its noise
+LONGEST_GAP = 5  # loops without a record; longer gaps are filled
 SLOWEST_HZ, FASTEST_HZ = 20.0, 400.0
 
 
 def course_of(log: Log) -> Course:
-    """The drive in a log. DataRefused where it holds no steering or no speed, or never moved."""
+    """The drive in a log. DataRefused if steering, gyro or speed are missing or hardly overlap."""
     for name, what in (("r", "gyro"), ("speed", "speed")):
         if name not in log.signals or log.signals[name].t.size < 2:
-            raise DataRefused(f"{log.name}: no {what} was recorded, so the drive cannot be driven again")
+            raise DataRefused(f"{log.name}: no {what} was recorded, which a redrive needs")
     pwm = next((s for s in log.steering if s.unit == "us" and s.t.size > 1), None)
     if pwm is None:
         raise DataRefused(
@@ -26,7 +26,9 @@ def course_of(log: Log) -> Course:
         )
     t = _loops(log, pwm)
     if t.size < 100:
-        raise DataRefused(f"{log.name}: steering, gyro and speed overlap in {t.size} main loops: too short")
+        raise DataRefused(
+            f"{log.name}: too short: only {t.size} main loops have steering, gyro and speed; 100 are needed"
+        )
     psi, steering = log.signals.get("psi"), _staircase(pwm, t)
     return Course(
         t=t,
@@ -43,8 +45,10 @@ def course_of(log: Log) -> Course:
 
 
 def _loops(log: Log, pwm: Signal) -> Array:
-    """Main loops (n,) s while steering, gyro and speed are there: the gyro's stamps, or every 10 ms where
-    raw samples were logged; gaps filled."""
+    """Times (n,) s of the main loops in which steering, gyro and speed are recorded.
+
+    The time stamps of the gyro with gaps filled, or every 10 ms if raw gyro samples were logged.
+    """
     gyro, speed = log.signals["r"], log.signals["speed"]
     start = max(pwm.t[0], gyro.t[0], speed.t[0])
     end = min(pwm.t[-1], gyro.t[-1], speed.t[-1])
@@ -60,8 +64,10 @@ def _loops(log: Log, pwm: Signal) -> Array:
 
 
 def _staircase(pwm: Signal, t: Array) -> Array:
-    """PWM (n,) us on the servo from each loop on. What was set since the loop before reaches it now; samples
-    of something finer are taken in the middle of what they stand for."""
+    """PWM (n,) us on the servo from each loop on.
+
+    A held output reaches the servo at the next loop. A continuous one is sampled at the middle of the loop.
+    """
     if pwm.hold:
         k = np.searchsorted(pwm.t, t, "right") - 1
         return pwm.x[np.clip(k, 0, pwm.t.size - 1)].astype(float)
@@ -85,5 +91,5 @@ def _applet(log: Log, pwm: Signal, t: Array) -> AppletState | None:
 
 
 def _cutoff(log: Log, channel: str) -> float:
-    """The known low-pass of a channel [Hz], 0 where there is none."""
+    """Cut-off of the known low-pass of a channel [Hz], 0 if it has none."""
     return log.filters[channel].cutoff_hz if channel in log.filters else 0.0

@@ -1,4 +1,4 @@
-"""The rover that is simulated: a variant of the plant, with what a vehicle file says put in."""
+"""The simulated rover: a variant of the plant with the measured numbers of a vehicle file."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ _MEASURED = (
 
 
 def simulated_rover(variant: str, rover_file: str | None) -> PlantParameters:
-    """The parameters to simulate. UsageError where the variant or the file cannot be used."""
+    """The parameters to simulate. UsageError if the variant or the vehicle file cannot be used."""
     try:
         parameters = load_variant(_path(variant))
         parameters = parameters if rover_file is None else _as_measured(parameters, load(rover_file))
-        Plant(parameters)  # refuses numbers that are sane one by one and no rover together
+        Plant(parameters)  # raises for numbers that are valid one by one but not together
         return parameters
     except ValueError as error:
         raise UsageError(str(error)) from error
 
 
 def described(parameters: PlantParameters, variant: str, rover_file: str | None) -> str:
-    """One line: whose numbers these are."""
+    """One line with the numbers, their origin and the effects."""
     effects = ", ".join(
         f"{name} ({', '.join(f'{p} {v}' for p, v in values.items())})"
         for name, values in parameters.effects.items()
@@ -53,10 +53,10 @@ def described(parameters: PlantParameters, variant: str, rover_file: str | None)
 
 
 def on_the_clock(parameters: PlantParameters, runs: Sequence[Recording]) -> PlantParameters:
-    """With the instant of a `surface_change` on the clock of the log: it counts from the start of a run.
+    """The parameters with the instant of a `surface_change` on the clock of the log [s].
 
-    That is the run which the effect names, else the first; a change in a run that this log does not hold is
-    left out, and the surface stays as it was before.
+    The effect gives it from the start of a run: the run that it names, else the first. If the log does not
+    have that run, the change is left out and the surface stays as before.
     """
     change = parameters.effects.get("surface_change", {})
     if "t" not in change:
@@ -69,16 +69,16 @@ def on_the_clock(parameters: PlantParameters, runs: Sequence[Recording]) -> Plan
 
 
 def refuse_instant(parameters: PlantParameters, simulator: str) -> None:
-    """UsageError for an instant on a vehicle whose clock is not that of the log."""
+    """UsageError for a `surface_change` at a time, since the clock of this vehicle is not that of the log."""
     if "t" in parameters.effects.get("surface_change", {}):
         raise UsageError(
             f"surface_change at a time cannot be placed on the clock of --vehicle {simulator}; give its "
-            "distance [m] instead of t, or take --vehicle plant"
+            "distance [m] instead of t, or use --vehicle plant"
         )
 
 
 def _path(variant: str) -> str | Path:
-    """A file beats a variant of the same name only where it says that it is a file."""
+    """A file is used instead of a variant of the same name only if the name ends in .toml."""
     return Path(variant).resolve() if variant.endswith(".toml") and Path(variant).is_file() else variant
 
 

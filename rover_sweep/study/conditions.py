@@ -1,4 +1,4 @@
-"""The test plan of the study: what is driven, on which ground, how fast, from which seed."""
+"""The test plan of the study: manoeuvres, grounds, speeds and seeds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True, eq=False)
 class StudyRuns:
-    """Everything that was driven. checks: the doublets by the keys of CHECKS; no fit sees them."""
+    """All runs. checks: the doublets by the keys of CHECKS, which no fit uses."""
 
     asphalt: PlantParameters
     grass: PlantParameters
@@ -38,7 +38,7 @@ class StudyRuns:
 
 
 def drive_all(seed: int, progress: Progress) -> StudyRuns:
-    """Drives the whole plan on the published rover; every run has its own noise and road out of the seed."""
+    """Drives the whole plan on the published rover. The seed gives every run its own noise and road."""
     asphalt, grass, firmware = load_variant("paper_asphalt"), load_variant("paper_grass"), Firmware()
     sweep = Sweep(SWEEP["amplitude"], SWEEP["w_min"], SWEEP["w_max"], SWEEP["t_rec"])
     plan: list[tuple[str, PlantParameters, Manoeuvre, float]] = [
@@ -56,7 +56,7 @@ def drive_all(seed: int, progress: Progress) -> StudyRuns:
 
 
 def geometry(rover: PlantParameters) -> Geometry:
-    """What the authors knew: the fixed rows of Tables 2 and 3, and a swing test without error."""
+    """The numbers that the authors knew: fixed rows of Tables 2 and 3, and a swing test without error."""
     forward, _, down = rover.imu_position
     return Geometry(
         mass=rover.mass,

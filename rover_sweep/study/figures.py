@@ -19,10 +19,10 @@ VERIFIED = {"asphalt": "figure-7", "grass": "figure-8a", "fast": "figure-8b"}
 
 
 def figures(study: Study) -> Iterator[Picture]:
-    """The figures in the paper's order, none drawn yet; fits are those made as the paper made them."""
+    """The figures in the paper's order, to be drawn later; the fits are those made as in the paper."""
     sweep = study.runs.sweeps[0]
     yield Picture(
-        "figure-2", "recordings", "Figure 2: the sweep and what the rover did.", partial(history, sweep)
+        "figure-2", "recordings", "Figure 2: the sweep and the motion of the rover.", partial(history, sweep)
     )
     seen = replace(
         study.paper.group,
@@ -40,7 +40,7 @@ def figures(study: Study) -> Iterator[Picture]:
         yield Picture(name, "models", caption, partial(modelled_responses, practice.group, _models(practice)))
     for check, name in VERIFIED.items():
         figure = "Figure 7" if check == "asphalt" else "Figure 8"
-        caption = f"{figure}: {CHECKS[check]}, which no fit has seen; {study.paper.words}."
+        caption = f"{figure}: {CHECKS[check]}, not used in any fit; {study.paper.words}."
         verdicts = {m: study.paper.check(m, check) for m in MODELS}
         draw = partial(verification, study.runs.checks[check], verdicts)
         yield Picture(name, "verification", caption, draw)

@@ -1,4 +1,4 @@
-"""The findings on the three models, tested on the virtual rover; every difference in words is computed."""
+"""The findings on the three models, tested on the virtual rover; all numbers in the texts are computed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TIC_GUIDE = 0.25  # the stricter of Tischler and Remple's 0.25 to 0.35
 
 @dataclass(frozen=True)
 class StudyFinding:
-    """One published finding. claim: what the paper says, with its place; text: what came out, and why."""
+    """One published finding. claim: the paper's statement and its place. text: the result here, and why."""
 
     key: str
     claim: str
@@ -54,7 +54,7 @@ def agreement(*conditions: bool) -> Outcome:
 
 
 def tics_of(practice: Practice, check: str) -> dict[str, float]:
-    """TIC of each model on one doublet, over the channels that it has."""
+    """TIC of each model on one doublet, over the channels of the model."""
     return {m: practice.check(m, check).tic for m in MODELS}
 
 
@@ -71,10 +71,10 @@ def cost_order(study: Study) -> StudyFinding:
     off = ", ".join(f"{m} {signed_percent(ours[m] / printed[m] - 1)}" for m in MODELS)
     shares = [100 * (1 - known[m] / ours[m]) for m in MODELS]
     text = (
-        f"J_ave, fitted as the paper did: {ranked_values(ours)} (published: {ranked_values(printed)}). The "
-        f"{ranked(ours)[0]} model has the lowest. Against the print: {off}. With the sensors' filters in "
-        f"the models' outputs the same responses cost {ranked_values(known)}: {min(shares):.0f} to "
-        f"{max(shares):.0f} % of J_ave comes from low-passes that the fit ignores. "
+        f"J_ave, fitted as in the paper: {ranked_values(ours)} (published: {ranked_values(printed)}). "
+        f"The {ranked(ours)[0]} model has the lowest. Difference to the paper: {off}. With the sensor "
+        f"filters in the model outputs the cost of the same responses is {ranked_values(known)}: "
+        f"{min(shares):.0f} to {max(shares):.0f} % of J_ave comes from low-passes that the fit ignores. "
         f"{_where_the_cost_lies(study)}"
     )
     claim = "The lumped model has the lowest average cost, then the roll-yaw, then the bicycle (Table 5)."
@@ -82,18 +82,18 @@ def cost_order(study: Study) -> StudyFinding:
 
 
 def _where_the_cost_lies(study: Study) -> str:
-    """The costliest and cheapest response of the lumped model, which is free to fit any one of them."""
+    """The responses of the lumped model with the highest and lowest cost."""
     costs = study.paper.fit("lumped").costs
     names = {SHORT_NAMES[o]: j for o, j in costs.items()}
     low, *_, high = ranked(names)
     return (
-        "Even the lumped model cannot undo them, since one τ serves all: its J is "
+        "Even the lumped model cannot compensate them, since it has one τ for all responses: its J is "
         f"{number(names[high], 3)} for {high} and {number(names[low], 3)} for {low}."
     )
 
 
 def nominal(study: Study) -> StudyFinding:
-    """Table 6: which model predicts the doublet at the condition of the fit best."""
+    """Table 6: which model predicts best the doublet at the speed of the fit."""
     ours, known = tics_of(study.paper, "asphalt"), tics_of(study.known, "asphalt")
     best = ranked(ours)[0]
     text = (
@@ -101,7 +101,7 @@ def nominal(study: Study) -> StudyFinding:
         f"with the filters known: {ranked_values(known, 2)}."
     )
     if best != "roll-yaw":
-        text += f" The {best} model is ahead. {_why_ahead(study, best)}"
+        text += f" The {best} model predicts best. {_why_ahead(study, best)}"
     claim = (
         "On a doublet at the fitted speed the roll-yaw model predicts best, although the lumped model fits "
         "the responses best (Table 6)."
@@ -110,12 +110,12 @@ def nominal(study: Study) -> StudyFinding:
 
 
 def _why_ahead(study: Study, best: str) -> str:
-    """Where the roll-yaw model lags behind another one, and whether its tied tyres are the reason."""
+    """The channel in which the roll-yaw model is worse, and whether its tied tyres are the reason."""
     mine, other = (study.known.check(m, "asphalt") for m in ("roll-yaw", best))
     a, b = max(_pairs(mine, other), key=lambda pair: pair[0].j_rms - pair[1].j_rms)
     free, tied = study.counterfactuals.untied["asphalt"].tic, mine.tic
     words = (
-        f"The gap is widest in {SHORT_NAMES[a.channel]} (filters known): {number(b.j_rms, 2)} "
+        f"The difference is largest in {SHORT_NAMES[a.channel]} (filters known): {number(b.j_rms, 2)} "
         f"{unit(a.unit)} rms of error against {number(a.j_rms, 2)}. "
     )
     if free >= 0.8 * tied:
@@ -124,13 +124,13 @@ def _why_ahead(study: Study, best: str) -> str:
         )
     cf, cr = (number(study.truth.values[n], 3) for n in ("Cf", "Cr"))
     return words + (
-        f"One C for both axles is what holds the roll-yaw model back (this rover's are {cf} and {cr} "
+        f"The roll-yaw model is worse because it has one C for both axles (this rover has {cf} and {cr} "
         f"N/rad): with Cf and Cr free its TIC falls from {number(tied, 2)} to {number(free, 2)}."
     )
 
 
 def _pairs(first: Verification, second: Verification) -> list[tuple[Overlay, Overlay]]:
-    """The overlays of the channels that both have."""
+    """The overlays of the channels that both verifications have."""
     there = {o.channel: o for o in second.overlays}
     return [(o, there[o.channel]) for o in first.overlays if o.channel in there]
 
@@ -143,16 +143,15 @@ def grass(study: Study) -> StudyFinding:
     if best != "roll-yaw":
         softer = 1 - study.runs.grass.front_cornering_stiffness / study.runs.asphalt.front_cornering_stiffness
         text += (
-            f" The {best} model is ahead, {100 * spread:.0f} % from first to last. This grass hardly parts "
-            f"the models: at {study.runs.checks['grass'].mean_speed:.1f} m/s the same steering gives "
+            f" The {best} model predicts best; the largest TIC is {100 * spread:.0f} % above the smallest. "
+            "This grass hardly separates the models: at "
+            f"{study.runs.checks['grass'].mean_speed:.1f} m/s the same steering gives "
             f"{signed_percent(_yaw_ratio(study) - 1)} yaw rate (rms) on tyres {100 * softer:.0f} % softer, "
             f"while the rougher ground raises the error in p from {_p_error(study, 'asphalt')} to "
-            f"{_p_error(study, 'grass')} deg/s, which the bicycle is not asked for."
+            f"{_p_error(study, 'grass')} deg/s, a channel that the bicycle does not have."
         )
-    text += f" In print, {published.DOUBTS['grass']}."
-    claim = (
-        "On artificial grass the roll-yaw model predicts best, nothing in the models being changed (Table 7)."
-    )
+    text += f" In the paper, {published.DOUBTS['grass']}."
+    claim = "On artificial grass the unchanged roll-yaw model predicts best (Table 7)."
     return StudyFinding("grass", claim, agreement(best == "roll-yaw"), text)
 
 
@@ -166,7 +165,7 @@ def _p_error(study: Study, check: str) -> str:
 
 
 def fast(study: Study) -> StudyFinding:
-    """Table 7, right: the lumped model does not carry to 4 m/s, the roll-yaw model does."""
+    """Table 7, right: the lumped model is not valid at 4 m/s, the roll-yaw model is."""
     ours = tics_of(study.paper, "fast")
     gain = {m: 100 * yaw_gain(study.paper, m, "fast") for m in MODELS}
     text = (
@@ -176,8 +175,8 @@ def fast(study: Study) -> StudyFinding:
         f"{gain['bicycle']:.0f} %. {_why_lost(study)}"
     )
     claim = (
-        "The lumped model, with V_x updated in its kinematic term alone, does not carry to 4 m/s; the "
-        "roll-yaw model does (Table 7)."
+        "The lumped model, with V_x updated in its kinematic term alone, is not valid at 4 m/s; the "
+        "roll-yaw model is (Table 7)."
     )
     return StudyFinding(
         "fast", claim, agreement(ours["lumped"] > TIC_GUIDE, ours["roll-yaw"] <= TIC_GUIDE), text
@@ -189,16 +188,16 @@ def _why_lost(study: Study) -> str:
     frozen = number(study.counterfactuals.frozen.tic, 2)
     whole = number(study.known.check("roll-yaw", "fast").tic, 2)
     if study.counterfactuals.frozen.tic <= 1.5 * study.known.check("roll-yaw", "fast").tic:
-        return f"The roll-yaw model carried the same way does no worse ({frozen} in place of {whole})."
+        return f"The roll-yaw model, updated in the same way, is not worse (TIC {frozen}, before {whole})."
     return (
         "The cause is V_x in the kinematic term alone: the identified roll-yaw model itself (filters known), "
-        f"written as a lumped one at {study.known.group.speed:.1f} m/s and carried the same way, goes from "
-        f"TIC {whole} to {frozen}."
+        f"written as a lumped one at {study.known.group.speed:.1f} m/s and updated in the same way, goes "
+        f"from TIC {whole} to {frozen}."
     )
 
 
 def yaw_gain(practice: Practice, model: str, check: str) -> float:
-    """RMS of a model's yaw rate about its mean over the measured one's."""
+    """Standard deviation of a model's yaw rate over that of the measured one."""
     overlay = next(o for o in practice.check(model, check).overlays if o.channel == "r")
     return float(overlay.model.std() / overlay.measured.std())
 

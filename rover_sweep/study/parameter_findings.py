@@ -21,11 +21,11 @@ def inertia_finding(study: Study) -> StudyFinding:
     ours = {m: abs(study.paper.fit(m)["Izz"].value / true - 1) for m in PHYSICAL}
     found = "; ".join(f"{p.title}: {_inertias(p, true)}" for p in study.practices.values())
     text = (
-        f"Against this rover's own {number(true, 2)} kg m², which a perfect swing test would give: {found}. "
-        f"{_why_inertia(study, true)} In print, {published.DOUBTS['Izz']}."
+        f"Compared with this rover's {number(true, 2)} kg m², the result of a perfect swing test: {found}. "
+        f"{_why_inertia(study, true)} In the paper, {published.DOUBTS['Izz']}."
     )
     claim = (
-        f"The roll-yaw model's I_zz lies nearer to the swing test ({printed['roll-yaw']}) than the bicycle's "
+        f"The roll-yaw model's I_zz is nearer to the swing test ({printed['roll-yaw']}) than the bicycle's "
         f"({printed['bicycle']})."
     )
     return StudyFinding("inertia", claim, agreement(ours["roll-yaw"] < ours["bicycle"]), text)
@@ -36,19 +36,19 @@ def _inertias(practice: Practice, true: float) -> str:
 
 
 def _why_inertia(study: Study, true: float) -> str:
-    """What V_y' does to the roll-yaw model's Izz: left out, and with the estimator's lag taken out of it."""
+    """The effect of V_y' on the roll-yaw model's Izz: without it, and with the estimator's lag removed."""
     known, default = (study.practices[k].fit("roll-yaw")["Izz"] for k in ("known", "default"))
     prompt = study.counterfactuals.prompt["Izz"].value / true - 1
     now = known.value / true - 1
     words = (
-        f"V̇_y comes from the estimator, whose velocity is {ms(study.runs.asphalt.velocity_lag)} late over "
-        "the earth, so that a turning rover's V_y lacks that times V r. With the lag taken out of the "
-        f"measured response the roll-yaw fit (filters known) has {signed_percent(prompt)} in place of "
-        f"{signed_percent(now)}"
+        f"V̇_y comes from the estimator, whose velocity over ground lags by "
+        f"{ms(study.runs.asphalt.velocity_lag)}; in a turn V_y lacks this lag times V r. The roll-yaw fit "
+        f"(filters known) is off by {signed_percent(now)}, and by {signed_percent(prompt)} with the lag "
+        "removed from the measured response"
     )
     bounds = f"{number(known.cr_percent, 2)} % with V̇_y, {number(default.cr_percent, 2)} % without"
     if abs(prompt) < 0.5 * abs(now):
-        return f"{words}, so this lag is most of the error. The Cramer-Rao bound does not tell ({bounds})."
+        return f"{words}, so this lag causes most of the error. The Cramer-Rao bound misses it ({bounds})."
     return f"{words}, so this lag is not the cause. The Cramer-Rao bound is {bounds}."
 
 
@@ -59,15 +59,15 @@ def stiffness(study: Study) -> StudyFinding:
     printed = {m: published.PARAMETERS[m]["C"].value for m in PHYSICAL}
     apart, in_print = (c["roll-yaw"] / c["bicycle"] - 1 for c in (ours, printed))
     text = (
-        f"As the paper: bicycle {number(ours['bicycle'], 3)}, roll-yaw {number(ours['roll-yaw'], 3)} N/rad, "
-        f"{signed_percent(apart)} apart ({signed_percent(in_print)} in print); with the filters known "
-        f"{number(known['bicycle'], 3)} and {number(known['roll-yaw'], 3)}. This rover's axles have "
+        f"As in the paper: bicycle {number(ours['bicycle'], 3)}, roll-yaw {number(ours['roll-yaw'], 3)} "
+        f"N/rad, {signed_percent(apart)} apart ({signed_percent(in_print)} in the paper); with the filters "
+        f"known {number(known['bicycle'], 3)} and {number(known['roll-yaw'], 3)}. This rover's axles have "
         f"{number(true, 3)} on average at zero slip."
     )
     if apart <= 0.5 * in_print:
         text += (
-            f" Leaving the roll out moves C by only {abs(100 * apart):.0f} % here; the print's gap has "
-            "another cause."
+            f" Leaving out roll changes C by only {abs(100 * apart):.0f} % here; the difference in the "
+            "paper has another cause."
         )
     nearer = abs(ours["roll-yaw"] - true) < abs(ours["bicycle"] - true)
     claim = (
@@ -85,17 +85,17 @@ def delays(study: Study) -> StudyFinding:
     share = {m: ours[m] - known[m] for m in names}
     left = printed["roll-yaw"] - share["roll-yaw"]
     text = (
-        f"As the paper: {_times(ours)} (published: {_times(printed)}). With the filters known: "
+        f"As in the paper: {_times(ours)} (published: {_times(printed)}). With the filters known: "
         f"{_times(known)}; the servo's own delay and lag are {ms(true_delay(study.runs))}. So the filters "
-        f"make {ms(min(share.values()))} to {ms(max(share.values()))} of τ, in the roll-yaw model "
+        f"cause {ms(min(share.values()))} to {ms(max(share.values()))} of τ, in the roll-yaw model "
         f"{100 * share['roll-yaw'] / ours['roll-yaw']:.0f} % of it. "
         f"{_gyro_words(study, known['roll-yaw'])} If the published rover had these filters, its "
         f"{ms(printed['roll-yaw'])} leave about {ms(left)} for the servo."
     )
     near = (abs(ours[m] / printed[m] - 1) <= 0.25 for m in names)
     claim = (
-        "The models need an equivalent delay of 71 to 88 ms (Tables 2 to 4), laid to higher-order dynamics "
-        "that are not modelled."
+        "The models need an equivalent delay of 71 to 88 ms (Tables 2 to 4), which it attributes to "
+        "higher-order dynamics that are not modelled."
     )
     return StudyFinding("delays", claim, agreement(*near), text)
 
@@ -108,8 +108,8 @@ def _gyro_words(study: Study, known: float) -> str:
     )
     alone = study.counterfactuals.gyro_ignored["tau"].value - known
     return (
-        f"The gyro's {firmware.gyro_filter_hz:g} Hz low-pass, {ms(gyro)} of lag in r and p, makes "
-        f"{ms(alone)} of that by itself: one τ also has to serve a_y ({firmware.accel_filter_hz:g} Hz, "
+        f"The gyro's {firmware.gyro_filter_hz:g} Hz low-pass, {ms(gyro)} of lag in r and p, causes "
+        f"{ms(alone)} of that alone: the same τ also serves a_y ({firmware.accel_filter_hz:g} Hz, "
         f"{ms(accelerometer)}) and V̇_y (none)."
     )
 
@@ -128,11 +128,11 @@ def roll(study: Study) -> StudyFinding:
     worse = known["bicycle"] > known["roll-yaw"]
     hidden = (ignored["bicycle"] > ignored["roll-yaw"]) != worse
     text = (
-        f"It has no answer for p (rms {number(float(p.std()) * 180 / pi, 2)} deg/s in the doublet at 4 "
+        f"It has no output p (rms {number(float(p.std()) * 180 / pi, 2)} deg/s in the doublet at 4 "
         f"m/s), so its J_ave leaves p out. In a_y its J is {number(known['bicycle'], 3)} against the "
         f"roll-yaw model's {number(known['roll-yaw'], 3)} with the filters known (published "
         f"{printed['bicycle']:g} against {printed['roll-yaw']:g}), {number(ignored['bicycle'], 3)} against "
-        f"{number(ignored['roll-yaw'], 3)} with them ignored{', where their lag hides it' if hidden else ''}."
+        f"{number(ignored['roll-yaw'], 3)} with them ignored{', whose lag hides it' if hidden else ''}."
     )
     claim = "The bicycle cannot predict roll, and fits a_y less well than the roll-yaw model does (Table 5)."
     return StudyFinding("roll", claim, agreement(True, worse, not hidden), text)
@@ -148,14 +148,16 @@ def structure(study: Study) -> StudyFinding:
         max((e for e in f.estimates if e.free), key=lambda e: e.cr_percent or 0.0) for f in (lumped, table_4)
     )
     text = (
-        f"Dropped here: {_symbols(ours)}; in print: {_symbols(printed)}; by both: "
+        f"Dropped here: {_symbols(ours)}; in the paper: {_symbols(printed)}; in both: "
         f"{_symbols(ours & printed)}. The largest bound left is {number(worst.cr_percent, 2)} % "
-        f"({symbol(worst.name)}), 33 % in print (N_v). Table 4's choice of free derivatives, fitted to "
+        f"({symbol(worst.name)}), 33 % in the paper (N_v). Table 4's choice of free derivatives, fitted to "
         f"these runs, costs J_ave {number(table_4.average, 3)} against {number(lumped.average, 3)}, and "
         f"its largest bound is {_bound(worst_4.cr_percent)} % ({symbol(worst_4.name)})"
     )
     text += (
-        ": it leaves some free that stand for one another here." if (worst_4.cr_percent or 0.0) > 60 else "."
+        ": some of its free derivatives are nearly interchangeable here."
+        if (worst_4.cr_percent or 0.0) > 60
+        else "."
     )
     claim = "Reduction leaves ten derivatives and a delay, some with Cramer-Rao bounds near 30 % (Table 4)."
     near = len(ours ^ printed) <= 2
@@ -182,15 +184,15 @@ def coherence_finding(study: Study) -> StudyFinding:
             " V̇_y falls short: with the published numbers V_y is only "
             f"{number(_steady_sideslip(study), 2)} m times r in a steady turn at "
             f"{study.known.group.speed:.1f} m/s (b - m a V²/(C L)), so at low frequency the road and "
-            "the estimator's errors outweigh the steering. The fits use the paper's band all the same; the "
-            "coherence weighs it down."
+            "the errors of the estimator exceed the response to the steering. The fits still use the paper's "
+            "band, with the low weight of its coherence."
         )
     claim = "Usable from 0.2 (r, a_y), 0.6 (p) and 3 rad/s (V̇_y) up to 20 or 25 rad/s (section 5)."
     return StudyFinding("bands", claim, agreement(*as_wide.values()), text)
 
 
 def _covers(band: tuple[float, float] | None, wanted: tuple[float, float]) -> bool:
-    """Whether a band reaches as far as another one does within the sweep."""
+    """Whether a band covers another one within the frequencies of the sweep."""
     low = max(wanted[0], published.SWEEP["w_min"])
     return band is not None and band[0] <= 1.1 * low and band[1] >= 0.95 * wanted[1]
 
@@ -206,7 +208,7 @@ def _band(band: tuple[float, float] | None) -> str:
 
 
 def yaw_rate(study: Study) -> StudyFinding:
-    """Section 4: the yaw rate that the sweep gives."""
+    """Section 4: the yaw rate during the sweep."""
     run = study.runs.sweeps[0]
     start, end = run.span
     slow = run["r"].between(start, (start + end) / 2).x
@@ -214,28 +216,28 @@ def yaw_rate(study: Study) -> StudyFinding:
     low, high = published.PEAK_YAW_RATE
     text = (
         f"Its peak in the slow half of the first sweep is {peak:.0f} deg/s. (The scale from PWM to angle, "
-        f"{1000 * study.runs.asphalt.rad_per_us:.2g} mrad/µs, is not printed and was chosen for this.)"
+        f"{1000 * study.runs.asphalt.rad_per_us:.2g} mrad/µs, is not in the paper and was chosen to match.)"
     )
     claim = "±150 µs give about ±40 to 45 deg/s of yaw rate, until it rolls off (Figure 2)."
     return StudyFinding("yaw-rate", claim, agreement(0.9 * low <= peak <= 1.1 * high), text)
 
 
 def speed_limit(study: Study) -> StudyFinding:
-    """Not in the paper: its rover oversteers, and its models turn unstable at a speed."""
+    """Not in the paper: its rover oversteers, and its models are unstable above a speed."""
     ours = {m: handling(study.known.fit(m)).get("critical_speed") for m in PHYSICAL}
     words = ", ".join(f"{m} {number(v, 2) + ' m/s' if v else 'never'}" for m, v in ours.items())
     inside = [
         bool(v and abs(v / printed - 1) < 0.1) for v, printed in zip(ours.values(), CRITICAL, strict=True)
     ]
-    text = f"Unstable above: {words} (filters known). The lumped model knows no such speed."
+    text = f"Unstable above: {words} (filters known). The lumped model has no such speed."
     claim = (
-        "Not said in the paper, but in its numbers (a > b): unstable above 5.6 m/s by the bicycle model and "
-        "7.0 m/s by the roll-yaw model."
+        "Not stated in the paper, but a result of its numbers (a > b): the bicycle model is unstable above "
+        "5.6 m/s, the roll-yaw model above 7.0 m/s."
     )
     return StudyFinding("speed-limit", claim, agreement(*inside), text)
 
 
-CRITICAL = (5.6, 7.0)  # m/s, of the printed parameters
+CRITICAL = (5.6, 7.0)  # m/s, from the published parameters
 FOUND: tuple[Callable[[Study], StudyFinding], ...] = (
     inertia_finding,
     stiffness,

@@ -1,7 +1,7 @@
-"""What the paper prints: Ivler, Gowans and Marfise 2022, Tables 1 to 7 and the sentences that are tested.
+"""Numbers of the paper: Ivler, Gowans and Marfise 2022, Tables 1 to 7.
 
-Values stand as printed; where a print is doubtful, `DOUBTS` says why. Percentages are Cramer-Rao bound
-and insensitivity.
+Values are as printed; `DOUBTS` explains the doubtful ones. Percentages are Cramer-Rao bound and
+insensitivity.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
 
 @dataclass(frozen=True)
 class Printed:
-    """A parameter of Tables 2 to 4. value in SI units; cr, insensitivity [%], None where it was fixed."""
+    """A parameter of Tables 2 to 4. value in SI units; cr, insensitivity [%], None if it was fixed."""
 
     value: float
     cr: float | None = None
@@ -32,7 +32,7 @@ class Printed:
 
 @dataclass(frozen=True)
 class TimeDomain:
-    """A row of Tables 6 and 7: j_rms in the paper's units, which it does not name; tic 0..1."""
+    """A row of Tables 6 and 7: j_rms in the units of the paper, which it does not state; tic from 0 to 1."""
 
     j_rms: float
     tic: float
@@ -113,8 +113,8 @@ VERIFICATION: Mapping[str, Mapping[str, TimeDomain]] = {
 PEAK_YAW_RATE = (40.0, 45.0)  # deg/s at +-150 us, section 4
 
 DOUBTS: Mapping[str, str] = {
-    "N_phi": "repeats the figures of Y_δ: one of the two is a copying slip, more likely Y_δ",
-    "tau": "Table 3 repeats Table 2's bounds of τ",
+    "N_phi": "has the same figures as Y_δ: one of the two is a copying error, more likely Y_δ",
+    "tau": "Table 3 has the same bounds of τ as Table 2",
     "grass": (
         "section 8.1 ranks the lumped model last by its cost; Table 7 has the bicycle's cost (0.886) above "
         "the lumped model's (0.810), while the TIC agrees with the text"

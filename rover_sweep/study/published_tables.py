@@ -1,4 +1,4 @@
-"""Tables 2 to 7 of the paper, each number beside ours."""
+"""Tables 2 to 7 of the paper, with the numbers of the study next to the published ones."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def tables(study: Study) -> tuple[Table, ...]:
 
 
 def practices_table(study: Study) -> Table:
-    """What the three ways of fitting are."""
+    """The three ways of fitting."""
     rows = tuple((Cell(p.title, "strong"), Cell(p.words)) for p in study.practices.values())
     return Table("Three ways to fit the same runs", ("", ""), rows, "", 2)
 
 
 def parameter_comparison(study: Study, model: str) -> Table:
-    """Tables 2, 3 and 4: the free parameters, printed and found."""
+    """Tables 2, 3 and 4: the free parameters, published and identified."""
     printed = published.PARAMETERS[model]
     units = {e.name: e.unit for e in study.paper.fit(model).estimates}
     rows = tuple(
@@ -81,7 +81,7 @@ def _found(practice: Practice, model: str, name: str, bounds: bool) -> tuple[Cel
 
 
 def _true(study: Study, model: str, name: str) -> float:
-    """What the virtual rover has, linearised; C the mean of its axles."""
+    """The value of the linearised virtual rover; C is the mean of its axles."""
     if model == "lumped":
         return study.truth_lumped.values[name]
     values = study.truth.values
@@ -93,9 +93,9 @@ def _parameter_note(study: Study, model: str) -> str:
     fixed = f"Fixed, as in the paper: m {g.mass:g} kg, a {g.a:g} m, b {g.b:g} m"
     if model != "bicycle":
         fixed += f", m_s {g.sprung_mass:g} kg, h {g.h:g} m, I_xx {g.roll_inertia:g} kg m², I_xz 0"
-    speed = f"; V_x {study.paper.group.speed:.2f} m/s, measured ({published.SPEED:g} in print)."
+    speed = f"; V_x {study.paper.group.speed:.2f} m/s, measured ({published.SPEED:g} in the paper)."
     doubt = {"roll-yaw": published.DOUBTS["tau"], "lumped": "N_φ " + published.DOUBTS["N_phi"]}.get(model)
-    return fixed + speed + (f" In print, {doubt}." if doubt else "")
+    return fixed + speed + (f" In the paper, {doubt}." if doubt else "")
 
 
 def cost_comparison(study: Study) -> Table:
@@ -112,7 +112,9 @@ def cost_comparison(study: Study) -> Table:
     rows.append((Cell("J_ave", "strong"), Cell("published"), *averages))
     for p in study.practices.values():
         rows.append((Cell(""), Cell(p.title), *(Cell(number(p.fit(m).average, 3), "strong") for m in MODELS)))
-    note = "J of equation (11). In brackets: not in the fit. Guideline: J_ave ≤ 100, and ≤ 50 is excellent."
+    note = (
+        "J of equation (11). In brackets: not used in the fit. Guideline: J_ave ≤ 100, and ≤ 50 is excellent."
+    )
     headings = ("response", "", *(TITLES[m] for m in MODELS))
     return Table("Table 5: cost of the frequency responses", headings, tuple(rows), note, 2)
 
@@ -152,7 +154,7 @@ def _verification(study: Study, check: str, title: str) -> Table:
     amplitude = float(run.manoeuvre("pwm").x.max() - run.manoeuvre("pwm").x.min()) / 2
     note = (
         f"Driven at {run.mean_speed:.2f} m/s with ±{amplitude:.0f} µs. J_rms here in deg/s, ft/s², deg/s "
-        "over the channels a model has; the paper names no units, so only its TIC and its order compare."
+        "over the channels of a model; the paper states no units, so only TIC and order are comparable."
     )
     headings = ("", "", *(TITLES[m] for m in MODELS))
     return Table(title, headings, tuple(rows), note, 2)

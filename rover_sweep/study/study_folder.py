@@ -28,7 +28,7 @@ from rover_sweep.study.virtual_study import Study
 
 @dataclass(frozen=True)
 class StudyFiles:
-    """What was written."""
+    """Paths of the written files."""
 
     document: Path
     page: Path
@@ -38,7 +38,7 @@ class StudyFiles:
 def write_study(
     study: Study, found: tuple[StudyFinding, ...], directory: Path, progress: Progress
 ) -> StudyFiles:
-    """Writes everything; each file is replaced at once. UsageError where the directory cannot be written."""
+    """Writes all files, each replaced atomically. UsageError if the directory cannot be written."""
     document = write_file(directory / "study.json", strict_json(study_document(study, found)))
     plan, drawn = tuple(figures(study)), []
     for k, picture in enumerate(plan):

@@ -1,4 +1,4 @@
-"""study.json: every number of the study beside the published one."""
+"""study.json: every number of the study and the published ones."""
 
 from __future__ import annotations
 

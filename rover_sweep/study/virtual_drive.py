@@ -1,6 +1,6 @@
-"""A run of the virtual rover, driven in this process: plant, sensors and the applet's wave at the loop rate.
+"""A run of the virtual rover in this process: plant, sensors and the applet's wave at the loop rate.
 
-Nothing is sent over a link, so a run depends on its arguments alone.
+There is no link, so a run depends on its arguments alone.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from sitl.plant.sensors import Sensors
 from sitl.plant.variant import PlantParameters
 
 PHYSICS_HZ = 400
-STILL, SETTLING = 2.0, 6.0  # s: standing, then getting up to speed, before the applet takes over
-AFTER = 4.0  # s driven straight when it is done
+STILL, SETTLING = 2.0, 6.0  # s: standstill, then acceleration, before the manoeuvre
+AFTER = 4.0  # s of straight driving after the manoeuvre
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ def virtual_drive(
     seed: int,
     firmware: Firmware | None = None,
 ) -> Recording:
-    """The run as a log would give it: SI, ISO, one row a main loop, `delta` made with the rover's own scale.
+    """The run as a log would give it: SI units, ISO axes, one row per main loop, true steering scale.
 
-    speed [m/s]: what the driver's constant throttle gives driving straight; corners slow the rover down.
+    speed [m/s]: in straight driving at the constant throttle; corners slow the rover down.
     """
     autopilot = firmware or Firmware()
     start = STILL + SETTLING
@@ -79,7 +79,7 @@ def virtual_drive(
 
 
 def _throttle(rover: PlantParameters, speed: float) -> float:
-    """PWM [us] whose drive holds a speed [m/s] against rolling resistance."""
+    """PWM [us] that holds a speed [m/s] against rolling resistance."""
     wanted = speed + rover.rolling_resistance * GRAVITY * rover.speed_lag
     return float(round(rover.throttle_trim_us + wanted / rover.speed_per_us))
 
@@ -92,7 +92,7 @@ def _rows(
     throttle: float,
     wave: Callable[[float], float],
 ) -> Array:
-    """(n, 12): t, pwm, throttle, gyro x and z, accel y, roll, yaw, velocity north and east; FRD, NED."""
+    """(n, 10): t, pwm, throttle, gyro x and z, accel y, roll, yaw, velocity north and east; FRD, NED."""
     plant = Plant(rover, seed)
     sensors = Sensors(rover, seed, PHYSICS_HZ, firmware.gyro_filter_hz, firmware.accel_filter_hz)
     inner, dt = PHYSICS_HZ // firmware.loop_hz, 1.0 / PHYSICS_HZ
@@ -112,7 +112,7 @@ def _rows(
 
 
 def _channels(rows: Array) -> dict[str, Signal]:
-    """Channels of a recording out of `_rows`: r, a_y, psi change sign from FRD to ISO."""
+    """Channels of a recording from `_rows`: r, a_y and psi change sign from FRD to ISO."""
     t, pwm, throttle, gx, gz, ay, roll, yaw, north, east = rows.T.copy()
     psi = np.unwrap(-yaw)
     return {

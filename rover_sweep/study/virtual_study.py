@@ -1,4 +1,4 @@
-"""The study: drive, identify in three ways, verify, and a few counterfactuals that explain the answers."""
+"""The study: drive, identify in three ways, verify, and counterfactuals that explain the results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rover_sweep.study.published import BANDS, SWEEP
 
 @dataclass(frozen=True, eq=False)
 class Practice:
-    """One way of fitting the same runs. title for tables; words say what is done."""
+    """One way of fitting the same runs. title: for tables. words: its description."""
 
     key: str
     title: str
@@ -45,7 +45,7 @@ class Practice:
 
 @dataclass(frozen=True, eq=False)
 class Counterfactuals:
-    """Fits and verifications that change one thing, to tell why an answer came out as it did.
+    """Fits and verifications with one thing changed, to explain a result.
 
     frozen: the roll-yaw model written as a lumped one at the identified speed, verified at 4 m/s with V
     only in its kinematic term; untied: the roll-yaw model with Cf and Cr free, on each of CHECKS;
@@ -63,7 +63,7 @@ class Counterfactuals:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything. truth: the roll-yaw model with the virtual rover's own numbers (tyres at zero slip)."""
+    """All results. truth: the roll-yaw model with the numbers of the virtual rover (tyres at zero slip)."""
 
     seed: int
     runs: StudyRuns
@@ -76,7 +76,7 @@ class Study:
 
     @property
     def paper(self) -> Practice:
-        """The fits made as the paper made them."""
+        """The fits made as in the paper."""
         return self.practices["paper"]
 
     @property
@@ -87,14 +87,14 @@ class Study:
 
 def study(seed: int = 1, progress: Progress | None = None) -> Study:
     """Drives and identifies; the same seed gives the same numbers. progress: share done 0..1, and what."""
-    told = progress or _silent
-    runs = drive_all(seed, lambda share, what: told(0.35 * share, what))
+    report = progress or _silent
+    runs = drive_all(seed, lambda share, what: report(0.35 * share, what))
     known_geometry = geometry(runs.asphalt)
     practices: dict[str, Practice] = {}
     for k, (key, title, words, filtered, fitted) in enumerate(_PRACTICES):
-        told(0.35 + 0.2 * k, f"identifying: {title}")
+        report(0.35 + 0.2 * k, f"identifying: {title}")
         practices[key] = Practice(key, title, words, _identified(runs, known_geometry, filtered, fitted))
-    told(0.95, "explaining")
+    report(0.95, "explaining")
     known = practices["known"]
     truth = _truth(runs, known_geometry)
     coherent = {o: usable_band(f.w, f.coherence) for o, f in known.group.responses.items()}
@@ -112,7 +112,7 @@ def study(seed: int = 1, progress: Progress | None = None) -> Study:
 
 _KNOWN = "the sensors' known filters in the models' outputs"
 _PRACTICES = (
-    ("paper", "as the paper", "four responses, the sensors' filters ignored", False, OUTPUTS),
+    ("paper", "as in the paper", "four responses, the sensors' filters ignored", False, OUTPUTS),
     ("known", "filters known", f"four responses, {_KNOWN}", True, OUTPUTS),
     ("default", "without V̇_y", f"r, a_y and p, {_KNOWN}: this tool's default", True, ("r", "ay", "p")),
 )
@@ -124,7 +124,7 @@ def swept_bands() -> dict[str, Band]:
 
 
 def _silent(share: float, what: str) -> None:
-    """No progress wanted."""
+    """Ignores progress."""
 
 
 def _identified(runs: StudyRuns, known: Geometry, filtered: bool, fitted: Sequence[str]) -> Identification:
@@ -136,7 +136,7 @@ def _identified(runs: StudyRuns, known: Geometry, filtered: bool, fitted: Sequen
 
 
 def _filtered(run: Recording, filters: Mapping[str, LowPass]) -> Recording:
-    """The run as if only these low-passes were known."""
+    """The run with only these low-passes known."""
     return replace(run, filters=filters)
 
 
@@ -176,10 +176,10 @@ def _counterfactuals(runs: StudyRuns, known: Geometry, practices: Mapping[str, P
 
 
 def _prompt(group: Group, lag: float) -> Condition:
-    """The responses with the estimator's lag [s] taken out of V_y'.
+    """The responses with the estimator's lag [s] removed from V_y'.
 
-    The lag acts on the velocity in the earth's frame, so that in the body's it delays V_y and, while the
-    rover turns, takes lag V r from it as well: measured (1 + jw lag) + jw lag V r gives V_y' back.
+    The lag acts on the velocity in earth axes. In body axes it delays V_y and, in a turn, takes lag V r from
+    it as well. So V_y' = measured (1 + jw lag) + jw lag V r.
     """
     condition = group.condition(OUTPUTS)
     r = group.responses["r"]
@@ -193,7 +193,7 @@ def _prompt(group: Group, lag: float) -> Condition:
 
 
 def _as_table_4(known: Geometry, paper: Practice) -> FitResult:
-    """The lumped model with what Table 4 lists as zero at zero."""
+    """The lumped model with the derivatives at zero that Table 4 lists as zero."""
     start = lumped(known, paper.fit("roll-yaw").structure, paper.group.speed)
     for name in ("Y_v", "Y_r", "Y_phi", "L_v", "L_phi"):
         start = start.fixed(name, 0.0)
