@@ -81,7 +81,7 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
     first, current, named, removed = _search(runs, model, start, options)
     stopped = options.stop()
     if stopped and not named and (found := current.significant()):  # not compared with others, but fitted
-        named = [Named(found[0], first.fitted, first.thresholds.thresholds.get(found[0].effect, 0.0), ())]
+        named = [Named(found[0], first.fitted, first.null.thresholds.get(found[0].effect, 0.0), ())]
         current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
     further = _further_findings(current, named, removed) if len(named) == MAX_EFFECTS else []
     too_many = further and _scatter_remains(first, current)
@@ -138,7 +138,7 @@ def _named(current: Round, found: Sequence[Trial], seed: int) -> Named:
         best.fitted.overdispersion,
         seed,
     )
-    threshold = current.thresholds.thresholds.get(best.effect, 0.0)
+    threshold = current.null.thresholds.get(best.effect, 0.0)
     return Named(best, current.fitted, threshold, look_alikes)
 
 

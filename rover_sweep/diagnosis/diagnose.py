@@ -37,7 +37,12 @@ from rover_sweep.diagnosis.result import (
 )
 from rover_sweep.diagnosis.search.bounds import unknown_at_bound
 from rover_sweep.diagnosis.search.look_alikes import LookAlike
-from rover_sweep.diagnosis.search.parameter_intervals import draw_coordinates, effect_values, nominal_values
+from rover_sweep.diagnosis.search.parameter_intervals import (
+    UNBOUNDED,
+    draw_coordinates,
+    effect_values,
+    nominal_values,
+)
 from rover_sweep.diagnosis.search.rounds import Options
 from rover_sweep.diagnosis.search.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.settings import DiagnosisSettings
@@ -53,7 +58,6 @@ from rover_sweep.identification.grouping import Settings, grouped
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
 MATERIAL_CHANGE = 0.03  # relative change of a nominal parameter from which it is reported as falsified
-UNBOUNDED = 1e9  # value of a limit or cut-off that the data do not show
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
 Array = NDArray[np.float64]
 Verdict = Literal["none", "explained", "partly explained", "unexplained", "refused"]
-THROUGHOUT = "throughout"  # condition of a mismatch that occurs in all runs
+THROUGHOUT = "throughout"  # condition of a mismatch that is not limited to a part of the data
 
 
 @dataclass(frozen=True)

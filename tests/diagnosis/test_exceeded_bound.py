@@ -54,7 +54,7 @@ def test_the_candidate_for_the_parameter_is_found() -> None:
 @pytest.mark.slow
 def test_an_unnamed_term_counts_by_its_fitted_gain() -> None:
     """A wind turns the rover depending on its heading: no candidate does, but an unnamed term does."""
-    law = next(w for w in laws() if w.words == "yaw moment ~ cos(psi)")
+    law = next(w for w in laws() if w.term == "yaw moment ~ cos(psi)")
     windy = replace(MODEL.structure, effects=(law.effect,))
     random, blown = np.random.default_rng(5), {**X, law.effect.key("amount"): 0.1}
     recorded = []

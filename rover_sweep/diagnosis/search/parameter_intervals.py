@@ -23,6 +23,7 @@ from rover_sweep.diagnosis.search.rounds import Round
 DRAWS = 400
 LEVEL = (5.0, 95.0)  # percent
 OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
+UNBOUNDED = 1e9  # value of a limit or cut-off that the data do not show
 FEWEST = 4  # lines of an octave that form a group
 
 
@@ -112,9 +113,9 @@ def _interval(
 
 
 def _number(x: float) -> float | None:
-    return float(x) if np.isfinite(x) and abs(x) < 1e9 else None
+    return float(x) if np.isfinite(x) and abs(x) < UNBOUNDED else None
 
 
 def _unbounded(v: EffectValue) -> EffectValue:
     """A limit or cut-off that the data do not show: only its lower bound is known."""
-    return EffectValue(v.name, v.unit, 1e9, v.low, None, f"{v.meaning}; not visible in these data")
+    return EffectValue(v.name, v.unit, UNBOUNDED, v.low, None, f"{v.meaning}; not visible in these data")

@@ -93,7 +93,7 @@ class Round:
     closest: Fitted
     fitted: Fitted
     trials: tuple[Trial, ...]
-    thresholds: NullDistribution
+    null: NullDistribution
     tangent: Tangent
     tolerances: tuple[Signature, ...]
     cannot_see: Mapping[str, str]
@@ -124,7 +124,7 @@ class Round:
         if trial.fitted is self.fitted:
             return False  # a linear prediction only
         over = self.after(trial)
-        return trial.gain > over * self.thresholds.thresholds.get(trial.effect, 0.0) and matters(trial)
+        return trial.gain > over * self.null.thresholds.get(trial.effect, 0.0) and matters(trial)
 
     def after(self, trial: Trial) -> float:
         """Variance of a row in the trial over that in the round's bootstrap, at least 1."""
@@ -175,23 +175,29 @@ def round_of(
     """One round: fit the model in the metric of the tolerances and add each candidate to it."""
     options.progress("fitting the model", 0.0)
     plain, closest = fit_with_floor(runs, model, start, near)
-    tolerances = signatures(plain, closest, model, possible(model, runs)[0], tolerances=True) + speed_drift(
-        plain, closest
-    )
-    metric = plain.in_metric(columns(tolerances, plain.size))
+    usual = signatures(plain, closest, model, possible(model, runs)[0], tolerances=True)
+    usual += speed_drift(plain, closest)
+    metric = plain.in_metric(columns(usual, plain.size))
+    tolerances = tuple(replace(s, rows=metric.of(s.rows)) for s in usual)
     known = replace(closest, jacobian=metric.of(closest.jacobian))
     fitted = sensitivities(metric, fit(metric, model.structure, model.free, closest.x, known=known))
     effects, cannot_see = possible(model, runs, options.only, options.without)
     space = tangent(fitted)
-    observed = signatures(metric, fitted, model, effects)
-    metric_tolerances = [replace(s, rows=metric.of(s.rows)) for s in tolerances]
+    candidates = signatures(metric, fitted, model, effects)
     # the residual may be the missing effect, so only a part of it counts as noise
-    thresholds = null_distribution(
-        observed, metric_tolerances, space, min(fitted.overdispersion, MOST_NOISE), options.seed
-    )
-    needed = thresholds.thresholds
+    noise = min(fitted.overdispersion, MOST_NOISE)
+    null = null_distribution(candidates, tolerances, space, noise, options.seed)
+    needed = null.thresholds
     trials = fit_candidates(metric, fitted, space, model, effects, needed, options.progress, options.stop)
     trials = refit_candidates(metric, fitted, trials, needed, options.stop)
     return Round(
-        model, metric, closest, fitted, tuple(trials), thresholds, space, tuple(metric_tolerances), cannot_see
+        model=model,
+        problem=metric,
+        closest=closest,
+        fitted=fitted,
+        trials=tuple(trials),
+        null=null,
+        tangent=space,
+        tolerances=tolerances,
+        cannot_see=cannot_see,
     )

@@ -38,7 +38,7 @@ class Law:
     effect: Effect
 
     @property
-    def words(self) -> str:
+    def term(self) -> str:
         """The term as text, "place ~ function"."""
         return f"{self.place} ~ {self.on}"
 

@@ -123,7 +123,7 @@ def _notable(last: Round, tested: _TestedLaws, notable: dict[str, float]) -> Unk
         )
     on = ", ".join(dict.fromkeys(law.on for law in chosen))
     sentence = f"{still}; it follows {on}, and no candidate explains it"
-    return Unknown(channel, on, ratio, sentence, " + ".join(law.words for law in chosen), gain)
+    return Unknown(channel, on, ratio, sentence, " + ".join(law.term for law in chosen), gain)
 
 
 def _follows_one_law(last: Round, tested: _TestedLaws, best: int) -> Unknown:
@@ -142,7 +142,7 @@ def _follows_one_law(last: Round, tested: _TestedLaws, best: int) -> Unknown:
         f"{law.place}; its gain is {times} the threshold, and no candidate explains it"
     )
     share = _share_predicted(last, tested, [best])
-    return Unknown(channel, law.on, ratio, sentence, law.words, share)
+    return Unknown(channel, law.on, ratio, sentence, law.term, share)
 
 
 def _tested_laws(last: Round, seed: int) -> _TestedLaws:
