@@ -49,12 +49,12 @@ def read_conversation(path: Path) -> Conversation:
     except (ValueError, AttributeError):
         known = False
     if not newline or not known:
-        raise DataRefused(f"{path} is no conversation recording of this program ({FORMAT})")
+        raise DataRefused(f"{path} is not a conversation recording of this program ({FORMAT})")
     entries, at = list[ConversationEntry](), 0
     while at + HEAD.size <= len(body):
         kind, us, length = HEAD.unpack_from(body, at)
         if kind not in ConversationKind.__members__.values():
-            raise DataRefused(f"{path} is damaged: entry {len(entries)} is of no known kind ({kind})")
+            raise DataRefused(f"{path} is damaged: entry {len(entries)} has an unknown kind ({kind})")
         at += HEAD.size
         if at + length > len(body):
             break
@@ -71,5 +71,5 @@ def _unpacked(path: Path) -> tuple[bytes, bool]:
     except OSError as error:
         raise DataRefused(f"{path} cannot be read: {error.strerror}") from error
     except zlib.error as error:
-        raise DataRefused(f"{path} is damaged, or no conversation recording: {error}") from error
+        raise DataRefused(f"{path} is damaged, or not a conversation recording: {error}") from error
     return content, unpacker.eof

@@ -51,7 +51,7 @@ def test_damage_is_told(tmp_path: Path) -> None:
     with pytest.raises(DataRefused, match="damaged"):
         read(path)
     path.write_bytes(gzip.compress(b'{"format": "something else"}\n'))
-    with pytest.raises(DataRefused, match="no conversation recording"):
+    with pytest.raises(DataRefused, match="not a conversation recording"):
         read(path)
     with pytest.raises(DataRefused, match="cannot be read"):
         read(tmp_path / "nothing")

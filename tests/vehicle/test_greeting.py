@@ -65,7 +65,9 @@ def test_strangers_are_counted_and_told_once() -> None:
         assert not greeting.takes(heartbeat(1), STRANGER, 10.0 + n * 0.01)
     assert (greeting.peer, greeting.ignored) == (ROVER, 50)
     words = greeting.remark()
-    assert words.startswith("datagrams from 10.0.0.9:5555 are ignored: the vehicle is at 10.0.0.2:14550")
+    assert words.startswith(
+        "datagrams from 10.0.0.9:5555 are ignored, because the vehicle is at 10.0.0.2:14550"
+    )
     assert greeting.remark() == ""
 
 

@@ -137,7 +137,7 @@ def test_a_slow_link_is_waited_for_up_to_a_bound() -> None:
             "the link loses 52% of the frames (measured over 12 s); move the antennas",
         ),
         (LinkQuality(seconds=12, frames=300, latency=4.2), "an answer takes 4.2 s (measured over 12 s)"),
-        (LinkQuality(seconds=9, frames=300, answered=0.4), "60% of the requests stay without an answer"),
+        (LinkQuality(seconds=9, frames=300, answered=0.4), "60% of the requests get no answer"),
         (
             LinkQuality(seconds=9, frames=300, lost=0.3, latency=3.0),
             "the link loses 30% of the frames and an answer takes 3.0 s",

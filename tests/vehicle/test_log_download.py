@@ -80,7 +80,7 @@ def test_a_log_that_stops_coming_is_told(
     monkeypatch.setattr(download, "_QUIET", 0.02)
     vehicle.log = b"x" * 1000
     vehicle.drop = lambda message: message.get_type() == "LOG_DATA" and message.ofs >= 450
-    with pytest.raises(LinkError, match="log 1 stopped coming at 450 of 1000 bytes"):
+    with pytest.raises(LinkError, match="the download of log 1 stopped at 450 of 1000 bytes"):
         list(MavlinkLogs(link).download(MavlinkLogs(link).logs()[0], tmp_path / "log1.BIN"))
     assert not (tmp_path / "log1.BIN").exists()
 

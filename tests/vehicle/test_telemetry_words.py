@@ -36,11 +36,11 @@ def test_a_good_telemetry_would_do_and_the_log_is_taken() -> None:
 
 def test_a_poor_one_says_what_is_wrong_and_that_the_log_is_needed() -> None:
     said = telemetry_words(POOR, GRANTED, CLOCK, logs=True)
-    assert "RAW_IMU comes 45.0 times a second instead of 50, 10% did not arrive" in said
+    assert "RAW_IMU arrives 45.0 times a second instead of 50, 10% did not arrive" in said
     assert "ATTITUDE" not in said and "(needed: the telemetry is too poor)" in said
     assert "spoil a response" in telemetry_words(POOR, GRANTED, CLOCK, logs=False)
     halved = telemetry_words(GOOD, {"ATTITUDE": 100.0}, CLOCK, logs=True)
-    assert "ATTITUDE comes 50.0 times a second instead of 100" in halved
+    assert "ATTITUDE arrives 50.0 times a second instead of 100" in halved
 
 
 def test_a_simulation_that_is_not_in_real_time_has_no_arrival() -> None:

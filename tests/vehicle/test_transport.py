@@ -37,7 +37,7 @@ def test_a_serial_line_carries_every_byte_unchanged() -> None:
 def test_wrong_serial_devices(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match="cannot open /dev/no_such_tty: .*plugged in"):
         open_transport("/dev/no_such_tty")
-    with pytest.raises(LinkError, match=r"^/dev/null is no serial port; give the vehicle's[^()]*$"):
+    with pytest.raises(LinkError, match=r"^/dev/null is not a serial port; give the vehicle's[^()]*$"):
         open_transport("/dev/null")
     with pytest.raises(UsageError, match="baud rate 12345"):
         open_transport("/dev/null,12345")

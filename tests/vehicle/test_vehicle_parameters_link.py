@@ -130,7 +130,7 @@ class FrankVehicle(FakeVehicle):
 def test_a_vehicle_that_says_what_it_lacks_is_believed_at_once(tmp_path: Path) -> None:
     with FrankVehicle() as vehicle, Link.open(vehicle.url, tmp_path / "a.tlog") as link:
         with pytest.raises(
-            read_write.ParameterMissing, match="the vehicle says that it has no parameter NOT_THERE"
+            read_write.ParameterMissing, match="the vehicle reports that it has no parameter NOT_THERE"
         ):
             read_parameter(link, "NOT_THERE")
         assert read_present(link, ["SWP_AMP", "NOT_THERE", "NOR_THIS"]) == {"SWP_AMP": 150}

@@ -210,7 +210,7 @@ def test_an_applet_that_does_not_start(
 ) -> None:
     monkeypatch.setattr(run_module, "_START_LIMIT", 2.0)
     vehicle._applet = lambda: None  # type: ignore[method-assign]
-    with pytest.raises(LinkError, match="did not start within 2 s of switch 6 and says nothing"):
+    with pytest.raises(LinkError, match="did not start within 2 s of switch 6 and sent no message"):
         list(_run(link, tmp_path))
     assert wait_until(lambda: _is_let_go(vehicle), 2)
 

@@ -1,4 +1,4 @@
-"""How a link gets at its vehicle: what its user says beforehand, and where the user is asked and told."""
+"""Which vehicle a link connects to, its signing key, and how the user is asked and informed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rover_sweep.vehicle.link.signing import SigningKey
 
 @dataclass(frozen=True)
 class Heard:
-    """An autopilot that is heard on a link. system: its MAVLink system id; kind: of vehicle, in words."""
+    """An autopilot that is heard on a link. system: its MAVLink system id; kind: its MAV_TYPE as words."""
 
     system: int
     kind: str
@@ -21,7 +21,7 @@ class Heard:
 
 
 class SeveralVehicles(UsageError):
-    """More than one is heard and nobody says which is meant. heard: all of them."""
+    """More than one vehicle is heard and none was chosen. heard: all of them."""
 
     def __init__(self, url: str, heard: Sequence[Heard]) -> None:
         self.heard = tuple(heard)
@@ -30,15 +30,14 @@ class SeveralVehicles(UsageError):
 
 
 def _nobody(sentence: str) -> None:
-    """Nobody is told."""
+    """Ignore the sentence."""
 
 
 @dataclass(frozen=True)
 class Access:
-    """system: id of the only vehicle that is listened to; None where the one that is heard is meant. choose:
-    is asked for a system id where several are heard. tell: is given a sentence for each thing that a link
-    notices beside its vehicle, such as a second rover; it may be called wherever somebody waits on the link.
-    key: of MAVLink signing.
+    """system: id of the vehicle to connect to; None: the only one that is heard. choose: called for a system
+    id if several are heard. tell: called with a sentence for each unexpected observation, such as a second
+    rover; it may be called during any wait on the link. key: of MAVLink signing.
     """
 
     system: int | None = None
@@ -47,7 +46,7 @@ class Access:
     key: SigningKey | None = None
 
     def chosen(self, url: str, heard: Sequence[Heard]) -> int:
-        """The system id that is meant of those heard on `url`. SeveralVehicles where nobody can say."""
+        """The system id to connect to, of those heard on `url`. SeveralVehicles if nobody can choose."""
         if len(heard) == 1:
             return heard[0].system
         if self.choose is None:

@@ -1,4 +1,4 @@
-"""The vehicle's clock, and sends paced by it."""
+"""The vehicle's clock, and periodic actions on it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from rover_sweep.vehicle.link.mavlink import Message, kind
 
 _MICROSECONDS_OF_BOOT = frozenset({"RAW_IMU", "HIGHRES_IMU"})  # time_usec since boot in ArduPilot
-_REWIND = 1.0  # s back that can only be a reboot, not messages overtaking each other
+_REWIND = 1.0  # s: a larger step back is a reboot, not messages out of order
 
 
 def vehicle_seconds(message: Message) -> float | None:
-    """Seconds since boot that a message carries; None where it has no clock of the vehicle.
+    """The time since boot in a message [s]; None if it has none.
 
-    SERVO_OUTPUT_RAW is left out: its 32-bit microseconds wrap after 71 minutes.
+    Not for SERVO_OUTPUT_RAW: its 32-bit microseconds wrap after 71 minutes.
     """
     if kind(message) in _MICROSECONDS_OF_BOOT:
         return message.time_usec * 1e-6
@@ -24,9 +24,9 @@ def vehicle_seconds(message: Message) -> float | None:
 
 @dataclass
 class VehicleClock:
-    """Latest time since boot [s]; `boots` counts how often it went back (a reboot).
+    """now: latest time since boot [s]; known: whether there is one; boots: number of reboots.
 
-    One message with an earlier time is none; a second in a row that goes on from there is.
+    A reboot is two messages in a row with an earlier time; a single one is a late message.
     """
 
     now: float = 0.0
@@ -52,10 +52,10 @@ class VehicleClock:
 
 @dataclass
 class Periodic:
-    """An action every `interval` s of whichever runs faster: the vehicle's clock or ours.
+    """An action every `interval` s of the vehicle's clock or of ours, which of them is faster.
 
-    The vehicle's clock makes a rover that is simulated faster than real time hear from us in time;
-    ours keeps the heartbeat up while the vehicle sends no time.
+    The vehicle's clock serves a rover that is simulated faster than real time. Ours keeps the heartbeat going
+    while the vehicle sends no time.
     """
 
     interval: float

@@ -1,11 +1,11 @@
-"""A conversation with a vehicle on disk: what was sent and what was received, in order, with times.
+"""A recorded conversation with a vehicle: everything sent and received, in order, with times.
 
-A .tlog holds the frames of the vehicle alone, for every tool that reads one. This holds both directions
-byte for byte as they went through the connection, its openings and ends included (a reboot is one), so
+A .tlog holds only the vehicle's frames, for all tools that read a .tlog. This file holds both directions
+byte for byte, and when the connection opened and ended (a reboot ends it), so
 that tests can play it back to the same code (tests/vehicle/transport_replayed.py).
 
-The file is gzip: a line of JSON (format, what is known), then entries of kind (1 byte), microseconds since
-the first entry (8), length of the data (4), data; numbers big-endian.
+The file is gzip: a line of JSON (the header), then entries: kind (1 byte), microseconds since the first
+entry (8), length of the data (4), data; numbers big-endian.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 
 FORMAT = "rover-sweep conversation 1"
 HEAD = struct.Struct(">BQI")  # kind, us since the first entry, length
-_FLUSH_US = 1_000_000  # what a killed program loses of it at most; the .tlog loses nothing
+_FLUSH_US = 1_000_000  # a killed program loses at most that much of it; the .tlog loses nothing
 
 
 class ConversationKind(IntEnum):
@@ -29,14 +29,14 @@ class ConversationKind(IntEnum):
     OPENED = 0
     REFUSED = 1
     SENT = 2
-    UNSENT = 3  # was to be sent on a connection that had ended
+    UNSENT = 3  # not sent, because the connection had ended
     RECEIVED = 4
     ENDED = 5  # by the other side
     CLOSED = 6
 
 
 class ConversationWriter:
-    """Appends entries. A disk that is full ends the recording, never the connection: `failure` says so."""
+    """Appends entries. A full disk ends the recording, never the connection: see `failure`."""
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
         self.path, self.failure = path, ""
@@ -56,7 +56,7 @@ class ConversationWriter:
                 self._file.flush()
                 self._flushed_us = us
         except OSError as error:
-            self.failure = f"{self.path} cannot be written ({error.strerror}): the conversation ends there"
+            self.failure = f"{self.path} cannot be written ({error.strerror}); its recording stops here"
 
     def close(self) -> None:
         try:

@@ -1,11 +1,10 @@
-"""Whose datagrams count on a UDP port, and who is answered: the address from which the vehicle's heartbeat
-came. Pure: it opens no socket and knows no clock.
+"""Which address on a UDP port is the vehicle: the one that its heartbeat came from. Pure: no socket or clock.
 
-Until `settle` says which vehicle is spoken with, every address that sent an autopilot's heartbeat is heard
-and none is answered. From then on one address counts, the peer. Datagrams of others are counted, not parsed.
-A peer that fell silent may come back from another address (a radio bridge that restarted): it is accepted
-there once its heartbeat is heard. With a signing key only a heartbeat signed with it counts, and is answered
-at once: a vehicle without GPS takes the time of its own signatures from our first message.
+Until `settle` names the vehicle, datagrams are accepted from every address that sent an autopilot's
+heartbeat, and none is answered. Afterwards only one address counts, the peer; datagrams of others are counted
+and dropped. A silent peer may come back from another address (a radio bridge that restarted): its heartbeat
+makes that address the peer. With a signing key only heartbeats signed with it count, and their address is
+answered at once: a vehicle without GPS takes the time for its signatures from our first message.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ from typing import Any
 
 from rover_sweep.vehicle.link.mavlink import Codec, Framer, is_autopilot, sender
 
-SILENT = 3.0  # s without a datagram of the peer until it is looked for at another address
-_MOST = 32  # addresses that are kept apart, so that a flood of forged ones fills no memory
+SILENT = 3.0  # s without a datagram of the peer, after which another address may become the peer
+_MOST = 32  # addresses kept at a time, so that forged ones cannot fill the memory
 
 SocketAddress = Any  # as the socket module gives them: (host, port, ...)
 
 
 class Greeting:
-    """peer: the address that is answered, None while there is none; ignored: datagrams of other addresses.
+    """peer: the address that is answered, None if none yet; ignored: number of datagrams dropped.
 
-    given: the address that this program speaks to first; then no other is ever accepted.
+    given: the address that this program sends to first; if given, no other is ever accepted.
     """
 
     def __init__(self, given: SocketAddress | None = None) -> None:
@@ -38,12 +37,11 @@ class Greeting:
         self._remarked, self._heard, self._now = False, 0.0, 0.0
 
     def believe(self, authentic: Callable[[bytes], bool]) -> None:
-        """Only a heartbeat for whose frame this holds greets."""
+        """Accept only heartbeats for whose frame `authentic` is true."""
         self._authentic = authentic
 
     def settle(self, system: int) -> None:
-        """The vehicle that is spoken with has this system id: the peer is where its heartbeat came from, or
-        will come from."""
+        """Choose the vehicle with this system id: the source of its heartbeat is or becomes the peer."""
         self._system = system
         if not self._given:
             self.peer = next((a for a, systems in self._systems.items() if system in systems), None)
@@ -51,7 +49,7 @@ class Greeting:
         self._forget()
 
     def takes(self, data: bytes, address: SocketAddress, now: float) -> bool:
-        """Whether a datagram counts that came from `address`. now [s]: never goes back."""
+        """Whether a datagram from `address` is accepted. now [s]: never goes back."""
         self._now = now
         if address == self.peer:
             self._heard = now
@@ -64,19 +62,19 @@ class Greeting:
         return False
 
     def remark(self) -> str:
-        """That a stranger sends here, as a sentence, once; '' else."""
+        """A sentence, once, if another address sends to this port; else ''."""
         if self._remarked or self._stranger is None or self.peer is None:
             return ""
         self._remarked = True
         return (
-            f"datagrams from {_words(self._stranger)} are ignored: the vehicle is at {_words(self.peer)}; "
-            "find out who sends to this port"
+            f"datagrams from {_words(self._stranger)} are ignored, because the vehicle is at "
+            f"{_words(self.peer)}; find out what sends to this port"
         )
 
     def _greeted(self, data: bytes, address: SocketAddress, now: float) -> bool:
-        """Whether the heartbeat of a vehicle that may be spoken with has come from there by now. While nobody
-        is settled on, one that `believe` refuses is heard too, so that the reason can be told."""
-        self._look(data, address)
+        """Whether an acceptable heartbeat has come from this address. Until a vehicle is chosen, one that
+        `believe` refuses is accepted too, so that the link can report why it was refused."""
+        self._note_heartbeats(data, address)
         systems = self._systems.get(address)
         known = self._authentic is not None if self._system is None else self._system in (systems or ())
         if systems and known:
@@ -86,8 +84,8 @@ class Greeting:
             return True
         return self._system is None and systems is not None
 
-    def _look(self, data: bytes, address: SocketAddress) -> None:
-        """Note the autopilots whose heartbeats come from there."""
+    def _note_heartbeats(self, data: bytes, address: SocketAddress) -> None:
+        """Remember the autopilots whose heartbeats come from this address."""
         framer = self._framers.get(address)
         if framer is None:
             if len(self._framers) >= _MOST:

@@ -1,6 +1,6 @@
-"""The only module of `rover_sweep.vehicle` that knows pymavlink: packing, framing, decoding, FTP.
+"""The only module of `rover_sweep.vehicle` that imports pymavlink: packing, framing, decoding, FTP.
 
-Everything else handles opaque messages (`kind(message)`, attributes by MAVLink field name) made by
+All other modules handle opaque messages (`kind(message)`, attributes by MAVLink field name) made by
 `make(name, **fields)`.
 """
 
@@ -24,9 +24,9 @@ GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP
 GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
 V1, V2 = 0xFE, 0xFD
 _LINK_ID = 0  # of our signatures: one link at a time
-_FTP_IDLE = 3.0  # s of silence on our side that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
+_FTP_IDLE = 3.0  # s in which we send nothing that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
 _SIGNED, _SIGNATURE = 0x01, 13  # incompatibility flag, bytes of the signature
-_NAMES = {  # the fields whose text becomes a name: of a parameter, of a value
+_NAMES = {  # the fields that hold a name: of a parameter, of a value
     dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_id",
     dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: "name",
     dialect.MAVLINK_MSG_ID_NAMED_VALUE_INT: "name",
@@ -81,7 +81,7 @@ def source_system(frame: bytes) -> int:
 
 
 def is_autopilot(message: Message) -> bool:
-    """Whether it is the heartbeat of an autopilot: not of a ground station, a gimbal, a companion."""
+    """Whether it is a heartbeat of an autopilot, not of a ground station, gimbal or companion computer."""
     if kind(message) != "HEARTBEAT" or message.get_srcComponent() != dialect.MAV_COMP_ID_AUTOPILOT1:
         return False
     others = dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID
@@ -99,7 +99,7 @@ def frame_source(frame: bytes) -> tuple[int, int]:
 
 
 def is_known(frame: bytes) -> bool:
-    """Whether its message is of the dialect: one that is not cannot be told from a damaged one."""
+    """Whether its message is in the dialect; an unknown message looks like a damaged one."""
     number = int.from_bytes(frame[7:10], "little") if frame[0] == V2 else frame[5]
     return number in _CRC_EXTRA
 
@@ -107,8 +107,8 @@ def is_known(frame: bytes) -> bool:
 class Codec:
     """Packs and decodes MAVLink 2 for one sender; keeps its sequence number.
 
-    key: what is packed is signed with it, and only what is signed with it is decoded, but for a radio's own
-    status. wall: s of UTC, from which the signatures' timestamps begin.
+    key: signs all packed messages; only messages signed with it are decoded, except a radio's own status.
+    wall: UTC [s since 1970] at which the signatures' timestamps begin.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class Codec:
         return data
 
     def decode(self, frame: bytes) -> Message | None:
-        """The message in a frame; None where it is unknown, damaged, or a value that is no number."""
+        """The message in a frame; None if it is unknown, damaged, or a value of NaN or infinity."""
         heard = dict(self._mav.signing.stream_timestamps) if self._mav.signing.secret_key else None
         try:
             message = self._mav.decode(bytearray(frame))
@@ -139,19 +139,19 @@ class Codec:
             if heard is not None:  # pymavlink keeps a forged timestamp, and refuses all older ones
                 self._mav.signing.stream_timestamps = heard
             return None
-        if message.get_type().startswith("UNKNOWN") or not _says_a_number(message):
+        if message.get_type().startswith("UNKNOWN") or not _has_finite_value(message):
             return None
-        return _named_printably(message)
+        return _with_printable_name(message)
 
 
-def _says_a_number(message: Message) -> bool:
-    """False for a parameter or a named value of NaN or infinity, which says nothing that could be used."""
+def _has_finite_value(message: Message) -> bool:
+    """False for a parameter or a named value of NaN or infinity."""
     field = _VALUES.get(message.get_msgId())
     return field is None or math.isfinite(getattr(message, field))
 
 
-def _named_printably(message: Message) -> Message:
-    """A message whose name field (16 or 10 bytes of anything) holds no control character."""
+def _with_printable_name(message: Message) -> Message:
+    """Replace control characters in the name field (16 or 10 arbitrary bytes)."""
     field = _NAMES.get(message.get_msgId())
     if field and not (name := getattr(message, field)).isprintable():
         setattr(message, field, printable(name))
@@ -159,23 +159,23 @@ def _named_printably(message: Message) -> Message:
 
 
 def _may_be_unsigned(_: Any, number: int) -> bool:
-    """A telemetry radio reports its own state without a key; so ArduPilot takes it too."""
+    """A telemetry radio reports its own state unsigned; ArduPilot accepts it too."""
     return number in (dialect.MAVLINK_MSG_ID_RADIO_STATUS, dialect.MAVLINK_MSG_ID_RADIO)
 
 
 class Framer:
     """Cuts a stream of bytes into MAVLink frames and noise, without reading their content.
 
-    A frame whose checksum is wrong or cannot be known is still a frame when the next byte starts
-    another one (damaged on the way, or a message we do not know); else its first byte is noise and
-    the search goes on one byte later, so that a false start swallows nothing.
+    A frame with a wrong or unknown checksum still counts as a frame if another one starts right after it (it
+    was damaged, or its message is unknown). Otherwise its first byte is noise and the search continues one
+    byte later, so that a false start loses no frame.
     """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> Iterator[tuple[bytes, bool]]:
-        """(bytes, is_frame) of everything that is complete."""
+        """(bytes, is_frame) of all complete pieces."""
         buffer = self._buffer
         buffer += data
         at = 0
@@ -206,7 +206,7 @@ def _noise(buffer: bytearray, at: int) -> int:
 
 
 def _length(buffer: bytearray, at: int) -> int:
-    """Length of the frame that starts at `at`; 0 while its header is not here."""
+    """Length of the frame that starts at `at`; 0 while its header is incomplete."""
     have = len(buffer) - at
     if buffer[at] == V1:
         return buffer[at + 1] + 8 if have >= 2 else 0
@@ -216,7 +216,7 @@ def _length(buffer: bytearray, at: int) -> int:
 
 
 def _checksum_right(buffer: bytearray, at: int, end: int) -> bool:
-    """Whether the checksum of the frame [at, end) is right; False for messages we do not know."""
+    """Whether the checksum of the frame [at, end) is right; False for unknown messages."""
     v2 = buffer[at] == V2
     number = int.from_bytes(buffer[at + 7 : at + 10], "little") if v2 else buffer[at + 5]
     crc_at = end - 2 - (_SIGNATURE if v2 and buffer[at + 2] & _SIGNED else 0)
@@ -228,14 +228,14 @@ def _checksum_right(buffer: bytearray, at: int, end: int) -> bool:
 
 
 class Clock(Protocol):
-    """What waits run on [s]."""
+    """The clock for waits [s]."""
 
     def monotonic(self) -> float: ...
     def sleep(self, seconds: float) -> None: ...
 
 
 class FtpLink(Protocol):
-    """What an FTP transfer needs of the link."""
+    """The part of a link that an FTP transfer needs."""
 
     @property
     def target(self) -> tuple[int, int]: ...
@@ -270,7 +270,7 @@ class _FtpMaster:
 
 
 def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
-    """Upload a file by MAVLink FTP (pymavlink.mavftp). '' when done, else what went wrong."""
+    """Upload a file by MAVLink FTP (pymavlink.mavftp). Returns '' or an error as a phrase."""
     with _ftp(link) as ftp:
         ftp.cmd_put([local, remote], progress_callback=progress)
         result = ftp.process_ftp_reply("put", timeout=60)
@@ -278,7 +278,7 @@ def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], 
 
 
 def ftp_get(link: FtpLink, remote: str, local: str) -> str:
-    """Download a file by MAVLink FTP. '' when done, else what went wrong."""
+    """Download a file by MAVLink FTP. Returns '' or an error as a phrase."""
     with _ftp(link) as ftp:
         ftp.ftp_settings.idle_detection_time = _FTP_IDLE
         ftp.cmd_get([remote, local])
@@ -288,8 +288,8 @@ def ftp_get(link: FtpLink, remote: str, local: str) -> str:
 
 @contextmanager
 def _ftp(link: FtpLink) -> Iterator[Any]:
-    """mavftp on our link, meanwhile quiet, since our caller says what happened in its own words, and on
-    the link's clock: it takes the time from its module's `time`."""
+    """mavftp on our link. Its log output is off, because our caller reports the result, and it uses the
+    link's clock instead of its module's `time`."""
     from pymavlink import mavftp
 
     logging.disable(logging.ERROR)  # it reports through the root logger

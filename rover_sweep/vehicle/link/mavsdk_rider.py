@@ -1,10 +1,9 @@
-"""MAVSDK on a link that is open already: its bytes go through the link, which records and keeps the pace.
+"""MAVSDK on an open link: its bytes go through the link and are recorded there.
 
-MAVSDK 4 is a library in this process (`mavsdk`; no server). Its `raw://` connection takes and gives
-bytes, so that it needs no second connection: one works on a serial port too, which only one program may
-open, and what it hears lies in the .tlog like everything else. It speaks as system 255, component 190,
-as the link does: ArduPilot heeds no other system's overrides (SYSID_MYGCS), and MAVSDK's own 245 would
-be a second ground station. Heartbeats are the link's alone.
+MAVSDK 4 is a library in this process (`mavsdk`; no server). Its `raw://` connection takes and gives bytes, so
+it needs no second connection. That also works on a serial port, which only one program may open. It sends as
+system 255, component 190, like the link: ArduPilot ignores overrides of other systems (SYSID_MYGCS), and
+MAVSDK's own 245 would be a second ground station. Only the link sends heartbeats.
 """
 
 from __future__ import annotations
@@ -24,8 +23,8 @@ if TYPE_CHECKING:
     from mavsdk.system import System
 
 Answer = TypeVar("Answer")
-_FOUND = 10.0  # s within which MAVSDK must have seen the vehicle's heartbeat
-TURN = 0.003  # s: what MAVSDK has to say waits so long at most
+_FOUND = 10.0  # s within which MAVSDK must find the vehicle's heartbeat
+TURN = 0.003  # s: longest delay of a message of MAVSDK
 
 
 class MavsdkRider:
@@ -58,7 +57,7 @@ class MavsdkRider:
         self._undo.close()
 
     def call(self, blocking: Callable[[], Answer]) -> Answer:
-        """What `blocking` returns or raises: it runs in a thread, while this one keeps the link going."""
+        """Run `blocking` in a thread while this one pumps the link; returns or raises as `blocking` does."""
         done: list[Answer] = []
         failed: list[BaseException] = []
 
@@ -80,7 +79,7 @@ class MavsdkRider:
         self._mavsdk.pass_received_raw_bytes(bytes(message.get_msgbuf()))
 
     def _speak(self) -> None:
-        """Frames of MAVSDK, sent anew by the link, so that its sequence of numbers has no holes."""
+        """Send MAVSDK's frames through the link, renumbered, so that its sequence numbers have no gaps."""
         while self._outgoing:
             for frame, is_frame in self._framer.feed(self._outgoing.popleft()):
                 message = self._codec.decode(frame) if is_frame else None
@@ -99,5 +98,5 @@ def _instance() -> Mavsdk:
 
 
 def _silence(*_: Any) -> bool:
-    """MAVSDK writes to stdout by itself; what matters comes back as its result."""
+    """Drop a log line: MAVSDK would write it to stdout, and its results are enough."""
     return True

@@ -1,4 +1,4 @@
-"""Measures a link while it is used: `LinkMeter` is told of each frame, request and answer."""
+"""Measures a link while it is used, from each frame, request and answer."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rover_sweep.vehicle.link.link_quality import LinkQuality
 _WINDOW = 30  # s that a measurement looks back
 _BEHIND = 64  # sequence numbers by which a frame may be late
 _STALE = 10.0  # s within which a second answer to a repeated request may come
-_SAMPLES = 5  # latencies that are remembered
-_ENOUGH = 4  # answers to repeated requests in a row that show that the link has become slower
-_SURE = 2  # answers that are assumed before any came
+_SAMPLES = 5  # latencies kept
+_ENOUGH = 4  # answers to repeated requests in a row that show a slower link
+_SURE = 2  # answers assumed before the first came
 
 
 @dataclass
@@ -31,13 +31,13 @@ class _Second:
 
 @dataclass
 class Sequence:
-    """Sequence numbers of one component: MAVLink counts each frame that a component sends, modulo 256."""
+    """Sequence numbers of one component: MAVLink numbers the frames of a component modulo 256."""
 
     last: int | None = None
     missing: dict[int, None] = field(default_factory=dict)
 
     def take(self, number: int) -> tuple[int, bool]:
-        """(frames lost before this one, whether it had come before); -1 lost for one that is only late."""
+        """(frames lost before this one, whether it had come before); -1 lost for a late frame."""
         if self.last is None:
             self.last = number
             return 0, False
@@ -62,7 +62,7 @@ class Sequence:
 
 
 class LinkMeter:
-    """See above. All times are s of one clock of ours."""
+    """Measures the quality of a link. All times are s of our monotonic clock."""
 
     def __init__(self) -> None:
         self._heard = float("-inf")  # when the last whole frame came
@@ -75,12 +75,12 @@ class LinkMeter:
         self._loose: deque[float] = deque(maxlen=_SAMPLES)
 
     def restart(self) -> None:
-        """The vehicle rebooted: it counts its frames anew."""
+        """The vehicle rebooted: its sequence numbers start again."""
         self._sequence = Sequence()
         self._asked.clear()
 
     def frame(self, number: int, now: float) -> bool:
-        """A whole frame of the vehicle with this sequence number; whether it had come before."""
+        """Count a whole frame of the vehicle by its sequence number. Returns whether it had come before."""
         lost, again = self._sequence.take(number)
         second, self._heard = self._second(now), now
         second.frames += not again
@@ -89,15 +89,15 @@ class LinkMeter:
         return again
 
     def damaged(self, now: float) -> None:
-        """A frame with a wrong checksum came. That it is lost shows in the next sequence number."""
+        """Count a frame with a wrong checksum. The next sequence number shows that it is lost."""
         self._second(now).corrupted += 1
 
     def asked(self, what: Hashable, now: float) -> None:
-        """A request leaves; `what` names its answer."""
+        """A request is sent; `what` identifies its answer."""
         self._asked.setdefault(what, []).append(now)
 
     def answered(self, what: Hashable, now: float) -> None:
-        """An answer came, to a request or unasked."""
+        """An answer came, requested or not."""
         times = [t for t in self._asked.pop(what, []) if now - t < 3 * _STALE]
         if not times:
             return
@@ -109,8 +109,8 @@ class LinkMeter:
         if len(times) == 1 and not stale:
             self._sample(first)
         elif latency is not None and 0.8 * latency <= last <= 1.2 * latency + 0.1:
-            self._sample(last)  # as all before: the requests before this one were lost
-        elif not (stale and latency is not None and first < latency):  # to one of the requests, first or last
+            self._sample(last)  # the usual latency: the earlier requests were lost
+        elif not (stale and latency is not None and first < latency):  # it answers one of the requests
             self._loose.append(first)
         if len(times) > 1:
             self._stale[what] = now + max(latency or 0.0, first)
@@ -121,13 +121,13 @@ class LinkMeter:
 
     @property
     def latency(self) -> float | None:
-        """s from a request to its answer; None before the first answer."""
+        """Time from a request to its answer [s]; None before the first answer."""
         if self._loose and len(self._loose) >= (_ENOUGH if self._exact else 1):
             return min(self._loose)
         return max(self._exact, default=None)
 
     def quality(self, now: float) -> LinkQuality:
-        """As measured up to now."""
+        """The quality measured up to now."""
         seconds = [s for s in self._seconds if now - s.began <= _WINDOW]
         frames, lost = sum(s.frames for s in seconds), max(sum(s.lost for s in seconds), 0)
         answers = sum(s.answers for s in seconds) + _SURE

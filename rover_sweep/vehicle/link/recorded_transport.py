@@ -1,4 +1,4 @@
-"""Connections whose both directions are recorded (see `conversation`)."""
+"""Connections recorded in both directions (see `conversation`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rover_sweep.vehicle.link.transport import Line, LiveLine, Transport
 
 
 def conversation_in(folder: Path) -> Path:
-    """A path for a new conversation in the folder of a session that overwrites none."""
+    """A path for a new conversation in a session's folder; never an existing file."""
     path, number = folder / "session.conversation", 2
     while path.exists():
         path, number = folder / f"session-{number}.conversation", number + 1
@@ -23,9 +23,9 @@ def conversation_in(folder: Path) -> Path:
 
 
 class RecordedLine:
-    """A line that writes down everything that goes over it, from its first connection to `close`.
+    """A line that records everything that goes over it, from its first connection to `close`.
 
-    failure: why the recording ended early, '' while it goes on. Use as a context manager.
+    failure: why the recording ended early, else ''. Use as a context manager.
     """
 
     def __init__(self, path: Path, line: Line | None = None, about: Mapping[str, Any] | None = None) -> None:
@@ -77,7 +77,7 @@ class RecordedLine:
 
 
 class RecordedTransport(Transport):
-    """A connection that tells its line what went over it."""
+    """A connection that passes everything to its line for recording."""
 
     def __init__(self, transport: Transport, line: RecordedLine) -> None:
         self._transport, self._line = transport, line

@@ -1,4 +1,4 @@
-"""What goes to disk while a vehicle is connected: the .tlog.
+"""Records the .tlog while a vehicle is connected.
 
 A .tlog is a sequence of (8-byte big-endian microseconds since 1970, MAVLink frame), as pymavlink's
 mavlogfile, MAVProxy, Mission Planner and QGroundControl read it. The stamp is the time of arrival.
@@ -19,11 +19,11 @@ _STAMP = struct.Struct(">Q")
 
 
 class TlogWriter:
-    """Writes frames unbuffered: after `write` returns they survive the death of this process.
+    """Writes frames unbuffered: after `write` returns they survive the end of this process.
 
-    Bytes that belong to no frame go to `NAME.tlog.noise` (stamp, 4-byte length, bytes), because a
-    reader of the .tlog would lose its place over them. UsageError where the disk takes no more; it is
-    raised once, and what comes after is not recorded, so that the link can still stop the vehicle.
+    Bytes that belong to no frame go to `NAME.tlog.noise` (stamp, 4-byte length, bytes), because they would
+    disturb a reader of the .tlog. UsageError if the disk is full; it is raised once, and later frames are not
+    recorded, so that the link can still stop the vehicle.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,13 +54,13 @@ class TlogWriter:
         self._file.close()
 
     def _now_us(self) -> int:
-        # Lowest two bits zero: readers take them for the number of the link.
+        # Lowest two bits zero: readers interpret them as the number of the link.
         self._last_us = max(self._last_us, time.time_ns() // 1000 & ~3)
         return self._last_us
 
 
 def _write_all(file: io.FileIO, data: bytes) -> None:
-    """An unbuffered file may take a part of what it is given, as the last bytes of a disk."""
+    """Write all data: an unbuffered file may take only a part of it at a time."""
     left = memoryview(data)
     while left:
         left = left[file.write(left) :]
@@ -68,11 +68,11 @@ def _write_all(file: io.FileIO, data: bytes) -> None:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """An OSError over a file of the recording becomes a UsageError with a sentence."""
+    """Turn an OSError on a recording's file into a UsageError with a sentence."""
     try:
         yield
     except OSError as error:
         raise UsageError(
-            f"{path} cannot be written ({error.strerror}): nothing more is recorded there; "
-            "make room, or give another folder"
+            f"{path} cannot be written ({error.strerror}), so nothing more is recorded there; "
+            "free some space, or give another folder"
         ) from error

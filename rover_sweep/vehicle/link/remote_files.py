@@ -18,19 +18,19 @@ _MOST = 5000  # entries of a folder: ArduPilot keeps at most 500 logs (LOG_MAX_F
 
 
 def crc32(data: bytes, before: int = 0) -> int:
-    """ArduPilot's (AP_Math/crc.cpp, crc_crc32): begins at 0 and is not inverted at its end. before: that
-    of the bytes in front of these."""
+    """ArduPilot's CRC-32 (AP_Math/crc.cpp, crc_crc32): starts at 0 and is not inverted at the end. before:
+    CRC of the preceding bytes."""
     return zlib.crc32(data, before ^ 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
 def remote_crc32(link: Link, path: str, timeout: float = _TIMEOUT) -> int | None:
-    """Of a file on the vehicle; None where there is no such file, or no MAVLink FTP."""
+    """CRC-32 of a file on the vehicle; None without such a file or without MAVLink FTP. timeout [s]."""
     data = _ask(link, _CRC32, path, 0, timeout)
     return int.from_bytes(data[:4], "little") if data is not None and len(data) >= 4 else None
 
 
 def remote_sizes(link: Link, folder: str) -> dict[str, int]:
-    """Name -> bytes of the files in a folder of the vehicle; empty where there is none, or no MAVLink FTP."""
+    """Size [bytes] by name of the files in a folder of the vehicle; {} without it or without MAVLink FTP."""
     found: dict[str, int] = {}
     for entry in _entries(link, folder):
         name, _, size = entry[1:].partition("\t")
@@ -40,9 +40,9 @@ def remote_sizes(link: Link, folder: str) -> dict[str, int]:
 
 
 def _entries(link: Link, folder: str) -> Iterator[str]:
-    """Lines of a directory's listing; the vehicle counts on in entries where one answer does not hold all.
+    """Lines of a directory's listing, requested in parts by the number of entries already received.
 
-    A listing that never ends, ends after `_MOST` lines.
+    At most about `_MOST` lines, so that an endless listing ends.
     """
     offset = 0
     while data := _ask(link, _LIST, folder, offset, _TIMEOUT):
@@ -54,10 +54,10 @@ def _entries(link: Link, folder: str) -> Iterator[str]:
 
 
 def _ask(link: Link, opcode: int, path: str, offset: int, timeout: float) -> bytes | None:
-    """The data of an acknowledged answer; None where it is refused or none comes."""
+    """The data of an acknowledged answer; None if it is refused or none comes."""
     name = path.encode()
-    # ArduPilot answers a sequence number that it has just had with what it just said. A checksum's is that of
-    # the recorded conversations.
+    # ArduPilot repeats its last answer to a repeated sequence number, so each request has its own. That of a
+    # checksum is the one in the recorded conversations.
     sequence = (zlib.crc32(name) + opcode - _CRC32 + offset) & 0x7FFF
     request = _HEADER.pack(sequence, 0, opcode, len(name), 0, 0, offset) + name
     for _ in range(_TRIES):

@@ -1,4 +1,4 @@
-"""Which autopilots are heard on a link, and whether a second one had time to be heard."""
+"""Which autopilots are heard on a link, and whether there was time to hear a second one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ HEARING = 1.2  # s after the first heartbeat; ArduPilot sends one a second
 class RollCall:
     """heartbeats: the last one of each autopilot, by system id, in the order in which they were heard.
 
-    only: the id of the one that is waited for, None: any.
+    only: the system id to wait for, None: any.
     """
 
     def __init__(self, only: int | None = None) -> None:
@@ -22,7 +22,7 @@ class RollCall:
         self._clock: tuple[int, float, float] | None = None  # of a vehicle: its id, first and last time [s]
 
     def hear(self, message: Message, now: float) -> None:
-        """A message of whomever. now [s]: of a clock that never goes back."""
+        """Take a message of any sender. now [s]: of a clock that never goes back."""
         system = sender(message)[0]
         if is_autopilot(message):
             self.heartbeats[system] = message
@@ -37,8 +37,8 @@ class RollCall:
             self._clock = (system, self._clock[1], seconds)
 
     def over(self, now: float) -> bool:
-        """Whether whoever is there has been heard: HEARING has passed by our clock, or by that of a vehicle
-        that is simulated faster than real time. Where only one is waited for, it is enough that it came."""
+        """Whether all vehicles had time to be heard: HEARING has passed by our clock, or by that of a vehicle
+        that is simulated faster than real time. With `only`, it is enough to hear that one."""
         if self._began is None:
             return False
         passed = self._clock[2] - self._clock[1] if self._clock is not None else 0.0
@@ -46,7 +46,7 @@ class RollCall:
 
     @property
     def heard(self) -> tuple[Heard, ...]:
-        """All of them, by their ids; of one that is waited for that one alone, if it came."""
+        """All autopilots heard, by id; with `only`, at most that one."""
         return tuple(
             heard_as(message)
             for system, message in sorted(self.heartbeats.items())
@@ -54,10 +54,10 @@ class RollCall:
         )
 
     def others(self) -> str:
-        """Those heard while another one is waited for, in words; '' without any."""
+        """The autopilots heard, as a list in words; '' if none."""
         return ", ".join(str(heard_as(m)) for _, m in sorted(self.heartbeats.items()))
 
 
 def heard_as(heartbeat: Message) -> Heard:
-    """Who sends a heartbeat."""
+    """The sender of a heartbeat."""
     return Heard(sender(heartbeat)[0], vehicle_type_name(heartbeat.type))

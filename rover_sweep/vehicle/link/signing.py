@@ -1,4 +1,4 @@
-"""MAVLink signing: the key out of a file, and what a frame's signature says.
+"""MAVLink signing: reading a key from a file, and checking a frame's signature.
 
 https://mavlink.io/en/guide/message_signing.html: a signed frame has the incompatibility flag 0x01 and ends
 with link id (1 byte), timestamp (6) and signature (6), the start of the SHA-256 of the key and all before.
@@ -22,13 +22,13 @@ _LONGEST = 4096  # bytes of a key file
 
 @dataclass(frozen=True)
 class SigningKey:
-    """secret: 32 bytes, which no repr shows; source: the file it is from."""
+    """secret: 32 bytes, hidden in repr; source: the file it comes from."""
 
     secret: bytes = field(repr=False)
     source: str = ""
 
     def signed(self, frame: bytes) -> bool:
-        """Whether a whole frame carries a signature of this key, of whatever time."""
+        """Whether a whole frame carries a signature of this key, with any time stamp."""
         digest = hashlib.sha256(self.secret + frame[:-_SIGNATURE]).digest()
         return signs(frame) and hmac.compare_digest(digest[:_SIGNATURE], frame[-_SIGNATURE:])
 
@@ -39,13 +39,13 @@ def signs(frame: bytes) -> bool:
 
 
 def timestamp(wall: float) -> int:
-    """Of a signature made at `wall` (s of UTC since 1970)."""
+    """Timestamp of a signature made at `wall` (UTC, s since 1970), in units of TICK since EPOCH."""
     return round(max(wall - EPOCH, 0.0) / TICK)
 
 
 def read_key(path: Path) -> SigningKey:
-    """The key in a file: 32 bytes, 64 hex digits, or else a passphrase whose SHA-256 is the key, as Mission
-    Planner, QGroundControl and MAVProxy make it. UsageError where it is none of them; it quotes nothing."""
+    """The key in a file: 32 bytes, 64 hex digits, or a passphrase whose SHA-256 is the key, as in Mission
+    Planner, QGroundControl and MAVProxy. UsageError for any other content, which it does not quote."""
     try:
         with path.open("rb") as file:
             content = file.read(_LONGEST + 1)

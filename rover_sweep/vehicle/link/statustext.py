@@ -1,4 +1,4 @@
-"""STATUSTEXT messages put together: MAVLink 2 cuts texts over 50 characters into chunks."""
+"""Joins STATUSTEXT messages: MAVLink 2 cuts texts over 50 characters into chunks."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ from rover_sweep.vehicle.link.mavlink import Message
 
 _CHUNK = 50  # characters
 _CHUNKS = 5  # of a text: ArduPilot's longest fit in two
-_OPEN = 16  # texts that wait for chunks at a time
+_OPEN = 16  # most texts that wait for chunks at a time
 _LONGEST = 256  # characters of a whole text
-_WAITS = 5.0  # s of the vehicle's clock until a text is shown without its lost chunks
+_WAITS = 5.0  # s of the vehicle's clock after which a text is shown without its lost chunks
 LOST = "[...]"  # where a chunk was lost
 
 
 @dataclass(frozen=True)
 class StatusText:
-    """A line of the vehicle, printable. t: vehicle clock [s] when it came; severity: MAV_SEVERITY
-    (0 worst .. 7)."""
+    """A printable status text. t: arrival on the vehicle's clock [s]; severity: MAV_SEVERITY (0: worst)."""
 
     t: float
     severity: int
@@ -28,7 +27,7 @@ class StatusText:
 
 @dataclass
 class _Open:
-    """A text of which chunks have come, by their numbers. last: number of the one that ends it, if known."""
+    """A text with the chunks received, by number. last: number of its final chunk, if known."""
 
     severity: int
     since: float
@@ -43,21 +42,21 @@ class _Open:
 class TextAssembler:
     """Joins the chunks of texts, in any order.
 
-    A text of which a chunk is lost is given with `[...]` in its place: when the vehicle begins another text
-    with its id, after some seconds, or when too many texts are open.
+    A lost chunk is replaced by `[...]` when the vehicle begins another text with the same id, after some
+    seconds, or when too many texts are open.
     """
 
     _open: dict[int, _Open] = field(default_factory=dict)  # by id, oldest first
 
     def add(self, message: Message, t: float) -> tuple[StatusText, ...]:
-        """The texts that this message completes or shows to be incomplete, oldest first."""
+        """The texts that end with this message, complete or not, oldest first. t: vehicle's clock [s]."""
         late, number = self.late(t), int(getattr(message, "id", 0))
         if not number:
             return (*late, _text(t, message.severity, message.text))
         return (*late, *self._chunk(number, message, t))
 
     def late(self, t: float) -> tuple[StatusText, ...]:
-        """The texts that have waited for too long, without what is lost of them."""
+        """The texts that have waited too long for a lost chunk. t: vehicle's clock [s]."""
         waited = ((number, t - entry.since) for number, entry in self._open.items())
         # a clock that went back: the vehicle rebooted, the rest will not come
         return tuple(self._closed(n, t) for n in [n for n, seconds in waited if not -1 <= seconds <= _WAITS])
@@ -83,7 +82,7 @@ class TextAssembler:
 
 
 def _another(entry: _Open, at: int, text: str) -> bool:
-    """Whether a chunk belongs to another text than what came under its id so far."""
+    """Whether a chunk belongs to another text than the earlier chunks with the same id."""
     return entry.chunks.get(at, text) != text or (entry.last is not None and at > entry.last)
 
 

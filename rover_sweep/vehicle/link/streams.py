@@ -1,4 +1,4 @@
-"""Which messages the vehicle sends how often: asked for, granted or denied, and judged after a run."""
+"""Rates of the vehicle's messages: requested, granted or denied, and measured after a run."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, kind, message_id
 
 _ACCEPTED, _DENIED, _UNSUPPORTED = 0, 2, 3
-LOST = 0.02  # share of the samples from which a response is spoilt
+LOST = 0.02  # share of lost samples above which a response is spoilt
 _WRAP = 2.0**32 * 1e-6  # s after which SERVO_OUTPUT_RAW.time_usec starts again
 _GAP, _DELIVERED = 0.25, 0.9  # s: a period of 25 rad/s; share of what was granted
 
-# Rates in Hz: ten times the top of a 25 rad/s sweep and more, and granted from a loop rate of 100 on.
-# LOCAL_POSITION_NED only comes when the EKF has an origin.
+# Rates in Hz: more than ten times the top of a 25 rad/s sweep, and granted from a loop rate of 100 Hz on.
+# LOCAL_POSITION_NED is only sent when the EKF has an origin.
 IDENTIFICATION_RATES: Mapping[str, float] = {
     "SERVO_OUTPUT_RAW": 50.0,
     "RAW_IMU": 50.0,
@@ -29,7 +29,7 @@ IDENTIFICATION_RATES: Mapping[str, float] = {
 
 @dataclass(frozen=True)
 class Stream:
-    """A message's rate. hz: what was granted (0: none); advice: what would have to change, '' if nothing."""
+    """A message's rate. wanted_hz: requested; hz: granted (0: not sent); advice: what to change, else ''."""
 
     message: str
     wanted_hz: float
@@ -51,7 +51,7 @@ def loop_rate_for(hz: float) -> int:
 
 
 def request(link: Link, name: str, hz: float, loop_rate: float) -> Stream:
-    """Ask for a message at `hz`; where that is denied, for the fastest that the loop rate allows."""
+    """Request a message at `hz`; if that is denied, at the highest rate that the loop rate [Hz] allows."""
     if _set(link, name, 1e6 / hz) == _ACCEPTED:
         return Stream(name, hz, 1000 / int(1000 / hz))
     fastest = fastest_interval_ms(loop_rate)
@@ -61,15 +61,15 @@ def request(link: Link, name: str, hz: float, loop_rate: float) -> Stream:
             name,
             hz,
             capped,
-            f"{name} at {hz:g} Hz is denied: SCHED_LOOP_RATE {loop_rate:g} allows {capped:.0f} Hz at most; "
-            f"set SCHED_LOOP_RATE to {loop_rate_for(hz)} and reboot for more",
+            f"the vehicle denies {name} at {hz:g} Hz: SCHED_LOOP_RATE {loop_rate:g} allows at most "
+            f"{capped:.0f} Hz; set SCHED_LOOP_RATE to {loop_rate_for(hz)} and reboot",
         )
     return Stream(name, hz, 0.0, f"this vehicle does not send {name}")
 
 
 def grants(link: Link, name: str, loop_rate: float) -> bool:
-    """Whether the vehicle grants what a loop of `loop_rate` Hz allows, that is, runs at it; the message
-    goes back to its usual rate."""
+    """Whether the vehicle grants the highest rate of a loop of `loop_rate` Hz, which shows that it runs at
+    that rate. The message then returns to its default rate."""
     granted = _set(link, name, fastest_interval_ms(loop_rate) * 1000) == _ACCEPTED
     _set(link, name, 0)
     return granted
@@ -83,14 +83,14 @@ def request_all(
 
 
 def stop(link: Link, names: Iterable[str]) -> None:
-    """Stop sending these messages (after a run, so that log downloads have the line for themselves)."""
+    """Stop these messages (after a run, so that log downloads can use the full line)."""
     for name in names:
         _set(link, name, -1)
 
 
 def intervals(link: Link, names: Iterable[str]) -> dict[str, float]:
-    """Interval [us] at which each message comes now, -1 for one that does not; without those of which
-    the vehicle does not tell (MAV_CMD_GET_MESSAGE_INTERVAL)."""
+    """Present interval of each message [us], -1 if it is not sent; without those that the vehicle does not
+    report (MAV_CMD_GET_MESSAGE_INTERVAL)."""
     found: dict[int, float] = {}
 
     def keep(message: Message) -> None:
@@ -106,7 +106,7 @@ def intervals(link: Link, names: Iterable[str]) -> dict[str, float]:
 
 
 def put_back(link: Link, before: Mapping[str, float]) -> None:
-    """Set the intervals that `intervals` found."""
+    """Restore the intervals [us] that `intervals` found."""
     for name, interval_us in before.items():
         _set(link, name, interval_us)
 
@@ -117,9 +117,9 @@ def _set(link: Link, name: str, interval_us: float) -> int:
 
 @dataclass(frozen=True)
 class StreamQuality:
-    """How a stream came in, on the vehicle's clock. hz: by the median interval; jitter_ms: standard
-    deviation of the intervals; gap_ms: the longest; lost: share of the samples that did not come;
-    mean_hz: samples that came in a second."""
+    """The measured quality of a stream, on the vehicle's clock. count: samples; hz: by the median interval;
+    jitter_ms: standard deviation of the intervals; gap_ms: longest interval; lost: share of the samples that
+    did not arrive; mean_hz: samples per second."""
 
     message: str
     count: int
@@ -131,24 +131,24 @@ class StreamQuality:
 
 
 def stream_fault(q: StreamQuality, granted: float, gap: float = _GAP) -> str:
-    """A sentence where a stream came too badly to identify from, else ''.
+    """A sentence if a stream is too poor for identification, else ''.
 
-    granted: Hz, 0 where unknown. gap: s that the longest may be.
+    granted: rate [Hz], 0 if unknown. gap: longest allowed interval [s].
     """
     if q.count < 3:
-        return f"{q.message} hardly came at all ({q.count} times)"
+        return f"{q.message} arrived only {q.count} times"
     granted = granted or q.hz
     if not (q.lost > LOST or q.gap_ms > 1000 * gap or q.mean_hz < _DELIVERED * granted):
         return ""
     return (
-        f"{q.message} comes {q.mean_hz:.1f} times a second instead of {granted:.0f}, "
+        f"{q.message} arrives {q.mean_hz:.1f} times a second instead of {granted:.0f}, "
         f"{q.lost:.0%} did not arrive, longest gap {q.gap_ms:.0f} ms"
     )
 
 
 @dataclass
 class StreamMonitor:
-    """A listener of the link that keeps the vehicle's time stamps of some messages."""
+    """A listener of the link that keeps the vehicle's time stamps of the messages in `names` [s]."""
 
     names: frozenset[str]
     _stamps: dict[str, list[float]] = field(default_factory=dict)
@@ -168,14 +168,15 @@ class StreamMonitor:
         stamps.append(seconds)
 
     def quality(self) -> tuple[StreamQuality, ...]:
-        """Judgement of each message asked for, in the order of their names."""
+        """Quality of each message in `names`, in alphabetical order."""
         return tuple(stream_quality(name, self._stamps.get(name, [])) for name in sorted(self.names))
 
 
 def stream_quality(name: str, stamps: list[float]) -> StreamQuality:
-    """Rate, jitter and gaps from time stamps [s]; a median interval of whole ms is what ArduPilot sends.
+    """Rate, jitter and gaps from time stamps [s], in any order and possibly repeated (a radio may deliver
+    messages out of order).
 
-    The stamps may be in any order and repeated: a radio lets messages overtake each other.
+    The rate comes from the median interval, because ArduPilot sends at intervals of whole ms.
     """
     ordered = sorted(set(stamps))
     steps = [b - a for a, b in zip(ordered, ordered[1:], strict=False)]

@@ -1,5 +1,5 @@
-"""Bytes to and from a vehicle over TCP, UDP or a serial line. Of MAVLink only UDP knows: whom it answers
-is told by heartbeats (`greeting`)."""
+"""Bytes to and from a vehicle over TCP, UDP or a serial line. Only UDP reads MAVLink: heartbeats show which
+address to answer (`greeting`)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle.link.greeting import Greeting
 
 _CHUNK = 65536
-# A vehicle simulated faster than real time is slowed by what we have not read yet. A small buffer
-# keeps its clock from running seconds ahead of the override that we send.
+# Unread data slow down a vehicle that is simulated faster than real time. With a small buffer its clock
+# cannot run seconds ahead of the override that we send.
 _TCP_RECEIVE_BUFFER = 16384
 _UDP_RECEIVE_BUFFER = 4 << 20
 _BOOTTIME: int | None = getattr(time, "CLOCK_BOOTTIME", None)
@@ -26,43 +26,43 @@ class Transport(Protocol):
     """A two-way stream of bytes."""
 
     def receive(self, timeout: float) -> bytes:
-        """What has come within `timeout` s, b'' if nothing; ConnectionError when it was closed."""
+        """The bytes received within `timeout` s, b'' if none; ConnectionError when it was closed."""
         ...
 
     def send(self, data: bytes) -> None: ...
     def close(self) -> None: ...
 
     def settle(self, system: int) -> None:
-        """The vehicle that is spoken with has this system id. Only UDP has others to keep out."""
+        """Accept the vehicle with this system id only. Only UDP needs this."""
         return
 
     def believe(self, authentic: Callable[[bytes], bool]) -> None:
-        """Only heartbeats for whose frames this holds are the vehicle's. Only UDP has others to keep out."""
+        """Accept only heartbeats for whose frames `authentic` is true. Only UDP needs this."""
         return
 
     def remark(self) -> str:
-        """What is to be told of the connection, a sentence, once; '' else."""
+        """A sentence for the user on the connection, once; else ''."""
         return ""
 
 
 class Line(Protocol):
-    """How a link reaches its vehicle, and the clock that its waits run on: the one door through which
-    anything unpredictable comes in, so that a conversation can be recorded and played back there."""
+    """How a link reaches its vehicle, and its clock. All unpredictable input of a link comes through a line,
+    so that a conversation can be recorded and replayed there."""
 
     def open(self, url: str, timeout: float = 5.0) -> Transport:
-        """A connection to `url`. LinkError with a sentence where it cannot be opened."""
+        """A connection to `url`. LinkError if it cannot be opened within `timeout` s."""
         ...
 
     def monotonic(self) -> float:
-        """Seconds, from any origin, never going back; may stand still while the computer sleeps."""
+        """Seconds from any origin, never going back; may stop while the computer sleeps."""
         ...
 
     def since_boot(self) -> float:
-        """Seconds, from any origin, never going back, that go on while the computer sleeps."""
+        """Seconds from any origin, never going back; continues while the computer sleeps."""
         ...
 
     def wall(self) -> float:
-        """Seconds of UTC since 1970, as far as the computer's clock is right."""
+        """UTC [s since 1970], if the computer's clock is right."""
         ...
 
     def sleep(self, seconds: float) -> None: ...
@@ -78,7 +78,7 @@ class LiveLine:
         return time.monotonic()
 
     def since_boot(self) -> float:
-        # Linux: CLOCK_MONOTONIC stands still in suspend. macOS has no CLOCK_BOOTTIME; there `wall` tells.
+        # Linux: CLOCK_MONOTONIC stops in suspend. macOS has no CLOCK_BOOTTIME; there `wall` shows it.
         return time.clock_gettime(_BOOTTIME) if _BOOTTIME is not None else time.monotonic()
 
     def wall(self) -> float:
@@ -98,7 +98,7 @@ class Address:
 
 
 def parse_url(url: str) -> Address:
-    """tcp:HOST:PORT, udp:HOST:PORT or udpin: (listen), udpout:HOST:PORT (speak first), /dev/ttyX[,BAUD]."""
+    """tcp:HOST:PORT, udp:HOST:PORT or udpin: (listen), udpout:HOST:PORT (send first), /dev/ttyX[,BAUD]."""
     scheme, _, rest = url.partition(":")
     if url.startswith("/dev/"):
         device, _, baud = url.partition(",")
@@ -119,7 +119,7 @@ def _number(text: str, url: str) -> int:
 
 
 def open_transport(url: str, timeout: float = 5.0) -> Transport:
-    """Open a connection. LinkError with a sentence where it cannot be opened."""
+    """Open a connection. LinkError if it cannot be opened."""
     address = parse_url(url)
     try:
         if address.scheme == "serial":
@@ -172,7 +172,7 @@ class Tcp(Transport):
 
 
 class Udp(Transport):
-    """UDP, listening or speaking first; `Greeting` says who is heard and answered."""
+    """UDP, listening or sending first; `Greeting` decides which address is the vehicle."""
 
     def __init__(self, host: str, port: int, listen: bool) -> None:
         info = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
@@ -227,7 +227,7 @@ class Serial(Transport):
         speed = getattr(termios, f"B{baud}", None)
         if speed is None:
             raise UsageError(
-                f"baud rate {baud} is not one that serial ports know (57600, 115200, 921600 are usual)"
+                f"serial ports do not support baud rate {baud}; 57600, 115200 and 921600 are usual"
             )
         self._fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
@@ -238,7 +238,7 @@ class Serial(Transport):
         except (OSError, termios.error) as error:
             os.close(self._fd)
             raise LinkError(
-                f"{device} is no serial port; give the vehicle's, such as /dev/ttyACM0 or /dev/ttyUSB0"
+                f"{device} is not a serial port; give the vehicle's, such as /dev/ttyACM0 or /dev/ttyUSB0"
             ) from error
 
     def receive(self, timeout: float) -> bytes:

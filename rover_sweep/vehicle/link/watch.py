@@ -1,4 +1,4 @@
-"""Judges whether the vehicle is still there."""
+"""Detects a vehicle that is silent, or sends no heartbeats."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from rover_sweep.errors import LinkError
 SILENCE = 5.0  # s without any message from the vehicle
 HEARTBEAT_LOSS = 10.0  # s of the vehicle's clock without a heartbeat while other messages come
 _JUMP = 3.0  # s
-_CHANCE = 1e-5  # that so many heartbeats in a row are lost on the way
+_CHANCE = 1e-5  # probability that the link loses so many heartbeats in a row
 
 
 @dataclass
 class Watch:
-    """Counts the time spent waiting in vain (a caller that does not read is not the vehicle's silence).
+    """Counts the time spent waiting without a message; time in which nobody reads does not count.
 
-    lost: share of the frames that the link loses; where it is large, more heartbeats may stay away."""
+    lost: share of the frames that the link loses; the larger it is, the more heartbeats may be missing."""
 
     url: str
     lost: float = 0.0
@@ -26,7 +26,8 @@ class Watch:
     _last: float | None = None  # and at the last message
 
     def waited(self, seconds: float, found: bool) -> None:
-        """Nothing came for `seconds`. LinkError in words when that adds up to SILENCE."""
+        """Nothing came for `seconds`. LinkError when that adds up to SILENCE. found: a vehicle was heard
+        before."""
         self.silent += seconds
         if self.silent <= SILENCE:
             return
@@ -41,8 +42,8 @@ class Watch:
         )
 
     def heard(self, now: float | None, heartbeat: bool) -> None:
-        """A message came when the vehicle's clock was `now` (None: not known yet). LinkError where
-        heartbeats stay away. A jump of the clock is a time in which nobody listened, or a reboot."""
+        """A message came at `now` on the vehicle's clock [s] (None: not known yet). LinkError if heartbeats
+        are missing for too long. After a jump of the clock (nobody read, or a reboot) the count restarts."""
         self.silent = 0.0
         if now is None:
             return
@@ -52,21 +53,21 @@ class Watch:
             self._heartbeat = now
         elif now - self._heartbeat > (limit := self._limit()):
             raise LinkError(
-                f"the vehicle on {self.url} sends messages but no heartbeat for {limit:.0f} s of "
-                "its clock; its main loop may hang: stop it by hand and look at its messages"
+                f"the vehicle on {self.url} sends messages but has sent no heartbeat for {limit:.0f} s of "
+                "its clock; its main loop may hang: stop it by hand and read its messages"
             )
 
     def _limit(self) -> float:
-        """s without a heartbeat, of which one is sent a second."""
+        """Allowed time without a heartbeat [s]; the vehicle sends one a second."""
         return max(HEARTBEAT_LOSS, log(_CHANCE) / log(min(self.lost, 0.75))) if self.lost else HEARTBEAT_LOSS
 
     def forgive(self) -> None:
-        """Start anew: the vehicle was told to reboot, or is booting."""
+        """Restart the count: the vehicle is rebooting or booting."""
         self.silent, self._last = 0.0, None
 
 
 class Unwatched(Watch):
-    """Waits for a vehicle as long as its caller likes."""
+    """A watch that never raises: the caller decides how long to wait."""
 
     def waited(self, seconds: float, found: bool) -> None:
         pass

@@ -1,4 +1,4 @@
-"""The vehicle's logs by MAVSDK's log_files plugin, behind the same interface as `log_download`."""
+"""The vehicle's logs by MAVSDK's log_files plugin, with the interface of `download.LogSource`."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MavsdkLogs:
-    """A download that was interrupted begins anew: MAVSDK goes on with none."""
+    """Logs by MAVSDK, which restarts an interrupted download from the beginning."""
 
     link: Link
 
     def logs(self) -> tuple[LogEntry, ...]:
-        """All logs, oldest first. MAVSDK tells dates, which become seconds since 1970."""
+        """All logs, oldest first. The dates of MAVSDK become seconds since 1970."""
         refuse_download_if_armed(self.link)
         with MavsdkRider(self.link) as rider:
             return tuple(_entry(e) for e in _listed(rider, _plugin(rider)))
 
     def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
-        """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved."""
+        """Fetch one log into `path` (first as NAME.part); yields progress, then LogSaved."""
         from mavsdk.plugins.log_files import LogFilesResult
 
         refuse_download_if_armed(self.link)
@@ -72,7 +72,7 @@ def _plugin(rider: MavsdkRider) -> LogFiles:
 
 
 def _listed(rider: MavsdkRider, files: LogFiles) -> list[Any]:
-    """A download must come from the instance that listed: it only knows the entries that it saw."""
+    """The same MAVSDK instance must list and download: it only knows the entries that it listed."""
     from mavsdk.plugins.log_files import LogFilesError, LogFilesResult
 
     try:

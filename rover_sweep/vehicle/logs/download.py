@@ -1,6 +1,6 @@
-"""The vehicle's .BIN logs over LOG_REQUEST_LIST/DATA, gaps asked for again.
+"""Downloads the vehicle's .BIN logs by LOG_REQUEST_LIST/DATA, and requests missing blocks again.
 
-`LogSource` is what a session needs of a downloader, so that another transport (MAVSDK) can take its place.
+`LogSource` is the interface that a session needs, so that MAVSDK can replace this one.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from rover_sweep.vehicle.link.mavlink import Message
 from rover_sweep.vehicle.link.recorder import writing
 
 _BLOCK = 90  # bytes in a LOG_DATA
-_WINDOW = 2048 * _BLOCK  # that is whole before it is written
-# A larger log is asked for at once. Whenever no request is under way ArduPilot begins a new log, if it was
-# armed before (AP_Logger_Backend::ShouldLog, 4.6.3): window by window, a log of 11.6 MB left 7 stumps.
+_WINDOW = 2048 * _BLOCK  # bytes that are complete before they are written
+# A larger log is requested as a whole. Whenever no request is active, ArduPilot begins a new log if it was
+# armed before (AP_Logger_Backend::ShouldLog, 4.6.3): a log of 11.6 MB, by windows, left 7 short logs.
 _LARGE = 4 * _WINDOW
-_COMPARED = 64 * _BLOCK  # of an earlier download's end, before it is gone on with
-_LISTING = 60.0  # s for one list, however much the vehicle repeats itself; 500 logs come in 10 s
-_QUIET, _TRIES = 0.5, 12  # s without data until the gaps are asked for again; how often without any progress
+_COMPARED = 64 * _BLOCK  # bytes at the end of an earlier download to compare before it is continued
+_LISTING = 60.0  # s for one list, also if the vehicle repeats entries; 500 logs come in 10 s
+_QUIET, _TRIES = 0.5, 12  # s without data before gaps are requested again; tries without any progress
 
 
 @dataclass(frozen=True)
 class LogEntry:
-    """A log on the vehicle. size in bytes (grows while written); time_utc in s since 1970, 0 unknown."""
+    """A log on the vehicle. size [bytes] (grows while it is written); time_utc [s since 1970], 0: unknown."""
 
     number: int
     size: int
@@ -37,7 +37,7 @@ class LogEntry:
 
 
 class LogSource(Protocol):
-    """Lists and fetches logs. Both raise LinkError in words while the rover is armed."""
+    """Lists and fetches logs. Both raise LinkError while the rover is armed."""
 
     def logs(self) -> tuple[LogEntry, ...]:
         """All logs, oldest first."""
@@ -50,14 +50,14 @@ class LogSource(Protocol):
 
 @dataclass
 class _Flow:
-    """on: the vehicle was asked for the rest of the log, and sends."""
+    """on: the vehicle is sending the rest of the log."""
 
     on: bool = False
 
 
 @dataclass(frozen=True)
 class MavlinkLogs:
-    """Logs by MAVLink's log messages. LinkError while armed: ArduPilot then answers nothing."""
+    """Logs by MAVLink's log messages. LinkError while armed: ArduPilot then does not answer."""
 
     link: Link
 
@@ -76,19 +76,19 @@ class MavlinkLogs:
                     return tuple(entries[number] for number in sorted(entries))
         if not entries:
             raise LinkError(
-                "the vehicle does not list its logs; is there a card in it, and another download running?"
+                "the vehicle does not list its logs; is there a card in it, or is another download running?"
             )
         return tuple(entries[number] for number in sorted(entries))
 
     def _entry(self, until: float) -> Message | None:
-        """The next LOG_ENTRY before `until` [s], None where none comes."""
+        """The next LOG_ENTRY before `until` [s], None if none comes."""
         left = until - self.link.line.monotonic()
         return self.link.wait_for("LOG_ENTRY", 1.5) if left > 0 else None
 
     def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
-        """Fetch one log into `path` (first as NAME.part); yields progress, at last LogSaved.
+        """Fetch one log into `path` (first as NAME.part); yields progress, then LogSaved.
 
-        What an interrupted download left in NAME.part is kept where its end is what the vehicle has there.
+        An interrupted download in NAME.part is continued if its end matches the vehicle's log.
         """
         refuse_download_if_armed(self.link)
         partial = path.with_name(path.name + ".part")
@@ -111,7 +111,7 @@ class MavlinkLogs:
         yield LogSaved(path, done, self.link.line.monotonic() - began)
 
     def _resumed(self, entry: LogEntry, partial: Path) -> int:
-        """Bytes of an earlier download that are good, whole blocks; 0 where it is of another log."""
+        """Valid bytes of an earlier download, in whole blocks; 0 if it is of another log."""
         with suppress(OSError), partial.open("rb") as file:
             size = min(partial.stat().st_size, entry.size) // _BLOCK * _BLOCK
             tail = min(size, _COMPARED)
@@ -127,20 +127,20 @@ class MavlinkLogs:
             self._flowing(entry, start, data, missing, flow)
         while missing:
             for first, last in _spans(missing):
-                # ArduPilot serves one request at a time and ignores those that come meanwhile.
+                # ArduPilot serves one request at a time and ignores others.
                 self._ask(entry, start + first, min(last + _BLOCK, size) - first)
                 got = self._receive(entry.number, start, data, missing, last)
                 tries = 0 if got else tries + 1
                 if tries >= _TRIES:
                     raise LinkError(
-                        f"log {entry.number} stopped coming at {start + first} of {entry.size} bytes; "
-                        "try again closer or by USB"
+                        f"the download of log {entry.number} stopped at {start + first} of {entry.size} "
+                        "bytes; try again closer to the rover or by USB"
                     )
         return bytes(data)
 
     def _flowing(self, entry: LogEntry, start: int, data: bytearray, missing: set[int], flow: _Flow) -> None:
-        """Take what comes of a window while the whole rest of the log is on its way; where something is lost
-        the rest is called off, so that the vehicle listens again."""
+        """Receive a window while the vehicle sends the rest of the log. If a block is lost, cancel the
+        request, so that the vehicle accepts requests again."""
         if not flow.on:
             self._ask(entry, start, entry.size - start)
             flow.on = True
@@ -155,7 +155,7 @@ class MavlinkLogs:
         self.link.to_vehicle("LOG_REQUEST_DATA", id=entry.number, ofs=offset, count=count)
 
     def _receive(self, number: int, start: int, data: bytearray, missing: set[int], last: int) -> bool:
-        """Take LOG_DATA until the block at `last` has come or nothing comes; whether any was new."""
+        """Take LOG_DATA until the block at `last` or a silence. Returns whether any block was new."""
         before = len(missing)
         while True:
             message = self.link.wait_for("LOG_DATA", _QUIET, lambda m: m.id == number)
@@ -172,13 +172,13 @@ class MavlinkLogs:
 
 
 def refuse_download_if_armed(link: Link) -> None:
-    """LinkError on an armed rover: ArduPilot then gives no logs."""
+    """LinkError on an armed rover: ArduPilot then sends no logs."""
     if link.armed:
         raise LinkError("logs cannot be downloaded while the rover is armed; disarm first")
 
 
 def _spans(offsets: set[int]) -> list[tuple[int, int]]:
-    """Runs of consecutive blocks: [(first, last offset)]."""
+    """Groups of consecutive blocks: [(first, last offset in bytes)]."""
     spans: list[tuple[int, int]] = []
     for offset in sorted(offsets):
         if spans and offset == spans[-1][1] + _BLOCK:

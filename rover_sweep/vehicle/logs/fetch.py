@@ -1,4 +1,4 @@
-"""Logs into a folder: what is there already is not fetched again, and what came is compared with the card."""
+"""Fetches logs into a folder: skips those already there, and compares the new ones with the card."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rover_sweep.vehicle.link.remote_files import crc32, remote_crc32, remote_si
 from rover_sweep.vehicle.logs.download import LogEntry, LogSource
 
 _FOLDERS = ("/APM/LOGS", "logs")  # on a flight controller, in SITL
-_CRC_START, _CRC_RATE = 3.0, 0.5e6  # s, B/s: what a card may take to read its file again
+_CRC_START, _CRC_RATE = 3.0, 0.5e6  # s, B/s: time that a card may take to read its file again
 _CHUNK = 1 << 20
 _WRITTEN_ON, _LOOK_AGAIN = 25.0, 1.5  # s
-_STUMP = 200_000  # bytes: formats and parameters alone take up to 90 kB (4.6.3), 10 s of driving 250 kB
+_SHORT = 200_000  # bytes: formats and parameters take up to 90 kB (4.6.3), 10 s of driving 250 kB
 
 
 @dataclass(frozen=True)
 class FetchedFile:
-    """A log that is here. size in bytes; seconds that it took, 0 where it was here before. checked:
-    its checksum is that of the file on the card; False where the vehicle cannot tell one."""
+    """A log in the folder. size [bytes]; seconds: duration of the download, 0 if it was there before.
+    checked: its checksum equals that on the card; False if the vehicle reports none."""
 
     number: int
     path: Path
@@ -32,16 +32,16 @@ class FetchedFile:
 
 
 def chosen_logs(entries: tuple[LogEntry, ...], which: str) -> tuple[LogEntry, ...]:
-    """The logs asked for: a number, 'latest' or 'all'. UsageError with what there is.
+    """The requested logs: a number, 'latest' or 'all'. UsageError, which lists the logs, if there is none.
 
-    The latest is the last that may hold a drive: ArduPilot begins a new log after each download.
+    The latest is the last one long enough for a drive: ArduPilot begins a new log after each download.
     """
     if not entries:
         raise UsageError("there is no log on the vehicle: it writes one once it is armed")
     if which == "all":
         return entries
     if which == "latest":
-        return tuple(e for e in entries if e.size >= _STUMP)[-1:] or entries[-1:]
+        return tuple(e for e in entries if e.size >= _SHORT)[-1:] or entries[-1:]
     found = tuple(e for e in entries if str(e.number) == which)
     if not found:
         there = f"{entries[0].number} to {entries[-1].number}" if len(entries) > 1 else f"{entries[0].number}"
@@ -50,7 +50,7 @@ def chosen_logs(entries: tuple[LogEntry, ...], which: str) -> tuple[LogEntry, ..
 
 
 def settled(link: Link, source: LogSource) -> tuple[LogEntry, ...]:
-    """The logs, once none grows any more: ArduPilot logs on for 15 s after disarming."""
+    """The list of logs, once none grows any more: ArduPilot continues to log for 15 s after disarming."""
     entries = source.logs()
     deadline = link.line.monotonic() + _WRITTEN_ON
     while entries and link.line.monotonic() < deadline:
@@ -64,9 +64,9 @@ def settled(link: Link, source: LogSource) -> tuple[LogEntry, ...]:
 def fetch(
     link: Link, source: LogSource, entries: tuple[LogEntry, ...], folder: Path
 ) -> Iterator[LogProgress | FetchedFile]:
-    """Each log as log<NUMBER>.BIN, or with another number behind where that is of another log.
+    """Fetch each log as log<NUMBER>.BIN, or with a suffix if another log has that name.
 
-    LinkError where a log came otherwise than it is on the card; it is then kept as NAME.BIN.damaged.
+    LinkError if a log differs from the card; it is then kept as NAME.BIN.damaged.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for entry in entries:
@@ -86,7 +86,7 @@ def fetch(
 
 
 def file_crc32(path: Path) -> int:
-    """As `remote_files.crc32`, of a file here."""
+    """`remote_files.crc32` of a local file."""
     result = 0
     with path.open("rb") as file:
         while data := file.read(_CHUNK):
@@ -95,8 +95,8 @@ def file_crc32(path: Path) -> int:
 
 
 def _sums(link: Link, entry: LogEntry) -> tuple[int, ...]:
-    """Checksum of the log on the card, if the vehicle tells it. Numbers of logs are not those of their
-    files once old ones were erased, so the file is found by its size."""
+    """Checksum of the log on the card, () if the vehicle reports none. After old logs were erased, the
+    numbers of logs and of their files differ, so the file is found by its size."""
     for folder in _FOLDERS:
         same = [
             n for n, size in remote_sizes(link, folder).items() if size == entry.size and n.endswith(".BIN")
@@ -109,7 +109,7 @@ def _sums(link: Link, entry: LogEntry) -> tuple[int, ...]:
 
 
 def _place(folder: Path, entry: LogEntry, sums: tuple[int, ...]) -> tuple[Path, bool]:
-    """Where the log belongs, and whether it is there already. Nothing is written over."""
+    """(path for the log, whether the log is there already). No other file is overwritten."""
     number = 1
     while True:
         path = folder / (f"log{entry.number}.BIN" if number == 1 else f"log{entry.number}-{number}.BIN")
@@ -126,5 +126,7 @@ def _compare(path: Path, entry: LogEntry, sums: tuple[int, ...]) -> None:
         return
     kept = path.with_name(path.name + ".damaged")
     path.replace(kept)
-    how = f"{size} of {entry.size} bytes" if size != entry.size else "with another checksum than on the card"
-    raise LinkError(f"log {entry.number} came {how}; it is kept as {kept.name}, fetch it again")
+    wrong = "its checksum differs from the card's"
+    if size != entry.size:
+        wrong = f"only {size} of {entry.size} bytes arrived"
+    raise LinkError(f"log {entry.number} is damaged: {wrong}; it is kept as {kept.name}, fetch it again")

@@ -1,4 +1,4 @@
-"""The vehicle's parameters by MAVSDK's param plugin, behind the same interface as `parameters`."""
+"""The vehicle's parameters by MAVSDK's param plugin, with the interface of `sources.ParameterSource`."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MavsdkParameters:
-    """MAVSDK keeps whole numbers and floats apart; here all are floats, as MAVLink carries them."""
+    """MAVSDK distinguishes integers and floats; here all are floats, as in MAVLink."""
 
     link: Link
 
     def read_all(self, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:
-        """Every parameter, by name. MAVSDK tells no progress. LinkError where none came."""
+        """Every parameter, by name. MAVSDK reports no progress. LinkError if none came."""
         with MavsdkRider(self.link) as rider:
             found = rider.call(_plugin(rider).get_all_params)
         values = {printable(p.name): float(p.value) for p in (*found.int_params, *found.float_params)}
         if not values:
-            raise LinkError("MAVSDK got no parameters; the link loses too much, or use --via mavlink")
+            raise LinkError("MAVSDK received no parameters: the link loses too much; use --via mavlink")
         if progress is not None:
             progress(len(values), len(values))
         return values
 
     def write(self, name: str, value: float) -> Written:
-        """Set one where it differs, read it back and compare as float32: as `parameters.write`."""
+        """Set a parameter if it differs, read it back and compare as float32, as `read_write.write`."""
         with MavsdkRider(self.link) as rider:
             plugin = _plugin(rider)
             old, whole = _read(rider, plugin, name)
@@ -59,14 +59,14 @@ def _plugin(rider: MavsdkRider) -> Param:
 
 
 def _read(rider: MavsdkRider, plugin: Param, name: str) -> tuple[float, bool]:
-    """(value, whether it is one of whole numbers), which MAVSDK only knows when asked rightly."""
+    """(value, whether it is an integer). MAVSDK must be asked with the right type."""
     from mavsdk.plugins.param import ParamError
 
     try:
         return float32(rider.call(lambda: plugin.get_param_float(name))), False
     except ParamError as error:
         if "WRONG_TYPE" not in str(error):
-            raise ParameterMissing(f"MAVSDK did not get the parameter {name} ({error})") from error
+            raise ParameterMissing(f"MAVSDK did not receive the parameter {name} ({error})") from error
     return float32(_tried(rider, name, lambda: plugin.get_param_int(name))), True
 
 
@@ -76,4 +76,4 @@ def _tried(rider: MavsdkRider, name: str, call: Callable[[], Any]) -> Any:
     try:
         return rider.call(call)
     except ParamError as error:
-        raise LinkError(f"MAVSDK did not get on with {name} ({error})") from error
+        raise LinkError(f"MAVSDK could not read or set {name} ({error})") from error

@@ -1,4 +1,4 @@
-"""Parameters that are other while something of ours is overridden, and put back afterwards."""
+"""Shortens the time after which an override lapses during a run, and restores it afterwards."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rover_sweep.vehicle.parameters.read_write import write_parameter
 LAPSE, RADIO_MISSED, RADIO_MISSED_SINCE = "RC_OVERRIDE_TIME", "RC_FS_TIMEOUT", (4, 7)
 _HURRIED, _TOO_SHORT = 1.5, 0.02  # times real time; s
 SHORT: Mapping[str, float] = {
-    LAPSE: 1.0,  # s that an override outlives us; the longest gap between two of ours is 0.55 s
-    RADIO_MISSED: 0.5,  # s after which a lost radio is missed, in such a gap; fixed at 0.5 before 4.7
+    LAPSE: 1.0,  # s that an override lasts after our last message; our longest gap is 0.55 s
+    RADIO_MISSED: 0.5,  # s after which a lost radio is detected, in such a gap; fixed at 0.5 before 4.7
 }
 
 
 class Lapse:
-    """present: parameters of the vehicle. began: some time before, on our clock and on the vehicle's
-    [s]; None where this run overrides nothing.
+    """present: parameters of the vehicle. began: an earlier moment on our clock and on the vehicle's [s];
+    None if this run overrides nothing.
 
-    A simulation that runs faster than real time keeps its own values: 1 s of it is over too soon for us.
+    A simulation that runs faster than real time keeps its values: its second is too short for us.
     """
 
     def __init__(self, link: Link, present: Mapping[str, float], began: tuple[float, float] | None) -> None:
@@ -29,10 +29,10 @@ class Lapse:
         self._changed: list[str] = []
 
     def shorten(self) -> None:
-        """UsageError where the vehicle takes no overrides."""
+        """Set the short times. UsageError if the vehicle accepts no overrides."""
         if self._before.get(LAPSE) == 0:
             raise UsageError(
-                f"{LAPSE} is 0: the rover takes no throttle or switch from a ground station; set it to 3, "
+                f"{LAPSE} is 0: the rover accepts no throttle or switch from a ground station; set it to 3, "
                 "or let the pilot drive and throw the switch"
             )
         if self._pace() > _HURRIED:
@@ -43,13 +43,13 @@ class Lapse:
                 write_parameter(self._link, name, SHORT[name])
 
     def _pace(self) -> float:
-        """s of the vehicle's clock in one of ours since it began; 1 where that is too short to say."""
+        """Seconds of the vehicle's clock per second of ours since `began`; 1 if that time is too short."""
         monotonic, vehicle = self._began
         ours = self._link.line.monotonic() - monotonic
         return (self._link.clock.now - vehicle) / ours if ours > _TOO_SHORT else 1.0
 
     def put_back(self, reachable: bool) -> list[str]:
-        """As it was; a sentence where that fails. reachable: whether the vehicle is heard at all."""
+        """Restore the values; returns a sentence for each failure. reachable: the vehicle is heard."""
         failures = []
         for name in self._changed:
             try:

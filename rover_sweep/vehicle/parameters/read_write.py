@@ -1,4 +1,4 @@
-"""Parameters: read, written, read back and compared as the float32 that MAVLink carries."""
+"""Reads and writes parameters; values are read back and compared as float32, as MAVLink carries them."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ from rover_sweep.vehicle.link.mavlink import Message, kind
 
 _REAL32 = 9  # MAV_PARAM_TYPE_REAL32
 _TRIES, _TIMEOUT = 4, 1.0
-_ROUNDS = 3  # of questions for many at once
+_ROUNDS = 3  # of requests for many at once
 _HOLE = 2.0  # s of silence: more than the period of heartbeats
 _FRESH = 5.0  # s within which an answer shows how slow the link is
 _ANSWERS = ("PARAM_VALUE", "PARAM_ERROR")
-# MAV_PARAM_ERROR (common.xml; ArduPilot after 4.6 answers so where older versions are silent)
+# MAV_PARAM_ERROR (common.xml; ArduPilot after 4.6 answers with it, older versions do not answer)
 _ERRORS = {
     2: "the value is out of its range",
-    3: "the vehicle permits nobody to set it",
+    3: "the vehicle does not allow setting it",
     5: "it is read-only",
 }
 _NOT_THERE = 1
-_STUCK = 3.0  # s in which only parameters come that are known already
-_CHANGES = 20  # of the length of a list while it comes
+_STUCK = 3.0  # s in which only parameters come that are already known
+_CHANGES = 20  # most changes of a list's length during its transfer
 _BOOTED = 20.0  # s since boot
-_LISTS = 3  # how often a list is asked for that changes meanwhile
+_LISTS = 3  # how often a list is requested that changes during its transfer
 
 
 class ParameterMissing(LinkError):
-    """The vehicle has no parameter of that name: it says so, or is silent on a link that is good enough."""
+    """The vehicle has no parameter of that name: it says so, or does not answer on a good link."""
 
 
 class ParameterKept(LinkError):
-    """The vehicle has the parameter, and after it was set another value than it was given."""
+    """The vehicle has the parameter, but did not keep the value it was set to."""
 
     def __init__(self, name: str, wanted: float, kept: float, why: str = "") -> None:
-        why = why or "it is read-only, of whole numbers, or out of its range"
+        why = why or "it may be read-only, an integer, or out of its range"
         super().__init__(f"{name} was set to {wanted:g} but the vehicle has {kept:g}; {why}")
 
 
 @dataclass(frozen=True)
 class Written:
-    """A parameter that was set and read back. old is None where it was not read before."""
+    """A parameter that was set and read back. old: value before, None if it was not read."""
 
     name: str
     old: float | None
@@ -61,8 +61,8 @@ def float32(value: float) -> float:
 
 
 def read_parameter(link: Link, name: str) -> float:
-    """One parameter. ParameterMissing when the vehicle says that it has none, or does not answer over a link
-    that is good enough to tell; else BadLink."""
+    """One parameter. ParameterMissing if the vehicle reports that it does not have it, or does not answer
+    over a good link; BadLink if it does not answer over a poor one."""
     return float(_read(link, name).param_value)
 
 
@@ -76,13 +76,13 @@ def _read(link: Link, name: str) -> Message:
         if answer is not None and kind(answer) == "PARAM_VALUE":
             return answer
         if answer is not None and answer.error == _NOT_THERE:
-            raise ParameterMissing(f"the vehicle says that it has no parameter {name}; {_WHY_MISSING}")
+            raise ParameterMissing(f"the vehicle reports that it has no parameter {name}; {_WHY_MISSING}")
     if not link.quality.concludes(tries):
         raise BadLink(f"the vehicle did not answer for the parameter {name} in {tries} tries: {_bad(link)}")
     raise ParameterMissing(f"the vehicle has no parameter {name} (asked {tries} times); {_WHY_MISSING}")
 
 
-_WHY_MISSING = "is the name right, and for SWP_ ones, does the applet run?"
+_WHY_MISSING = "is the name right? SWP_ parameters exist only while the applet runs"
 
 
 def _ask(link: Link, name: str) -> None:
@@ -91,8 +91,8 @@ def _ask(link: Link, name: str) -> None:
 
 
 def _answer(link: Link, names: Collection[str], patience: float) -> Message | None:
-    """The next answer for one of them within `patience` s. Where not even a heartbeat came, silence on them
-    says nothing, so that the wait goes on (the link tells when it is silent for too long)."""
+    """The next answer for one of `names` within `patience` s. While not even heartbeats come, the wait
+    continues, because a missing answer then means nothing (the link raises when silent for too long)."""
     while True:
         answer = link.wait_for(_ANSWERS, patience, lambda m: m.param_id in names)
         if answer is not None or link.quality.silence < _HOLE:
@@ -104,11 +104,10 @@ def _bad(link: Link) -> str:
 
 
 def read_present(link: Link, names: Iterable[str]) -> dict[str, float]:
-    """Those of `names` that the vehicle has, asked for all at once, and twice again where no answer came.
+    """Those of `names` that the vehicle has. They are requested all at once, and repeated where no answer
+    came: twice, or more often if the link loses frames.
 
-    More often where the link loses frames.
-
-    BadLink where names are left and the link is too poor to tell that the vehicle has them not.
+    BadLink if answers are missing and the link is too poor to conclude that the parameters do not exist.
     """
     wanted, found = set(names), dict[str, float]()
     began, rounds = link.line.monotonic(), 0
@@ -122,14 +121,14 @@ def read_present(link: Link, names: Iterable[str]) -> dict[str, float]:
     left = wanted - found.keys()
     if left and not link.quality.concludes(rounds, len(wanted)):
         raise BadLink(
-            f"the vehicle did not answer for {_named(left)} in {rounds} rounds of questions: {_bad(link)}"
+            f"the vehicle did not answer for {_named(left)} in {rounds} rounds of requests: {_bad(link)}"
         )
     return found
 
 
 def _collect(link: Link, wanted: set[str], found: dict[str, float], patience: float) -> None:
-    """Add what comes to `found`, and take what the vehicle says it lacks out of `wanted`, until nothing came
-    for `patience` s."""
+    """Add answers to `found`, and remove missing parameters from `wanted`, until nothing came for `patience`
+    s."""
     while names := wanted - found.keys():
         message = _answer(link, names, patience)
         if message is None:
@@ -145,15 +144,15 @@ def _named(names: Collection[str]) -> str:
     return ", ".join(some) + (f" and {len(names) - len(some)} more parameters" if len(names) > 3 else "")
 
 
-def await_booted(link: Link, told: Callable[[float], None] | None = None) -> None:
-    """Wait where the vehicle has just booted: the parameters of its drivers are not in its list before that
-    (4.6.3: without a GPS's ten for some seconds). told: called with the s that it takes at most."""
+def await_booted(link: Link, waits: Callable[[float], None] | None = None) -> None:
+    """Wait if the vehicle has just booted: its list lacks the parameters of its drivers at first (4.6.3: ten
+    of the GPS for some seconds). waits: called with the longest remaining time [s]."""
     link.request_message("SYSTEM_TIME")
     left = _BOOTED - link.clock.now
     if not link.clock.known or left <= 0:
         return
-    if told is not None:
-        told(left)
+    if waits is not None:
+        waits(left)
     deadline = link.line.monotonic() + left
     while link.clock.now < _BOOTED and link.line.monotonic() < deadline:
         link.request_message("SYSTEM_TIME", timeout=0.5)
@@ -161,17 +160,17 @@ def await_booted(link: Link, told: Callable[[float], None] | None = None) -> Non
 
 
 def read_all(link: Link, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:
-    """Every parameter, by name. Missing ones are asked for by index; LinkError where some never come.
+    """Every parameter, by name. Missing ones are requested by index; LinkError if some never come.
 
-    A list that changes while it comes (parameters appear for some seconds after a boot, which moves the
-    indices of others) is asked for anew.
+    A list that changes during its transfer (for some seconds after a boot, parameters appear and shift the
+    indices of others) is requested again.
     """
     for _ in range(_LISTS):
         found = _read_list(link, progress)
         if len(values := dict(found.values())) == len(found):
             return values
     raise LinkError(
-        "the list of parameters changes while it comes; wait until the rover has booted, and try again"
+        "the list of parameters changed during its transfer; wait until the rover has booted, and try again"
     )
 
 
@@ -198,7 +197,7 @@ def _read_list(link: Link, progress: Callable[[int, int], None] | None) -> dict[
         if progress is not None:
             progress(len(found), count)
     if count == 0 or len(found) < count:
-        raise BadLink(f"only {len(found)} of {count} parameters came: {_bad(link)}")
+        raise BadLink(f"only {len(found)} of {count} parameters arrived: {_bad(link)}")
     return found
 
 
@@ -210,9 +209,9 @@ def _ask_again(link: Link, found: Mapping[int, object], count: int) -> None:
 
 
 def write_parameter(link: Link, name: str, value: float) -> Written:
-    """Set a parameter where it differs, read it back and compare as float32.
+    """Set a parameter if it differs, read it back and compare as float32.
 
-    ParameterMissing where there is none; ParameterKept where it came back other than it was sent.
+    ParameterMissing if there is none; ParameterKept if the vehicle does not keep the value.
     """
     before = _read(link, name)
     old, wanted = float(before.param_value), float32(value)
@@ -238,5 +237,5 @@ def write_parameter(link: Link, name: str, value: float) -> Written:
 def _encoded(name: str) -> bytes:
     data = name.encode("ascii", "replace")
     if len(data) > 16:
-        raise UsageError(f"{name} is no ArduPilot parameter: names have at most 16 characters")
+        raise UsageError(f"{name} is not an ArduPilot parameter: names have at most 16 characters")
     return data

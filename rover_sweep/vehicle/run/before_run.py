@@ -1,4 +1,4 @@
-"""What must be so before the rover is armed and its switch thrown, and the number that allows one run."""
+"""Conditions before the rover is armed and its switch thrown, and the number that allows one run."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ _STOPPED, _NUMBERS = 10, 65535
 
 
 def refuse_blind(present: Mapping[str, float], settings: RunSettings) -> None:
-    """UsageError where we would drive a rover that does not miss its transmitter.
+    """UsageError if we would drive a rover that does not detect the loss of its transmitter.
 
-    With FS_THR_ENABLE 0 the firmware sets no failsafe (Rover/radio.cpp, 4.6.3): SYS_STATUS calls the
-    receiver healthy, and the applet's rc:has_valid_input stays true.
+    With FS_THR_ENABLE 0 the firmware sets no failsafe (Rover/radio.cpp, 4.6.3): SYS_STATUS reports a healthy
+    receiver, and the applet's rc:has_valid_input stays true.
     """
     if settings.throttle_us is not None and present.get("FS_THR_ENABLE") == 0:
         raise UsageError(
-            "FS_THR_ENABLE is 0: the rover would not notice that the safety pilot's transmitter is lost; "
+            "FS_THR_ENABLE is 0: the rover would not detect the loss of the safety pilot's transmitter; "
             "set FS_THR_ENABLE to 1, or let the pilot drive (no --throttle)"
         )
 
 
 def catch_up(link: Link) -> None:
-    """Take in what came while nobody listened, such as while the user was asked."""
+    """Process the messages that arrived while nobody read, for example while the user was asked."""
     while link.receive(0.0) is not None:
         pass
 
 
 def await_rest(link: Link, follower: Follower, settings: RunSettings) -> Iterator[Event]:
-    """Wait, where we throw the switch or drive, until the applet is idle and the rover stands.
+    """Wait, if we throw the switch or drive, until the applet is idle and the rover is at rest.
 
-    LinkError where the link is too poor to drive over, the applet does not report or is in a run, or the
-    rover goes on moving.
+    LinkError if the link is too poor to drive over, if the applet does not report or is in a run, or if the
+    rover does not come to rest.
     """
     if settings.trigger == "pilot" and settings.throttle_us is None:
         return
@@ -55,13 +55,13 @@ def await_rest(link: Link, follower: Follower, settings: RunSettings) -> Iterato
             raise LinkError(waits_for)
         if waited > _REPORTS and not asked:
             asked = True
-            yield Notice("info", f"not begun yet: {waits_for}")
+            yield Notice("info", f"the run has not started yet: {waits_for}")
         link.receive(0.1)
         yield from follower.take()
 
 
 def _refuse_poor(link: Link, settings: RunSettings) -> None:
-    """BadLink where we would drive over a link too late or too lossy to stop the rover in time."""
+    """BadLink if we would drive over a link that is too slow or too lossy to stop the rover in time."""
     quality = link.quality
     late = quality.latency is not None and quality.latency > _TOO_LATE
     if settings.throttle_us is not None and (late or quality.lost > _TOO_LOSSY):
@@ -73,16 +73,16 @@ def _not_at_rest(follower: Follower, settings: RunSettings) -> str:
         return "the applet does not report its state (SWP_ST); look for script errors in the rover's messages"
     if follower.state not in (0, _STOPPED):
         state = STATES.get(follower.state, f"state {follower.state}")
-        return f"the applet is in a run already ({state}); throw its switch low and begin again"
+        return f"the applet is already in a run ({state}); throw its switch low and start again"
     if settings.throttle_us is None:
         return ""
     if math.isnan(follower.speed):
         return "the rover does not send its speed (LOCAL_POSITION_NED); does its EKF have a position?"
     if follower.speed > _AT_REST:
-        return f"the rover moves at {follower.speed:.1f} m/s; let it stand before it is driven"
+        return f"the rover moves at {follower.speed:.1f} m/s; it must be at rest before the run"
     return ""
 
 
 def write_go(link: Link) -> None:
-    """Allow the applet one run: another SWP_GO than before."""
+    """Allow the applet one run, by a new value of SWP_GO."""
     write_parameter(link, "SWP_GO", float(int(read_parameter(link, "SWP_GO")) % _NUMBERS + 1))

@@ -1,7 +1,7 @@
-"""What the ground station may move: RC override, arming, mode; and how all of it is let go.
+"""The controls of the ground station: RC override, arming, mode; and how they are released.
 
-An override is refreshed in bursts and lapses after RC_OVERRIDE_TIME (3 s; 1 s while we drive) without
-us: then the radio is in charge again, or without a radio the RC failsafe.
+An override is sent in bursts. RC_OVERRIDE_TIME (3 s; 1 s while we drive) after the last one it lapses: then
+the radio is in charge again, or without a radio the RC failsafe.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ MANUAL = 0  # custom_mode of Rover
 SCRIPTING_1 = 300  # RCn_OPTION and auxiliary function of the applet's switch
 _BURST, _GAP = 0.24, 0.55  # s
 _IGNORE, _RELEASE, _RELEASE_HIGH = 0xFFFF, 0, 0xFFFE  # channels 9.. take 65534 for "back to the radio"
-FORCE = 21196.0  # param2 of the order to disarm: even while it moves
+FORCE = 21196.0  # param2 of MAV_CMD_COMPONENT_ARM_DISARM: disarm even while it moves
 AUX, ARM = "MAV_CMD_DO_AUX_FUNCTION", "MAV_CMD_COMPONENT_ARM_DISARM"
 _ANSWER = 1.0  # s
-INSISTS = 30.0  # s that a rover is asked to disarm for
+INSISTS = 30.0  # s for which the order to disarm is repeated
 MAY_BE_ARMED = (
     "The rover may still be armed: keep away from its wheels, and disarm it with the transmitter "
     "or switch its power off"
 )
-_SETTLE = 0.6  # s that the applet needs to see the switch (10 Hz, 200 ms debounce, 84 Hz script)
+_SETTLE = 0.6  # s that the applet needs to detect the switch (10 Hz, 200 ms debounce, 84 Hz script)
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Channels:
 
 
 def find_channels(link: Link) -> Channels:
-    """Read which RC channels steer, drive and trigger. UsageError where none triggers."""
+    """Read which RC channels steer, drive and trigger. UsageError if none triggers."""
     names = ["RCMAP_ROLL", "RCMAP_THROTTLE", "SWP_CHAN", *(f"RC{n}_OPTION" for n in range(1, 17))]
     have = read_present(link, names)
     steering, throttle = int(have.get("RCMAP_ROLL", 1)), int(have.get("RCMAP_THROTTLE", 3))
@@ -99,23 +99,23 @@ class Controls:
         self._armed_by_us = self._thrown = self._switch_is_ours = False
 
     def take(self) -> None:
-        """Begin to override: the switch low and, where we drive, steering and throttle at trim."""
+        """Begin to override: the switch low and, if we drive, steering and throttle at trim."""
         self._override = overridden(self.channels, self._trigger, self._drive)
         if self._override:
             self._periodic = [self._link.every(0.0, self._guard), bursts(self._link, self._refresh)]
 
     def throttle(self, us: int) -> None:
-        """Throttle [us]; only where we drive."""
+        """Set the throttle [us]; only if we drive."""
         if not self._drive:
-            raise ValueError("throttle is the pilot's in this run")
+            raise ValueError("the pilot has the throttle in this run")
         if self._override.get(self.channels.throttle) != us and self._right.holds():
             self._override[self.channels.throttle] = us
             self._refresh()
 
     def throw(self) -> None:
-        """Throw the applet's switch, once in a run; one that is the pilot's is not touched."""
+        """Throw the applet's switch, once in a run; the pilot's switch is not touched."""
         if self._thrown:
-            raise ValueError("the switch was thrown before; another run needs another yes")
+            raise ValueError("the switch was thrown before; another run needs a new consent")
         self._thrown = True
         if self._trigger == "pilot" or not self._right.holds():
             return
@@ -127,8 +127,8 @@ class Controls:
             self._link.require("take the switch", AUX, float(SCRIPTING_1), 2.0, tries=1)
 
     def arm(self) -> None:
-        """MANUAL mode and arm. LinkError with the vehicle's reasons where it refuses."""
-        self._link.require("go into MANUAL", "MAV_CMD_DO_SET_MODE", 1.0, float(MANUAL))
+        """Switch to MANUAL and arm. LinkError with the vehicle's reasons if it refuses."""
+        self._link.require("switch to MANUAL", "MAV_CMD_DO_SET_MODE", 1.0, float(MANUAL))
         self._armed(True)  # before the command: an answer that is lost must not leave it armed
         try:
             self._link.require("arm", ARM, 1.0)
@@ -140,10 +140,11 @@ class Controls:
         self._armed_by_us = self._link.may_be_armed = by_us
 
     def let_go(self) -> list[str]:
-        """Switch low, throttle to trim, disarm if we armed, release the override. What failed, in words.
+        """Switch low, throttle to trim, disarm if we armed, release the override. Returns sentences on what
+        failed.
 
-        The first message stops everything and goes out at once; the rest confirms it. Never raises
-        for a lost link: what then stops the rover is on the rover.
+        The first message stops everything and is sent at once; the rest confirms it. Never raises for a lost
+        link: then the rover stops without us.
         """
         failures: list[str] = []
         with self._link.unwatched():
@@ -161,7 +162,7 @@ class Controls:
         try:
             try:
                 step()
-            except UsageError as error:  # the disk is full, which is told once; stopping goes on
+            except UsageError as error:  # the disk is full, which is reported once; stopping goes on
                 failures.append(str(error))
                 step()
         except RoverSweepError as error:
@@ -183,7 +184,7 @@ class Controls:
 
     def _end_aux(self) -> None:
         if self._switch_is_ours:
-            self._insist("take the switch low", lambda: self._tried(AUX, float(SCRIPTING_1), 0.0))
+            self._insist("set the switch low", lambda: self._tried(AUX, float(SCRIPTING_1), 0.0))
             self._switch_is_ours = False
 
     def _disarm(self) -> None:
@@ -197,11 +198,11 @@ class Controls:
         self._armed(False)
 
     def _is_disarmed(self) -> bool:
-        """Whether a heartbeat that came after the order says so."""
+        """Whether a heartbeat that came after the order reports it."""
         return self._link.wait_for("HEARTBEAT", 2.5) is not None and not self._link.armed
 
     def _tried(self, command: str, *params: float) -> bool:
-        """Whether one sending of a command was accepted; the connection is opened again where it ended."""
+        """Send a command once. Returns whether it was accepted; reopens the connection if it ended."""
         try:
             self._link.reopen_if_ended()
             return self._link.command(command, *params, timeout=_ANSWER, tries=1) == 0
@@ -210,18 +211,18 @@ class Controls:
             return False
 
     def _insist(self, what: str, done: Callable[[], bool]) -> None:
-        """Try for `INSISTS` s of our clock. LinkError where it never is done."""
+        """Try for `INSISTS` s of our clock. LinkError if it never succeeds."""
         deadline = self._link.line.monotonic() + INSISTS
         while not done():
             if self._link.line.monotonic() > deadline:
-                raise LinkError(f"the rover did not confirm within {INSISTS:.0f} s the order to {what}")
+                raise LinkError(f"the rover did not confirm the order to {what} within {INSISTS:.0f} s")
 
     def _disarm_blind(self) -> None:
         if self._armed_by_us:
             if self._link.command(ARM, 0.0, FORCE, timeout=0.3, tries=2) != 0:
                 raise LinkError(MAY_BE_ARMED)
             self._armed(False)
-            self._is_disarmed()  # so that nobody is told of a heartbeat from before
+            self._is_disarmed()  # so that an old heartbeat does not report it as armed
 
     def _release(self) -> None:
         for periodic in self._periodic:
@@ -235,12 +236,12 @@ class Controls:
 
     @property
     def _moves(self) -> bool:
-        """Whether what is kept up moves the rover, or begins a run."""
+        """Whether the present override moves the rover, or starts a run."""
         throttle = self._override.get(self.channels.throttle, self.channels.throttle_trim)
         return throttle != self.channels.throttle_trim or self._override.get(self.channels.switch, LOW) != LOW
 
     def _guard(self) -> None:
-        """At every look at the link: what moves ends as soon as the right to it is lost."""
+        """At every pass of the link: stop as soon as the right to move is lost."""
         if self._moves and not self._right.holds() and self._right.lost:
             self._stop_now()
 
@@ -258,9 +259,9 @@ class Controls:
 def bursts(link: Link, action: Callable[[], None]) -> Periodic:
     """Do `action` three times in `_BURST` s and then not for `_GAP` s, until cancelled.
 
-    The firmware takes an override for a sign of its radio and misses the radio 0.5 s after the last
-    (Rover/radio.cpp, 4.6.3): only in a longer gap does it see that the transmitter failed, and with it the
-    applet, which stops (measured on 4.6.3: in every gap).
+    The firmware takes an override as a sign of life of its radio, and reports the radio as lost 0.5 s after
+    the last one (Rover/radio.cpp, 4.6.3). So only in a longer gap can the firmware detect that the
+    transmitter failed, and the applet stop (measured on 4.6.3: it does in every gap).
     """
     gaps = cycle((_BURST / 2, _BURST / 2, _GAP))
 
@@ -273,7 +274,7 @@ def bursts(link: Link, action: Callable[[], None]) -> Periodic:
 
 
 def pump(link: Link, seconds: float, wall_limit: float = 3.0) -> None:
-    """Keep the link going for `seconds` of the vehicle's clock, at most `wall_limit` s of ours."""
+    """Pump the link for `seconds` of the vehicle's clock, at most `wall_limit` s of ours."""
     start, deadline = link.clock.now, link.line.monotonic() + wall_limit
     while link.clock.now - start < seconds and link.line.monotonic() < deadline:
         link.receive(0.1)

@@ -1,4 +1,4 @@
-"""What the applet does, read from its messages while a run is driven."""
+"""Follows the applet by its messages while a run is driven."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _DONE = re.compile(r"^SWP: run (\d+) done")
 _REFUSED = "SWP: refused: "
 _STOPPED = re.compile(r"^SWP: run (\d+) stopped:? *(.*)")
 _STOPPED_STATE = 10
-_WHOLE = "the manoeuvre ran to its end"
+_COMPLETED = "the manoeuvre ran to its end"
 
 
 @dataclass
 class Follower:
     """Turns messages into events. steering: number of the steering servo output (1-based).
 
-    state: the applet's now, of which it `reports`; active: it has left idle since `begin`; ended: it is
-    idle or stopped again, at `ended_at` s of the vehicle's clock; refused: why it would not start; number:
-    its run counter; speed: m/s, nan where unknown.
+    state: of the applet; reports: the applet has reported its state; active: it has left idle since `begin`;
+    ended: it is idle or stopped again, at `ended_at` on the vehicle's clock [s]; refused: why it did not
+    start; number: its run counter; speed [m/s], NaN if unknown.
     """
 
     steering: int = 1
@@ -52,7 +52,7 @@ class Follower:
     _sampled: float = -math.inf
 
     def begin(self) -> None:
-        """Forget what the applet did before; the switch is about to be thrown."""
+        """Forget the previous run; the switch is about to be thrown."""
         self.active = self.ended = False
         self._followed, self._before = True, self.number
         self._ends, self.refused = {}, ""
@@ -68,19 +68,22 @@ class Follower:
 
     @property
     def outcome_heard(self) -> bool:
-        """Whether the applet itself said how the run ended."""
+        """Whether the applet reported how the run ended."""
         return self._begun and (self.number in self._ends or self._whole == self.number)
 
     @property
     def outcome(self) -> tuple[bool, str]:
-        """(completed, reason in words) of the run that was begun: by its texts, else by SWP_DONE."""
+        """(completed, reason) of the run that was started: by the applet's texts, else by SWP_DONE."""
         if not self._begun:
-            return False, "the applet began no run"
+            return False, "the applet started no run"
         if self.number in self._ends:
             return self._ends[self.number]
         if self._whole == self.number:
-            return True, _WHOLE
-        return False, "it ended early; why was not heard" if self.ended else "the applet did not end in time"
+            return True, _COMPLETED
+        return (
+            False,
+            "it ended early, its reason was lost" if self.ended else "the applet did not end in time",
+        )
 
     def message(self, message: Message, t: float) -> None:
         """Take a message that came at `t` s of the vehicle's clock."""
@@ -105,13 +108,13 @@ class Follower:
         if match := _STOPPED.match(text.text):
             self._ends[int(match[1])] = False, match[2] or "stopped by the applet"
         elif match := _DONE.match(text.text):
-            self._ends[int(match[1])] = True, _WHOLE
+            self._ends[int(match[1])] = True, _COMPLETED
 
     def _named(self, name: str, value: float, t: float) -> None:
         if name == "SWP_W":
             self._frequency = value
         elif name == "SWP_RUN":
-            if not (self._followed and self._begun):  # of a run that comes after it nothing is reported
+            if not (self._followed and self._begun):  # a later run is not followed
                 self.number = int(value)
         elif name == "SWP_DONE":
             self._whole = int(value)

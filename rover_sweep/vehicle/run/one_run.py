@@ -2,15 +2,15 @@
 
 Nothing arms or moves unless `RunSettings` says so. However the run ends (done, exception, Ctrl-C, the
 generator closed, the link lost) the switch goes low, throttle and steering go to trim, the rover is
-disarmed if this program armed it, and the override is released. What is the pilot's stays the pilot's;
-only Ctrl-C also tells the applet to stop. While something of ours moves the rover, `RightToMove` says at
-every look at the link whether it still may; once it may not, the run is over.
+disarmed if this program armed it, and the override is released. The pilot's controls are not touched; only
+Ctrl-C also stops the applet. While this program moves the rover, `RightToMove` decides at every pass of the
+link whether it still may; once it may not, the run is over.
 
-Stop paths that need no laptop, all on the vehicle: the pilot throws the switch low, disarms or
-changes the mode; RC_OVERRIDE_TIME after our last override (1 s where we drive) the switch is the radio's
-again and the applet stops; the applet stops on RC loss, GCS loss (SWP_GCS) and on its own limits; its servo
-override has a timeout, so that even a script error hands steering back within a fraction of a second. It
-begins no second run for one SWP_GO, which is written anew for each run.
+Stop paths on the vehicle, which need no laptop: the pilot throws the switch low, disarms or changes the mode;
+RC_OVERRIDE_TIME after our last override (1 s if we drive) the radio has the switch again and the applet
+stops; the applet stops on RC loss, GCS loss (SWP_GCS) and on its own limits; its servo override has a
+timeout, so that even after a script error the pilot steers again within a fraction of a second. The applet
+starts only one run for each new value of SWP_GO, which is written before each run.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ from rover_sweep.vehicle.run.settings import RunSettings
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
 _SWITCH_LOW = 1200  # us, below which an auxiliary switch is low (RC_Channel.cpp, 4.6.3)
 _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's first state
-_ARMING_LIMIT = 60.0  # s that we try to arm for: a yes is not good for ever
+_ARMING_LIMIT = 60.0  # s for which we try to arm: a consent does not last for ever
 _LOOK, _ASKED = 0.1, 0.3  # s
 _BEFORE_ARMING = 1.0  # s: the radio inputs must show our override before the arming checks
 _JUDGED = frozenset({"SERVO_OUTPUT_RAW", "ATTITUDE", "RAW_IMU"})
@@ -79,11 +79,11 @@ _SELF_DESCRIBING = (
 def one_run(
     link: Link, manoeuvre: Manoeuvre, name: str, tlog: Path, settings: RunSettings
 ) -> Generator[Event, None, RunFinished]:
-    """Upload, arm and trigger as far as `settings` allow, follow, and let go. Returns the last event too.
+    """Upload, arm and trigger as far as `settings` allow, follow, and release. Also returns the last event.
 
-    LinkError where the vehicle refuses, the applet does not start, or the link is lost for good; a
-    manoeuvre that ended early is a `RunFinished` with completed False. Whatever exception ends it carries
-    what could not be let go as its notes.
+    LinkError if the vehicle refuses, if the applet does not start, or if the link is lost for good; a
+    manoeuvre that ended early is a `RunFinished` with completed False. The exception that ends a run has
+    notes on all that could not be released.
     """
     link.record_to(tlog)
     began = link.line.monotonic(), link.clock.now
@@ -113,8 +113,8 @@ def one_run(
                 with link.listening(monitor):
                     yield from _follow(link, controls, follower, settings, limit, right)
             except BaseException as error:
-                told, failed = _told_to_stop(error, link, settings), controls.let_go()
-                for failure in [*told, *lapse.put_back(right.heard), *failed]:
+                unstopped, failed = _stop_applet(error, link, settings), controls.let_go()
+                for failure in [*unstopped, *lapse.put_back(right.heard), *failed]:
                     error.add_note(failure)
                 raise
             failures = controls.let_go()
@@ -150,8 +150,8 @@ def _limits(
     )
 
 
-def _told_to_stop(error: BaseException, link: Link, settings: RunSettings) -> list[str]:
-    """Ctrl-C where the switch is the pilot's: the applet is told to stop as if it had gone low."""
+def _stop_applet(error: BaseException, link: Link, settings: RunSettings) -> list[str]:
+    """After Ctrl-C with the pilot's switch, stop the applet as if the switch were low. Returns failures."""
     if settings.trigger != "pilot" or not isinstance(error, KeyboardInterrupt):
         return []
     try:
@@ -171,7 +171,7 @@ def _upload(link: Link, values: Mapping[str, float]) -> Iterator[Event]:
 def _start(
     link: Link, controls: Controls, follower: Follower, settings: RunSettings, right: RightToMove
 ) -> Generator[Event, None, float]:
-    """Arm, throw the switch and wait for the applet; returns the vehicle's time of the switch [s]."""
+    """Arm, throw the switch and wait for the applet; returns the time of the switch [s, vehicle's clock]."""
     controls.take()
     yield from _arm(link, controls, follower, settings)
     yield from follower.take()
@@ -201,15 +201,15 @@ def _start(
 
 
 def _arm(link: Link, controls: Controls, follower: Follower, settings: RunSettings) -> Iterator[Event]:
-    """Arm, again and again while the vehicle is not ready; or wait until the pilot did."""
-    started, told = link.clock.now, ""
+    """Arm, repeatedly while the vehicle is not ready; or wait until the pilot has armed."""
+    started, reason = link.clock.now, ""
     patience = min(settings.patience, _ARMING_LIMIT) if settings.arm else settings.patience
     if not settings.arm and not link.armed:
         yield Notice("info", "waiting for the pilot to arm, in MANUAL")
     while not link.armed:
         if link.clock.now - started > patience:
             waited = f"the rover was not armed within {patience:.0f} s"
-            raise LinkError(f"{waited}: {told}" if told else waited)
+            raise LinkError(f"{waited}: {reason}" if reason else waited)
         yield from follower.take()
         if not settings.arm:
             link.receive(0.5)
@@ -218,9 +218,9 @@ def _arm(link: Link, controls: Controls, follower: Follower, settings: RunSettin
         try:
             controls.arm()
         except Refused as refused:
-            if str(refused) != told:
+            if str(refused) != reason:
                 yield Notice("info", f"{refused}; trying for {patience:.0f} s")
-            told = str(refused)
+            reason = str(refused)
         else:
             link.wait_for("HEARTBEAT", 3.0, lambda _: link.armed)
 
@@ -235,10 +235,10 @@ def _not_started(link: Link, controls: Controls, trigger: Trigger, patience: flo
     pwm = getattr(radio, f"chan{number}_raw", 0)
     if _SWITCH_LOW <= pwm < 0xFFFF:
         return (
-            f"{sentence}: the radio holds that channel at {pwm} us, and the applet waits for it to be low "
-            f"(below {_SWITCH_LOW} us); throw switch {number} low and begin again"
+            f"{sentence}: the radio holds that channel at {pwm} us, but the applet waits until it is low "
+            f"(below {_SWITCH_LOW} us); throw switch {number} low and start again"
         )
-    return f"{sentence} and says nothing; does it run (SCR_ENABLE 1)?"
+    return f"{sentence} and sent no message; does it run (SCR_ENABLE 1)?"
 
 
 def _follow(
@@ -263,5 +263,5 @@ def _follow(
 
 
 def _steering_output(present: Mapping[str, float]) -> int:
-    """Servo output (1-based) that steers; 1 as ArduPilot's default where none of 1-4 says so."""
+    """Servo output (1-based) that steers; 1, ArduPilot's default, if none of 1-4 is set to steering."""
     return next((n for n in range(1, 5) if present.get(f"SERVO{n}_FUNCTION") == _STEERING_FUNCTION), 1)

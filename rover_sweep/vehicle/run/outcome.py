@@ -1,4 +1,4 @@
-"""What a run came to: by the applet's own report where it was heard, else why the right to move was lost."""
+"""How a run ended: by the applet's report if it was heard, else by the reason why we stopped."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.run.follow import Follower
 from rover_sweep.vehicle.run.right_to_move import RightToMove
 
-_REPORTS = 3.0  # s: an idle applet tells its last whole run once a second
+_REPORTS = 3.0  # s: an idle applet reports its last completed run once a second
 _LOST = 1.5  # s without a message
 _OF_OUR_SWITCH = "switch low"
 _NOT_RECEIVED = "the rover did not receive our override of the switch, which fell low"
@@ -16,9 +16,9 @@ _NOT_RECEIVED = "the rover did not receive our override of the switch, which fel
 def hear_outcome(
     link: Link, follower: Follower, right: RightToMove, name: str, failures: list[str], holds_switch: bool
 ) -> tuple[bool, str]:
-    """(completed, reason in words). LinkError, with `failures` as its notes, where the rover is not heard.
+    """(completed, reason). LinkError, with `failures` as its notes, if the rover is not heard.
 
-    holds_switch: the switch is an override of ours.
+    holds_switch: we override the switch.
     """
     if right.lost and right.silence > _LOST:
         raise cut_off(right, name, failures)
@@ -31,8 +31,8 @@ def hear_outcome(
 
 def cut_off(right: RightToMove, name: str, failures: list[str]) -> LinkError:
     error = LinkError(
-        f"{name} was ended: {right.lost}, and the rover is still silent; check its power, the radio's range "
-        "and the cable. What it did since is in its own log"
+        f"{name} was stopped: {right.lost}, and the rover is still silent; check its power, the radio's "
+        "range and the cable. The rover's log shows what it did since"
     )
     for failure in failures:
         error.add_note(failure)

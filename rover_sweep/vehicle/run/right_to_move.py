@@ -1,12 +1,12 @@
-"""The one place that holds the right to move: throttle and switch are kept up only while every rule holds.
+"""The right to move: throttle and switch are sent only while every rule here is satisfied.
 
     right = RightToMove(link.line, link.clock, limits)
     with link.listening(right.message): ...
     right.holds()   # asked before each override that moves the rover
-    right.lost      # why it was lost, '' while it was not
+    right.lost      # why it was lost, '' while it holds
 
-A right that is lost stays lost. The clocks are the vehicle's (no hole in what it sent), a monotonic one, one
-that counts sleep, and the wall clock where the computer has none that counts sleep.
+A lost right stays lost. The clocks are the vehicle's (which shows gaps in its messages), a monotonic one, one
+that counts sleep, and the wall clock if the computer has none that counts sleep.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rover_sweep.vehicle.run.reboot_watch import RebootWatch
 HEARD, HEARD_BEFORE = 0.9, 3.0  # s without a message: from the switch on, and before
 REPORTED = 0.9  # s without the applet's state, which it reports every 0.2 s in a run
 WAITING = 15.0  # s of our throttle until the speed is in the applet's band
-_TURNING = 0.3  # s that the wall clock is watched for when it jumps: set, or the computer slept
+_TURNING = 0.3  # s of doubt after a jump of the wall clock: it was set, or the computer slept
 _SPARE = 6.0  # s that a phase may take longer than planned
 _RC_RECEIVER = 65536  # MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 _RSSI_UNKNOWN = 255
@@ -34,8 +34,8 @@ _STANDING, _WAIT, _FIRST, _LAST, _AFTER = 1, 2, 3, 8, 9  # SWP_ST
 
 @dataclass(frozen=True)
 class MovementLimits:
-    """What a run may take. drives: the throttle is ours; ours: RC channels that are overridden; manoeuvre,
-    still: s of steering and of standstill; v_max: m/s."""
+    """Limits of a run. drives: we drive; ours: RC channels that we override; manoeuvre, still: duration of
+    steering and of standstill [s]; v_max: highest speed [m/s]."""
 
     drives: bool = False
     ours: frozenset[int] = frozenset()
@@ -54,17 +54,17 @@ class Instant:
     vehicle: float
 
     def age(self, now: Instant) -> float:
-        """s since this moment on the computer's clocks."""
+        """Time since this moment on the computer's clocks [s], the longest."""
         return max(now.monotonic - self.monotonic, now.since_boot - self.since_boot)
 
     def age_anywhere(self, now: Instant) -> float:
-        """The same, the vehicle's clock among them."""
+        """Time since this moment on all clocks [s], the longest."""
         return max(self.age(now), now.vehicle - self.vehicle)
 
 
 @dataclass(frozen=True)
 class Situation:
-    """What the rules look at. Times are s; `run` 0 and `begun` 0: not known; nan: never heard."""
+    """The input of the rules. Times in s, speed in m/s; `run` and `begun` 0: unknown; NaN: never heard."""
 
     limits: MovementLimits
     thrown: bool
@@ -98,7 +98,7 @@ def heard(s: Situation) -> str:
 
 def no_hole(s: Situation) -> str:
     limit = HEARD if s.thrown else HEARD_BEFORE
-    return f"{s.hole:.1f} s of what the rover sent are missing" if s.hole > limit else ""
+    return f"{s.hole:.1f} s of the rover's messages are missing" if s.hole > limit else ""
 
 
 def same_boot(s: Situation) -> str:
@@ -115,7 +115,7 @@ def reported(s: Situation) -> str:
 
 def same_run(s: Situation) -> str:
     other = s.begun and s.run != s.begun
-    return f"the applet is in run {s.run}, which nobody asked for, after run {s.begun}" if other else ""
+    return f"the applet started run {s.run} after run {s.begun}, without a request" if other else ""
 
 
 def slow_enough(s: Situation) -> str:
@@ -171,11 +171,11 @@ RULES: tuple[Rule, ...] = (
     transmitter_alive,
     armed_in_manual,
 )
-"""Each says why the right is lost, '' where it is not."""
+"""Each returns why the right is lost, '' if it is not."""
 
 
 class RightToMove:
-    """See above. It runs out from when it is made: make it after the user's yes, and listen at once.
+    """See above. Its time starts when it is made: make it after the user's consent, and listen at once.
 
     lost: why it was lost, '' while it holds.
     """
@@ -196,10 +196,10 @@ class RightToMove:
         self._rssi, self._channels, self._no_transmitter = 0, dict[int, int](), ""
 
     def thrown(self, before: int) -> None:
-        """The switch goes high now. before: SWP_RUN until now; the run that is begun has another number."""
+        """The switch goes high now. before: SWP_RUN until now; the new run has another number."""
         self._hole, self._thrown, self._before, self._begun = 0.0, True, before, 0
         self._last, self._entered, self._state = self._now(), self._now(), 0
-        self._armed = True  # the next heartbeat says whether it is so
+        self._armed = True  # until the next heartbeat
         self._channels, self._no_transmitter = {}, ""
 
     def holds(self) -> bool:
@@ -213,12 +213,12 @@ class RightToMove:
 
     @property
     def silence(self) -> float:
-        """s since the vehicle was last heard."""
+        """Time since the vehicle was last heard [s]."""
         return self._last.age(self._now())
 
     @property
     def heard(self) -> bool:
-        """Whether it was heard lately."""
+        """Whether the vehicle was heard in the last HEARD_BEFORE s."""
         return self.silence < HEARD_BEFORE
 
     def message(self, message: Message) -> None:
@@ -265,8 +265,8 @@ class RightToMove:
             self._rssi = rssi
 
     def _failsafe_values(self, message: Message) -> None:
-        """A receiver that lost its transmitter may set its channels to failsafe values, all at once (4.6.3
-        shows them within 50 ms, and sets no failsafe while we override the throttle)."""
+        """A receiver that lost its transmitter may set all channels to failsafe values at once (4.6.3 sends
+        them within 50 ms, and sets no failsafe while we override the throttle)."""
         before = self._channels
         pwm = {n: int(getattr(message, f"chan{n}_raw")) for n in range(1, 17) if n not in self._limits.ours}
         self._channels = {n: us for n, us in pwm.items() if 0 < us < 0xFFFF}
@@ -275,7 +275,7 @@ class RightToMove:
             self._no_transmitter = f"RC channels {', '.join(map(str, jumped))} jumped at once"
 
     def _look_at_wall(self, now: Instant) -> None:
-        """A wall clock that jumps ahead was set, or the computer slept: the vehicle's clock shows which."""
+        """After a jump of the wall clock (set, or the computer slept) the vehicle's clock shows the cause."""
         offset, self._offset = self._offset, now.wall - now.monotonic
         if self._offset - offset > HEARD:
             self._doubt = now

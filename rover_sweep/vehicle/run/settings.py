@@ -1,4 +1,4 @@
-"""What this program may do in a run: what the user said yes to, as a value."""
+"""What the user allows this program to do in a run."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from rover_sweep.vehicle.run.controls import Trigger
 
 @dataclass(frozen=True)
 class RunSettings:
-    """What this program may do in a run.
+    """What the user allows this program to do in a run.
 
-    arm: arm the rover (the user's consent). throttle_us: drive with this throttle, None leaves
-    driving to the pilot. trigger: throw the switch by RC override, by MAV_CMD_DO_AUX_FUNCTION, or
-    ask the pilot. extra: limits and other numbers of the applet, named without prefix (v_max,
-    roll_max, still, ...). patience: s of the vehicle's clock to wait for the pilot, for arming and
-    for the speed.
+    arm: arm the rover (the user's consent). throttle_us: drive with this throttle [us]; None: the pilot
+    drives. trigger: throw the switch by RC override, by MAV_CMD_DO_AUX_FUNCTION, or ask the pilot. extra:
+    limits and other numbers of the applet, named without prefix (v_max, roll_max, still, ...). patience: time
+    to wait for the pilot, for arming and for the speed [s of the vehicle's clock].
     """
 
     arm: bool = False
@@ -30,8 +29,6 @@ class RunSettings:
         if self.throttle_us is None:
             return
         if not self.arm:
-            raise UsageError("throttle is only set on a rover that this program armed; allow arming too")
+            raise UsageError("this program drives only a rover that it armed itself; allow arming too")
         if not 1000 <= self.throttle_us <= 2000:
-            raise UsageError(
-                f"throttle {self.throttle_us} us is out of range; a PWM lies within 1000 to 2000"
-            )
+            raise UsageError(f"throttle {self.throttle_us} us is out of range; give 1000 to 2000 us")
