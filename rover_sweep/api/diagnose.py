@@ -130,7 +130,7 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
     The latter has neither recordings nor the curves of the pictures. UsageError for any other file.
     """
     from rover_sweep.api.save import loads
-    from rover_sweep.report.export.augmented_model_json import refuse_insane
+    from rover_sweep.report.export.augmented_model_json import refuse_implausible
 
     path = Path(path) / "diagnosis.json" if Path(path).is_dir() else Path(path)
 
@@ -147,7 +147,7 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
         raise UsageError(f"{path} holds a {type(found).__name__}, not a diagnosis")
     if found.model is not None:
         try:
-            refuse_insane(found.model)
+            refuse_implausible(found.model)
         except (ValueError, TypeError, AttributeError) as error:
             raise UsageError(f"{path} is damaged ({error}); diagnose again") from error
     return found

@@ -1,4 +1,4 @@
-"""`rover-sweep export` of a diagnosis: what is linear of its model, or all of it as a simulated rover."""
+"""Export of a diagnosis: the linear part of its model, or the whole model as a simulated rover."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rover_sweep.files.documents import read_json
 
 
 def diagnosis_file(place: Path) -> Path | None:
-    """The diagnosis that is meant by a file or a folder, itself or its report/; None for anything else."""
+    """The diagnosis file given by a file or a folder (itself or its report/); None for anything else."""
     if place.is_file():
         return place if _is_diagnosis(place) else None
     for folder in (place, place / "report"):
@@ -21,7 +21,7 @@ def diagnosis_file(place: Path) -> Path | None:
 
 
 def read_augmented_model(path: Path) -> tuple[AugmentedModel, str]:
-    """(model, verdict) of a diagnosis.json or a saved diagnosis; UsageError where it has none."""
+    """(model, verdict) of a diagnosis.json or a saved diagnosis; UsageError if it has no model."""
     from rover_sweep.api.diagnose import load_diagnosis
     from rover_sweep.api.simulate import model_of as kept
 
@@ -30,12 +30,12 @@ def read_augmented_model(path: Path) -> tuple[AugmentedModel, str]:
 
 
 def exported(path: Path, name: str | None, speed: float | None) -> dict[str, Any]:
-    """The linear part as plain data."""
+    """The linear part as plain data; see `exported_augmented`."""
     from rover_sweep.report.export.diagnosed import exported_augmented
 
     model, verdict = read_augmented_model(path)
     if name not in (None, model.name):
-        raise UsageError(f"{path} holds one model, {model.name!r}; leave --model {name} out")
+        raise UsageError(f"{path} has only the model {model.name!r}; remove --model {name}")
     return exported_augmented(model, verdict, speed)
 
 

@@ -1,4 +1,4 @@
-"""Steering gains out of a file of results: what was identified, what the vehicle has now, the proposal."""
+"""Steering gains from a file of results and the vehicle's current parameters."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ def steering_gains(
     flown_from: str,
     speed: float | None,
 ) -> Proposal:
-    """Gains now and proposed.
+    """Current and proposed gains.
 
-    place: file or folder of an identification or diagnosis. name: of its models, None for the recommended
-    one. vehicle_file: with rad_per_us, where the results have none. flown: {parameter: value} of the
-    vehicle, empty for the firmware's defaults; flown_from: their origin, for errors. speed: m/s that the
-    gains are for, None for that of the runs. UsageError for what carries no gains.
+    place: file or folder of an identification or diagnosis. name: of the model, None for the recommended
+    one. vehicle_file: with rad_per_us, if the results have none. flown: current {parameter: value} of the
+    vehicle, empty for the firmware's defaults; flown_from: their origin, for errors. speed: design speed
+    [m/s], None for that of the runs. UsageError for files from which no gains can be computed.
     """
     if name is not None and name not in PHYSICAL:
         raise UsageError(
-            f"--model {name}: gains need a model that holds at other speeds: {', '.join(PHYSICAL)}"
+            f"--model {name}: gains need a model that is valid at other speeds: {', '.join(PHYSICAL)}"
         )
     found = read_identified(place, name)
     if vehicle_file:
@@ -56,7 +56,7 @@ def steering_gains(
 
 
 def read_identified(place: Path, name: str | None) -> Identified:
-    """Of an identification.json, a saved result, a diagnosis, or a folder that holds one of them."""
+    """The model of an identification.json, a saved result, a diagnosis, or a folder with one of them."""
     path = _file(place)
     document = _json(path)
     try:
@@ -68,13 +68,13 @@ def read_identified(place: Path, name: str | None) -> Identified:
             return from_identification(_result_document(path), name)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise UsageError(
-            f"{path} carries no gains ({type(error).__name__}: {error}); identify again"
+            f"no gains can be computed from {path} ({type(error).__name__}: {error}); run identify again"
         ) from error
     raise UsageError(f"{path} is neither an identification nor a diagnosis of rover-sweep")
 
 
 def recorded_parameters(path: Path) -> dict[str, float]:
-    """Those of a .param file or of a log."""
+    """Parameters by name from a .param file or a log; UsageError if unreadable."""
     if path.suffix.lower() in LOGS:
         return _logged(path)
     from firmware_params.param_files import read
@@ -92,7 +92,9 @@ def _file(place: Path) -> Path:
         for name in ("identification.json", "diagnosis.json"):
             if (folder / name).is_file():
                 return folder / name
-    raise UsageError(f"{place} holds no identification; give the --out folder of identify, run or diagnose")
+    raise UsageError(
+        f"{place} contains no identification; give the --out folder of identify, run or diagnose"
+    )
 
 
 def _json(path: Path) -> dict[str, Any]:
@@ -123,7 +125,7 @@ def _diagnosed(path: Path, name: str | None) -> Identified:
 
     model, verdict = read_augmented_model(path)
     if name not in (None, model.baseline):
-        raise UsageError(f"{path} holds the {model.baseline} model; leave --model {name} out")
+        raise UsageError(f"{path} has the {model.baseline} model; remove --model {name}")
     return from_diagnosis(model, verdict)
 
 
@@ -131,10 +133,8 @@ def _logged(path: Path) -> dict[str, float]:
     from rover_sweep.logs.readers.dataflash_channels import read_dataflash
 
     if path.suffix.lower() == ".tlog":
-        raise UsageError(f"{path}: a telemetry log need not hold all parameters; give the .BIN, or --connect")
+        raise UsageError(f"{path}: a telemetry log may lack parameters; give the .BIN, or --connect")
     found = dict(read_dataflash(path)[-1].parameters)
     if "ATC_STR_RAT_FF" not in found:
-        raise UsageError(
-            f"{path} holds no ATC_STR_RAT_FF: give a log of a rover that began with its parameters"
-        )
+        raise UsageError(f"{path} has no ATC_STR_RAT_FF: give a rover's log that includes its parameters")
     return found

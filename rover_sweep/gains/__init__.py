@@ -1,6 +1,6 @@
-"""Steering-rate gains of ArduRover out of an identified model: what it flies now, what it should, and why.
+"""Steering-rate gains of ArduRover from an identified model: current and proposed gains, with reasons.
 
-Pure: an identification (as the document of `identification.json`) and the autopilot's parameters in,
-frozen values out. Turn rates are in rad/s, positive to the right as in the firmware; `firmware.py` says
-what the firmware does and where that was read.
+Pure functions from an identification (the document of `identification.json`) and the autopilot's parameters
+to frozen values. Turn rates are in rad/s, positive to the right as in the firmware; `steering_chain.py`
+describes the firmware and names its source files.
 """

@@ -1,11 +1,11 @@
-"""AC_PID as the firmware computes it, in time for many gains at once, and linearly in frequency.
+"""AC_PID as in the firmware: simulated in time for many gains at once, and as a frequency response.
 
 `libraries/AC_PID/AC_PID.cpp` update_all of ArduRover 4.6.3, in its order: target low-pass, error, error
-low-pass, derivative and its low-pass, integrator (only towards zero while the limit flag of the tick before
-is set, cut at IMAX, zero where I is zero), sum; the feed-forward of the filtered target is added behind it. A
+low-pass, derivative and its low-pass, integrator (only towards zero while the limit flag of the last tick is
+set, limited to IMAX, zero if I is zero), sum; then the feed-forward of the filtered target is added. A
 low-pass is x += dt / (dt + 1/(2 pi f)) (new - x) (`AP_Math.cpp` calc_lowpass_alpha_dt), off at 0 Hz. The
-first call after 0.2 s without one only sets the filters. SMAX, PDMX and the notches are off by default and
-not here.
+first call after a pause of 0.2 s only sets the filters. SMAX, PDMX and the notches are off by default and
+not modelled.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from rover_sweep.gains.steering_plant import SampledPlant
 
 
 def low_pass_share(cutoff_hz: float, dt: float) -> float:
-    """The share of the new value that a low-pass takes over in a tick of dt [s]."""
+    """The weight (0..1) of the new value in a low-pass with a tick of dt [s]."""
     return 1.0 if cutoff_hz <= 0 else dt / (dt + 1.0 / (2 * np.pi * cutoff_hz))
 
 
 class RatePid:
-    """The state of AC_PID for controllers in parallel: p, i, ff may be arrays (n,), all else is shared."""
+    """AC_PID for n controllers in parallel: p, i, ff are arrays (n,), everything else is shared."""
 
     def __init__(self, gains: Gains, dt: float, p: Array, i: Array, ff: Array) -> None:
         self.p, self.i, self.ff, self.gains, self.dt = p, i, ff, gains, dt
@@ -36,7 +36,7 @@ class RatePid:
         self.fresh = True
 
     def update(self, target: float, measured: Array, limit: NDArray[np.bool_]) -> Array:
-        """The output (n,) for a target and a measurement (n,) in rad/s; limit: the flag of the last tick."""
+        """Output (n,) for a target and measurements (n,) [rad/s]; limit (n,): flags of the last tick."""
         if self.fresh:
             self.fresh = False
             self.target = np.full_like(self.p, target)
@@ -62,8 +62,8 @@ class RatePid:
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A simulated drive: t (m,) s, target (m,) behind the firmware's limits and yaw rate (m, n) as measured,
-    rad/s to the right, steering (m, n) as a share of its travel."""
+    """A simulated drive of n controllers: t (m,) [s], target (m,) after the firmware's limits, measured yaw
+    rate (m, n) [rad/s, positive right], steering (m, n) as a share of its travel."""
 
     t: Array
     target: Array
@@ -82,10 +82,10 @@ def simulate_loop(
     gains: Gains | None = None,
     disturbance: Array | None = None,
 ) -> Driven:
-    """The firmware's loop around a plant that begins straight ahead.
+    """Simulate the firmware's loop around a plant that starts straight ahead.
 
-    wanted (m,): turn rate [rad/s] asked for in each main loop. p, i, ff (n,): controllers driven side by
-    side; gains: what they share (filters, D, IMAX). disturbance (m,): added to the road-wheel angle [rad].
+    wanted (m,): requested turn rate [rad/s] in each main loop. p, i, ff (n,): n controllers in parallel;
+    gains: their shared values (filters, D, IMAX). disturbance (m,): added to the road-wheel angle [rad].
     """
     shared, dt = gains or autopilot.gains, autopilot.period
     pid = RatePid(shared, dt, p, i, ff)
@@ -106,9 +106,9 @@ def simulate_loop(
 
 
 def limited_target(autopilot: Autopilot, speed: float, wanted: Array) -> Array:
-    """The target (m,) that the firmware makes of a wanted turn rate (m,) [rad/s], main loop by main loop.
+    """The firmware's limited target (m,) for a requested turn rate (m,) [rad/s], one value per main loop.
 
-    From rest: change limited first, then size, each from the target of the tick before.
+    Starts at zero. The change is limited first, then the size, relative to the target of the last tick.
     """
     most, step = autopilot.rate_limit(speed), autopilot.accel_max * autopilot.period
     out, now = np.empty_like(wanted), 0.0
@@ -127,12 +127,12 @@ def feedback_response(gains: Gains, p: Array, i: Array, dt: float, w: Array) -> 
 
 
 def forward_response(gains: Gains, ff: float, dt: float, w: Array) -> NDArray[np.complex128]:
-    """Response (n_w,) of the feed-forward alone, from the filtered target to output."""
+    """Response (n_w,) of the feed-forward, from the filtered target to the output, at w (n_w,) rad/s."""
     return np.asarray(ff + gains.dff * (1 - np.exp(-1j * w * dt)) / dt)
 
 
 def target_response(gains: Gains, dt: float, w: Array) -> NDArray[np.complex128]:
-    """Response (n_w,) of the target's low-pass."""
+    """Response (n_w,) of the target's low-pass at w (n_w,) rad/s."""
     return _low_pass(gains.fltt, dt, np.exp(-1j * w * dt))
 
 

@@ -1,4 +1,4 @@
-"""The proposal as plain data, for machines."""
+"""The proposal as plain data for JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rover_sweep.gains.proposal import AssessedGains, Proposal
 
 
 def gains_document(proposal: Proposal) -> dict[str, Any]:
-    """Keys carry their units; "proposed" is null where `support.level` is "none". Infinity is null."""
+    """The proposal; keys include units. "proposed" is null if `support.level` is "none"; infinity is null."""
     loop = proposal.autopilot
     document = {
         "format": "rover-sweep gains",

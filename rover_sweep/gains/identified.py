@@ -1,4 +1,4 @@
-"""What an identification or a diagnosis says that gains need: the model, its uncertainty, where it holds."""
+"""Input of the gains from an identification or a diagnosis: model, uncertainty, valid speeds and band."""
 
 from __future__ import annotations
 
@@ -20,21 +20,20 @@ from rover_sweep.identification.models.roll_yaw import roll_yaw
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.verdicts import CR_LIMIT, I_LIMIT
 
-PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models that hold at other speeds than that of the runs
-NORMAL_90 = 1.645  # standard deviations of a two-sided 90 % interval
-GUESSED_DELAY, GUESSED_GAIN = 0.3, 0.15  # relative, where no interval is known
+PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models valid at speeds other than that of the runs
+NORMAL_90 = 1.645  # standard deviations to each side of a 90 % interval
+GUESSED_DELAY, GUESSED_GAIN = 0.3, 0.15  # relative half-widths, if no interval is known
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """A model from road-wheel angle [rad] to yaw rate [rad/s] and what is known of its worth.
+    """A model from road-wheel angle [rad] to yaw rate [rad/s], with its uncertainty and quality.
 
-    name, level: the model and its verdict. intervals: {parameter: (low, high)} of 90 %. speeds: of the runs
-    [m/s]. band: where the response of r is usable [rad/s], None where it nowhere is. tic: of the
-    verification. rad_per_us: of the vehicle file. gyro_hz: low-pass of the runs; loop_hz: main loop of the
-    runs, both None where unknown. amplitude_us: smallest PWM amplitude of the runs.
-    hidden: low-passes that a diagnosis found in front of the known one.
-    remarks: sentences on what the model leaves out. reasons: why there is no model at all.
+    name, level: the model and its verdict. intervals: 90 % intervals {parameter: (low, high)}. speeds: of
+    the runs [m/s]. band: usable band of the response of r [rad/s], None without one. rad_per_us: of the
+    vehicle file. gyro_hz: low-pass of the gyro in the runs; loop_hz: main loop in the runs; both None if
+    unknown. amplitude_us: smallest PWM amplitude of the runs. hidden: additional low-passes found by a
+    diagnosis. remarks: sentences on effects not in the model. reasons: why there is no model.
     """
 
     name: str
@@ -58,7 +57,7 @@ class Identified:
     def spread(self) -> Iterator[tuple[str, ModelStructure]]:
         """(label, structure) of the model and of every corner of its parameters' intervals.
 
-        Both axles' stiffness moves together: their sum is uncertain, not so much their ratio.
+        Cf and Cr change together, because their sum is much less certain than their ratio.
         """
         structure = self.structure
         assert structure is not None
@@ -73,9 +72,9 @@ class Identified:
 
 
 def from_identification(document: Mapping[str, Any], wanted: str | None = None) -> Identified:
-    """Out of the document of identification.json. wanted: one of PHYSICAL, None for the best there is.
+    """From the document of identification.json. wanted: one of PHYSICAL, None for the best one.
 
-    Raises KeyError, TypeError or ValueError where it is none.
+    Raises KeyError, TypeError or ValueError for an invalid document.
     """
     models = document["models"]
     name = wanted or _best(document)
@@ -84,7 +83,7 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
         reasons = (*document["summary"], *(f"{m}: {why}" for m, why in document["refused"].items()))
         return Identified(name or "none", "refused", None, {}, speeds, reasons=reasons)
     model, steering = models[name], document["vehicle"]["steering"]
-    parameters = _closer(model)
+    parameters = _best_parameters(model)
     lost = [n for n, p in parameters.items() if p["value"] is None]
     structure = None if lost else _structure(name, document["vehicle"]["geometry"], parameters)
     run = document["runs"][0]
@@ -94,7 +93,7 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
     return Identified(
         name,
         model["verdict"]["level"],
-        _sooner(structure, wait),
+        _with_shorter_delay(structure, wait),
         _intervals(parameters, wait),
         speeds,
         (max(b[0] for b in usable), min(b[1] for b in usable)) if usable else None,
@@ -109,23 +108,25 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
 
 
 def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
-    """Out of the model of a diagnosis, linearised; it has no intervals of the model's own parameters.
+    """From the linearised model of a diagnosis, with assumed intervals of gain and delay.
 
-    Its baseline must hold at other speeds: ValueError for the lumped one.
+    The baseline must be valid at other speeds: ValueError for the lumped one.
     """
     if model.lumped:
-        raise ValueError("a diagnosis of the lumped model holds at one speed and carries no gains")
+        raise ValueError(
+            "a diagnosis of the lumped model is valid at one speed only, so no gains can be computed"
+        )
     hidden = tuple(f for c, f in hidden_filters(model).items() if c == "r")
     known = model.filters.get("r")
-    lost = tuple(f"not in the loop that was computed: {words}" for words in left_out(model))
+    lost = tuple(f"not included in the computed loop: {words}" for words in left_out(model))
     levels = {"none": "good", "explained": "good", "partly explained": "acceptable"}
-    structure = _sooner(linear(model), model.wait)
+    structure = _with_shorter_delay(linear(model), model.wait)
     assert structure is not None
     return Identified(
         model.name,
         levels.get(verdict, "poor"),
         structure,
-        _guessed(structure),
+        _assumed_intervals(structure),
         (model.speed,),
         rad_per_us=model.steering[1] if model.steering else None,
         gyro_hz=known.cutoff_hz if known else None,
@@ -136,12 +137,12 @@ def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
 
 
 def with_steering(found: Identified, rad_per_us: float) -> Identified:
-    """With the rad_per_us of another vehicle file."""
+    """The same with rad_per_us of another vehicle file."""
     return replace(found, rad_per_us=rad_per_us)
 
 
 def _best(document: Mapping[str, Any]) -> str | None:
-    """The recommended model where it holds at other speeds, else the richest one of good standing."""
+    """The recommended model if valid at other speeds, else the largest good or acceptable one, else None."""
     recommended = document["recommended"]
     if recommended in PHYSICAL:
         return str(recommended)
@@ -153,17 +154,17 @@ def _usable(model: Mapping[str, Any]) -> bool:
     return model["verdict"]["level"] in ("good", "acceptable")
 
 
-def _closer(model: Mapping[str, Any]) -> dict[str, Any]:
-    """The model's parameters, with a stiffness for each axle where that fits closer and is identified.
+def _best_parameters(model: Mapping[str, Any]) -> dict[str, Any]:
+    """The model's parameters, with free Cf and Cr if that fits better and is identifiable.
 
-    One C for both axles fixes the understeer by the place of the CG alone, and with it the steady turn rate
-    that FF must hold. The intervals are then those of the fit with one C, about the closer values.
+    With one C for both axles the position of the CG alone determines the understeer, and so the steady turn
+    rate that FF depends on. The relative intervals are those of the fit with one C.
     """
     tied, free = model["parameters"], model["variants"].get(UNTIED)
     if free is None or not free["cost"]["average"] < model["cost"]["average"]:
         return dict(tied)
     own = dict(free["parameters"])
-    if any(p["value"] is None or _lost(n, p) for n, p in own.items() if p["free"]):
+    if any(p["value"] is None or _not_identifiable(n, p) for n, p in own.items() if p["free"]):
         return dict(tied)
     for name, p in own.items():
         known = tied.get(name) or tied["C"]
@@ -175,9 +176,9 @@ def _closer(model: Mapping[str, Any]) -> dict[str, Any]:
     return own
 
 
-def _lost(name: str, p: Mapping[str, Any]) -> bool:
-    beyond = (p["cr_percent"] or 0.0) > CR_LIMIT or (p["insensitivity_percent"] or 0.0) > I_LIMIT
-    return name != "tau" and bool(p["at_bound"] or beyond)
+def _not_identifiable(name: str, p: Mapping[str, Any]) -> bool:
+    uncertain = (p["cr_percent"] or 0.0) > CR_LIMIT or (p["insensitivity_percent"] or 0.0) > I_LIMIT
+    return name != "tau" and bool(p["at_bound"] or uncertain)
 
 
 def _structure(name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> ModelStructure:
@@ -192,9 +193,9 @@ def _structure(name: str, known: Mapping[str, Any], parameters: Mapping[str, Any
 
 
 def _intervals(parameters: Mapping[str, Any], wait: float) -> dict[str, tuple[float, float]]:
-    """The 90 % interval of every free parameter: by the bootstrap, else from the Cramer-Rao bound.
+    """The 90 % interval of every free parameter: from the bootstrap, else from the Cramer-Rao bound.
 
-    wait: taken off the delay's.
+    wait [s]: subtracted from the interval of the delay.
     """
     out = {}
     for name, p in parameters.items():
@@ -210,8 +211,8 @@ def _intervals(parameters: Mapping[str, Any], wait: float) -> dict[str, tuple[fl
     return out
 
 
-def _guessed(structure: ModelStructure) -> dict[str, tuple[float, float]]:
-    """Where no accuracy is known: the gain of the steering within 15 %, its delay within 30 %."""
+def _assumed_intervals(structure: ModelStructure) -> dict[str, tuple[float, float]]:
+    """Assumed intervals if no accuracy is known: steering gain +-15 %, delay +-30 %."""
     shares = {"gain": GUESSED_GAIN, "tau": GUESSED_DELAY}
     known = {n: structure.values[n] for n in shares if structure.values.get(n, 0.0) > 0}
     return {n: (value * (1 - shares[n]), value * (1 + shares[n])) for n, value in known.items()}
@@ -224,8 +225,8 @@ def _tied(structure: ModelStructure, values: Mapping[str, float]) -> dict[str, f
     return {**values, **follow}
 
 
-def _sooner(structure: ModelStructure | None, wait: float) -> ModelStructure | None:
-    """With a delay that is shorter by `wait` s."""
+def _with_shorter_delay(structure: ModelStructure | None, wait: float) -> ModelStructure | None:
+    """The structure with a delay that is shorter by `wait` [s]."""
     if structure is None or "tau" not in structure.values:
         return structure
     return structure.with_values({"tau": max(structure.values["tau"] - wait, 0.0)})

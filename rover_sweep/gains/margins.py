@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Array
 
 Complex = NDArray[np.complex128]
-GAIN_MARGIN_DB, PHASE_MARGIN_DEG = 6.0, 45.0  # what is asked of a proposal
+GAIN_MARGIN_DB, PHASE_MARGIN_DEG = 6.0, 45.0  # required of a proposal
 POINTS = 240
 
 
 @dataclass(frozen=True)
 class Margins:
-    """gain_db, phase_deg: inf where there is no such crossing. crossover: the last frequency [rad/s] at which
-    the loop's gain is 1, phase_crossover: the lowest at which it turns the sign; nan where there is none."""
+    """gain_db, phase_deg: margins, inf without a crossing. crossover: highest frequency [rad/s] at which the
+    loop gain is 1; phase_crossover: lowest at which the phase is -180 deg; nan without one."""
 
     gain_db: float
     phase_deg: float
@@ -26,18 +26,18 @@ class Margins:
 
     @property
     def enough(self) -> bool:
-        """At least 6 dB and 45 deg."""
+        """True for at least 6 dB and 45 deg."""
         return self.gain_db >= GAIN_MARGIN_DB and self.phase_deg >= PHASE_MARGIN_DEG
 
 
 def frequencies(period: float, lowest: float = 0.05) -> Array:
-    """Where loops are looked at: up to the Nyquist frequency of the main loop, rad/s."""
+    """Frequency grid [rad/s] for loops, up to the Nyquist frequency of a main loop of `period` [s]."""
     return np.geomspace(lowest, 0.999 * np.pi / period, POINTS)
 
 
 def all_margins(loops: Complex, w: Array) -> tuple[Array, Array, Array, Array]:
-    """(gain margin [dB], phase margin [deg], crossover, phase crossover [rad/s]), each (n,), of loops."""
-    gain, phase_at = _turning(loops, w)
+    """(gain margin [dB], phase margin [deg], crossover, phase crossover [rad/s]), (n,) each, of (n, n_w)."""
+    gain, phase_at = _gain_margins(loops, w)
     size = np.abs(loops)
     above = size > 1.0
     crossed = above[:, :-1] != above[:, 1:]
@@ -50,8 +50,8 @@ def all_margins(loops: Complex, w: Array) -> tuple[Array, Array, Array, Array]:
     return gain, margin.min(axis=1), last, phase_at
 
 
-def _turning(loops: Complex, w: Array) -> tuple[Array, Array]:
-    """Gain margins [dB] where the loops cross the negative real axis, and the first such frequency."""
+def _gain_margins(loops: Complex, w: Array) -> tuple[Array, Array]:
+    """Gain margins [dB] at crossings of the negative real axis, and the lowest such frequency [rad/s]."""
     re, im = loops.real, loops.imag
     crossed = (im[:, :-1] * im[:, 1:] < 0) & (np.minimum(re[:, :-1], re[:, 1:]) < 0)
     share = np.where(crossed, im[:, :-1] / np.where(crossed, im[:, :-1] - im[:, 1:], 1.0), 0.0)
@@ -64,12 +64,12 @@ def _turning(loops: Complex, w: Array) -> tuple[Array, Array]:
 
 
 def margins(loop: Complex, w: Array) -> Margins:
-    """Of one loop (n_w,)."""
+    """The margins of one loop (n_w,) at w (n_w,) rad/s."""
     return Margins(*(float(found[0]) for found in all_margins(loop[None, :], w)))
 
 
 def bandwidth(closed: Complex, w: Array) -> float:
-    """Where |r / target| (n_w,) first falls 3 dB below its value at the lowest frequency, rad/s."""
+    """The frequency [rad/s] at which |r / target| (n_w,) is first 3 dB below its value at the lowest one."""
     db = 20 * np.log10(np.abs(closed) / abs(closed[0]))
     below = np.flatnonzero(db < -3.0)
     if below.size == 0:

@@ -1,4 +1,4 @@
-"""Gains now and gains proposed, side by side, with what the model says of each."""
+"""Current and proposed gains with their margins and step responses on the model."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from rover_sweep.gains.step import Step, step_of
 from rover_sweep.gains.support import Support, extrapolated, supported, supported_loop
 from rover_sweep.gains.tuning import Family, designed, feed_forward, integrator_limit, speeds_around
 
-MOST_CORNERS = 6  # parameters whose interval ends are combined: 32 rovers a speed
+MOST_CORNERS = 6  # parameters whose interval ends are combined: 64 corners per speed, 32 with Cf = Cr
 
 
 @dataclass(frozen=True)
 class AssessedGains:
-    """Gains on the model. margins: as identified, at the wanted speed; worst_gain, worst_phase: the lowest of
-    the family, with where; bandwidth of r / target [rad/s]; steady: r / target without the integrator."""
+    """Gains assessed on the model. margins: as identified, at the design speed; worst_gain, worst_phase: the
+    lowest margin [dB], [deg] of the family and its member; bandwidth of r / target [rad/s]; steady:
+    r / target without the integrator."""
 
     gains: Gains
     margins: Margins
@@ -36,10 +37,10 @@ class AssessedGains:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """What to fly at `speed` [m/s], None where nothing is supported, and what is flown now.
+    """Proposed gains for `speed` [m/s], None if not supported, and the current gains.
 
-    holds: speeds [m/s] from which to which. steady_gain: r / road-wheel angle [1/s]; delay: of the model [s].
-    feed_forwards: {speed [m/s]: FF that would hold a turn there}.
+    holds: valid speed range [m/s]. steady_gain: r / road-wheel angle [1/s]; delay: of the model [s].
+    feed_forwards: {speed [m/s]: FF of a steady turn there}.
     """
 
     found: Identified
@@ -55,7 +56,7 @@ class Proposal:
 
 
 def propose_gains(found: Identified, autopilot: Autopilot, speed: float | None = None) -> Proposal:
-    """Gains for a speed [m/s], that of the runs unless given."""
+    """Gains for a design speed [m/s], by default that of the runs."""
     at = speed or float(np.mean(found.speeds))
     holds = (min(speeds_around(at)), max(speeds_around(at)))
     support = supported(found, autopilot, at)
@@ -66,13 +67,13 @@ def propose_gains(found: Identified, autopilot: Autopilot, speed: float | None =
     ):
         return Proposal(found, autopilot, at, support, None, None, holds)
     family = family_of(found, autopilot, at)
-    support = _reach(_stable(support, family), family)
+    support = _with_reach_remark(_stable(support, family), family)
     if any(not plant.stable for plant in family.plants):
         return Proposal(found, autopilot, at, support, None, None, holds)
     now = assess_gains(family, autopilot.gains)
-    made = _made(support, family, autopilot.gains)
+    made = _supported_gains(support, family, autopilot.gains)
     judged = assess_gains(family, made) if made else None
-    support, judged = _after(found, support, judged)
+    support, judged = _with_design_check(found, support, judged)
     values = found.structure.values
     return Proposal(
         found,
@@ -84,12 +85,16 @@ def propose_gains(found: Identified, autopilot: Autopilot, speed: float | None =
         holds,
         family.nominal.gain,
         sum(values[d] for d in found.structure.delays if d.startswith("tau")),
-        {p.speed: _right(family, p) for p in family.plants if p.label.startswith("as identified")},
+        {
+            p.speed: _steady_feed_forward(family, p)
+            for p in family.plants
+            if p.label.startswith("as identified")
+        },
     )
 
 
 def family_of(found: Identified, autopilot: Autopilot, speed: float) -> Family:
-    """Every corner of the intervals at V, V / 1.5 and 1.5 V, each side of the servo."""
+    """All corners of the intervals at V, V / 1.5 and 1.5 V, for both sides of the servo."""
     assert found.structure is not None and found.rad_per_us is not None
     kept = dict(list(found.intervals.items())[:MOST_CORNERS])
     corners = list(replace(found, intervals=kept).spread())
@@ -104,7 +109,7 @@ def family_of(found: Identified, autopilot: Autopilot, speed: float) -> Family:
 
 
 def assess_gains(family: Family, gains: Gains) -> AssessedGains:
-    """Margins, bandwidth and step of gains on the family."""
+    """Assess gains on the family: margins, bandwidth and step."""
     loop, plant = family.autopilot, family.nominal
     w = frequencies(loop.period)
     one = (np.array([gains.p]), np.array([gains.i]))
@@ -126,8 +131,8 @@ def assess_gains(family: Family, gains: Gains) -> AssessedGains:
     )
 
 
-def _made(support: Support, family: Family, now: Gains) -> Gains | None:
-    """The gains that the support allows."""
+def _supported_gains(support: Support, family: Family, now: Gains) -> Gains | None:
+    """The gains at the supported level, None if unsupported or if no pair of P and I keeps the margins."""
     if support.level == "none":
         return None
     if support.level == "feed-forward only":
@@ -139,14 +144,14 @@ def _made(support: Support, family: Family, now: Gains) -> Gains | None:
     return replace(made, imax=integrator_limit(family, made.ff, rate))
 
 
-def _after(
+def _with_design_check(
     found: Identified, support: Support, judged: AssessedGains | None
 ) -> tuple[Support, AssessedGains | None]:
-    """What the design itself says on the support."""
+    """The support and the gains after checking the designed loop."""
     if support.level != "gains":
         return support, judged
     if judged is None:
-        why = "no P and I keep 6 dB and 45 deg for every rover that the data allow"
+        why = "no P and I keep 6 dB and 45 deg for all parameter values within their intervals"
         return replace(support, level="none", reasons=(why,)), None
     reasons = supported_loop(found, judged.margins)
     if reasons:
@@ -154,15 +159,15 @@ def _after(
     return replace(support, remarks=(*support.remarks, *extrapolated(found, judged.margins))), judged
 
 
-def _reach(support: Support, family: Family) -> Support:
-    """With a remark where the steering, and not a limit of the target, bounds the turn rate."""
+def _with_reach_remark(support: Support, family: Family) -> Support:
+    """Adds a remark if the steering stops, not the limit of the target, limit the turn rate."""
     plant, most = family.nominal, family.autopilot.rate_limit(family.nominal.speed)
     reach = min(plant.gain * abs(angle) for angle in family.angle_per_output)
     if reach >= most:
         return support
     words = (
-        f"at {plant.speed:.3g} m/s the steering reaches its stops at {math.degrees(reach):.0f} deg/s, below "
-        f"the {math.degrees(most):.0f} deg/s that the firmware lets through: lower ATC_STR_RAT_MAX"
+        f"at {plant.speed:.3g} m/s the steering reaches its stops at {math.degrees(reach):.0f} deg/s, but "
+        f"the firmware allows targets up to {math.degrees(most):.0f} deg/s: lower ATC_STR_RAT_MAX"
     )
     return replace(support, remarks=(*support.remarks, words))
 
@@ -171,12 +176,10 @@ def _stable(support: Support, family: Family) -> Support:
     bad = next((p for p in family.plants if not p.stable), None)
     if bad is None:
         return support
-    why = (
-        f"the rover itself is unstable at {bad.speed:.3g} m/s ({bad.label}): it lies above its critical speed"
-    )
+    why = f"the rover is unstable at {bad.speed:.3g} m/s ({bad.label}), above its critical speed"
     return replace(support, level="none", reasons=(*support.reasons, why))
 
 
-def _right(family: Family, plant: SampledPlant) -> float:
-    """The FF that would be right for another speed."""
+def _steady_feed_forward(family: Family, plant: SampledPlant) -> float:
+    """FF of a steady turn at the plant's speed."""
     return 1.0 / (plant.gain * family.angle_per_output[0] * family.autopilot.speed_scale(plant.speed))

@@ -1,4 +1,4 @@
-"""What the runs of an identification.json tell of the loop that they were driven in."""
+"""Autopilot loop during the runs, from the runs of an identification.json."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
 
 
 def wait(run: Mapping[str, Any]) -> float:
-    """How long the recorded command waited for the main loop, which the controller's output does not, s.
+    """Mean wait [s] of the recorded command for the main loop; the controller's output has no such wait.
 
-    The applet logs its command when it sets it; the servo gets it with the next main loop, half a period
-    later on average (`AP_MotorsUGV::output` calls the one push a loop). Nothing where the command was put at
-    the main loops when the log was read, or was logged when it went out (SERVO_OUTPUT_RAW, RCOU).
+    The applet logs its command when it sets it; the servo gets it in the next main loop, half a period
+    later on average (`AP_MotorsUGV::output` calls the one push a loop). 0 if the log reader stamped the
+    command at the main loop, or if it was logged when sent (SERVO_OUTPUT_RAW, RCOU).
     """
     main = loop(run)
     source = run["channels"].get("delta", {}).get("source", "")
@@ -24,30 +24,30 @@ def wait(run: Mapping[str, Any]) -> float:
 
 
 def loop(run: Mapping[str, Any]) -> float | None:
-    """Main loop [Hz], None where unknown: the IMU is logged once in it."""
+    """Main loop rate [Hz] from the IMU, which is logged once per loop; None if unknown."""
     rate = run["channels"].get("r", {}).get("rate_hz")
     return round(float(rate)) * 1.0 if rate and SLOWEST_LOOP <= rate <= FASTEST_LOOP * 1.02 else None
 
 
 def cutoff(run: Mapping[str, Any]) -> float | None:
-    """Low-pass of the gyro [Hz], None where unknown."""
+    """Low-pass of the gyro [Hz], None if unknown."""
     known = run["filters"].get("r")
     return float(known["cutoff_hz"]) if known else None
 
 
 def play_remark(steering: Mapping[str, Any] | None) -> tuple[str, ...]:
-    """A remark where play was measured on blocks and so taken out of the runs and of the model."""
+    """A remark if play was measured on blocks, and so is corrected in the runs and not in the model."""
     half_gap = (steering or {}).get("backlash", {}).get("value", 0.0)
     if not half_gap:
         return ()
     words = (
-        f"the steering's play ({half_gap:.3g} rad to either side) is known and no part of this loop: a "
-        "correction of less than that comes late or not at all"
+        f"the steering's play ({half_gap:.3g} rad to each side) is not included in this loop: smaller "
+        "corrections act late or not at all"
     )
     return (words,)
 
 
 def amplitude(runs: Sequence[Mapping[str, Any]]) -> float | None:
-    """The smallest PWM amplitude [us] of the runs, as the quick verdict found it."""
+    """The smallest PWM amplitude [us] of the runs, from their coherence verdicts; None if unknown."""
     found = [r["amplitude"] for r in runs if r.get("amplitude") and r.get("amplitude_unit") == "us"]
     return float(min(found)) if found else None

@@ -1,6 +1,6 @@
-"""From turn rate to road-wheel angle as ArduRover does it, and the parameters that decide it.
+"""ArduRover's steering chain from turn rate to road-wheel angle, and its parameters.
 
-Read in the source of ArduRover 4.6.3 (tag Rover-4.6.3); 4.5.7 has the same in all of these:
+Source: ArduRover 4.6.3 (tag Rover-4.6.3); 4.5.7 is the same in all of these points:
 
 - `Rover/mode_acro.cpp` ModeAcro::update: desired turn rate = stick / 4500 * ACRO_TURN_RATE; the controller's
   output times 4500 goes to `Mode::set_steering`. AUTO, GUIDED, RTL, SMART_RTL, LOITER and STEERING end in the
@@ -12,10 +12,10 @@ Read in the source of ArduRover 4.6.3 (tag Rover-4.6.3); 4.5.7 has the same in a
   `AP_AHRS::get_yaw_rate_earth`, made of the gyro behind INS_GYRO_FILTER (second order) less its bias.
 - `libraries/AR_Motors/AP_MotorsUGV.cpp` output_regular, with apply_scaling in all modes but MANUAL (unless
   MANUAL_OPTIONS has bit 0) and GUIDED driven by steering-and-throttle messages (`Rover/mode_guided.cpp`):
-  where MOT_SPD_SCA_BASE > 0 and abs(speed) > MOT_SPD_SCA_BASE the steering is multiplied by
+  if MOT_SPD_SCA_BASE > 0 and abs(speed) > MOT_SPD_SCA_BASE the steering is multiplied by
   MOT_SPD_SCA_BASE / abs(speed); otherwise it is not, and the limit flags are set, so that the integrator may
-  only shrink. After that it is cut at +-4500, which sets the flags too (set_limits_from_input). A controller
-  output beyond 1 is therefore of use at speed.
+  only shrink. Then it is limited to +-4500, which sets the flags too (set_limits_from_input). So a controller
+  output above 1 still has an effect at speed.
 - `libraries/SRV_Channel/SRV_Channel.cpp` pwm_from_angle: +4500 is SERVOn_MAX, -4500 SERVOn_MIN, 0
   SERVOn_TRIM, straight lines between, cut to whole us; SERVOn_REVERSED turns the sign.
 - `Rover/Rover.cpp` scheduler table: ahrs_update, update_current_mode and set_servos run in this order in
@@ -60,14 +60,14 @@ DEFAULTS: Mapping[str, float] = {
     "SCHED_LOOP_RATE": 50.0,
     "INS_GYRO_FILTER": 4.0,
 }
-"""What ArduRover 4.6.3 has where nothing else was set."""
+"""Defaults of ArduRover 4.6.3."""
 SERVO_DEFAULTS: Mapping[str, float] = {"MIN": 1100.0, "MAX": 1900.0, "TRIM": 1500.0, "REVERSED": 0.0}
 
 
 @dataclass(frozen=True)
 class Gains:
-    """ATC_STR_RAT_*: ff, p, d [1/(rad/s) and s/(rad/s)] and i [1/rad] to an output of -1..1, imax of that
-    output, low-passes of target, error and derivative [Hz], 0 for none."""
+    """ATC_STR_RAT_*: ff, p [1/(rad/s)], d [s/(rad/s)] and i [1/rad] to an output of -1..1; imax: limit of the
+    integrator's output; fltt, flte, fltd: low-passes of target, error and derivative [Hz], 0 for none."""
 
     ff: float
     p: float
@@ -81,7 +81,7 @@ class Gains:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """By the firmware's names."""
+        """The gains by the firmware's parameter names."""
         return {
             "ATC_STR_RAT_FF": self.ff,
             "ATC_STR_RAT_P": self.p,
@@ -98,9 +98,9 @@ class Gains:
 class Autopilot:
     """The loop around the controller. loop_hz: main loop; gyro_hz: low-pass of the gyro, 0 for none.
 
-    scale_base: MOT_SPD_SCA_BASE [m/s]. us_right, us_left: PWM [us] from trim to the end on either side.
+    scale_base: MOT_SPD_SCA_BASE [m/s]. us_right, us_left: PWM [us] from trim to the end of each side.
     rate_max [rad/s], accel_max [rad/s^2], lateral_g_max [g]: limits of the target, 0 for none (not the last).
-    reversed: SERVOn_REVERSED. assumed: parameters that were not given, at their defaults.
+    reversed: SERVOn_REVERSED. assumed: names of parameters that were not given and have their defaults.
     """
 
     gains: Gains
@@ -119,49 +119,49 @@ class Autopilot:
 
     @property
     def assumed_words(self) -> str:
-        """What was assumed, in a sentence; "" where everything was given."""
+        """A sentence on the assumed parameters; "" if all were given."""
         if not self.assumed:
             return ""
         if "ATC_STR_RAT_FF" in self.assumed and len(self.assumed) >= len(DEFAULTS):
             rates = f"SCHED_LOOP_RATE {self.loop_hz:g} Hz, INS_GYRO_FILTER {self.gyro_hz:g} Hz"
             return (
-                f"The vehicle's parameters were not given: its firmware's defaults are assumed, with {rates}."
+                f"The vehicle's parameters were not given: the firmware's defaults are assumed, with {rates}."
             )
         return f"Assumed at the firmware's defaults: {', '.join(self.assumed)}."
 
     @property
     def period(self) -> float:
-        """Of the main loop, s."""
+        """Period of the main loop, s."""
         return 1.0 / self.loop_hz
 
     def speed_scale(self, speed: float) -> float:
-        """What the controller's output is multiplied with at a speed [m/s]."""
+        """Factor on the controller's output at a speed [m/s]."""
         scaled = self.scale_base > 0 and abs(speed) > self.scale_base
         return self.scale_base / abs(speed) if scaled else 1.0
 
     def integrates(self, speed: float) -> bool:
-        """False where the limit flags hold the integrator: at or below the scale's base, or without one."""
+        """False if the limit flags hold the integrator: at or below MOT_SPD_SCA_BASE, or if that is 0."""
         return self.scale_base > 0 and abs(speed) > self.scale_base
 
     def rate_limit(self, speed: float) -> float:
-        """Largest target turn rate [rad/s] that the firmware lets through at a speed [m/s]."""
+        """Largest target turn rate [rad/s] that the firmware allows at a speed [m/s]."""
         by_force = self.lateral_g_max * GRAVITY / max(abs(speed), LEAST_SPEED)
         by_force = max(by_force, math.radians(1.0))
         return min(by_force, self.rate_max) if self.rate_max > 0 else by_force
 
     def angle_per_output(self, rad_per_us: float) -> float:
-        """Road-wheel angle [rad] to the right for an output of 1 behind the speed scale, mean of both sides.
+        """Road-wheel angle [rad, positive right] per output of 1 after the speed scale, mean of both sides.
 
-        Negative where servo and linkage turn the wrong way: then the controller steers away from its target.
+        Negative if servo and linkage turn the wrong way: the controller then steers away from its target.
         """
         sign = -1.0 if self.reversed else 1.0
         return sign * rad_per_us * 0.5 * (self.us_right + self.us_left)
 
 
 def autopilot(parameters: Mapping[str, float], assumed: Mapping[str, float] | None = None) -> Autopilot:
-    """The loop from the autopilot's parameters by name. assumed: better guesses than the defaults.
+    """The loop from the autopilot's parameters by name. assumed: values to use before the defaults.
 
-    Raises ValueError for numbers that make no loop.
+    Raises ValueError for impossible servo ends or loop rate.
     """
     filled = {
         n: float(f"{v:.7g}") for n, v in {**DEFAULTS, **(assumed or {}), **parameters}.items()
@@ -176,7 +176,7 @@ def autopilot(parameters: Mapping[str, float], assumed: Mapping[str, float] | No
     if not (right > 0 and left > 0 and filled["SCHED_LOOP_RATE"] > 0):
         raise ValueError(
             f"SERVO{servo}_MIN {ends['MIN']:g}, _TRIM {ends['TRIM']:g}, _MAX {ends['MAX']:g} us and "
-            f"SCHED_LOOP_RATE {filled['SCHED_LOOP_RATE']:g} Hz make no steering"
+            f"SCHED_LOOP_RATE {filled['SCHED_LOOP_RATE']:g} Hz are not possible; check these parameters"
         )
     unusual = ("ATC_STR_RAT_SMAX", "ATC_STR_RAT_PDMX", "ATC_STR_RAT_NTF", "ATC_STR_RAT_NEF")
     rat = {
@@ -202,7 +202,7 @@ def autopilot(parameters: Mapping[str, float], assumed: Mapping[str, float] | No
 
 
 def steering_servo(parameters: Mapping[str, float]) -> int:
-    """The output that steers, 1 where the parameters do not tell."""
+    """Number of the servo output that steers, 1 if the parameters do not name one."""
     found = (
         n for n in range(1, SERVO_OUTPUTS + 1) if parameters.get(f"SERVO{n}_FUNCTION") == STEERING_FUNCTION
     )

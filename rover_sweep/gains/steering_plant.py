@@ -1,4 +1,4 @@
-"""What the controller sees: a model's yaw rate sampled by the main loop, behind steering and gyro filter."""
+"""The controller's plant: road-wheel angle to filtered yaw rate, sampled in the main loop."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rover_sweep.identification.structure.state_space import ModelStructure
 
 @dataclass(frozen=True, eq=False)
 class SampledPlant:
-    """x(k+1) = a x(k) + b u(k - late), y(k) = c x(k): road-wheel angle [rad] held over `period` s to the
-    filtered yaw rate [rad/s]. What a delay has beside `late` whole periods is within a and b."""
+    """x(k+1) = a x(k) + b u(k - late), y(k) = c x(k), from the road-wheel angle u [rad], held over `period`
+    [s], to the filtered yaw rate y [rad/s]. late: whole periods of delay; a and b include the rest of it."""
 
     a: Array
     b: Array
@@ -53,25 +53,24 @@ def sampled_plant(
     hidden: Sequence[LowPass] = (),
     label: str = "",
 ) -> SampledPlant:
-    """The plant at a speed [m/s]. hidden: low-passes in front of the autopilot's own.
+    """The plant at a speed [m/s]. hidden: low-passes before the autopilot's own.
 
-    Raises ValueError where the yaw rate follows the steering without any lag, so that a loop could not be
-    computed in order.
+    Raises ValueError if the yaw rate follows the steering without any lag (an algebraic loop).
     """
     sensors = {"r": LowPass(autopilot.gyro_hz, "INS_GYRO_FILTER")} if autopilot.gyro_hz > 0 else {}
-    late, rest = _whole(structure, autopilot.period)
+    late, rest = _split_delay(structure, autopilot.period)
     system = to_scipy(rest, speed, dt=autopilot.period, sensors=sensors)
     row = structure.outputs.index("r")
     if abs(system.D[row, 0]) > 1e-12:
-        raise ValueError(f"in the {structure.name} model the yaw rate follows the steering at once")
+        raise ValueError(f"in the {structure.name} model the yaw rate follows the steering without lag")
     a, b, c = np.asarray(system.A), np.asarray(system.B)[:, 0], np.asarray(system.C)[row]
     for low_pass in hidden:
-        a, b, c = _behind(a, b, c, low_pass, autopilot.period)
-    return SampledPlant(*_reduced(a, b, c), late, autopilot.period, speed, label)
+        a, b, c = _with_low_pass(a, b, c, low_pass, autopilot.period)
+    return SampledPlant(*_observable(a, b, c), late, autopilot.period, speed, label)
 
 
-def _whole(structure: ModelStructure, period: float) -> tuple[int, ModelStructure]:
-    """Whole periods of the steering's delay, and the structure with what is left of it."""
+def _split_delay(structure: ModelStructure, period: float) -> tuple[int, ModelStructure]:
+    """Whole periods of the steering's delay, and the structure with the rest of the delay."""
     name = structure.input_delays.get(structure.inputs[0])
     if name is None:
         return 0, structure
@@ -79,21 +78,23 @@ def _whole(structure: ModelStructure, period: float) -> tuple[int, ModelStructur
     return late, structure.with_values({name: max(structure.values[name] - late * period, 0.0)})
 
 
-def _behind(a: Array, b: Array, c: Array, low_pass: LowPass, period: float) -> tuple[Array, Array, Array]:
-    """With a further second-order low-pass at the output, by Tustin's rule as ArduPilot's own filters."""
+def _with_low_pass(
+    a: Array, b: Array, c: Array, low_pass: LowPass, period: float
+) -> tuple[Array, Array, Array]:
+    """The system with a second-order low-pass at its output, by Tustin's rule as in ArduPilot's filters."""
     from scipy.signal import butter, tf2ss
 
     cutoff = min(low_pass.cutoff_hz, 0.4 / period)
     fa, fb, fc, fd = tf2ss(*butter(2, cutoff, fs=1 / period))
     n, m = len(a), len(fa)
-    whole = np.block([[a, np.zeros((n, m))], [fb @ c[None, :], fa]])
-    return whole, np.concatenate((b, np.zeros(m))), np.concatenate((fd[0, 0] * c, fc[0]))
+    combined = np.block([[a, np.zeros((n, m))], [fb @ c[None, :], fa]])
+    return combined, np.concatenate((b, np.zeros(m))), np.concatenate((fd[0, 0] * c, fc[0]))
 
 
-def _reduced(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Without states that the output does not see, such as the filters of other outputs."""
-    seen, grown = np.abs(c) > 0, True
+def _observable(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """The system without unobservable states, such as the filters of other outputs."""
+    observed, grown = np.abs(c) > 0, True
     while grown:
-        wider = seen | (np.abs(a[seen]) > 0).any(axis=0)
-        grown, seen = bool(np.any(wider != seen)), wider
-    return a[np.ix_(seen, seen)], b[seen], c[seen]
+        wider = observed | (np.abs(a[observed]) > 0).any(axis=0)
+        grown, observed = bool(np.any(wider != observed)), wider
+    return a[np.ix_(observed, observed)], b[observed], c[observed]

@@ -1,4 +1,4 @@
-"""A step of the turn rate and a push at the wheels, as the firmware's loop answers them on the model."""
+"""Predicted responses of the loop: to a step of the target turn rate, and to a disturbance of the wheels."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.steering_plant import SampledPlant
 
 SECONDS = 4.0
-BEFORE = 0.2  # s, straight before a step
+BEFORE = 0.2  # s of straight driving before a step
 SETTLED = 0.05  # of the step
-PUSH = 0.02  # rad, a disturbance of the road-wheel angle: a trim that is off by a degree
-LARGEST_SHARE = 0.5  # of the turn rate that steering and limits leave
+PUSH = 0.02  # rad, disturbance of the road-wheel angle, as by a trim error of 1 deg
+LARGEST_SHARE = 0.5  # of the turn rate that steering and limits allow
 
 
 @dataclass(frozen=True)
 class Step:
-    """size [rad/s] of the target; rise [s] from 10 to 90 %, overshoot [% of size], settling [s] to within 5 %
-    of the size for good, both from the asking, nan where it does not get there; lag [s], mean distance
-    behind the limited target while it turns up; used: largest share of the steering's travel."""
+    """size [rad/s] of the target; rise [s]: time from 10 to 90 %; overshoot [% of size]; settling [s]: time
+    from the request until it stays within 5 % of the size; nan if not reached. lag [s]: integral of (limited
+    target - rate) / size; used: largest share of the steering's travel."""
 
     size: float
     rise: float
@@ -34,19 +34,19 @@ class Step:
 
 
 def step_size(autopilot: Autopilot, plant: SampledPlant, angle_per_output: float) -> float:
-    """Half of the turn rate [rad/s] that steering and limits leave at this speed, at most 0.6."""
+    """Half of the turn rate [rad/s] that steering and limits allow at this speed, at most 0.6."""
     reach = abs(plant.gain * angle_per_output)
     return min(LARGEST_SHARE * min(reach, autopilot.rate_limit(plant.speed)), 0.6)
 
 
 def stepped(autopilot: Autopilot, size: float) -> Array:
-    """The wanted turn rate (m,) of a step after `BEFORE` s, main loop by main loop."""
+    """The requested turn rate (m,) [rad/s] of a step after `BEFORE` s, one value per main loop."""
     t = np.arange(round(SECONDS / autopilot.period)) * autopilot.period
     return np.where(t >= BEFORE, size, 0.0)
 
 
 def step_of(autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, gains: Gains) -> Step:
-    """The predicted step with all limits of the firmware."""
+    """The predicted step response with all limits of the firmware."""
     size = step_size(autopilot, plant, angle_per_output)
     driven = driven_step(autopilot, plant, angle_per_output, gains, size)
     return measured_step(
@@ -57,13 +57,13 @@ def step_of(autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, 
 def driven_step(
     autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, gains: Gains, size: float
 ) -> Driven:
-    """The step in time."""
+    """The simulated step."""
     p, i, ff = (np.array([g]) for g in (gains.p, gains.i, gains.ff))
     return simulate_loop(autopilot, plant, angle_per_output, stepped(autopilot, size), p, i, ff, gains)
 
 
 def measured_step(t: Array, target: Array, rate: Array, size: float, used: float = math.nan) -> Step:
-    """The numbers of a step (m,) recorded or computed; t [s] from the asking, from 0 to size."""
+    """The Step of a recorded or simulated step from 0 to size; t (m,) [s] since the request."""
     share = rate / size
     after = t >= 0
     outside = np.flatnonzero(np.abs(share - 1.0) > SETTLED)
@@ -81,7 +81,7 @@ def measured_step(t: Array, target: Array, rate: Array, size: float, used: float
 
 
 def _first(t: Array, share: Array, level: float) -> float:
-    """When the share first passes a level, between samples; nan where it never does."""
+    """The interpolated time [s] at which the share first passes a level; nan if never."""
     above = np.flatnonzero((share[1:] >= level) & (share[:-1] < level))
     if above.size == 0:
         return math.nan
@@ -92,7 +92,7 @@ def _first(t: Array, share: Array, level: float) -> float:
 def pushed_error(
     autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, p: Array, i: Array, shared: Gains
 ) -> Array:
-    """Integral of abs(error) (n,) [rad] after a push of the wheels by PUSH, over SECONDS."""
+    """Integral of abs(error) (n,) [rad] over SECONDS after a disturbance of the wheels by PUSH."""
     still = np.zeros(round(SECONDS / autopilot.period))
     push = np.full(still.size, PUSH)
     driven = simulate_loop(autopilot, plant, angle_per_output, still, p, i, np.zeros_like(p), shared, push)

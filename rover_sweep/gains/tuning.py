@@ -1,16 +1,15 @@
-"""The gains: feed-forward from the steady turn rate, P and I as fast as the worst rover of the family allows.
+"""Design of the gains: FF from the steady turn rate, P and I as fast as the worst of the family allows.
 
-FF is what makes the steady turn rate right without feedback: 1 / (steady r per output). Since the firmware
-divides the steering by the speed (MOT_SPD_SCA_BASE) and r = V delta / (L + K_us V^2), it changes with the
-speed only by the understeer. P and I are those that bring a push of the wheels (a wrong trim, a slope) back
-with the least integrated error, of all pairs whose loop keeps 6 dB and 45 deg for every rover within the
-parameters' 90 % intervals at V/1.5, V and 1.5 V, and whose predicted step overshoots by no more than 5 %.
-(Astrom and Hagglund 2006, Advanced PID Control, chapter 6: the most integral action under constraints of
-robustness; here on the sampled loop, with the error of a push for the integral gain.)
+FF gives the right steady turn rate without feedback: 1 / (steady r per output). The firmware divides the
+steering by the speed (MOT_SPD_SCA_BASE) and r = V delta / (L + K_us V^2), so FF changes with the speed only
+by the understeer. P and I minimise the integrated error after a disturbance of the wheels (a trim error, a
+slope), over all pairs whose loop keeps 6 dB and 45 deg for all parameter values within their 90 % intervals
+at V/1.5, V and 1.5 V, and whose predicted step overshoots by at most 5 %. (Astrom and Hagglund 2006,
+Advanced PID Control, chapter 6: maximum integral action under robustness constraints; here on the sampled
+loop, with the error after a disturbance instead of the integral gain.)
 
-An integrator gathers I times the lag of rover and loop while a turn builds up, and gives it back by
-overshooting. FF is therefore taken lower by half of that, at most by a fifth: the integrator then holds its
-part of a turn.
+While a turn builds up, the integrator reaches I times the lag of rover and loop, which causes overshoot. FF
+is therefore reduced by half of that, at most by a fifth: the integrator supplies this part of a turn.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ from rover_sweep.gains.steering_plant import SampledPlant
 from rover_sweep.gains.step import pushed_error, step_size, stepped
 
 MOST_OVERSHOOT = 5.0  # percent
-SPEED_RANGE = 1.5  # the gains are meant to hold from V / 1.5 to 1.5 V
-GATHERED, MOST_GATHERED = 0.5, 0.2  # of I times lag, and of FF
-MOST_P, MOST_I = 2.0, 2.0  # ranges that ground stations offer (AR_AttitudeControl.cpp, var_info)
+SPEED_RANGE = 1.5  # the gains are designed for V / 1.5 to 1.5 V
+FF_REDUCTION, MOST_FF_REDUCTION = 0.5, 0.2  # shares of I times lag, and of FF
+MOST_P, MOST_I = 2.0, 2.0  # ranges of the parameters (AR_AttitudeControl.cpp, var_info)
 MOST_D, D_WORTH = 0.4, 0.7
-_I_ENOUGH = 0.9  # of MOST_I: no D can bring much then
+_I_ENOUGH = 0.9  # of MOST_I: D cannot improve the loop much then
 _D_OF_FF = (0.02, 0.05)  # s
 _P_OF_FF = np.concatenate(([0.0], np.geomspace(0.03, 6.0, 40)))  # P in units of FF
 _I_OF_FF = np.geomspace(0.05, 40.0, 40)  # I in units of FF, 1/s
@@ -40,9 +39,9 @@ _I_OF_FF = np.geomspace(0.05, 40.0, 40)  # I in units of FF, 1/s
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """The rovers it could be: plants at several speeds, the one as identified at the wanted speed first.
+    """Plants within the uncertainty at several speeds; the first is as identified at the design speed.
 
-    angle_per_output: of each side of the servo that may count, rad to the right, the mean first.
+    angle_per_output: of the servo's mean and of each side [rad, positive right], the mean first.
     """
 
     plants: tuple[SampledPlant, ...]
@@ -55,40 +54,41 @@ class Family:
 
     @property
     def lag(self) -> float:
-        """How far the measured yaw rate is behind the output at low frequency, s."""
+        """Lag [s] of the measured yaw rate behind the output at low frequency."""
         w = np.array([1e-3])
         return float(-np.angle(self.nominal.response(w))[0] / w[0])
 
     def loop_gains(self) -> list[tuple[SampledPlant, float]]:
-        """(plant, angle [rad] per output with the speed scale) of every member."""
+        """(plant, road-wheel angle [rad] per output including the speed scale) of every member."""
         scale = self.autopilot.speed_scale
         return [(p, angle * scale(p.speed)) for p in self.plants for angle in self.angle_per_output]
 
 
 def feed_forward(family: Family) -> float:
-    """FF [1/(rad/s)]: the output that holds a turn rate of 1 rad/s at the wanted speed."""
+    """FF [1/(rad/s)]: the output for a steady turn rate of 1 rad/s at the design speed."""
     plant = family.nominal
     return 1.0 / (plant.gain * family.angle_per_output[0] * family.autopilot.speed_scale(plant.speed))
 
 
 def designed(family: Family, keep: Gains) -> Gains | None:
-    """The gains with what `keep` has of filters and IMAX; None where no pair keeps the margins.
+    """The best gains with the filters and IMAX of `keep`; None if no pair of P and I keeps the margins.
 
-    D only where it brings the error of a push below `D_WORTH` of that without: behind a slow gyro filter.
+    D is used only if it reduces the disturbance error below `D_WORTH` times that without D, as with a slow
+    gyro filter.
     """
     right = feed_forward(family)
-    found = _fastest(family, replace(keep, ff=right, d=0.0))
+    found = _best_pair(family, replace(keep, ff=right, d=0.0))
     if found is not None and found[0].i >= _I_ENOUGH * MOST_I:
         return found[0]
     for share in _D_OF_FF:
-        other = _fastest(family, replace(keep, ff=right, d=_below(min(share * right, MOST_D))))
+        other = _best_pair(family, replace(keep, ff=right, d=_rounded_down(min(share * right, MOST_D))))
         if other is not None and (found is None or other[1] < D_WORTH * found[1]):
             found = other
     return found[0] if found else None
 
 
-def _fastest(family: Family, shared: Gains) -> tuple[Gains, float] | None:
-    """(gains, error of a push [rad]) of the best pair of P and I with the D and filters of `shared`."""
+def _best_pair(family: Family, shared: Gains) -> tuple[Gains, float] | None:
+    """(gains, disturbance error [rad]) of the best P and I with the D and filters of `shared`, or None."""
     right = shared.ff
     p, i = (grid.ravel() for grid in np.meshgrid(_P_OF_FF * right, _I_OF_FF * right))
     offered = (p <= MOST_P) & (i <= MOST_I)
@@ -97,18 +97,20 @@ def _fastest(family: Family, shared: Gains) -> tuple[Gains, float] | None:
     p, i = p[keeps], i[keeps]
     if p.size == 0:
         return None
-    ff = np.maximum(right - GATHERED * i * family.lag, (1 - MOST_GATHERED) * right)
-    tame = overshoots(family, shared, p, i, ff) <= MOST_OVERSHOOT
-    if not tame.any():
+    ff = np.maximum(right - FF_REDUCTION * i * family.lag, (1 - MOST_FF_REDUCTION) * right)
+    damped = overshoots(family, shared, p, i, ff) <= MOST_OVERSHOOT
+    if not damped.any():
         return None
-    p, i, ff = p[tame], i[tame], ff[tame]
+    p, i, ff = p[damped], i[damped], ff[damped]
     error = pushed_error(family.autopilot, family.nominal, family.angle_per_output[0], p, i, shared)
     k = int(np.argmin(error))
-    return replace(shared, ff=round(float(ff[k]), 3), p=_below(p[k]), i=_below(i[k])), float(error[k])
+    return replace(shared, ff=round(float(ff[k]), 3), p=_rounded_down(p[k]), i=_rounded_down(i[k])), float(
+        error[k]
+    )
 
 
 def robust(family: Family, shared: Gains, p: Array, i: Array) -> np.ndarray:
-    """Which pairs (n,) keep both margins for the whole family."""
+    """Mask (n,) of the pairs of P and I that keep both margins for the whole family."""
     keeps = np.ones(p.size, dtype=bool)
     w = frequencies(family.autopilot.period)
     for plant, angle in family.loop_gains():
@@ -122,7 +124,7 @@ def robust(family: Family, shared: Gains, p: Array, i: Array) -> np.ndarray:
 
 
 def overshoots(family: Family, shared: Gains, p: Array, i: Array, ff: Array) -> Array:
-    """Predicted overshoot (n,) [%] of the step that `step_of` takes."""
+    """Predicted overshoot (n,) [%] of the step of `step_of`."""
     loop, plant, angle = family.autopilot, family.nominal, family.angle_per_output[0]
     size = step_size(loop, plant, angle)
     driven = simulate_loop(loop, plant, angle, stepped(loop, size), p, i, ff, shared)
@@ -130,8 +132,8 @@ def overshoots(family: Family, shared: Gains, p: Array, i: Array, ff: Array) -> 
 
 
 def integrator_limit(family: Family, ff: float, most_rate: float, trim: float = 0.03) -> float:
-    """IMAX: what the integrator must hold of the family's error in FF at the largest turn rate, and of a trim
-    that is off by `trim` rad; a quarter more, in steps of 0.05, from 0.1 to 1."""
+    """IMAX: the output that compensates the family's error in FF at the largest turn rate [rad/s] and a trim
+    error of `trim` [rad], plus a quarter; in steps of 0.05, from 0.1 to 1."""
     needed = []
     for plant, angle in family.loop_gains():
         right = 1.0 / (plant.gain * angle)
@@ -139,8 +141,8 @@ def integrator_limit(family: Family, ff: float, most_rate: float, trim: float = 
     return float(min(max(np.ceil(1.25 * max(needed) / 0.05) * 0.05, 0.1), 1.0))
 
 
-def _below(value: float) -> float:
-    """To three decimals, so that rounding never takes from a margin."""
+def _rounded_down(value: float) -> float:
+    """Rounded down to three decimals, so that rounding never reduces a margin."""
     return float(np.floor(value * 1000) / 1000)
 
 

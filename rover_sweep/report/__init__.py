@@ -1,1 +1,1 @@
-"""Shows what the core computed: identification.json, an HTML page, pictures, tables, exported models."""
+"""Presents results: identification.json, HTML pages, pictures, tables, exported models."""

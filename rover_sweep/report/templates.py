@@ -1,4 +1,4 @@
-"""The HTML templates of all reports: one environment, one escaping rule, shared parts."""
+"""The HTML templates of all reports: one environment with escaping, and shared parts."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rover_sweep.report.wording.number_format import number
 def environment(*folders: str) -> Environment:
     """Templates of these folders of the package, and the parts that all pages share (page_parts.html.j2)."""
     loader = ChoiceLoader([PackageLoader("rover_sweep", folder) for folder in ("report", *folders)])
-    found = Environment(
+    templates = Environment(
         loader=loader,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_finalized,
+        finalize=_printable,
     )
-    found.filters["number"] = number
-    return found
+    templates.filters["number"] = number
+    return templates
 
 
-def _finalized(value: Any) -> Any:
-    """No control character of a name or a text of the vehicle gets onto a page."""
+def _printable(value: Any) -> Any:
+    """Makes control characters in names and vehicle texts visible."""
     return printable_lines(value) if type(value) is str else value

@@ -184,7 +184,7 @@ def test_inertia_writes_the_file_and_shows_the_uncertainty(
     path.write_text(example())
     assert main.run([*SWING, "--check-times", "43.9,44.1", "--write", str(path)]) == 0
     out, err = capsys.readouterr()
-    assert "0.06981 ± 0.00063 kg m^2" in out and "fine" in out
+    assert "0.06981 ± 0.00063 kg m^2" in out and "passed" in out
     assert "written into" in err
     written = load(path).yaw_inertia
     assert written is not None and (written.value, written.sd) == (0.06981, 0.00063)

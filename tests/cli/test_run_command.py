@@ -89,7 +89,7 @@ def test_a_rover_without_the_applet_is_told_how_to_get_it(
     told: Tell, fresh: launcher.Running, tmp_path: Path
 ) -> None:
     done = told("run", "--connect", fresh.connection, "--vehicle", ROVER, "--out", str(tmp_path / "x"))
-    assert done.code == 4 and "rover-sweep firmware install" in done.err and "the pilot's" in done.err
+    assert done.code == 4 and "rover-sweep firmware install" in done.err and "the pilot arms" in done.err
 
 
 def test_a_wrong_port_is_one_sentence_and_leaves_the_folder_usable(

@@ -80,7 +80,7 @@ def test_the_question_takes_only_one_that_is_heard(
 ) -> None:
     answers = iter(["", "9", "one", "7"])
     monkeypatch.setattr("click.termui.visible_prompt_func", lambda words: next(answers))
-    assert which_vehicle._asked(BOTH) == 7
+    assert which_vehicle._ask_system(BOTH) == 7
     assert capsys.readouterr().out == ""
 
 

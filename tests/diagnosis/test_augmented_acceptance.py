@@ -111,7 +111,7 @@ def test_export_writes_every_form(
     [
         (["--plant", "-o", "x.json"], "a simulated rover is a TOML file"),
         (["--plant", "--speed", "3"], "--plant always writes TOML"),
-        (["--model", "bicycle"], "holds one model"),
+        (["--model", "bicycle"], "has only the model"),
     ],
 )
 def test_export_says_what_is_wrong(

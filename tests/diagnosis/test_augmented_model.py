@@ -136,17 +136,17 @@ def test_the_data_form_keeps_every_model(effect: str) -> None:
 
 
 WRONG: list[tuple[tuple[str, ...], object, str]] = [
-    (("coordinates", "ln_C"), -1e9, "ln_C = -1e+09 does not lie between -20 and 20"),
-    (("coordinates", "lag"), 1e9, "lag = 1e+09 does not lie"),
-    (("coordinates", "tyre_relaxation.sigma"), 40.0, "tyre_relaxation.sigma = 40 does not lie"),
-    (("coordinates", "ln_Izz"), float("nan"), "NaN is no number of JSON"),
-    (("known", "mass"), -1e9, "known mass = -1e+09 does not lie"),
+    (("coordinates", "ln_C"), -1e9, "ln_C = -1e+09 is not between -20 and 20"),
+    (("coordinates", "lag"), 1e9, "lag = 1e+09 is not"),
+    (("coordinates", "tyre_relaxation.sigma"), 40.0, "tyre_relaxation.sigma = 40 is not"),
+    (("coordinates", "ln_Izz"), float("nan"), "NaN is not a JSON number"),
+    (("known", "mass"), -1e9, "known mass = -1e+09 is not"),
     (("known", "sprung_mass"), 0.0, "known sprung_mass = 0 must be above 0"),
-    (("known", "h"), "high", "known h = 'high' is no number"),
-    (("known", "h"), float("inf"), "Infinity is no number of JSON"),
+    (("known", "h"), "high", "known h = 'high' is not a number"),
+    (("known", "h"), float("inf"), "Infinity is not a JSON number"),
     (("speed_m_s",), -2.0, "speed_m_s = -2 must be above 0"),
-    (("steering", "rad_per_us"), 1e9, "rad_per_us = 1e+09 does not lie"),
-    (("filters", "r", "cutoff_hz"), None, "cutoff_hz of r = None is no number"),
+    (("steering", "rad_per_us"), 1e9, "rad_per_us = 1e+09 is not"),
+    (("filters", "r", "cutoff_hz"), None, "cutoff_hz of r = None is not a number"),
     (("baseline",), "tricycle", "there is no baseline 'tricycle'"),
 ]
 

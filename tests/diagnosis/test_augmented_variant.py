@@ -150,7 +150,7 @@ def test_models_without_tyres_or_roll_are_driven_as_near_as_the_plant_can(
 
 
 def test_derivatives_are_no_rover() -> None:
-    with pytest.raises(rs.UsageError, match="diagnose against roll-yaw"):
+    with pytest.raises(rs.UsageError, match="diagnose with --baseline roll-yaw"):
         variant_text(model(baseline="lumped"))
 
 

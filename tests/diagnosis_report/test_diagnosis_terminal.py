@@ -25,31 +25,31 @@ r    120 us      0.5–3.1             6.3 ×
 a_y  throughout     4–14             4.1 ×
 
 Findings
-what was left out           value       90 % interval  unit
+missing effect              value       90 % interval  unit
 steering_backlash  b      0.00830  0.00710 to 0.00940   rad
 tyre_relaxation    sigma    0.310          from 0.240     m
 
 steering_backlash
   The steering has play of 0.017 rad from end to end (0.95 deg at the road
   wheels).
-  It explains 412 squares of the noise; chance explains up to 21.4.
-  These runs cannot tell it from: deadband of the steering (steering_deadband,
-  cosine 0.95).
-  To tell them apart: a servo test on blocks: 40 us at 0.5 rad/s, wheels off the
+  Chi-squared falls by 412 (by chance: at most 21.4).
+  These runs cannot separate it from: deadband of the steering
+  (steering_deadband, cosine 0.95).
+  To separate them: a servo test on blocks: 40 us at 0.5 rad/s, wheels off the
   ground.
 
 tyre_relaxation
   Side force builds up over 0.31 m of rolling.
-  It explains 55.0 squares of the noise; chance explains up to 18.0.
+  Chi-squared falls by 55.0 (by chance: at most 18.0).
 
-On runs that nothing was fitted to
+On held-out runs
 run   J_rms before  after  TIC before  after  share removed
 run4          4.21   1.01        0.21  0.055           89 %
 
 unknown
   The roll rate keeps 2.4 noise floors that the roll state predicts.
   2.4 × the noise in p, depends on phi and p.
-  It looks like -0.31 phi^3 (explains 62 % of it on held-out data).
+  Fitted curve: -0.31 phi^3 (explains 62 % of it on held-out data).
 """
 EXPECTED_PLAN = """\
 These runs cannot tell tyre relaxation from a delay, nor see the rate limit of
@@ -61,24 +61,24 @@ These runs
 sweep              150         2.4           any      2
 doublet            150         2.4            90      1
 
-What they would show
-effect                 found in  counts from   unit
-steering_backlash  b     0.0021       0.0030    rad
-tyre_saturation    mu      0.62         0.90      -
-servo_rate_limit   R          –            –  rad/s
-found in: half of such sets of runs would show that much. counts from: below it,
-a nuisance.
+Detectable sizes
+effect                 detectable  matters   unit
+steering_backlash  b       0.0021   0.0030    rad
+tyre_saturation    mu        0.62     0.90      -
+servo_rate_limit   R            –        –  rad/s
+detectable: smallest size found in half of repeats. matters: smaller is normal
+tolerance.
 
-Effects that they do not tell apart
+Effects that these runs cannot separate
                                   cosine
 tyre_relaxation  transport_delay   0.991
 tyre_saturation  load_transfer     0.940
 
-Effects that they cannot show
+Effects that these runs cannot detect
 effect       why
 cross_slope  one heading
 
-Drive these as well
+Additional runs to drive
                      amplitude, us  speed, m/s  heading, deg  times
 sweep                          240         2.4           any      1
 sweep about a bias  100 about +150         1.6           180      1
@@ -87,7 +87,7 @@ Sweep of 240 us at 2.4 m/s: tells tyre_relaxation from transport_delay, because
 of its speed.
 Sweep about a bias: tells noise from distortion.
 
-With them, still not told apart
+Effects still not separated with them
                                 cosine
 tyre_saturation  load_transfer   0.930
 

@@ -29,7 +29,7 @@ def test_a_folder_and_a_log_give_a_table_and_a_file(folder: Path, capsys: pytest
     out = folder / "gains.param"
     assert run(["gains", str(folder), "--now", str(LOG), "--out", str(out)]) == 0
     said = capsys.readouterr()
-    assert "Gains for 2.45 m/s, good from 1.64 to 3.68 m/s (roll-yaw model, good)" in said.out
+    assert "Gains for 2.45 m/s, valid from 1.64 to 3.68 m/s (roll-yaw model, good)" in said.out
     assert "ATC_STR_RAT_FF" in said.out
     assert f"parameters written to {out}" in said.err
     written = {p.name: p for p in read(out)}
@@ -75,7 +75,7 @@ def test_what_is_not_supported_writes_no_file(
     out = folder / "gains.param"
     assert run(["gains", str(folder), "--speed", "9", "--out", str(out)]) == 0
     said = capsys.readouterr()
-    assert "supports no gains for 9.00 m/s" in said.out
+    assert "No gains can be computed from this identification for 9.00 m/s" in said.out
     assert "too far from the runs" in said.out
     assert "was not written" in said.err
     assert not out.exists()
@@ -84,7 +84,7 @@ def test_what_is_not_supported_writes_no_file(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nowhere"], "holds no identification"),
+        (["nowhere"], "contains no identification"),
         (["{folder}", "--model", "lumped"], "--model lumped"),
         (["{folder}", "--speed", "nan"], "'--speed': 'nan' is no finite number; write it in figures"),
         (["{folder}", "--speed", "inf"], "'--speed': inf is not in the range 0.1<=x<=50"),

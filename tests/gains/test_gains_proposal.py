@@ -81,7 +81,7 @@ def test_a_slow_gyro_filter_costs_gain(document: Any, proposal: Proposal):
     assert slow.proposed.gains.p < proposal.proposed.gains.p
     assert slow.proposed.gains.i < proposal.proposed.gains.i
     assert slow.proposed.gains.d > 0 == proposal.proposed.gains.d
-    assert any("INS_GYRO_FILTER 4 Hz holds the loop back by 56 ms" in r for r in slow.support.remarks)
+    assert any("INS_GYRO_FILTER 4 Hz delays the loop by 56 ms" in r for r in slow.support.remarks)
 
 
 def test_the_parameter_file_reads_back_with_a_reason_on_every_line(proposal: Proposal):
@@ -141,7 +141,7 @@ def test_too_long_a_delay_supports_nothing(document: Any):
         roll_yaw(document)["variants"]["Cf and Cr free"]["parameters"],
     ):
         p["tau"] |= {"value": 1.5, "interval_90": [1.4, 1.6]}
-    assert "no loop worth having" in refused(document)
+    assert "make the loop too slow" in refused(document)
 
 
 @pytest.mark.parametrize("speed", [1.0, 4.5])
@@ -184,7 +184,7 @@ def test_the_kinematic_model_carries_the_feed_forward_alone(document: Any):
 def test_at_the_scales_base_it_says_that_the_integrator_is_held(document: Any):
     found = replace(from_identification(document), intervals={})
     made = propose_gains(found, autopilot({**AS_RECORDED, "MOT_SPD_SCA_BASE": 2.6}), 2.5)
-    assert any("integrator only shrink" in remark for remark in made.support.remarks)
+    assert any("only lets the integrator shrink" in remark for remark in made.support.remarks)
 
 
 def test_without_intervals_the_cramer_rao_bound_makes_the_family(document: Any):
@@ -200,7 +200,7 @@ def test_play_that_the_bench_took_out_is_said_to_be_no_part_of_the_loop(document
     assert not any("play" in remark for remark in proposal.support.remarks)
     document["vehicle"]["steering"]["backlash"] = {"value": 0.012, "sd": 1e-4}
     remarks = propose_gains(from_identification(document), LOOP, 2.5).support.remarks
-    assert any("play (0.012 rad to either side)" in remark for remark in remarks)
+    assert any("play (0.012 rad to each side)" in remark for remark in remarks)
 
 
 def test_a_command_where_it_was_set_waited_for_the_main_loop_and_that_is_off_the_delay(document: Any):

@@ -145,7 +145,7 @@ def test_ignored_4_hz_filters_are_shown_to_look_fine_and_to_be_wrong(defaults: A
     other = model.variants["filters ignored"]
     remark = filters_remark(defaults.result)
     assert remark is not None
-    assert "looks fine by its cost" in remark and "is wrong" in remark
+    assert "has a good cost" in remark and "is wrong" in remark
     assert f"J_ave {other.average:.1f} without them, {model.fit.average:.1f} with them" in remark
     moved = 100 * (other["Izz"].value / model.fit["Izz"].value - 1)
     assert moved > 30 and f"I_zz by {moved:+.0f} %" in remark
@@ -159,7 +159,7 @@ def test_ignored_4_hz_filters_are_shown_to_look_fine_and_to_be_wrong(defaults: A
 
 def test_ignored_20_hz_filters_only_move_the_delay(nominal: Any) -> None:
     remark = filters_remark(nominal.result)
-    assert remark is not None and "costs the same" in remark and "is wrong" not in remark
+    assert remark is not None and "has the same cost" in remark and "is wrong" not in remark
 
 
 def test_a_kinematic_rover_shows_no_tyre_number_anywhere(stock: Any) -> None:
@@ -184,7 +184,7 @@ def test_what_to_do_first_names_runs_to_repeat_refusals_and_missing_verification
     nominal: Any, stock: Any, defaults: Any
 ) -> None:
     assert to_do(nominal.result, replace(nominal.provenance, verify_runs=())) == to_do(*nominal) + (
-        "no run was given for the verification: drive a doublet and give it with --verify",
+        "there is no run for verification: drive a doublet and give it with --verify",
     )
     poor = replace(nominal.result.coherence[0], keep=False, sentence="repeat with 4.0 times the amplitude")
     told = to_do(replace(nominal.result, coherence=(poor,)), nominal.provenance)
@@ -223,7 +223,7 @@ def test_the_terminal_shows_all_tables_within_its_width(nominal: Any, width: int
 def test_the_terminal_is_short_unless_asked(nominal: Any, defaults: Any) -> None:
     text = terminal(nominal, 80)
     assert "Model structure reduction" not in text and "If the sensors' filters" not in text
-    assert "ignores the sensors' low-passes costs the same" in " ".join(text.split())
+    assert "ignores the sensors' low-pass filters has the same cost" in " ".join(text.split())
     assert "If the sensors' filters" in terminal(defaults, 80)  # a parameter moves by more than 3 %
 
 
@@ -234,7 +234,8 @@ def test_a_diagnosis_is_proposed_where_a_response_is_missed_and_only_there(nomin
     missed = replace(model, fit=replace(model.fit, costs={"r": 20.0, "ay": 130.0, "p": 30.0}))
     poor = replace(result, models={**result.models, "roll-yaw": missed})
     assert diagnosis_remark(poor) == (
-        "J of a_y is 130: `rover-sweep diagnose` with the same runs says what the roll-yaw model leaves out."
+        "J of a_y is 130: use `rover-sweep diagnose` with the same runs to find what the roll-yaw model "
+        "leaves out."
     )
     (check,) = model.verification
     still = tuple(replace(o, model=0 * o.model) for o in check.overlays)

@@ -123,8 +123,8 @@ def test_command_takes_the_recommended_model_and_the_format_of_the_suffix(
     ("folder", "options", "code", "words"),
     [
         ("nominal", ["--model", "tricycle"], 2, "there are bicycle, kinematic, lumped, roll-yaw"),
-        ("nominal", ["--model", "lumped", "--speed", "4"], 2, "holds at 2.45 m/s alone"),
-        ("nominal", ["-o", "model.doc"], 2, "no format goes with .doc"),
+        ("nominal", ["--model", "lumped", "--speed", "4"], 2, "valid only at 2.45 m/s"),
+        ("nominal", ["-o", "model.doc"], 2, "no format is known for .doc"),
         ("nominal", ["--format", "mat"], 2, "cannot go to stdout"),
         ("stock", ["--model", "bicycle"], 3, "kinematic model fits as well"),
         ("stock", ["--model", "roll-yaw"], 3, "roll rate does not follow"),

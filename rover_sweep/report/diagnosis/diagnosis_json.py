@@ -1,4 +1,4 @@
-"""diagnosis.json: the whole answer for machines. The contract of `rover-sweep diagnose`."""
+"""diagnosis.json: the whole diagnosis for programs. Its keys are the contract of `rover-sweep diagnose`."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ UNITS = (
 def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, Any]:
     """The diagnosis in plain JSON types; numbers that are not finite are null, keys keep their order.
 
-    findings[].held_out is that of the held-out run with the most data, null without any; held_out_all has
-    those of all. evidence is flat: {name: number}.
+    findings[].held_out is the score on the held-out run with the most data, null without a held-out run;
+    held_out_all has the scores on all. evidence is flat: {name: number}.
     """
     return plain(
         {
@@ -67,8 +67,8 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
     )
 
 
-def most_telling(held_out: Sequence[HeldOut], overlays: Sequence[Overlay]) -> HeldOut | None:
-    """The one of the run with the most data; the first where that is not known."""
+def largest_held_out(held_out: Sequence[HeldOut], overlays: Sequence[Overlay]) -> HeldOut | None:
+    """The score on the held-out run with the most samples; the first if the numbers are unknown."""
 
     def samples(h: HeldOut) -> int:
         return sum(o.t.size for o in overlays if o.run == h.run)
@@ -95,7 +95,7 @@ def _mismatch(m: Mismatch) -> dict[str, Any]:
 
 
 def _finding(f: Finding, overlays: Sequence[Overlay]) -> dict[str, Any]:
-    best = most_telling(f.held_out, overlays)
+    best = largest_held_out(f.held_out, overlays)
     return {
         "effect": f.effect,
         "look_alikes": f.look_alikes,

@@ -1,4 +1,4 @@
-"""Where a diagnosis comes from."""
+"""Origin of a diagnosis: recordings, settings, provenance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Role = Literal["fit", "held out", "simulation"]
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisOrigin:
-    """What the answer alone does not tell: each recording with its role, the settings, the rest."""
+    """Recordings with their roles, settings and provenance of a diagnosis."""
 
     provenance: Provenance = field(default_factory=Provenance)
     recordings: tuple[tuple[Role, Recording], ...] = ()

@@ -1,4 +1,4 @@
-"""A diagnosis as one HTML page that needs nothing else: no network, no other file."""
+"""A diagnosis as one self-contained HTML page: no network, no other file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rover_sweep.report.identification.page import Drawn, by_section
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.effect_names import channel, sentence
 
-WORTH = "The whole model, against the same without this effect"
+WITHOUT_EFFECT = "The whole model, before: without this effect"
 TONES = {
     "none": "good",
     "explained": "good",
@@ -51,14 +51,14 @@ def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Drawn) -
             mismatches=[(sentence(m.sentence), mismatch_section(k)) for k, m in enumerate(found.mismatch)],
             mismatch_table=mismatch_table(found),
             findings=[_finding(f) for f in found.findings],
-            held_out=held_out_table(found.held_out, "All that was found, against the baseline"),
+            held_out=held_out_table(found.held_out, "All findings together, before: the baseline"),
             costs=cost_table(found.held_out),
             falsified=falsified_table(found),
             law=sentence(law_words(found.unknown)) if found.unknown else "",
             unknown=sentence(found.unknown.sentence) if found.unknown else "",
             unknown_channel=channel(found.unknown.channel) if found.unknown else "",
             unseen=unseen_table(found),
-            parameters=value_table(found.parameters, "The model refitted together with the effects")
+            parameters=value_table(found.parameters, "The model, refitted with the effects")
             if found.parameters
             else None,
             remarks=[sentence(remark) for remark in found.remarks],
@@ -77,5 +77,5 @@ def _finding(f: Finding) -> dict[str, Any]:
         "look_alikes": look_alike_words(f),
         "evidence": evidence_words(f),
         "next_run": sentence(next_words(f)),
-        "held_out": held_out_table(f.held_out, WORTH, note=False) if f.held_out else None,
+        "held_out": held_out_table(f.held_out, WITHOUT_EFFECT, note=False) if f.held_out else None,
     }

@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis: which there are, and what they say."""
+"""The pictures of a diagnosis and their captions."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ from rover_sweep.report.pictures.scores import scores
 from rover_sweep.report.wording.effect_names import sentence
 
 OVERLAY = (
-    "Left: the whole run, below it the residual (measured less simulated). Middle: the shaded seconds, in "
-    "which {most}. Grey: twice the noise. Right: spectrum of the residual in sizes of the noise; 1 is the "
-    "floor."
+    "Left: the whole run, below it the residual (measured minus simulated). Middle: the shaded interval, "
+    "where {most}. Grey: twice the noise. Right: spectrum of the residual divided by the noise floor."
 )
 SCORES = (
-    "What each candidate alone would take off the misfit of the model without effects. An effect is in part "
-    "followed by others, so more than the named ones stand over chance; the named are those that the whole "
+    "Reduction of chi-squared by each candidate alone, compared with the model without effects. Effects "
+    "overlap, so more candidates than the named ones exceed chance; the named ones are those that the whole "
     "search kept."
 )
 
 
 def planned(found: Diagnosis) -> tuple[Picture, ...]:
-    """All pictures of a diagnosis, none of them drawn yet."""
+    """All pictures of a diagnosis, not drawn yet."""
     return (*_mismatches(found), *_runs(found), *_scores(found))
 
 
 def mismatch_section(index: int) -> str:
-    """Where the picture of the mismatch of this index belongs."""
+    """Section of the page for the picture of this mismatch."""
     return f"mismatch-{index}"
 
 
@@ -47,8 +46,8 @@ def _runs(found: Diagnosis) -> Iterator[Picture]:
         by_run.setdefault((o.run, o.held_out), []).append(o)
     changed = bool(found.findings)
     for k, ((run, held_out), channels) in enumerate(by_run.items()):
-        role = "which nothing was fitted to" if held_out else "which was fitted"
-        most = "before and after differ most" if changed else "the model is farthest off"
+        role = "held out" if held_out else "used in the fit"
+        most = "before and after differ most" if changed else "the model error is largest"
         caption = f"{run}, {role}. {OVERLAY.format(most=most)}"
         section = "held-out" if held_out else "fitted"
         yield Picture(f"overlay-{k}", section, caption, partial(overlay_figure, tuple(channels), changed))

@@ -25,11 +25,11 @@ KINDS = {
     "other": "other drive",
 }
 FORMAT_VERSION = 1
-SIZES = "found in: half of such sets of runs would show that much. counts from: below it, a nuisance."
+SIZES = "detectable: smallest size found in half of repeats. matters: smaller is normal tolerance."
 
 
 def plan_document(plan: Plan) -> dict[str, Any]:
-    """The plan in plain JSON types; units in the keys or beside the numbers."""
+    """The plan in plain JSON types; units in the keys or in "units"."""
     return plain(
         {
             "format": "rover-sweep plan",
@@ -49,7 +49,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
 
 
 def plan_summary(plan: Plan) -> Group:
-    """The answer, the runs, what they show, what they do not, and the runs to add, for `Console.print`."""
+    """Sentences, runs, detectable sizes, limits and proposed runs, for `Console.print`."""
     parts: list[RenderableType] = []
     for k, part in enumerate(_parts(plan)):
         parts += [Text(""), part] if k else [part]
@@ -65,22 +65,26 @@ def _parts(plan: Plan) -> Iterator[RenderableType]:
     if plan.detectable:
         yield rich_table(size_table(plan))
     if plan.look_alikes:
-        yield rich_table(pair_table(plan.look_alikes, "Effects that they do not tell apart"))
+        yield rich_table(pair_table(plan.look_alikes, "Effects that these runs cannot separate"))
     if plan.cannot_see:
         rows = tuple((Cell(u.effect), Cell(u.why)) for u in plan.cannot_see)
-        yield rich_table(Table("Effects that they cannot show", ("effect", "why"), rows, text_columns=2))
+        yield rich_table(
+            Table("Effects that these runs cannot detect", ("effect", "why"), rows, text_columns=2)
+        )
     if plan.proposal:
-        yield rich_table(run_table(plan.proposal, "Drive these as well" if plan.runs else "Drive these"))
+        yield rich_table(
+            run_table(plan.proposal, "Additional runs to drive" if plan.runs else "Runs to drive")
+        )
         if plan.settles:
             yield Group(*(Sentence(sentence(text)) for text in plan.settles))
         if plan.proposed_look_alikes:
-            yield rich_table(pair_table(plan.proposed_look_alikes, "With them, still not told apart"))
+            yield rich_table(pair_table(plan.proposed_look_alikes, "Effects still not separated with them"))
     if plan.notes:
         yield Group(*(Sentence(sentence(text)) for text in plan.notes))
 
 
 def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:
-    """Kind, amplitude, speed, heading, how often."""
+    """Kind, amplitude, speed, heading and number of each run."""
     rows = tuple(_run(run) for run in runs)
     return Table(heading, ("", "amplitude, us", "speed, m/s", "heading, deg", "times"), rows)
 
@@ -88,29 +92,29 @@ def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:
 def _run(run: PlannedRun) -> tuple[Cell, ...]:
     kind = KINDS[run.kind] + (f", {run.name}" if run.name else "")
     amplitude = f"{run.amplitude_us:g}" + (f" about {run.bias_us:+g}" if run.bias_us else "")
-    speed = f"{run.speed:g}" if run.speed else "stands"
+    speed = f"{run.speed:g}" if run.speed else "0"
     heading = "any" if run.heading is None else f"{run.heading:.0f}"
     return Cell(kind), Cell(amplitude), Cell(speed), Cell(heading), Cell(str(run.repeat))
 
 
 def size_table(plan: Plan) -> Table:
-    """The size of each effect that half of such sets would show, those that count for more first."""
+    """Detectable size of each effect, in the plan's order; marked where it exceeds the size that matters."""
     rows = tuple(_size(effect, size) for effect, size in plan.detectable.items())
-    return Table("What they would show", ("effect", "", "found in", "counts from", "unit"), rows, SIZES, 2)
+    return Table("Detectable sizes", ("effect", "", "detectable", "matters", "unit"), rows, SIZES, 2)
 
 
 def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
-    late = size.size is None or (size.material is not None and size.size > size.material)
+    too_large = size.size is None or (size.material is not None and size.size > size.material)
     return (
         Cell(effect),
         Cell(size.parameter),
-        Cell(number(size.size, 2), "warn" if late else ""),
+        Cell(number(size.size, 2), "warn" if too_large else ""),
         Cell(number(size.material, 2)),
         Cell(unit(size.unit)),
     )
 
 
 def pair_table(pairs: Sequence[SimilarPair], heading: str) -> Table:
-    """Two effects and how alike they look."""
+    """Pairs of effects with the cosine of their signatures; 1 means they cannot be separated."""
     rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{p.cosine:.3f}")) for p in pairs)
     return Table(heading, ("", "", "cosine"), rows, text_columns=2)

@@ -1,4 +1,4 @@
-"""diagnosis.json read back: the answer and its model, without recordings and the curves of the pictures."""
+"""Reads diagnosis.json: the diagnosis and its model, without recordings and picture data."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rover_sweep.report.export.augmented_model_json import augmented_from
 
 
 def read_diagnosis(path: Path) -> Diagnosis:
-    """The diagnosis in a file that `diagnose` wrote. UsageError for any other file."""
+    """The diagnosis in a file written by `diagnose`. UsageError for any other file."""
     try:
         document = read_json(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except (OSError, ValueError) as error:
@@ -34,21 +34,23 @@ def read_diagnosis(path: Path) -> Diagnosis:
 
 
 def _refuse_constant(name: str) -> None:
-    """Python's reader takes NaN and Infinity, which JSON does not have."""
-    raise ValueError(f"{name} is no number of JSON")
+    """Refuse NaN and Infinity, which Python's reader accepts but JSON does not have."""
+    raise ValueError(f"{name} is not a JSON number")
 
 
 def diagnosis_from(document: Any, name: str) -> Diagnosis:
-    """The diagnosis of a document. name: what errors call it."""
+    """The diagnosis in a document. name: of the document, for errors."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise UsageError(f"{name} is no diagnosis.json; give the one that `diagnose` wrote")
+        raise UsageError(f"{name} is not a diagnosis.json; give the file that `diagnose` wrote")
     if document.get("format_version") != FORMAT_VERSION:
         found = document.get("format_version")
-        raise UsageError(f"{name} has version {found} of the format, this program reads {FORMAT_VERSION}")
+        raise UsageError(f"{name} has format version {found}; this program reads version {FORMAT_VERSION}")
     try:
         return _diagnosis(document)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise UsageError(f"{name} is damaged ({type(error).__name__}: {error}); diagnose again") from error
+        raise UsageError(
+            f"{name} is damaged ({type(error).__name__}: {error}); run diagnose again"
+        ) from error
 
 
 def _diagnosis(d: Mapping[str, Any]) -> Diagnosis:

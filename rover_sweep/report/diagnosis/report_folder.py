@@ -1,4 +1,4 @@
-"""A diagnosis' folder: diagnosis.html for people, diagnosis.json for machines, variant.toml to drive it."""
+"""Folder of a diagnosis: diagnosis.html, diagnosis.json, and variant.toml for the simulated rover."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from rover_sweep.report.wording.strict_json import strict_json
 
 @dataclass(frozen=True)
 class DiagnosisFiles:
-    """What was written."""
+    """Paths of the written files."""
 
     document: Path
     page: Path
     variant: Path | None = None
-    """The model as a simulated rover; None where the data were refused, and for a lumped one."""
+    """The model as a simulated rover; None if the data were refused, or for a lumped model."""
 
 
 def write_diagnosis(
@@ -29,10 +29,10 @@ def write_diagnosis(
     origin: DiagnosisOrigin,
     progress: Callable[[float, str], None] | None = None,
 ) -> DiagnosisFiles:
-    """Writes all files, diagnosis.json last: a folder that holds it is whole and of one diagnosis.
+    """Write all files, diagnosis.json last: a folder with diagnosis.json is complete and of one diagnosis.
 
-    Everything is made before the first file is touched. progress is called with the share done, 0..1, and
-    what is being made. UsageError where the directory cannot be written.
+    All content is computed before the first file is changed. progress is called with the share done, 0..1,
+    and the current step. UsageError if the directory is not writable.
     """
     from rover_sweep.report.diagnosis.page import diagnosis_page
     from rover_sweep.report.diagnosis.pictures import planned

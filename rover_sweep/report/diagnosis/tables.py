@@ -1,4 +1,4 @@
-"""A diagnosis as tables for people, the same for the terminal and the page."""
+"""A diagnosis as tables, the same for the terminal and the page."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from rover_sweep.report.identification.comparison import Cell, Table, Tone
 from rover_sweep.report.wording.effect_names import capital, channel, title
 from rover_sweep.report.wording.number_format import SHORT_NAMES, band, change, number, symbol, unit
 
-PLAINLY = 3.0  # sizes of the noise floor from which a residual is seen with the naked eye
+PLAINLY = 3.0  # times the noise floor: a residual this large is visible in a time history
 FLOOR = (
-    "J_rms in deg/s and ft/s², TIC 0 (perfect) to 1. Share removed: of what a model could explain, that is "
-    "of the residual above the noise floor."
+    "J_rms in deg/s and ft/s², TIC 0 (perfect) to 1. Share removed: of the residual above the noise floor, "
+    "the only part that a model can explain."
 )
 
 
 def mismatch_table(found: Diagnosis) -> Table:
-    """Channel, band, condition and size of each place."""
+    """Channel, band, condition and size of each mismatch."""
     rows = tuple(
         (Cell(channel(m.channel)), Cell(m.condition), Cell(_band(m.band)), _size(m.residual_over_noise))
         for m in found.mismatch
@@ -27,7 +27,7 @@ def mismatch_table(found: Diagnosis) -> Table:
 
 
 def _band(limits: tuple[float, float]) -> str:
-    """A band in rad/s, 0 for what is steady."""
+    """A band in rad/s, 0 for a steady mismatch."""
     return band(limits) if limits[1] else "0"
 
 
@@ -36,7 +36,7 @@ def _size(ratio: float) -> Cell:
 
 
 def value_table(values: Sequence[EffectValue], heading: str, words: bool = True) -> Table:
-    """Parameter, what it means, value, 90 % interval, unit."""
+    """Parameter, meaning, value, 90 % interval, unit. words: include the meaning."""
     columns = ("", "", "value", "90 % interval", "unit") if words else ("", "value", "90 % interval", "unit")
     rows = tuple(_value_row(v, words) for v in values)
     return Table(heading, columns, rows, text_columns=2 if words else 1)
@@ -57,7 +57,7 @@ def _value_cells(v: EffectValue) -> tuple[Cell, ...]:
 
 
 def interval_text(v: EffectValue) -> str:
-    """low to high, open where an end could not be found."""
+    """The interval as text; open at an end that was not found."""
     if v.low is None and v.high is None:
         return "–"
     if v.high is None:
@@ -66,12 +66,12 @@ def interval_text(v: EffectValue) -> str:
 
 
 def finding_table(found: Diagnosis) -> Table:
-    """All findings with their parameters, a row each."""
+    """All findings, one row per parameter."""
     rows: list[tuple[Cell, ...]] = []
     for f in found.findings:
         cells = [_value_cells(v) for v in f.parameters] or [tuple(Cell("–") for _ in range(4))]
         rows += [(Cell(f.effect if k == 0 else "", "strong"), *row) for k, row in enumerate(cells)]
-    headings = ("what was left out", "", "value", "90 % interval", "unit")
+    headings = ("missing effect", "", "value", "90 % interval", "unit")
     return Table("Findings", headings, tuple(rows), text_columns=2)
 
 
@@ -80,7 +80,7 @@ def held_out_table(
 ) -> Table:
     """J_rms and TIC before and after on each held-out run, and the share of the explainable error removed.
 
-    room: characters for the name of a run, whose end tells more than its beginning.
+    room: characters for the name of a run; longer names are cut at the front.
     """
     headings = ("run", "J_rms before", "after", "TIC before", "after", "share removed")
     rows = tuple(
@@ -105,12 +105,12 @@ def _pair(before: float, after: float, digits: int) -> tuple[Cell, Cell]:
 
 
 def share(value: float | None) -> str:
-    """A share as a percentage, beyond all of it but chance; words where there was nothing to remove."""
+    """A share as a percentage, at most 100 %; "at the floor" if there was nothing to remove."""
     return "at the floor" if value is None else f"{100 * min(value, 1.0):.0f} %"
 
 
 def cost_table(held_out: Sequence[HeldOut], room: int | None = None) -> Table | None:
-    """J per response before and after on held-out sweeps; None where no held-out run is one.
+    """J per response before and after on held-out sweeps; None without a held-out sweep.
 
     room: as in `held_out_table`.
     """
@@ -124,17 +124,17 @@ def cost_table(held_out: Sequence[HeldOut], room: int | None = None) -> Table | 
         for label, fit in (("before", h.before), ("after", h.after))
     )
     headings = ("run", "", *(f"J of {SHORT_NAMES.get(o, o)}" for o in outputs))
-    note = "J weighs dB and deg; up to 100 is good."
+    note = "J combines dB and deg; up to 100 is good."
     return Table("Cost of the frequency responses", headings, rows, note, 2)
 
 
 def _cost(value: float | None) -> str:
-    """A cost to the tenth, none of them ever needing more."""
+    """A cost with one decimal, none from 100 on."""
     return "–" if value is None else f"{value:.1f}" if value < 100 else f"{value:.0f}"
 
 
 def falsified_table(found: Diagnosis) -> Table | None:
-    """What the missing effect had made of the nominal parameters."""
+    """Nominal parameters without and with the missing effects, and their error; None for none."""
     if not found.falsified:
         return None
     rows = tuple(
@@ -147,31 +147,31 @@ def falsified_table(found: Diagnosis) -> Table | None:
         )
         for f in found.falsified
     )
-    headings = ("parameter", "without the effect", "with it", "unit", "had been off by, %")
-    return Table("Parameters that the missing effect had falsified", headings, rows)
+    headings = ("parameter", "without the effect", "with it", "unit", "error without, %")
+    return Table("Parameters biased by the missing effect", headings, rows)
 
 
 def unseen_table(found: Diagnosis) -> Table | None:
-    """What these runs cannot show."""
+    """Effects that these runs cannot detect, with the reason; None for none."""
     if not found.cannot_see:
         return None
     rows = tuple((Cell(u.effect), Cell(u.why)) for u in found.cannot_see)
-    return Table("What these runs cannot show", ("effect", "why"), rows, text_columns=2)
+    return Table("Effects that these runs cannot detect", ("effect", "why"), rows, text_columns=2)
 
 
 def look_alike_words(f: Finding) -> str:
-    """The effects that would explain it as well, "" for none."""
+    """A sentence with the effects that these runs cannot separate from it, "" for none."""
     if not f.look_alikes:
         return ""
-    told = [f"{title(e)} ({e}{_cosine(f, e)})" for e in f.look_alikes]
-    return f"These runs cannot tell it from: {'; '.join(told)}."
+    look_alikes = [f"{title(e)} ({e}{_cosine(f, e)})" for e in f.look_alikes]
+    return f"These runs cannot separate it from: {'; '.join(look_alikes)}."
 
 
 def next_words(f: Finding) -> str:
-    """What to drive next and what for, "" for nothing."""
+    """The run to drive next and its purpose, "" for none."""
     if not f.next_run:
         return ""
-    return f"To {'tell them apart' if f.look_alikes else 'confirm it'}: {f.next_run}"
+    return f"To {'separate them' if f.look_alikes else 'confirm it'}: {f.next_run}"
 
 
 def _cosine(f: Finding, effect: str) -> str:
@@ -180,13 +180,13 @@ def _cosine(f: Finding, effect: str) -> str:
 
 
 def evidence_words(f: Finding) -> str:
-    """How much it explains, against what chance would; "" where that is not known."""
+    """Reduction of chi-squared with its chance threshold; "" if unknown."""
     gain, chance = f.evidence.get("gain"), f.evidence.get("threshold")
     if not gain or not chance:
         return ""
-    return f"It explains {number(gain, 3)} squares of the noise; chance explains up to {number(chance, 3)}."
+    return f"Chi-squared falls by {number(gain, 3)} (by chance: at most {number(chance, 3)})."
 
 
 def finding_title(f: Finding) -> str:
-    """The effect in words."""
+    """The name of the effect in words."""
     return capital(title(f.effect))

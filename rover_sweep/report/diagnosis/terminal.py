@@ -1,4 +1,4 @@
-"""A diagnosis for the terminal: plain, compact, 80 columns wide."""
+"""A diagnosis for the terminal, 80 columns wide."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rover_sweep.report.wording.effect_names import channel, sentence
 from rover_sweep.report.wording.number_format import number
 
 WIDTH = 80
-ROOM = 24  # characters of a run's name that leave the numbers beside it whole
+ROOM = 24  # characters of a run's name that leave enough width for the numbers
 STYLES = {
     "none": "bold green",
     "explained": "bold",
@@ -35,7 +35,7 @@ STYLES = {
 
 
 def summary(found: Diagnosis) -> Group:
-    """Verdict, mismatches, findings, held-out runs, unknown, what cannot be seen, for `Console.print`."""
+    """Verdict, mismatches, findings, held-out runs, unknown, undetectable, for `Console.print`."""
     return Group(*_spaced(_parts(found)))
 
 
@@ -54,8 +54,7 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
         yield rich_table(mismatch_table(found))
     elif found.findings:
         yield Sentence(
-            "Simulation and recording differ nowhere plainly beyond the noise floor: the nominal parameters "
-            "take up what was left out."
+            "No residual clearly exceeds the noise floor: the nominal parameters absorb the missing effects."
         )
     if found.findings:
         yield rich_table(finding_table(found))
@@ -63,7 +62,7 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
     if falsified := falsified_table(found):
         yield rich_table(falsified)
     if found.held_out:
-        yield rich_table(held_out_table(found.held_out, "On runs that nothing was fitted to", False, ROOM))
+        yield rich_table(held_out_table(found.held_out, "On held-out runs", False, ROOM))
     if costs := cost_table(found.held_out, ROOM):
         yield rich_table(costs)
     if found.unknown:
@@ -75,7 +74,7 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
 
 
 def _explained(f: Finding) -> Group:
-    """The finding's sentence, what it cannot be told from, and the run that would settle it."""
+    """The finding's sentence, evidence, look-alikes, and the run that would decide."""
     lines: list[RenderableType] = [Text(f.effect, "bold")]
     words = [f.sentence, evidence_words(f), look_alike_words(f), next_words(f)]
     lines += [_indented(sentence(text)) for text in words if text]
@@ -91,11 +90,11 @@ def _unknown(u: Unknown) -> Group:
 
 
 def law_words(u: Unknown) -> str:
-    """What law the unknown looks like and how much of it that predicts on held-out data."""
+    """The fitted curve of the unknown part and the share that it predicts on held-out data, "" for none."""
     if not u.law:
         return ""
     gain = "" if u.law_gain is None else f" (explains {100 * u.law_gain:.0f} % of it on held-out data)"
-    return f"It looks like {u.law}{gain}"
+    return f"Fitted curve: {u.law}{gain}"
 
 
 def _indented(text: str) -> Sentence:

@@ -1,4 +1,4 @@
-"""The model of a diagnosis as plain data, and back: the entry "model" of diagnosis.json."""
+"""The model of a diagnosis to and from plain data: the entry "model" of diagnosis.json."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from rover_sweep.data.recording import LowPass
 from rover_sweep.diagnosis.settings import BASELINES
 from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
 
-LARGEST = 1e6  # of a rover's numbers and derivatives, SI units
-LARGEST_COORDINATE = 20.0  # s, rad, m, m/s^2, shares and logarithms alike
+LARGEST = 1e6  # largest accepted physical number or derivative, SI units
+LARGEST_COORDINATE = 20.0  # of the fit's coordinates: s, rad, m, m/s^2, shares and logarithms
 _ABOVE_0 = {"speed_m_s"} | {
     f"known {name}" for name in ("mass", "a", "b", "sprung_mass", "roll_inertia", "yaw_inertia", "friction")
 }
 
 
 def augmented_document(model: AugmentedModel) -> dict[str, Any]:
-    """Everything in it, SI units; "numbers" are the physical ones that follow from the rest."""
+    """All data of the model in SI units; "numbers" are physical values computed from the rest."""
     return {
         "name": model.name,
         "baseline": model.baseline,
@@ -39,7 +39,7 @@ def augmented_document(model: AugmentedModel) -> dict[str, Any]:
 
 
 def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
-    """The model out of its document; KeyError, TypeError or ValueError where that is none."""
+    """The model from its document; KeyError, TypeError or ValueError for an invalid one."""
     from rover_sweep.diagnosis.effects import library
 
     effects = tuple(document["effects"])
@@ -60,12 +60,12 @@ def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
         happened_in=document["happened_in"] or "",
         happened_at=document["happened_at_s"],
     )
-    refuse_insane(model)
+    refuse_implausible(model)
     return model
 
 
-def refuse_insane(model: AugmentedModel) -> None:
-    """ValueError for numbers that no fit ends with, named with their value: a damaged or foreign file."""
+def refuse_implausible(model: AugmentedModel) -> None:
+    """ValueError with name and value for a number that no fit can return (a damaged or foreign file)."""
     if model.baseline not in BASELINES:
         raise ValueError(f"there is no baseline {model.baseline!r}")
     known = {f.name: getattr(model.rover, f.name) for f in fields(Geometry) if f.name != "free"}
@@ -77,17 +77,17 @@ def refuse_insane(model: AugmentedModel) -> None:
         **dict(zip(("trim_us", "rad_per_us"), model.steering or (), strict=False)),
     }
     for name, value in others.items():
-        _refuse_beyond(name, value, LARGEST)
+        _refuse_outside(name, value, LARGEST)
         if name in _ABOVE_0 and value <= 0:
             raise ValueError(f"{name} = {value:g} must be above 0")
     own = {e.key(p.name): 1.01 * max(abs(p.low), abs(p.high)) for e in model.added for p in e.parameters}
     for name, value in model.x.items():
         usual = LARGEST if name in DERIVATIVES else LARGEST_COORDINATE
-        _refuse_beyond(name, value, own.get(name, usual))
+        _refuse_outside(name, value, own.get(name, usual))
 
 
-def _refuse_beyond(name: str, value: object, most: float) -> None:
+def _refuse_outside(name: str, value: object, most: float) -> None:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{name} = {value!r} is no number")
-    if not abs(value) <= most:  # NaN as well
-        raise ValueError(f"{name} = {value:g} does not lie between {-most:g} and {most:g}")
+        raise ValueError(f"{name} = {value!r} is not a number")
+    if not abs(value) <= most:  # also true for NaN
+        raise ValueError(f"{name} = {value:g} is not between {-most:g} and {most:g}")

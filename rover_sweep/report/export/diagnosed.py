@@ -1,4 +1,4 @@
-"""What is linear of a diagnosis' model for python-control, MATLAB and anybody, the rest in words."""
+"""The linear part of a diagnosed model for python-control, MATLAB and JSON; the rest as sentences."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from rover_sweep.report.wording.strict_json import plain
 
 
 def exported_augmented(model: AugmentedModel, verdict: str, speed: float | None = None) -> dict[str, Any]:
-    """The linear part at a speed [m/s] (the true one of the runs unless given), as `exported_model` gives it.
+    """The linear part at a speed [m/s] (default: true speed of the runs), in the form of `exported_model`.
 
-    verdict: of the diagnosis. "left_out": sentences on what is not linear; "augmented": the whole model, of
-    which `at_speed` makes another speed's. sensor_filters are known and hidden low-passes in a row.
+    verdict: of the diagnosis. "left_out": sentences on the nonlinear parts; "augmented": the whole model,
+    from which `at_speed` computes another speed. sensor_filters: known and hidden low-passes in series.
     """
     structure, at = linear(model), speed or model.speed * (1.0 + model.value("vscale"))
     lost = left_out(model)
-    said = f"Left out: {'; '.join(lost)}." if lost else "Nothing of the model is left out."
+    remark = f"Not included: {'; '.join(lost)}." if lost else "The whole model is included."
     return plain(
         {
             "format": "rover-sweep model",
             "model": model.name,
             "verdict": verdict,
-            "note": f"{NOTE} {said}",
+            "note": f"{NOTE} {remark}",
             "left_out": lost,
             "reference": structure.reference,
             **system_document(structure, structure.matrices(at), at),
@@ -45,7 +45,7 @@ def exported_augmented(model: AugmentedModel, verdict: str, speed: float | None 
 
 
 def _filters(model: AugmentedModel, outputs: tuple[str, ...]) -> dict[str, Any]:
-    """Each output's low-passes in a row as one fraction in falling powers of s."""
+    """Each output's low-passes in series as one fraction, coefficients in falling powers of s."""
     hidden, out = hidden_filters(model), {}
     for output in outputs:
         found = [f[output] for f in (model.filters, hidden) if output in f]

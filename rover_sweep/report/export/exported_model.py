@@ -1,4 +1,4 @@
-"""Identified models for python-control, MATLAB and anybody: continuous-time matrices with names and units."""
+"""Identified models for python-control, MATLAB and JSON: continuous-time matrices, names and units."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def exported_model(
 ) -> dict[str, Any]:
     """One model of a result as plain data. steering: (trim_us, rad_per_us) of the vehicle file.
 
-    A, B, C, D and M, F, G, H0, H1 as nested lists (B, G and D a column for each input); tau_s is the delay
-    of the steering, input_delays_s and output_delays_s are those of all; structure: the text of a user's
-    own structure, which `at_speed` needs; sensor_filters: {output: {cutoff_hz, num, den}}, not part of the
-    matrices.
+    A, B, C, D and M, F, G, H0, H1 are nested lists (B, G and D have a column per input). tau_s: delay of
+    the steering; input_delays_s, output_delays_s: delays of all inputs and outputs. structure: text of a
+    user's own structure, needed by `at_speed`. sensor_filters: {output: {cutoff_hz, num, den}}, not included
+    in the matrices.
     """
     model = result.models[name]
     structure = model.fit.structure
@@ -55,7 +55,7 @@ def exported_model(
 def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
     """An exported model of physical parameters at another speed [m/s].
 
-    ValueError for the lumped model, whose derivatives hold at the speed of the identification alone.
+    ValueError for the lumped model, whose derivatives are valid only at the speed of the identification.
     """
     if whole := exported.get("augmented"):
         from rover_sweep.report.export.augmented_model_json import augmented_from
@@ -63,7 +63,7 @@ def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
 
         return exported_augmented(augmented_from(whole), exported["verdict"], speed)
     if exported["model"] == "lumped":
-        raise ValueError("the lumped model holds at the speed of the identification alone")
+        raise ValueError("the lumped model is valid only at the speed of the identification")
     own = exported.get("structure")
     build = structure_from_text(own).build if own else BUILDERS[exported["model"]]
     mat = build({**exported["parameters"], "V": speed})
@@ -71,7 +71,7 @@ def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
 
 
 def _filters(filters: Mapping[str, LowPass], outputs: tuple[str, ...]) -> dict[str, Any]:
-    """Numerator and denominator in falling powers of s of each known low-pass, unit gain at 0."""
+    """Each known low-pass (Butterworth, unit gain at 0): num and den in falling powers of s."""
     known = {o: filters[o] for o in outputs if o in filters}
     out = {}
     for output, f in known.items():

@@ -1,6 +1,6 @@
-"""An augmented model as a variant of the simulated rover: the TOML file that `--variant` reads.
+"""A diagnosed model as a variant of the simulated rover: the TOML file that `--variant` reads.
 
-Only the file's form is shared with the simulation: names of numbers and of effects, SI units, ISO axes.
+Only the file format is shared with the simulation: names of numbers and effects, SI units, ISO axes.
 """
 
 from __future__ import annotations
@@ -11,40 +11,40 @@ from math import isfinite, sqrt
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import UsageError
 
-LINEAR_TYRES = 4.0  # of friction: the model's tyres have no peak unless one was found
-BEND_ALIKE = 5.8  # friction^2 bend, where both laws lose as much force when an axle pulls half of its load
-NO_LIMIT = 100.0  # rad/s, of a servo whose rate limit did not show
-STIFF = 30.0  # times the weight on an axle per rad: next to no slip, for a model without any
+LINEAR_TYRES = 4.0  # friction of practically linear tyres, for a model without tyre saturation
+BEND_ALIKE = 5.8  # friction^2 * bend for equal force loss of both tyre laws at half the axle load
+NO_LIMIT = 100.0  # rad/s, servo rate limit if none was found
+STIFF = 30.0  # cornering stiffness per axle load, 1/rad, for a model without slip
 NEAR_NOTHING = 1e-9
-AS_NUMBERS = {"tyre_slip", "roll_dof", "front_rear_stiffness"}  # effects that are numbers of every plant
+AS_NUMBERS = {"tyre_slip", "roll_dof", "front_rear_stiffness"}  # effects that every plant has as numbers
 SAME_NUMBER = {
     "servo_lag": "servo_lag",
     "transport_delay": "servo_delay",
     "velocity_lag": "velocity_lag",
     "servo_rate_limit": "servo_rate_limit",
 }
-ABSENT = 1e5  # from which a limit or a cut-off is none
+ABSENT = 1e5  # a limit or cut-off at or above this does not exist
 
 Value = float | str | tuple[float, float, float]
 
 
 def variant_text(model: AugmentedModel) -> str:
-    """The variant as text. What the plant cannot be stands in its first lines.
+    """The variant as TOML text; comments at the top list what the plant cannot reproduce.
 
     UsageError for a lumped model.
     """
     if model.lumped:
         raise UsageError(
-            "a lumped model has derivatives where the simulated rover has tyres and springs; "
-            "diagnose against roll-yaw, bicycle or kinematic to drive it"
+            "the simulated rover needs tyres and springs, which a lumped model does not have; "
+            "diagnose with --baseline roll-yaw, bicycle or kinematic"
         )
     effects = _effects(model)
     same = {number for effect, number in SAME_NUMBER.items() if effect in effects}
     numbers = {name: value for name, value in _numbers(model).items() if name not in same}
-    found = ", ".join(model.effects) or "nothing beyond the model"
+    found = ", ".join(model.effects) or "no further effects"
     lines = [
-        f"# The rover that rover-sweep diagnosed: the {model.baseline} model, and {found}.",
-        "# All else (noise, road, drive, estimator) is the nominal simulated rover's.",
+        f"# Rover diagnosed by rover-sweep: {model.baseline} model with {found}.",
+        "# Everything else (noise, road, drive, estimator) is as in the nominal simulated rover.",
         *(f"# {sentence[0].upper()}{sentence[1:]}." for sentence in not_in_the_plant(model)),
         'base = "nominal"',
         "",
@@ -56,33 +56,33 @@ def variant_text(model: AugmentedModel) -> str:
 
 
 def not_in_the_plant(model: AugmentedModel) -> list[str]:
-    """What of the model the simulated rover does not have, one sentence each."""
+    """Sentences on the parts of the model that the simulated rover does not have."""
     out, x = [], model.value
     if abs(x("vscale")) > 1e-4:
         times = f"{1 + x('vscale'):.4f}"
-        out.append(f"the true speed was found to be {times} times the logged one; here it is logged as it is")
+        out.append(f"the true speed is {times} times the logged one; this rover logs the true speed")
     lags = [(c, 1e3 * x(f"{c}_lag")) for c in ("ay", "p") if abs(x(f"{c}_lag")) > 1e-4]
     if lags:
         late = ", ".join(f"{c} by {ms:.1f} ms" for c, ms in lags)
-        out.append(f"small lags of the channels against r are left out: {late}")
+        out.append(f"small lags of the channels relative to r are not included: {late}")
     if abs(x("vy_gain")) > 1e-3:
         out.append(
-            f"the logged V_y was found to be {1 + x('vy_gain'):.3f} times the true one; here it is not"
+            f"the logged V_y is {1 + x('vy_gain'):.3f} times the true one; this rover logs the true V_y"
         )
     if x("lag_shape") > 0.01 and x("lag") > 1e-3:
-        out.append("the servo was found to be of second order; here its lag is of first order, as long")
+        out.append("the servo is of second order; this rover's servo is of first order with the same lag")
     if not model.structure.slip:
         out.append(
-            "the model has no slipping tyres: here they are stiff, and a + b is the effective wheelbase"
+            "the model has no tyre slip: this rover has stiff tyres, and a + b is the effective wheelbase"
         )
     if not model.structure.roll:
-        out.append("the model does not roll: the sprung mass' centre lies on the roll axis")
+        out.append("the model does not roll: the centre of the sprung mass is on the roll axis")
     if model.structure.slip and "tyre_saturation" not in model.effects:
-        out.append(
-            "the tyres have next to no peak, as in the model: set friction before driving to the limit"
-        )
+        out.append("the tyres do not saturate, as in the model: set friction before driving to the limit")
     if "clock_offset" in model.effects:
-        out.append("a redrive takes the log's stamps as right: its motion comes later than the log's by T")
+        out.append(
+            "a redrive uses the log's time stamps as they are: its motion is later than the log's by T"
+        )
     return out
 
 
@@ -116,7 +116,7 @@ def _numbers(model: AugmentedModel) -> dict[str, Value]:
 
 
 def _axles(model: AugmentedModel, n: Mapping[str, float]) -> dict[str, Value]:
-    """Distances and stiffness of the axles; stiff ones that neither over- nor understeer without slip."""
+    """Positions and stiffness of the axles; for a model without slip, stiff and neutral-steering ones."""
     a, b, front, rear = n["a"], n["b"], n["Cf"], n["Cr"]
     if not model.structure.slip:
         share = n["L_eff"] / (a + b)
@@ -132,13 +132,13 @@ def _axles(model: AugmentedModel, n: Mapping[str, float]) -> dict[str, Value]:
 
 
 def _friction(model: AugmentedModel) -> float:
-    """Of tyres that bend no more than the model's where it was driven; their limit is unknown."""
+    """Friction of tyres that saturate like the model's in the driven range; their limit is unknown."""
     bend = model.value("bend")
     return min(LINEAR_TYRES, sqrt(BEND_ALIKE / bend)) if bend > 0 else LINEAR_TYRES
 
 
 def _delay(model: AugmentedModel) -> float:
-    """That of the servo alone: for a main loop the command waits in the simulated rover as well."""
+    """Delay of the servo alone [s]: the simulated rover already adds the wait for the main loop."""
     from rover_sweep.diagnosis.effects.clock_offset import USUAL_DELAY
 
     whole = USUAL_DELAY if "clock_offset" in model.effects else model.value("delay")
@@ -146,14 +146,14 @@ def _delay(model: AugmentedModel) -> float:
 
 
 def _imu(model: AugmentedModel, n: Mapping[str, float], h: float) -> tuple[float, float, float]:
-    """Forward, right, down of the sprung CG; a named offset stands among the effects instead."""
+    """IMU position forward, right, down of the sprung CG [m]; without an offset listed as an effect."""
     if "imu_offset" in model.effects:
         return model.rover.imu_x, 0.0, h - model.rover.imu_z
     return n["imu_x"], 0.0, h - n["imu_z"]
 
 
 def _effects(model: AugmentedModel) -> dict[str, dict[str, Value]]:
-    """The table [effects]: what was found, and the ordinary trim that every rover has."""
+    """The table [effects]: the findings, and the trim error that every rover has."""
     out: dict[str, dict[str, Value]] = {}
     for effect in model.added:
         if effect.id in AS_NUMBERS:

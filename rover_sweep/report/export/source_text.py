@@ -1,4 +1,4 @@
-"""An exported model as MATLAB text, Python text or a .mat file, made from its JSON form."""
+"""An exported model as MATLAB code, Python code or a .mat file, from its JSON form."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ DESCRIPTOR = ("M", "F", "G", "H0", "H1")
 
 
 def json_text(model: Model) -> str:
-    """The JSON form itself."""
+    """The model as JSON text."""
     return strict_json(dict(model))
 
 
 def matlab_text(model: Model) -> str:
-    """A script that makes `sys` (ss with input delay), `sensors` (tf per output) and all matrices.
+    """A script that creates `sys` (ss with input delay), `sensors` (tf per output) and all matrices.
 
-    `sys` is the rover's motion; `sensors * sys` is what was recorded. Needs the Control System Toolbox.
+    `sys` gives the rover's motion; `sensors * sys` the recorded signals. Needs the Control System Toolbox.
     """
     lines = [*_remarks(model, "%"), ""]
     lines += [f"{name} = {_matlab(model[name])};" for name in (*STATE_SPACE, *DESCRIPTOR)]
@@ -36,7 +36,7 @@ def matlab_text(model: Model) -> str:
         f"    'InputName', {_cell(model['inputs'])}, 'InputUnit', {_cell(model['input_units'])}, ...",
         f"    'OutputName', {_cell(model['outputs'])}, 'OutputUnit', {_cell(model['output_units'])});",
         "",
-        f"sensors = tf(eye({len(model['outputs'])}));  % the sensors' low-passes, one output each",
+        f"sensors = tf(eye({len(model['outputs'])}));  % low-pass filters of the sensors, one per output",
     ]
     for k, output in enumerate(model["outputs"], 1):
         if f := model["sensor_filters"].get(output):
@@ -48,7 +48,7 @@ def matlab_text(model: Model) -> str:
 
 
 def python_text(model: Model) -> str:
-    """A module with the matrices, `frequency_response(w)` by numpy, and `system()` by python-control."""
+    """A module with the matrices, `frequency_response(w)` (numpy), and `system()` (python-control)."""
     return "\n".join(
         [
             f'"""{model["model"]} model of a rover, exported by rover-sweep.\n',
@@ -139,7 +139,7 @@ def _filters(model: Model) -> dict[str, tuple[list[float], list[float]]]:
 _PYTHON_FUNCTIONS = '''
 
 def frequency_response(w, sensors=True, input=0):
-    """(n_w, n_outputs) from an input at w [rad/s], delays included; sensors: with their low-passes."""
+    """Response (n_w, n_outputs) to an input at w [rad/s], with delays; sensors: include their low-passes."""
     s = 1j * np.atleast_1d(np.asarray(w, dtype=float))
     x = np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, np.broadcast_to(B, (s.size, *B.shape)))
     h = (C @ x + D)[:, :, input] * np.exp(-np.outer(s, input_delays[input] + np.array(output_delays)))
@@ -151,7 +151,7 @@ def frequency_response(w, sensors=True, input=0):
 
 
 def system(pade_order=3):
-    """The same for python-control, delays as Pade approximations, without the sensors' low-passes."""
+    """A python-control system, with Pade approximations of the delays, without the sensors' low-passes."""
     import control
 
     rational = control.ss(A, B, C, D, inputs=inputs, outputs=outputs, states=states)

@@ -20,10 +20,9 @@ UNITS = {
     "vydot": "m/s^2",
 }
 NOTE = (
-    "M x' = F x + G delta(t - tau), y = H0 x + H1 x'; the same as x' = A x + B delta(t - tau), y = C x + D "
+    "M x' = F x + G delta(t - tau), y = H0 x + H1 x'; equivalent to x' = A x + B delta(t - tau), y = C x + D "
     "delta(t - tau). delta [rad] is the road-wheel angle, left positive; ISO axes (x forward, y left, z up). "
-    "The outputs are the rover's motion at the IMU; sensor_filters are what the recorded signals went "
-    "through after it."
+    "The outputs are the rover's motion at the IMU; the recorded signals also passed the sensor_filters."
 )
 
 
@@ -49,12 +48,12 @@ def _delay(structure: ModelStructure, name: str | None) -> float:
 
 
 def _unit(structure: ModelStructure, name: str) -> str:
-    """The unit that a user's structure states, else the usual one, else none."""
+    """The unit given in the user's structure, else the usual one, else ""."""
     return structure.units.get(name) or UNITS.get(name, "")
 
 
 def matrices_of(mat: Matrices) -> dict[str, Any]:
-    """A, B, C, D and what they are made of."""
+    """A, B, C, D and the matrices M, F, G, H0, H1 that they are computed from."""
     a = np.linalg.solve(mat.m, mat.f)
     b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
     return {

@@ -1,4 +1,4 @@
-"""The result as tables for people, the same for the terminal and the page: the paper's Tables 2 to 6."""
+"""The result as tables like Tables 2 to 6 of the paper, the same for the terminal and the page."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ SINGLE_J = 150.0  # a single response up to 150-200 is tolerable (Tischler & Rem
 J_RMS_GUIDE, TIC_GUIDE = 2.0, 0.35
 IGNORED = "filters ignored"
 INTERVALS = (
-    "Intervals: bootstrap of noise like the residuals through the whole method, whose own bias is taken out "
-    "(so an interval need not hold its value); what the model leaves out of the rover is not in them."
+    "Intervals: bootstrap with noise like the residuals, through the whole method, corrected for its bias "
+    "(so an interval may exclude the value). They do not include errors of the model structure."
 )
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A text and how it is to be taken: good, warn (beyond a guideline), bad (rejected), muted (fixed)."""
+    """A text and its tone: good, warn (outside a guideline), bad (rejected), muted (fixed)."""
 
     text: str
     tone: Tone = ""
@@ -45,7 +45,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """A table. text_columns: how many columns at the left hold words; the others hold numbers."""
+    """A table. text_columns: number of left columns with words; the others have numbers."""
 
     title: str
     headings: tuple[str, ...]
@@ -57,8 +57,8 @@ class Table:
 def parameter_table(result: Identification, name: str, fixed_rows: bool = True) -> Table:
     """Description, value, unit, interval, CR and insensitivity of one model, as Tables 2, 3 and 4.
 
-    Where there are no intervals, their column says which parameters are free.
-    fixed_rows: a row for each fixed parameter; otherwise they stand in the note.
+    Without intervals, their column shows which parameters are free.
+    fixed_rows: a row for each fixed parameter; otherwise the note lists them.
     """
     model, reason = result.models[name], rejection(result, name)
     free = [e for e in model.fit.estimates if e.free]
@@ -74,9 +74,9 @@ def parameter_table(result: Identification, name: str, fixed_rows: bool = True) 
 
 
 def _fixed_words(fixed: list[Estimate]) -> str:
-    told = [f"{symbol(e.name)} {number(e.value)} {unit(e.unit)}" for e in fixed if e.value]
+    values = [f"{symbol(e.name)} {number(e.value)} {unit(e.unit)}" for e in fixed if e.value]
     zero = [symbol(e.name) for e in fixed if not e.value]
-    return f"Fixed: {', '.join(told)}" + (f"; 0: {', '.join(zero)}" if zero else "") + "."
+    return f"Fixed: {', '.join(values)}" + (f"; 0: {', '.join(zero)}" if zero else "") + "."
 
 
 def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
@@ -90,8 +90,8 @@ def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
         Cell(number(e.value) + bound, "strong"),
         Cell(unit(e.unit)),
         Cell(_interval(e)),
-        Cell(percent(e.cr_percent), _beyond(e.cr_percent, CR_GUIDE)),
-        Cell(percent(e.insensitivity_percent), _beyond(e.insensitivity_percent, I_GUIDE)),
+        Cell(percent(e.cr_percent), _guideline_tone(e.cr_percent, CR_GUIDE)),
+        Cell(percent(e.insensitivity_percent), _guideline_tone(e.insensitivity_percent, I_GUIDE)),
     )
 
 
@@ -106,7 +106,7 @@ def _fixed_row(e: Estimate) -> tuple[Cell, ...]:
     return tuple(Cell(text, "muted") for text in texts)
 
 
-def _beyond(value: float | None, guide: float) -> Tone:
+def _guideline_tone(value: float | None, guide: float) -> Tone:
     return "warn" if value is not None and not value <= guide else ""
 
 
@@ -122,15 +122,15 @@ def cost_table(result: Identification) -> Table:
     everything = [Cell(f"{m.average_all:.1f}", _cost_tone(m.average_all)) for m in models.values()]
     rows += [(Cell("J_ave, fitted", "strong"), *fitted), (Cell("J_ave, all responses"), *everything)]
     note = (
-        "J of equation (11); ≤ 50 is hardly distinguishable from the data, ≤ 100 acceptable. "
-        "(In brackets: not in the fit.)"
+        "J of equation (11): ≤ 50 nearly indistinguishable from the data, ≤ 100 acceptable. "
+        "In brackets: not in the fit."
     )
     headings = ("response", *(TITLES.get(n, n) for n in models))
     return Table("Cost J of the frequency responses", headings, tuple(rows), note)
 
 
 def _to_other_inputs(models: Mapping[str, ModelResult]) -> list[str]:
-    """The labels output/input of responses to another input than the steering."""
+    """Labels output/input of the responses to inputs other than the steering."""
     return list(dict.fromkeys(label for m in models.values() for label in m.costs if "/" in label))
 
 
@@ -173,7 +173,7 @@ def _verification_table(models: Mapping[str, ModelResult], k: int) -> Table:
             )
             rows.append((Cell(f"TIC of {SHORT_NAMES[channel]}"), *(_channel_tic(o) for o in found)))
     note = (
-        "Equations (15) and (16) over r, a_y and p as far as the model has them, in deg/s, ft/s² and deg/s. "
+        "Equations (15) and (16) over those of r, a_y and p that the model has, in deg/s, ft/s² and deg/s. "
         "Guidelines: J_rms ≤ 1 to 2, TIC ≤ 0.25 to 0.35."
     )
     headings = ("", *(TITLES.get(n, n) for n in verdicts))
@@ -181,7 +181,7 @@ def _verification_table(models: Mapping[str, ModelResult], k: int) -> Table:
 
 
 def _guided(value: float, guide: float) -> Cell:
-    return Cell(number(value, 3), _beyond(value, guide))
+    return Cell(number(value, 3), _guideline_tone(value, guide))
 
 
 def _channel_j(overlay: Overlay | None) -> Cell:
@@ -193,7 +193,7 @@ def _channel_tic(overlay: Overlay | None) -> Cell:
 
 
 def inertia_table(result: Identification, provenance: Provenance) -> Table | None:
-    """The yaw inertia of the vehicle file against each model's, None without one of the two."""
+    """The yaw inertia of the vehicle file compared with each model's, None without either."""
     stated = provenance.vehicle.yaw_inertia if provenance.vehicle else None
     value = stated.value if stated else result.geometry.yaw_inertia
     found = {n: e for n, m in usable(result).items() if (e := inertia_of(m))}
@@ -207,14 +207,14 @@ def inertia_table(result: Identification, provenance: Provenance) -> Table | Non
         title = Cell(f"{TITLES.get(name, name)} model")
         rows.append((title, Cell(number(e.value)), Cell(bound), difference))
     note = (
-        "Vehicle file: standard deviation, from the swing test where `rover-sweep inertia` wrote it; models: "
-        "Cramer-Rao bound. The paper's lay within 25 % (bicycle) and 12 % (roll-yaw) of its swing test."
+        "±: standard deviation (vehicle file), Cramer-Rao bound (models). In the paper the models are within "
+        "25 % (bicycle) and 12 % (roll-yaw) of the swing test."
     )
     return Table("Yaw inertia I_zz, kg m²", ("", "I_zz", "±", "difference %"), tuple(rows), note)
 
 
 def filters_table(result: Identification) -> Table | None:
-    """What every model becomes when the sensors' low-passes are ignored, None where there are none."""
+    """Every model fitted without the sensors' low-pass filters, for comparison; None without filters."""
     rows: list[tuple[Cell, ...]] = []
     for name, model in usable(result).items():
         if other := model.variants.get(IGNORED):
@@ -238,7 +238,7 @@ def _side_by_side(title: str, fit: FitResult, other: FitResult) -> list[tuple[Ce
 
 
 def variants_table(result: Identification, name: str) -> Table | None:
-    """The parameters and costs of a model under every other way of fitting it, None where there is none."""
+    """Parameters and costs of a model in its other fits, None without any."""
     model = result.models[name]
     fits = {"the fit": model.fit, **model.variants}
     if len(fits) < 2 or rejection(result, name):
@@ -264,7 +264,7 @@ def _value(fit: FitResult, name: str) -> Cell:
 
 
 def reduction_table(model: ModelResult) -> Table | None:
-    """Every step of the model structure reduction, None where there was none."""
+    """The steps of the model structure reduction, None without any."""
     if not model.reduction:
         return None
     rows = tuple(
@@ -277,9 +277,9 @@ def reduction_table(model: ModelResult) -> Table | None:
         )
         for s in model.reduction
     )
-    headings = ("parameter", "tried because of", "", "J_ave before", "J_ave without")
+    headings = ("parameter", "reason to test", "", "J_ave before", "J_ave without")
     note = (
-        "A parameter is dropped, or fixed at what the vehicle file says, when J_ave without it hardly rises "
+        "A parameter is dropped, or fixed at the vehicle file's value, if J_ave hardly rises without it "
         "(5 % and 1)."
     )
     return Table("Model structure reduction", headings, rows, note, 3)
@@ -287,14 +287,14 @@ def reduction_table(model: ModelResult) -> Table | None:
 
 def _outcome(step: ReductionStep, model: ModelResult) -> str:
     if not step.dropped:
-        return "kept: unstable without" if step.unstable else "kept"
+        return "kept: unstable without it" if step.unstable else "kept"
     if model.fit.structure.name == "lumped":
         return "dropped"
-    return f"fixed at {number(step.value)}, found {number(step.found)}"
+    return f"fixed at {number(step.value)}, fitted {number(step.found)}"
 
 
 def poles_table(model: ModelResult) -> Table:
-    """Poles with natural frequency and damping, a complex pair in one row."""
+    """Poles [rad/s] with natural frequency and damping ratio; one row per complex pair."""
     poles = sorted(model.fit.structure.poles(model.fit.speed), key=lambda s: (abs(s), s.imag))
     rows = tuple(_pole(complex(s)) for s in poles if s.imag >= 0)
     return Table(f"Poles at {model.fit.speed:.2f} m/s", ("pole, rad/s", "frequency, rad/s", "damping"), rows)
@@ -307,7 +307,7 @@ def _pole(s: complex) -> tuple[Cell, ...]:
 
 
 def coherence_table(result: Identification) -> Table:
-    """Each run's speed, usable bands and verdict."""
+    """Speed, amplitude, usable bands and verdict of each run."""
     outputs = [o for o in OUTPUTS if any(o == c.output for v in result.coherence for c in v.outputs)]
     speeds = {v.run: run.mean_speed for run, v in judged_runs(result) if v and "speed" in run}
     rows = []
@@ -321,7 +321,7 @@ def coherence_table(result: Identification) -> Table:
     headings = ("run", "verdict", "m/s", "amplitude", *(f"{SHORT_NAMES[o]}" for o in outputs))
     without = ", ".join(n for n in result.settings.condition_on if any(n in g.others for g in result.groups))
     kind = (
-        f"partial coherence with the steering ({without} taken out)"
+        f"partial coherence with the steering ({without} removed)"
         if without
         else "coherence with the steering"
     )

@@ -1,4 +1,4 @@
-"""Handling quantities as a table, as sentences and for identification.json."""
+"""Handling quantities as a table, as warnings and for identification.json."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LABELS = {
 
 
 def handling_table(result: Identification) -> Table | None:
-    """A column for each model that has tyres, None without one; fits with Cf and Cr free in the note."""
+    """One column per model with tyres, None without any; the note has the fits with Cf and Cr free."""
     found = {name: h for name, h in result.handling.items() if name in result.models}
     if not found:
         return None
@@ -38,18 +38,18 @@ def handling_table(result: Identification) -> Table | None:
         if any(name in h.quantities for h in found.values())
     )
     headings = ("", "", *(TITLES.get(name, name) for name in found))
-    note = "K_us > 0 understeers; ± Cramér-Rao bounds of the free parameters alone." + _untied(result)
+    note = "K_us > 0: understeer. ±: Cramér-Rao bound, from the free parameters only." + _untied(result)
     speed = next(iter(found.values())).speed
     return Table(f"Handling at {speed:.2f} m/s", headings, rows, note, 2)
 
 
 def _untied(result: Identification) -> str:
-    """What the fits with a stiffness for each axle say of K_us, where the others tie them."""
+    """A sentence on K_us of the fits with free Cf and Cr, "" without any."""
     others = {name: h for name, h in result.handling.items() if name not in result.models}
     if not others:
         return ""
     words = [f"{name}: {_cell(h, 'understeer_gradient_deg_per_g').text} deg/g" for name, h in others.items()]
-    return f" With one C for both axles the sign of K_us is that of b - a; {'; '.join(words)}."
+    return f" With one C for both axles, K_us has the sign of b - a; {'; '.join(words)}."
 
 
 def _cell(found: Handling, name: str) -> Cell:
@@ -61,7 +61,7 @@ def _cell(found: Handling, name: str) -> Cell:
 
 
 def handling_notes(result: Identification, verify_runs: Sequence[Recording] = ()) -> tuple[Note, ...]:
-    """Warnings of runs near the critical speed or the friction limit; the roll-yaw model speaks first."""
+    """Warnings on runs near the critical speed or the friction limit, by the roll-yaw model if it exists."""
     found = result.handling
     model = found.get("roll-yaw") or found.get("bicycle")
     return warnings(model, (*identified_runs(result), *verify_runs), result.geometry.friction)
@@ -76,5 +76,12 @@ def handling_document(result: Identification, verify_runs: Sequence[Recording] =
 
 
 def _document(found: Handling) -> dict[str, Any]:
-    told = {n: {"value": q.value, "bound": q.bound, "unit": q.unit} for n, q in found.quantities.items()}
-    return {"speed_m_s": found.speed, "tied": found.tied, "sentence": found.sentence, "quantities": told}
+    quantities = {
+        n: {"value": q.value, "bound": q.bound, "unit": q.unit} for n, q in found.quantities.items()
+    }
+    return {
+        "speed_m_s": found.speed,
+        "tied": found.tied,
+        "sentence": found.sentence,
+        "quantities": quantities,
+    }

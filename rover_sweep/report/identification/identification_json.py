@@ -1,4 +1,4 @@
-"""identification.json: everything that was found, for machines. The contract of `rover-sweep identify`."""
+"""identification.json: the whole result for programs. Its keys are the contract of `rover-sweep identify`."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def identification_document(result: Identification, provenance: Provenance) -> d
 
 
 def inertia_document(result: Identification, provenance: Provenance) -> dict[str, Any]:
-    """The yaw inertia of the vehicle file against that of each model, as the paper compares them."""
+    """The yaw inertia of the vehicle file and of each model, with the difference in percent."""
     stated = provenance.vehicle.yaw_inertia if provenance.vehicle else None
     value = stated.value if stated else result.geometry.yaw_inertia
     models = {}
@@ -116,7 +116,7 @@ def _verdict(verdict: CoherenceVerdict) -> dict[str, Any]:
 
 
 def recording_document(run: Recording) -> dict[str, Any]:
-    """Where a recording comes from and what is known of it."""
+    """Source files, channels, filters and notes of a recording."""
     return {
         "name": run.name,
         "kind": run.kind,
@@ -166,7 +166,7 @@ def _response(f: FrequencyResponse) -> dict[str, Any]:
 
 
 def _conditioning(f: FrequencyResponse) -> dict[str, Any]:
-    """Of a response that other inputs were taken out of, whose coherence is the partial one."""
+    """Entries for a response conditioned on other inputs, whose "coherence" is the partial one; else {}."""
     if f.multiple_coherence is None or f.input_coherence is None:
         return {}
     return {

@@ -16,10 +16,10 @@ from rover_sweep.report.wording.acceptance import rejection
 
 
 def model_document(result: Identification, name: str) -> dict[str, Any]:
-    """parameters, cost, verification and all the rest of a model; see `identification_document`.
+    """Parameters, cost, verification and all else of a model; see `identification_document`.
 
-    Where the kinematic model suffices, the value of every free parameter of a richer model is null,
-    with "reason", and what the optimiser returned stands under "rejected".
+    If the kinematic model suffices, the value of every free parameter of a larger model is null, with
+    "reason", and "rejected" has the optimiser's numbers.
     """
     model, reason = result.models[name], rejection(result, name)
     return {
@@ -91,7 +91,7 @@ def _interval(interval: Intervals | None) -> dict[str, Any]:
 
 
 def _bootstrap(fit: FitResult) -> dict[str, Any] | None:
-    """What the intervals rest on: replicates that settled, and how many ran off."""
+    """Level, number of converged replicates and number of failed ones; None without intervals."""
     found = next((e.interval for e in fit.estimates if e.interval), None)
     return {"level": found.level, "replicates": found.replicates, "failed": found.failed} if found else None
 

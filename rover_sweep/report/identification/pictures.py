@@ -1,4 +1,4 @@
-"""The report's pictures: which there are, what they say, and how each is drawn."""
+"""The report's pictures, their captions, and the functions that draw them."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from rover_sweep.report.wording.acceptance import identified_runs, usable
 from rover_sweep.report.wording.provenance import Provenance
 
 HISTORY = (
-    "White: the manoeuvre, which the spectra use; blue marks at the bottom: standstill and straight driving, "
-    "from which biases are taken."
+    "White: the manoeuvre, used for the spectra. Blue marks at the bottom: standstill and straight driving, "
+    "used to estimate biases."
 )
 MODELS = (
-    "with the sensors' known filters. The fit sees what lies between the orange lines, of the responses that "
-    "are named as fitted."
+    "with the sensors' known filters. The fit uses the range between the orange lines, of the responses "
+    "named as fitted."
 )
 RESPONSES = "Orange lines: the usable band (coherence at least 0.6, brief drops allowed)."
 
@@ -40,18 +40,18 @@ class Picture:
     make: Callable[[], Figure]
 
     def figure(self) -> Figure:
-        """The figure in the report's style."""
+        """The figure, in the report's style."""
         with styled():
             return self.make()
 
     def png(self) -> bytes:
-        """The picture drawn."""
+        """The figure as PNG bytes."""
         with styled():
             return png(self.make())
 
 
 def planned(result: Identification, provenance: Provenance) -> tuple[Picture, ...]:
-    """All pictures of a result, none of them drawn yet; every name is different."""
+    """All pictures of a result, not drawn yet; every name is different."""
     pictures = [
         *_verifications(result, provenance),
         *_responses(result),
@@ -61,10 +61,10 @@ def planned(result: Identification, provenance: Provenance) -> tuple[Picture, ..
 
 
 def shown_models(result: Identification) -> dict[str, ModelResult]:
-    """The models to draw: those with findings; the kinematic one where it is the answer or the only one."""
+    """The models to draw: all valid ones, the kinematic one only if recommended or alone."""
     found = usable(result)
-    rich = {n: m for n, m in found.items() if n != "kinematic"}
-    return found if result.recommended == "kinematic" or not rich else rich
+    larger = {n: m for n, m in found.items() if n != "kinematic"}
+    return found if result.recommended == "kinematic" or not larger else larger
 
 
 def _histories(runs: tuple[Recording, ...]) -> Iterator[Picture]:
@@ -81,7 +81,7 @@ def _responses(result: Identification) -> Iterator[Picture]:
         if models:
             caption = f"Measured responses{at} and the models' {MODELS}"
             if "lumped" in models and group is not result.groups[0]:
-                caption += f" The lumped model is that of {result.speed:.2f} m/s: it has no other."
+                caption += f" The lumped model is valid only at {result.speed:.2f} m/s."
             yield Picture(f"models{suffix}", "models", caption, partial(modelled_responses, group, models))
         caption = f"Measured frequency responses{at}, composite of windows of {_windows(group)}. {RESPONSES}"
         yield Picture(f"responses{suffix}", "responses", caption, partial(measured_responses, group))
@@ -99,7 +99,9 @@ def _verifications(result: Identification, provenance: Provenance) -> Iterator[P
         verdicts = {n: m.verification[k] for n, m in models.items() if k < len(m.verification)}
         name = next(iter(verdicts.values())).run
         run = provenance.verify_runs[k] if k < len(provenance.verify_runs) else None
-        caption = f"Verification on {name}, which no fit has seen: its measured steering drives the models."
+        caption = (
+            f"Verification on {name}, which is not in the fit: its measured steering is the models' input."
+        )
         draw = partial(verification, run, verdicts)
         yield Picture(f"verification-{_slug(name)}", "verification", caption, draw)
 

@@ -1,4 +1,4 @@
-"""Sentences of the report that compare numbers of a result."""
+"""Sentences of the report on a result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SMALL_CHANGE = 3.0  # percent
 
 
 def filters_remark(result: Identification) -> str | None:
-    """What ignoring the known filters would have done to the model in use; None without filters or fit."""
+    """Effect of ignoring the sensors' filters on the recommended model; None without filters or fit."""
     models = usable(result)
     order = (result.recommended, "roll-yaw", "bicycle", "kinematic")
     name = next((n for n in order if n in models and IGNORED in models[n].variants), None)
@@ -26,30 +26,30 @@ def filters_remark(result: Identification) -> str | None:
     changes = _changes(with_filters, without)
     if max(map(abs, changes.values()), default=0.0) < SMALL_CHANGE:
         return (
-            f"A {name} fit that ignores the sensors' low-passes costs the same ({costs}): their lag goes "
-            f"into the delay{_delays(with_filters, without)}, and no other parameter moves by even "
+            f"A {name} fit that ignores the sensors' low-pass filters has the same cost ({costs}): the delay "
+            f"absorbs their lag{_delays(with_filters, without)}, and no other parameter changes by "
             f"{SMALL_CHANGE:g} %."
         )
     if without.average > max(J_GOOD, 2 * with_filters.average):
         return (
-            f"A {name} fit that ignores the sensors' low-passes is visibly worse ({costs})"
-            f"{_delays(with_filters, without)}; it moves {_moved(changes)}."
+            f"A {name} fit that ignores the sensors' low-pass filters is clearly worse ({costs})"
+            f"{_delays(with_filters, without)}; it changes {_moved(changes)}."
         )
     return (
-        f"A {name} fit that ignores the sensors' low-passes looks fine by its cost ({costs}; guideline "
-        f"≤ {J_GOOD:g}) and is wrong: the delay{_delays(with_filters, without)} and the inertia absorb the "
-        f"filters' lag, which moves {_moved(changes)}."
+        f"A {name} fit that ignores the sensors' low-pass filters has a good cost ({costs}; guideline "
+        f"≤ {J_GOOD:g}) but is wrong: the delay{_delays(with_filters, without)} and the inertia absorb the "
+        f"filters' lag, which changes {_moved(changes)}."
     )
 
 
 def filters_moved(result: Identification) -> float:
-    """Most that a free parameter of any model but the delay moves without the filters, %."""
+    """Largest change [%] of a free parameter other than the delay, over all models, without the filters."""
     pairs = [(m.fit, m.variants[IGNORED]) for m in usable(result).values() if IGNORED in m.variants]
     return max((abs(x) for fit, other in pairs for x in _changes(fit, other).values()), default=0.0)
 
 
 def _changes(fit: FitResult, other: FitResult) -> dict[str, float]:
-    """Percent by which each free parameter but the delay differs."""
+    """Change [%] of each free parameter except the delay."""
     free = [e for e in fit.estimates if e.free and e.value and e.name not in fit.structure.delays]
     return {e.name: 100 * (other[e.name].value / e.value - 1) for e in free}
 
@@ -69,7 +69,7 @@ def _moved(changes: dict[str, float]) -> str:
 
 
 def finding(result: Identification) -> str | None:
-    """The recommended model in one line: its parameters with their bounds, and how it verified."""
+    """The recommended model in one line: parameters with bounds, and its verification; None without one."""
     model = result.models.get(result.recommended or "")
     if model is None:
         return None
@@ -80,12 +80,12 @@ def finding(result: Identification) -> str | None:
     text = f"At {model.fit.speed:.2f} m/s: " + ", ".join(words)
     if model.verification:
         v = model.verification[0]
-        text += f"; on {v.run}, which it had not seen, J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}"
+        text += f"; on {v.run} (not in the fit) J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}"
     return text + "."
 
 
 def diagnosis_remark(result: Identification) -> str | None:
-    """Where a diagnosis is worth its while: the model in use misses a response, or a run it had not seen."""
+    """Advice to diagnose if the recommended model misses a response or a verification run, else None."""
     models = usable(result)
     name = result.recommended if result.recommended in models else next(reversed(models), None)
     if name is None:
@@ -99,20 +99,22 @@ def diagnosis_remark(result: Identification) -> str | None:
         misses = f"TIC on {unseen[0].run} is {unseen[0].tic:.2f}"
     else:
         return None
-    return f"{misses}: `rover-sweep diagnose` with the same runs says what the {name} model leaves out."
+    return (
+        f"{misses}: use `rover-sweep diagnose` with the same runs to find what the {name} model leaves out."
+    )
 
 
 def filters_known(result: Identification) -> str:
-    """Which low-passes the sensors have."""
+    """A sentence with the sensors' known low-pass filters."""
     known = known_filters(result)
     if not known:
-        return "The recorded signals are unfiltered, as far as the recordings tell."
+        return "The recordings name no filter of their signals."
     words = [f"{SHORT_NAMES.get(c, c)} {number(f.cutoff_hz, 3)} Hz ({f.source})" for c, f in known.items()]
-    return "Second-order low-passes that the fits put into the models' outputs: " + ", ".join(words) + "."
+    return "Second-order low-pass filters included in the models' outputs: " + ", ".join(words) + "."
 
 
 def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
-    """What to do before the numbers are used: runs to repeat, models that could not be had, warnings."""
+    """What to do before using the numbers: runs to repeat, refused models, warnings, missing verification."""
     repeat = [f"{v.run}: {v.sentence}" for v in result.coherence if not v.keep]
     refused = [text if name in text else f"{name}: {text}" for name, text in result.refused.items()]
     runs = (*identified_runs(result), *provenance.verify_runs)
@@ -120,7 +122,7 @@ def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
     missing = (
         ()
         if provenance.verify_runs
-        else ("no run was given for the verification: drive a doublet and give it with --verify",)
+        else ("there is no run for verification: drive a doublet and give it with --verify",)
     )
     limits = [note.text for note in handling_notes(result, provenance.verify_runs)]
     return tuple(dict.fromkeys([*repeat, *refused, *limits, *warnings, *missing]))

@@ -19,7 +19,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """What was written. page and pictures are for people, document and models for machines."""
+    """Paths of the written files: page and pictures for people, document and models for programs."""
 
     directory: Path
     document: Path
@@ -31,35 +31,35 @@ class ReportFiles:
 def write_report(
     result: Identification, directory: Path, provenance: Provenance, progress: Progress | None = None
 ) -> ReportFiles:
-    """Writes the whole report, identification.json last: a folder that holds it is whole and of one result.
+    """Write the whole report, identification.json last: a folder with it is complete and of one result.
 
-    Everything is computed before the first file is touched; then the old identification.json goes, each
-    file is replaced at once, and what an older report left is removed. progress is called with the share
-    done, 0..1, and what is being made. Models whose numbers were rejected are not exported. UsageError
-    where the directory cannot be written.
+    Everything is computed before the first file is changed. Then the old identification.json is removed,
+    each file is replaced atomically, and files of an older report are removed. progress is called with the
+    share done, 0..1, and the current file. Models with rejected numbers are not exported. UsageError if the
+    directory is not writable.
     """
     from rover_sweep.report.identification.page import page
     from rover_sweep.report.identification.pictures import planned
 
-    told = progress or _silent
-    told(0.0, "identification.json")
+    report = progress or _silent
+    report(0.0, "identification.json")
     document = strict_json(identification_document(result, provenance))
     models = _models(result, provenance)
     plan = planned(result, provenance)
     drawn = []
     for k, picture in enumerate(plan):
-        told(0.05 + 0.85 * k / len(plan), f"pictures/{picture.name}.png")
+        report(0.05 + 0.85 * k / len(plan), f"pictures/{picture.name}.png")
         drawn.append((picture, picture.png()))
-    told(0.95, "report.html")
+    report(0.95, "report.html")
     html = page(result, provenance, drawn)
     pictures = {f"{picture.name}.png": data for picture, data in drawn}
     files = _write(directory, document, html, pictures, models)
-    told(1.0, "done")
+    report(1.0, "done")
     return files
 
 
 def _silent(share: float, what: str) -> None:
-    """No progress wanted."""
+    """Default progress: does nothing."""
 
 
 def _models(result: Identification, provenance: Provenance) -> dict[str, str]:
@@ -89,6 +89,6 @@ def _write_folder(directory: Path, pattern: str, contents: Mapping[str, str | by
 
 
 def _remove_others(directory: Path, pattern: str, keep: Sequence[Path]) -> None:
-    """A report that is written again must not keep a model that it rejects now."""
+    """Remove files of an older report, such as models that are now rejected."""
     for path in set(directory.glob(pattern)) - set(keep):
         path.unlink()

@@ -1,4 +1,4 @@
-"""The comparison for the terminal, as rich tables: the paper's Tables 2 to 6 for this rover."""
+"""The result for the terminal as rich tables, like Tables 2 to 6 of the paper."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Sentence:
         self.text, self.style, self.first, self.rest = text, style, first, rest
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Already broken into lines, so that the console has nothing left to break."""
+        """Wraps the text here, so that the console does not wrap it again."""
         glued = re.sub(r"(?<=\d) (?=%)|(?<=[≤≥=<>]) (?=\d)", "\N{NO-BREAK SPACE}", self.text)
         lines = textwrap.wrap(
             glued,
@@ -58,15 +58,15 @@ class Sentence:
 
 
 def comparison(result: Identification, provenance: Provenance, verbose: bool = False) -> Group:
-    """Runs, parameters, costs, verification, inertia, handling and the filters' part, for `Console.print`.
+    """Runs, parameters, costs, verification, inertia, handling and filters, for `Console.print`.
 
-    verbose: with the steps of the structure reductions and, whatever they say, the fits without filters.
+    verbose: also the steps of the structure reductions and, in every case, the fits without filters.
     """
     return Group(*_spaced(_parts(result, provenance, verbose)))
 
 
 def conclusion(result: Identification, provenance: Provenance) -> Group:
-    """What to do: the summary's sentences, then what is to be mended first."""
+    """The summary's sentences, the main result, and what to do first."""
     lines = [Sentence(sentence, "bold") for sentence in result.summary]
     if words := finding(result):
         lines.append(Sentence(words))
@@ -77,7 +77,7 @@ def conclusion(result: Identification, provenance: Provenance) -> Group:
 
 
 def rich_table(table: Table) -> RenderableType:
-    """One table with its title above and its note below."""
+    """A table with its title above and its note below."""
     shown = RichTable(box=None, padding=(0, 2, 0, 0), header_style="dim", pad_edge=False)
     for k, heading in enumerate(table.headings):
         words = k < table.text_columns
@@ -85,7 +85,9 @@ def rich_table(table: Table) -> RenderableType:
     for row in table.rows:
         shown.add_row(*(Text(cell.text, STYLES[cell.tone]) for cell in row))
     note = (Sentence(table.note, "dim"),) if table.note else ()
-    return Group(Sentence(table.title, "bold"), shown, *note)  # a title of its own, not broken by the table
+    return Group(
+        Sentence(table.title, "bold"), shown, *note
+    )  # a separate title, as rich would wrap it to the table
 
 
 def _parts(result: Identification, provenance: Provenance, verbose: bool) -> Iterator[RenderableType]:
@@ -109,7 +111,7 @@ def _parts(result: Identification, provenance: Provenance, verbose: bool) -> Ite
 
 
 def _filters(result: Identification, verbose: bool) -> Iterator[RenderableType]:
-    """The table where it is asked for or a parameter other than the delay moves."""
+    """The filters, and the fits without them if verbose or if a parameter other than the delay changes."""
     table = filters_table(result)
     if table is None:
         return

@@ -1,1 +1,1 @@
-"""The pictures of the reports, one file for each kind."""
+"""The pictures of the reports, one file per kind."""

@@ -38,7 +38,7 @@ def measured_responses(group: Group) -> Figure:
 
 
 def modelled_responses(group: Group, models: Models) -> Figure:
-    """The same with the models' responses, the known sensor filters included."""
+    """As `measured_responses`, with the models' responses (including the known sensor filters)."""
     return _figure(group, models)
 
 
@@ -76,7 +76,7 @@ def _block(
     }
     deg = _phase(f.h, f)
     _measured(magnitude, phase, f, deg)
-    models_deg = {name: _beside(_phase(h, f), deg, f) for name, h in lines.items()}
+    models_deg = {name: _nearest_turn(_phase(h, f), deg, f) for name, h in lines.items()}
     for name, h in lines.items():
         magnitude.plot(
             f.w, 20 * np.log10(np.abs(h)), label=f"{name} model", zorder=3, **model_line(name, models)
@@ -121,7 +121,7 @@ def _coherence(axes: Axes, f: FrequencyResponse) -> None:
 
 
 def _outside(axes: Axes, f: FrequencyResponse) -> None:
-    """Shades what is not used, and marks the ends of the usable band."""
+    """Shade the range outside the usable band, and mark its ends."""
     low, high = f.band or (f.w[-1], f.w[-1])
     for a, b in ((1e-4, low), (high, 1e4)):
         axes.axvspan(a, b, color=OUTSIDE, linewidth=0, zorder=0)
@@ -131,21 +131,21 @@ def _outside(axes: Axes, f: FrequencyResponse) -> None:
 
 
 def _title(f: FrequencyResponse, group: Group, models: Models) -> str:
-    """The response and its unit, below it J of each model at this speed."""
-    without = f" less {', '.join(f.conditioned_on)}" if f.conditioned_on else ""
+    """Title: the response and its unit, below it J of each model at this speed."""
+    without = f" without {', '.join(f.conditioned_on)}" if f.conditioned_on else ""
     what = f"{LABELS[f.output]} / steering{without}, {f.unit.replace('^2', '²')}"
     if not models:
         return f"{what}\n{'usable ' + band(f.band) + ' rad/s' if f.band else 'no usable band'}"
     having = {name: m for name, m in models.items() if f.band and f.output in m.fit.structure.outputs}
     if not having:
-        return f"{what}\nno model has it" if f.band else f"{what}\nno usable band"
+        return f"{what}\nin no model" if f.band else f"{what}\nno usable band"
     seen = [group.condition((f.output,))]
     values = {name: f"{costs(m.fit.structure, seen)[f.output]:.1f}" for name, m in having.items()}
-    told = ", ".join(f"{name} {j}" for name, j in values.items())
-    if len(told) > ROOM:
-        told = f"{', '.join(values.values())}, in the legend's order"
+    listed = ", ".join(f"{name} {j}" for name, j in values.items())
+    if len(listed) > ROOM:
+        listed = f"{', '.join(values.values())}, in the legend's order"
     fitted = any(f.output in m.fit.costs for m in having.values())
-    return f"{what}\nJ: {told}" + ("" if fitted else " (not in the fit)")
+    return f"{what}\nJ: {listed}" + ("" if fitted else " (not in the fit)")
 
 
 def _model_line(model: ModelResult, f: FrequencyResponse, group: Group) -> Complex:
@@ -158,9 +158,9 @@ def _inside(f: FrequencyResponse) -> np.ndarray:
 
 
 def _phase(h: Complex, f: FrequencyResponse) -> Array:
-    """Phase [deg] unwrapped outwards from the middle of the band, so that noise beside it turns nothing.
+    """Phase [deg] unwrapped outwards from the middle of the band, so that noise outside does not affect it.
 
-    Without a band there is no phase to follow: it stays within +-180.
+    Without a band the phase is not unwrapped: it stays within +-180.
     """
     if f.band is None:
         return np.degrees(np.angle(h))
@@ -173,7 +173,7 @@ def _phase(h: Complex, f: FrequencyResponse) -> Array:
     return deg - 360.0 * np.round((deg[inside[0]] - 1e-9) / 360.0)
 
 
-def _beside(deg: Array, reference: Array, f: FrequencyResponse) -> Array:
-    """The phase moved by whole turns to lie beside another one in the band."""
+def _nearest_turn(deg: Array, reference: Array, f: FrequencyResponse) -> Array:
+    """The phase shifted by multiples of 360 deg to be closest to the reference in the band."""
     inside = _inside(f)
     return deg - 360.0 * np.round(float(np.median(deg[inside] - reference[inside])) / 360.0)

@@ -1,4 +1,4 @@
-"""Time history of a run: the steering and what the rover did, as Figure 2 of the paper."""
+"""Time history of a run: steering and motion, as Figure 2 of the paper."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def history(run: Recording) -> Figure:
     _angle_axis(grid[0], run)
     start, end = run.span
     grid[-1].set_xlim(-MARGIN, end - start + MARGIN)
-    grid[-1].set_xlabel("time since the manoeuvre began, s")
+    grid[-1].set_xlabel("time since start of the manoeuvre, s")
     grid[0].set_title(f"{literal(run.name)}: {run.kind}, mean speed {run.mean_speed:.2f} m/s")
     return figure
 
@@ -64,14 +64,14 @@ def _row(axes: Axes, run: Recording, channel: str, label: str, factor: float) ->
 
 
 def _scale(axes: Axes, shown: Signal, inside: Signal, factor: float) -> None:
-    """Limits by the manoeuvre, so that a start or a stop beside it does not squeeze it."""
+    """Axis limits from the manoeuvre only, so that the start and stop do not compress it."""
     x = inside.x * factor if inside.x.size else shown.x * factor
     spare = 0.12 * (float(np.ptp(x)) or 1.0)
     axes.set_ylim(float(x.min()) - spare, float(x.max()) + spare)
 
 
 def _angle_axis(axes: Axes, run: Recording) -> None:
-    """The road-wheel angle at the right side, where the PWM was turned into one."""
+    """Right axis with the road-wheel angle, if it was computed from the PWM."""
     if "pwm" not in run or "delta" not in run:
         return
     pwm, delta = run["pwm"].x, run["delta"].x

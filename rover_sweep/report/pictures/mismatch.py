@@ -1,4 +1,4 @@
-"""A small picture of one mismatch: how large the residual is over what it depends on."""
+"""A small picture of one mismatch: the residual against the quantity that it depends on."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rover_sweep.report.pictures.style import OUTSIDE, literal, log_frequency
 SIZE = (5.2, 2.3)  # in
 FLOOR = "#555555"
 REST = "#9CC3DF"
-MANY = 25  # points, whose marks would hide the line
+MANY = 25  # points from which the markers are smaller
 OVER = {
     "harmonic": "harmonic of the steering frequency",
     "amplitude": "largest steering angle",
@@ -26,12 +26,12 @@ OVER = {
 
 
 def drawable(m: Mismatch, overlays: Sequence[Overlay]) -> bool:
-    """Is there anything to draw for it."""
+    """True if the mismatch has a profile or a spectrum to draw."""
     return _filled(m) is not None or bool(_spectra(m, overlays))
 
 
 def mismatch(m: Mismatch, overlays: Sequence[Overlay]) -> Figure:
-    """The residual over its profile where there is one, else over frequency; 1 is the noise floor."""
+    """The residual against its profile's quantity if it has one, else against frequency; 1: noise floor."""
     figure = Figure(figsize=SIZE)
     axes = figure.add_axes((0.125, 0.235, 0.795, 0.735))
     profile = _filled(m)
@@ -46,13 +46,13 @@ def mismatch(m: Mismatch, overlays: Sequence[Overlay]) -> Figure:
         axes.set_ylim(bottom=0)
     for floor in (-1.0, 1.0) if below else (1.0,):
         axes.axhline(floor, color=FLOOR, linewidth=1.0, linestyle=(0, (4, 2)))
-    axes.set_ylabel("mean / what it is known to" if m.condition == "steady" else "residual / noise")
+    axes.set_ylabel("mean / its uncertainty" if m.condition == "steady" else "residual / noise")
     axes.text(1.01, 1.0, "noise", transform=axes.get_yaxis_transform(), va="center", fontsize=8, color=FLOOR)
     return figure
 
 
 def _filled(m: Mismatch) -> Profile | None:
-    """Its profile, None where nothing was known anywhere along it."""
+    """The profile, None without values."""
     return m.profile if m.profile is not None and m.profile.ratio else None
 
 
@@ -61,11 +61,11 @@ def _spectra(m: Mismatch, overlays: Sequence[Overlay]) -> list[Overlay]:
 
 
 def _profile(axes: Axes, m: Mismatch, profile: Profile) -> None:
-    """Bars for words and for few values, those that the condition names in a stronger colour; else a line."""
+    """Bars for words and for few values, darker for those named in the condition; else a line."""
     labels = _labels(profile)
     if labels:
-        told = [label in m.condition.split() or f"{label} " in m.condition for label in labels]
-        colours = [BEFORE["color"] if one or not any(told) else REST for one in told]
+        named = [label in m.condition.split() or f"{label} " in m.condition for label in labels]
+        colours = [BEFORE["color"] if one or not any(named) else REST for one in named]
         axes.bar(range(len(labels)), profile.ratio, color=colours, width=0.55)
         axes.set_xticks(range(len(labels)), labels)
         axes.set_xlim(-0.6, len(labels) - 0.4)
@@ -80,13 +80,13 @@ def _profile(axes: Axes, m: Mismatch, profile: Profile) -> None:
 
 
 def _quantity(profile: Profile) -> str:
-    """What stands along the axis, with its unit."""
+    """Label of the x axis, with its unit."""
     unit = f", {profile.unit.replace('us', 'µs')}" if profile.unit else ""
     return f"{OVER.get(profile.over, profile.over)}{unit}"
 
 
 def _labels(profile: Profile) -> list[str]:
-    """Words under the bars, none where the profile is a line over numbers."""
+    """Labels under the bars; none if the profile is drawn as a line."""
     if profile.over == "harmonic":
         return [ordinal(round(float(k))) for k in profile.x]
     if all(isinstance(x, str) for x in profile.x):
@@ -107,5 +107,5 @@ def _frequency(axes: Axes, m: Mismatch, spectra: Sequence[Overlay]) -> None:
 
 
 def _shade(axes: Axes, band: tuple[float, float]) -> None:
-    """Marks a band of frequencies; from 0 rad/s on means from the left end of the logarithmic axis."""
+    """Shade a frequency band; 0 rad/s is the left end of the logarithmic axis."""
     axes.axvspan(max(band[0], 1e-3), band[1], color=SHADE, linewidth=0, zorder=0)

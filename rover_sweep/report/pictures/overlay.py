@@ -1,4 +1,4 @@
-"""Measured, before and after on one run, with the noise, and the residual's spectrum beside it."""
+"""One run measured and simulated before and after, with noise, residual and its spectrum."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from rover_sweep.diagnosis.result import Array, Overlay
 from rover_sweep.report.pictures.style import DATA, WIDTH, log_frequency
 from rover_sweep.report.wording.effect_names import LONG_CHANNELS
 
-# Told apart by colour, dash and weight, in print as well.
+# Colour, dash and weight differ, so that the lines are distinct in print too.
 BEFORE: dict[str, Any] = {"color": "#0072B2", "linestyle": (0, (4, 1.5)), "linewidth": 1.4}
 AFTER: dict[str, Any] = {"color": "#D55E00", "linestyle": "-", "linewidth": 1.4}
 NOISE = "#C8C8C8"
 SHADE = "#FBE9C6"
 DEG = 180 / np.pi
 ROW, HEAD, FOOT = 2.5, 0.45, 0.5  # in
-CLOSE_UP, SHORTEST = 5.0, 1.2  # s, a quarter of the slowest motion that matters, and that of a quick one
-SWINGS = 5.0  # that a close-up still shows apart
+CLOSE_UP, SHORTEST = 5.0, 1.2  # s, longest (a quarter of the slowest motion) and shortest close-up
+SWINGS = 5.0  # periods shown in a close-up
 
 
 def overlay_figure(channels: Sequence[Overlay], changed: bool = True) -> Figure:
-    """A row for each channel: the run and its residual, a close-up, the residual's spectrum.
+    """A row per channel: the run and its residual, a close-up, the residual's spectrum.
 
-    changed: there is an after to draw.
+    changed: also draw the simulation after the findings.
     """
     height = HEAD + FOOT + ROW * len(channels)
     figure = Figure(figsize=(WIDTH, height))
@@ -86,7 +86,7 @@ def _history(axes: Axes, o: Overlay, changed: bool, part: tuple[float, float] | 
 
 
 def _residual(axes: Axes, o: Overlay, changed: bool) -> None:
-    """Measured less simulated over the whole run, with twice the noise."""
+    """Measured minus simulated over the whole run, with twice the noise."""
     t, f = o.t - o.t[0], _factor(o)
     axes.axhspan(-2 * o.noise * f, 2 * o.noise * f, color=NOISE, linewidth=0)
     axes.plot(t, (o.measured - o.before) * f, **{**BEFORE, "linestyle": "-", "linewidth": 0.8})
@@ -96,7 +96,7 @@ def _residual(axes: Axes, o: Overlay, changed: bool) -> None:
 
 
 def _close_up(channels: Sequence[Overlay], changed: bool) -> tuple[float, float]:
-    """The seconds of the run in which what is compared differs most, in sizes of the noise."""
+    """(start, end) [s] of the part of the run with the largest difference relative to the noise."""
     o = channels[0]
     t = o.t - o.t[0]
     power = np.zeros(t.size)
@@ -110,7 +110,7 @@ def _close_up(channels: Sequence[Overlay], changed: bool) -> tuple[float, float]
 
 
 def _period(o: Overlay, t: Array, start: float) -> float:
-    """Mean period of the simulated motion over the seconds from `start` on; long where it hardly swings."""
+    """Mean period [s] of the simulated motion in the CLOSE_UP seconds from `start`; long without swings."""
     inside = (t >= start) & (t <= start + CLOSE_UP)
     x = np.nan_to_num(o.before[inside])
     crossings = int(np.count_nonzero(np.diff(np.signbit(x - x.mean())))) if x.size else 0
@@ -118,7 +118,7 @@ def _period(o: Overlay, t: Array, start: float) -> float:
 
 
 def _busiest(power: Array, t: Array, length: float) -> int:
-    """Index at which the window of this length [s] with the largest sum begins."""
+    """Start index of the window of this length [s] with the largest sum."""
     n = max(1, int(np.searchsorted(t, length)))
     total = np.concatenate(([0.0], np.cumsum(power)))
     return int(np.argmax(total[n:] - total[:-n])) if n < t.size else 0

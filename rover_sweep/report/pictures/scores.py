@@ -11,12 +11,12 @@ from matplotlib.patches import Patch
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.report.pictures.style import WIDTH
 
-LEAST = 1.0  # of the noise's variance: a smaller gain is none
+LEAST = 1.0  # smallest reduction of chi-squared shown
 NAMED, ALIKE, OTHER = "#D55E00", "#56B4E9", "#BDBDBD"
 
 
 def scores(found: Diagnosis) -> Figure:
-    """Gain of each candidate in the first round, largest on top; named and look-alikes marked."""
+    """Reduction of chi-squared by each candidate in the first round, largest on top; findings marked."""
     known = {e: float(s) if np.isfinite(s) else 0.0 for e, s in found.scores.items()}
     order = sorted(known, key=lambda e: known[e])
     named = {f.effect for f in found.findings}
@@ -34,11 +34,11 @@ def scores(found: Diagnosis) -> Figure:
     axes.set_ylim(-0.6, len(order) - 0.4)
     axes.grid(axis="y", visible=False)
     top = max(values, default=0.0)
-    axes.set_xscale("log")  # a true effect stands thousands of times over chance, a weak one ten times
+    axes.set_xscale("log")  # true effects are 10 to 1000 times above chance
     axes.set_xlim(LEAST, max(4 * top, 100.0))
     for k, value in enumerate(values):
         axes.text(1.08 * max(value, LEAST), k, _gain(value), va="center", fontsize=8.5)
-    axes.set_xlabel("gain: squares of the noise that it explains")
+    axes.set_xlabel("reduction of chi-squared")
     _threshold(found, axes)
     keys: list[Artist] = [Patch(facecolor=NAMED, label="named")] if named else []
     keys += [Patch(facecolor=ALIKE, hatch="//", edgecolor="white", label="look-alike")] if alike else []
@@ -50,12 +50,12 @@ def scores(found: Diagnosis) -> Figure:
 
 
 def _gain(value: float) -> str:
-    """Thousands apart, three digits below."""
+    """The number with a space between thousands; below 1000 with three digits."""
     return f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}") if value >= 1000 else f"{value:.3g}"
 
 
 def _threshold(found: Diagnosis, axes: Axes) -> list[Artist]:
-    """The gain that chance alone would have given, where the first finding tells it."""
+    """Draw the chance threshold of the first finding, and return its legend entry; [] if unknown."""
     known = [f.evidence["threshold"] for f in found.findings[:1] if "threshold" in f.evidence]
     if not known or not np.isfinite(known[0]):
         return []

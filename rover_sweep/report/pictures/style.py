@@ -1,4 +1,4 @@
-"""How the report's pictures look: colours that the colour-blind tell apart, line styles, units, axes."""
+"""Style of the report's pictures: colour-blind safe colours, line styles, units, axes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rover_sweep.files.printable import printable
 DPI = 115
 WIDTH = 10.5  # in
 DATA = "#222222"
-# Okabe and Ito's palette; the line styles tell the models apart without any colour.
+# Okabe and Ito's palette; the line styles separate the models without colour.
 MODEL_LINES: Mapping[str, Mapping[str, Any]] = {
     "kinematic": {"color": "#CC79A7", "linestyle": (0, (1, 1.2)), "linewidth": 2.2},
     "bicycle": {"color": "#0072B2", "linestyle": (0, (6, 2))},
@@ -57,7 +57,7 @@ RC: dict[Any, Any] = {
 
 
 def model_line(name: str, names: Collection[str]) -> Mapping[str, Any]:
-    """The line of a model; of a user's own structure, by its place among those in `names`."""
+    """Line style of a model; a user's own structure gets one by its position in `names`."""
     if name in MODEL_LINES:
         return MODEL_LINES[name]
     place = [n for n in names if n not in MODEL_LINES].index(name)
@@ -65,19 +65,19 @@ def model_line(name: str, names: Collection[str]) -> Mapping[str, Any]:
 
 
 def literal(name: str) -> str:
-    """A name from outside for a picture: `$` begins no formula there, and nothing in it is invisible."""
+    """A name as literal text in a picture: `$` starts no formula, control characters are visible."""
     return printable(name).replace("$", r"\$")
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as PNG, the same bytes for the same figure."""
+    """The figure as PNG; the same figure gives the same bytes."""
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None})
     return out.getvalue()
 
 
 def styled() -> Any:
-    """Context in which figures are made and drawn."""
+    """Context with the report's style, for making and drawing figures."""
     return matplotlib.rc_context(RC)
 
 

@@ -1,4 +1,4 @@
-"""Models driven by the steering of a run that the fit has not seen, as Figure 7 of the paper."""
+"""Models with the steering of a verification run as input, as Figure 7 of the paper."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rover_sweep.report.pictures.style import DATA, LABELS, WIDTH, model_line
 
 
 def verification(run: Recording | None, verdicts: Mapping[str, Verification]) -> Figure:
-    """Steering of `run` (where it is given), and each channel measured and as every model has it."""
+    """Steering of `run` (if given), and each channel measured and predicted by every model."""
     channels = [c for c in ("r", "ay", "p") if any(_overlay(v, c) for v in verdicts.values())]
     steering = run is not None and "delta" in run
     rows = len(channels) + steering
@@ -37,7 +37,7 @@ def verification(run: Recording | None, verdicts: Mapping[str, Verification]) ->
         _channel(axes, channel, verdicts, start)
     for axes in panels:
         axes.yaxis.set_label_coords(-0.055, 0.5)
-    panels[-1].set_xlabel("time since the manoeuvre began, s")
+    panels[-1].set_xlabel("time since start of the manoeuvre, s")
     panels[-1].margins(x=0.01)
     handles, names = panels[int(steering)].get_legend_handles_labels()
     figure.legend(handles, names, loc="upper left", bbox_to_anchor=(0.075, 1.0), ncols=columns)

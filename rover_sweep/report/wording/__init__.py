@@ -1,1 +1,1 @@
-"""Numbers, names, provenance and acceptance as written for people."""
+"""Text forms of numbers, names, provenance and acceptance."""

@@ -1,4 +1,4 @@
-"""Which numbers of a result may be shown as found, and which were rejected and why."""
+"""Which models of a result have valid numbers, and why others are rejected."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ TITLES = {"kinematic": "Kinematic", "bicycle": "Bicycle", "roll-yaw": "Roll-yaw"
 
 
 def ordered(result: Identification) -> dict[str, ModelResult]:
-    """The models from simple to rich."""
+    """The models, ordered from simple to complex; a user's own structures last."""
     known = [n for n in ORDER if n in result.models]
     return {n: result.models[n] for n in [*known, *(n for n in result.models if n not in ORDER)]}
 
 
 def rejection(result: Identification, name: str) -> str | None:
-    """Why the free parameters of a model are no findings: the kinematic model suffices. None where they are.
+    """Why the free parameters of a model are not valid: the kinematic model suffices. None if they are valid.
 
-    A fit then still returns numbers, and a stiffness that the data cannot tell from infinity is
-    soaked-up noise: it must not stand where a finding stands.
+    The fit still returns numbers in that case, but a stiffness that the data cannot distinguish from
+    infinity is only fitted noise, and must not be shown as a result.
     """
     if name == "kinematic" or result.models[name].verdict.level != "not identifiable":
         return None
@@ -32,17 +32,17 @@ def rejection(result: Identification, name: str) -> str | None:
 
 
 def usable(result: Identification) -> dict[str, ModelResult]:
-    """The models whose numbers are findings, from simple to rich."""
+    """The models with valid numbers, from simple to complex."""
     return {n: m for n, m in ordered(result).items() if rejection(result, n) is None}
 
 
 def identified_runs(result: Identification) -> tuple[Recording, ...]:
-    """The runs of all groups."""
+    """The runs of all groups, used in the fit."""
     return tuple(run for group in result.groups for run in group.runs)
 
 
 def judged_runs(result: Identification) -> tuple[tuple[Recording, CoherenceVerdict | None], ...]:
-    """Each run of the groups with its verdict; runs of the same name get theirs in turn."""
+    """Each run of the groups with its verdict; runs of the same name get the verdicts in order."""
     left = list(result.coherence)
     out = []
     for run in identified_runs(result):
@@ -54,11 +54,11 @@ def judged_runs(result: Identification) -> tuple[tuple[Recording, CoherenceVerdi
 
 
 def known_filters(result: Identification) -> Mapping[str, LowPass]:
-    """The low-passes of the sensors that the fit put into the models' outputs (first group)."""
+    """The sensors' low-pass filters included in the models' outputs (of the first group)."""
     return result.groups[0].runs[0].filters
 
 
 def inertia_of(model: ModelResult) -> Estimate | None:
-    """The identified yaw inertia, None for a model that has none or where it was not free."""
+    """The identified yaw inertia, None if the model has none or it was not free."""
     found = [e for e in model.fit.estimates if e.name == "Izz" and e.free]
     return found[0] if found else None

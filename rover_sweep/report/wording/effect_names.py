@@ -1,4 +1,4 @@
-"""What the effects are called in front of people; the ids stay the contract."""
+"""Names of effects and channels in texts; the ids are for programs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LONG_CHANNELS = {
 
 
 def title(effect: str) -> str:
-    """The effect in words, its id where no words are known."""
+    """The effect's name in words, from its id if unknown."""
     known = library().get(effect)
     return known.title if known else effect.replace("_", " ")
 
@@ -28,11 +28,11 @@ def channel(name: str) -> str:
 
 
 def capital(text: str) -> str:
-    """With a capital letter at the beginning, unless that is a name such as a_y, r or run1."""
+    """The text with a capital first letter, unless it starts with a name such as a_y, r or run1."""
     return text[:1].upper() + text[1:] if re.match(r"(a |[a-z]{2,}\b(?![_\d]))", text) else text
 
 
 def sentence(text: str) -> str:
-    """With a capital letter and a full stop, whatever it came with."""
+    """The text with a capital letter and a full stop."""
     text = capital(text.strip())
     return text if not text or text[-1] in ".!?" else f"{text}."

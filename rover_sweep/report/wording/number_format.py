@@ -1,4 +1,4 @@
-"""How numbers, names and units are written for people."""
+"""Text forms of numbers, parameter names and units."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SYMBOLS = {
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Significant digits without an exponent where a reader can do without; – for none."""
+    """The value with `digits` significant digits; an exponent only below 1e-4 and from 1e6; – for None."""
     if value is None or not math.isfinite(value):
         return "–"
     if value == 0:

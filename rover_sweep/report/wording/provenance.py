@@ -1,4 +1,4 @@
-"""Where a report comes from: the rover's file, the runs of the verification, the command, the versions."""
+"""Provenance of a report: vehicle file, verification runs, command, versions."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from rover_sweep.data.vehicle_file import Vehicle
 
 
 def versions() -> dict[str, str]:
-    """Versions of what computed the numbers."""
+    """Versions of the packages that computed the numbers."""
     packages = {name: importlib.metadata.version(name) for name in ("numpy", "scipy")}
     return {"rover_sweep": __version__, **packages, "python": platform.python_version()}
 
 
 @dataclass(frozen=True, eq=False)
 class Provenance:
-    """What the numbers alone do not tell.
+    """Origin of a result.
 
-    vehicle: the rover as its file has it; vehicle_source: (name, sha256) of that file.
+    vehicle: the rover as in its file; vehicle_source: (name, sha256) of that file.
     verify_runs: the recordings of the verification, in the order of the identification's verdicts.
     command: the command line; made: when, ISO 8601, "" to leave it out.
     """
@@ -45,7 +45,7 @@ def provenance(
     command: str = "",
     now: datetime | None = None,
 ) -> Provenance:
-    """A Provenance; reads the vehicle file for its hash. now: the time of the report, local with zone."""
+    """A Provenance; reads the vehicle file for its hash. now: time of the report, with time zone."""
     source = None
     if vehicle_file is not None:
         source = vehicle_file.name, hashlib.sha256(vehicle_file.read_bytes()).hexdigest()

@@ -1,4 +1,4 @@
-"""JSON that every reader accepts: no NaN, no Infinity, keys in the order they were put in."""
+"""JSON that every reader accepts: no NaN, no Infinity, keys in insertion order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rover_sweep.files.printable import within_json
 
 
 def plain(value: Any) -> Any:
-    """The value in plain types of JSON; numbers that are not finite become None. TypeError for others."""
+    """The value in plain JSON types; numbers that are not finite become None. TypeError for other types."""
     match value:
         case None | bool() | str():
             return value
@@ -27,7 +27,7 @@ def plain(value: Any) -> Any:
             return {str(key): plain(item) for key, item in value.items()}
         case list() | tuple():
             return [plain(item) for item in value]
-    raise TypeError(f"{type(value).__name__} has no form in JSON: {value!r}")
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON: {value!r}")
 
 
 def strict_json(value: Any) -> str:
