@@ -20,7 +20,7 @@ def rover(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[launcher.
     """A rover as it comes, and an empty folder from which the program is called."""
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    with launcher.start_embedded(tmp_path / "rover") as running:
+    with launcher.start_embedded(tmp_path / "rover", speedup=8) as running:
         yield running
 
 

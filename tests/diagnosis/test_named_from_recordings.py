@@ -13,6 +13,7 @@ SETS = DATA / "concealed-ardurover"
 TRUTH = DATA / "concealed-ardurover-truth"
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", ["a", pytest.param("c", marks=pytest.mark.slow), "f"])
 def test_the_concealed_effect_is_named_and_pays_on_the_fresh_run(name, tmp_path):
     folder = SETS / name

@@ -129,7 +129,8 @@ def test_what_a_vehicle_flies_is_read_over_the_link(
     """From the embedded rover; nothing but reading, and its own defaults are those of the firmware."""
     from sitl.launcher import start_embedded
 
-    with start_embedded(tmp_path / "rover", options=("--parameter", "ATC_STR_RAT_P=0.4")) as rover:
+    options = ("--parameter", "ATC_STR_RAT_P=0.4")
+    with start_embedded(tmp_path / "rover", options=options, speedup=8) as rover:
         assert run(["gains", str(folder), "--connect", rover.connection, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["now"]["parameters"]["ATC_STR_RAT_P"] == 0.4
