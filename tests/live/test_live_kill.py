@@ -27,13 +27,13 @@ from sitl.ground.unread import PeerQueue
 _STATION = """
 import sys, pathlib
 from asked_source import PLAN, SETTINGS, Asked
-from rover_sweep.live.source import Drive
+from rover_sweep.live.source import DriveRequest
 with Asked(pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3])) as asked:
     asked.source.session.plan(PLAN)
     asked.connect(sys.argv[1])
     planned = asked.source.session.to_drive[0]
     print("drives", planned.name, flush=True)
-    assert asked.do(Drive(planned, SETTINGS)) == ""
+    assert asked.do(DriveRequest(planned, SETTINGS)) == ""
 """
 ROVER_FILE = Path(__file__).parents[1] / "data" / "rover.toml"
 
