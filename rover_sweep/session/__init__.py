@@ -1,10 +1,10 @@
-"""The folder of a session, which explains itself: what was planned, driven and fetched, and what is to drive.
+"""The folder of a session: the planned and driven runs, the fetched logs, and the runs still to drive.
 
-    session.json   what is what, written whole after every change
+    session.json   description of the session, written as a whole after every change
     rover.toml     copy of the vehicle file
-    NAME.tlog      telemetry of each run; connect.tlog: between the runs; fetch.tlog: of fetching logs
-    logNUMBER.BIN  the vehicle's own logs
+    NAME.tlog      telemetry of each run; connect.tlog: between the runs; fetch.tlog: while fetching logs
+    logNUMBER.BIN  the vehicle's logs
 
-All names in it are relative, so that it can be carried to another machine. session.json may be lost: the
-runs are then found from their tlogs.
+All names in it are relative, so that the folder can be moved. Without session.json the runs are found from
+their tlogs.
 """

@@ -1,4 +1,4 @@
-"""What session.json says, as frozen values and as JSON."""
+"""The content of session.json, as frozen values and as JSON."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _KINDS: Mapping[str, type[Manoeuvre]] = {
 
 @dataclass(frozen=True)
 class SessionRun:
-    """One run of a session's plan. name: of its .tlog; speed [m/s]: to hold, None where not known."""
+    """One run of a session's plan. name: of its .tlog; speed: the speed to hold [m/s], None if unknown."""
 
     name: str
     manoeuvre: Manoeuvre
@@ -34,11 +34,11 @@ class SessionRun:
 
 @dataclass(frozen=True)
 class DrivenRun:
-    """A run that was begun. name: of the plan; tlog: file name in the folder, which tells repeats apart.
+    """A run that was started. name: in the plan; tlog: file name in the folder, different for each repeat.
 
-    manoeuvre: None where the tlog does not tell it. reason: why it ended, in words. span: s since boot,
-    from the switch to the last state. number: the applet's run counter. left_armed: by this program, as
-    far as is known. quality: of the telemetry streams. verdict: on it, as in `live.snapshot.Verdict`.
+    manoeuvre: None if the tlog does not hold it. reason: why it ended, a phrase. span: from the switch to the
+    last state [s since boot]. number: the applet's run counter. left_armed: this program may have left the
+    rover armed. quality: of the telemetry streams. verdict: as `live.snapshot.Verdict`.
     """
 
     name: str
@@ -54,15 +54,15 @@ class DrivenRun:
 
     @property
     def label(self) -> str:
-        """The run's name, with a number where it was driven again."""
+        """The run's name, with a number if it is a repeat."""
         return self.tlog.removesuffix(".tlog")
 
 
 @dataclass(frozen=True)
 class FetchedLog:
-    """A log of the vehicle that is here. number, size [bytes], time_utc [s]: as the vehicle lists it.
+    """A fetched log. number, size [bytes], time_utc [s since 1970]: as the vehicle lists it.
 
-    runs: labels of those that it holds whole.
+    runs: labels of the runs that it holds completely.
     """
 
     file: str
@@ -74,9 +74,9 @@ class FetchedLog:
 
 @dataclass(frozen=True)
 class Content:
-    """A session. vehicle: of `vehicle.identity`; settings, parameters: what was set for driving.
+    """A session. vehicle: as `vehicle.identity.VehicleIdentity`; settings, parameters: set for driving.
 
-    logs_before: (number, size, time_utc) of what lay on the vehicle when the session began, None: unknown.
+    logs_before: (number, size, time_utc) of the logs on the vehicle when the session began; None: unknown.
     """
 
     vehicle: Mapping[str, Any] = field(default_factory=dict)
@@ -89,7 +89,7 @@ class Content:
 
     @property
     def to_drive(self) -> tuple[SessionRun, ...]:
-        """The planned runs of which none came to its end, in the plan's order."""
+        """The planned runs not completed yet, in the order of the plan."""
         done = {(run.name, run.manoeuvre) for run in self.runs if run.state == "done"}
         return tuple(run for run in self.plan if (run.name, run.manoeuvre) not in done)
 
@@ -104,7 +104,7 @@ def to_json(content: Content) -> dict[str, Any]:
 
 
 def from_json(data: Any) -> Content:
-    """The reverse of `to_json`. ValueError for anything else, which names the place and what stands there."""
+    """The reverse of `to_json`. ValueError for other data, with the place and the value there."""
     top = Entry(data)
     before = top.get("logs_before", LIST, null=True)
     return Content(

@@ -1,8 +1,7 @@
-"""The dry run up to the recordings: two sweeps, a doublet and what else is asked for on a simulated rover, or
-on any that runs.
+"""The dry run up to the recordings: two sweeps, a doublet and optional manoeuvres on a simulated rover, or on
+a vehicle that is already running.
 
-It arms and drives by itself, which is what a simulated rover is for. On a vehicle behind `url` it
-does so only when told that this is wanted (`consent`).
+It arms and drives without asking. On a vehicle at `url` it does so only with `consent`.
 """
 
 from __future__ import annotations
@@ -26,19 +25,18 @@ from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversati
 from rover_sweep.vehicle.run.settings import RunSettings
 
 STEERING_US = 400.0  # SERVO1_MIN and SERVO1_MAX, 1100 and 1900 us, about the trim
-_PWM_MAX = 250.0  # SWP_PWM_MAX as it comes
-_FACTORY_LOOP_RATE = 50.0  # Hz, SCHED_LOOP_RATE as it comes
+_PWM_MAX = 250.0  # default of SWP_PWM_MAX, us
+_FACTORY_LOOP_RATE = 50.0  # Hz, default of SCHED_LOOP_RATE
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """What to drive, and on what.
+    """The manoeuvres and the rover of a dry run.
 
     simulator: the embedded rover or the real firmware (`ardurover`: its path, else environment or
-    PATH). url: a vehicle that runs already, instead; it is armed and driven only with `consent`.
+    PATH). url: use this running vehicle instead; it is armed and driven only with `consent`.
     sweeps, multisines, bias_sweeps, doublet: the manoeuvres in this order; the doublet is for verification.
-    limits: of the applet.
-    parameters: set on the vehicle beforehand where they differ.
+    throttle_us [us]. limits: of the applet. parameters: set on the vehicle beforehand if they differ.
     """
 
     sweeps: tuple[Sweep, ...] = (Sweep(amplitude=120.0), Sweep(amplitude=240.0))
@@ -57,15 +55,15 @@ class DryRun:
 
     @property
     def plan(self) -> SessionPlan:
-        """As a session. On a simulated rover SWP_PWM_MAX lets every amplitude pass.
+        """The plan of its session. On a simulated rover SWP_PWM_MAX allows every amplitude.
 
-        UsageError without consent, and for what could only fail after it has begun: numbers that the
-        applet refuses, amplitudes past the simulated steering, frequencies too high for the loop rate.
+        UsageError without consent, and for settings that would fail later: numbers that the applet refuses,
+        amplitudes beyond the simulated steering, frequencies too high for the loop rate.
         """
         if self.url is not None and not self.consent:
             raise UsageError(
-                f"the dry run arms and drives the vehicle on {self.url} by itself; say so if that is wanted "
-                "(--arm-and-drive), with its wheels off the ground or on a free field"
+                f"the dry run arms and drives the vehicle on {self.url} without asking; allow that with "
+                "--arm-and-drive, and put its wheels off the ground or the rover on a free field"
             )
         runs = (
             *_numbered("sweep", self.sweeps),
@@ -90,8 +88,8 @@ class DryRun:
 
 
 def dry_run(settings: DryRun, folder: Path, access: Access | None = None) -> Generator[Event, None, None]:
-    """Drive all of it into `folder` (see `session`). Yields events; after each RunFinished the run's
-    recording is complete and may be judged before the next is asked for. access: see `Link.open`."""
+    """Drive the plan and record into `folder` (see `session`). Yields events; after each RunFinished the
+    recording of the run is complete and can be judged before the next event. access: see `Link.open`."""
     plan = settings.plan
     with _vehicle(settings, folder) as url, RecordedLine(conversation_in(folder)) as line:
         yield from drive(url, folder, plan, line, access=access)
@@ -104,8 +102,8 @@ def _numbered(name: str, manoeuvres: Sequence[Manoeuvre]) -> Iterator[SessionRun
 def _refuse_amplitude(amplitude: float) -> None:
     if amplitude > STEERING_US:
         raise UsageError(
-            f"a run of {amplitude:g} us is past the {STEERING_US:g} us that the simulated steering turns "
-            "to each side; take less"
+            f"a run of {amplitude:g} us exceeds the {STEERING_US:g} us that the simulated steering moves "
+            "to each side; give less"
         )
 
 
@@ -115,7 +113,7 @@ def _loop_rate(parameters: tuple[WantedParameter, ...]) -> float:
 
 @contextmanager
 def _vehicle(settings: DryRun, folder: Path) -> Iterator[str]:
-    """The URL of a vehicle that runs meanwhile."""
+    """The URL of a vehicle that runs inside the block."""
     if settings.url is not None:
         yield settings.url
         return

@@ -1,4 +1,4 @@
-"""Values of session.json asked for by their kind; the file may have been cut, or changed by hand."""
+"""Checked reading of session.json, which may be truncated or edited by hand."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Kind:
-    """What a value has to be. words: as "it is 3, not ..." goes on."""
+    """The required kind of a value. words: completes "it is 3, not ..."."""
 
     words: str
     holds: Callable[[Any], bool]
@@ -39,38 +39,38 @@ def one_of(words: tuple[str, ...]) -> Kind:
 
 
 class Entry:
-    """An object at a place in the file. ValueError names the place of what is missing or of another kind."""
+    """An object at a place in the file. ValueError gives the place of a missing or wrong value."""
 
     def __init__(self, value: Any, place: str = "") -> None:
         self._values, self._place = checked(value, OBJECT, place or "the whole"), place
 
     def get(self, key: str, kind: Kind, null: bool = False) -> Any:
-        """The value; null: None will do too."""
+        """The value of `key`; null: None is allowed too."""
         if key not in self._values:
             raise ValueError(f"{self.place(key)} is missing")
         value = self._values[key]
         return None if null and value is None else checked(value, kind, self.place(key))
 
     def each(self, key: str, kind: Kind) -> Iterator[tuple[Any, str]]:
-        """Those of a list, with the place of each."""
+        """The values of a list, each with its place."""
         for number, value in enumerate(self.get(key, LIST)):
             place = f"{self.place(key)}[{number}]"
             yield checked(value, kind, place), place
 
     def numbers(self, key: str) -> dict[str, float]:
-        """An object of nothing but numbers."""
+        """An object with numbers only."""
         entry = Entry(self.get(key, OBJECT), self.place(key))
         return {name: entry.get(name, NUMBER) for name in entry._values}
 
     def place(self, key: str) -> str:
-        """Of a value in it."""
+        """The place of a value in this object."""
         return f"{self._place}.{key}" if self._place else key
 
     def only(self, keys: tuple[str, ...]) -> None:
-        """ValueError for another key: what is not known would be lost when the file is written again."""
+        """ValueError for any other key: an unknown value would be lost when the file is written again."""
         for key in self._values:
             if key not in keys:
-                raise ValueError(f"{self.place(key)} is not known to this rover-sweep")
+                raise ValueError(f"this rover-sweep does not know {self.place(key)}")
 
     def __contains__(self, key: str) -> bool:
         return key in self._values

@@ -29,13 +29,13 @@ from rover_sweep.session.past_run import outcome_of
 from rover_sweep.vehicle.link.recorder import writing
 
 DESCRIPTION, VEHICLE_FILE = "session.json", "rover.toml"
-_NO_RUNS = ("connect", "fetch")  # tlogs of what lies between the runs
+_NO_RUNS = ("connect", "fetch")  # tlogs recorded between the runs
 
 
 class Session:
-    """The folder while it is driven into. Safe to use from several threads; one program at a time.
+    """A session's folder during driving. Thread-safe; only one program at a time may use it.
 
-    folder; content: what session.json says now, a frozen value.
+    folder; content: the present content of session.json, a frozen value.
     """
 
     def __init__(self, folder: Path, content: Content) -> None:
@@ -45,10 +45,10 @@ class Session:
 
     @classmethod
     def open(cls, folder: Path) -> Session:
-        """Take up the session in `folder`, or begin one there; runs that a kill cut short are found.
+        """Continue the session in `folder`, or begin one; finds runs that a kill interrupted.
 
-        UsageError where the folder cannot be written, its session.json is none, or another program
-        drives into it; `close` gives it free, and so does the end of the program.
+        UsageError if the folder cannot be written, if its session.json is damaged, or if another program uses
+        it; `close` releases it, and so does the end of the program.
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -63,30 +63,30 @@ class Session:
         return session
 
     def close(self) -> None:
-        """Others may drive into it; harmless a second time."""
+        """Release the folder for others; may be repeated."""
         if self._claim is not None:
             self._claim.close()
 
     @property
     def vehicle_file(self) -> Path | None:
-        """The copy of the vehicle file, None while there is none."""
+        """The copy of the vehicle file, None if there is none."""
         path = self.folder / VEHICLE_FILE
         return path if path.is_file() else None
 
     @property
     def to_drive(self) -> tuple[SessionRun, ...]:
-        """The planned runs of which none came to its end."""
+        """The planned runs not completed yet."""
         return self.content.to_drive
 
     def keep_vehicle_file(self, path: Path) -> None:
-        """Copy the vehicle file into the folder, over an older copy."""
+        """Copy the vehicle file into the folder; replaces an older copy."""
         target = self.folder / VEHICLE_FILE
         text = path.read_bytes()
         if path.resolve() != target.resolve():
             _replace(target, text)
 
     def tlog(self, name: str) -> Path:
-        """A path for a new tlog that overwrites none, as NAME.tlog or NAME-2.tlog."""
+        """An unused path for a new tlog, as NAME.tlog or NAME-2.tlog."""
         known = {run.tlog for run in self.content.runs}
         path, number = self.folder / f"{name}.tlog", 2
         while path.exists() or path.name in known:
@@ -94,38 +94,38 @@ class Session:
         return path
 
     def between(self) -> Path:
-        """The tlog of what lies between the runs; it is appended to."""
+        """The tlog between the runs; it is appended to."""
         return self.folder / "connect.tlog"
 
     # ---- changes, each on disk before it returns -------------------------------------------------
 
     def plan(self, runs: tuple[SessionRun, ...]) -> None:
-        """What is to be driven, in place of what was planned before. What was driven stays."""
+        """Replace the planned runs. The driven runs stay."""
         self._change(plan=tuple(runs))
 
     def on(self, vehicle: Mapping[str, Any]) -> None:
-        """The vehicle it is driven with. UsageError where the session was begun on another."""
+        """Set the vehicle. UsageError if the session was begun on another."""
         known = self.content.vehicle.get("uid")
         if self.content.runs and known and vehicle.get("uid") != known:
             raise UsageError(
                 f"{self.folder.name} was begun on another rover (autopilot {known:x}, this one is "
-                f"{vehicle.get('uid', 0):x}); take a new folder for this one"
+                f"{vehicle.get('uid', 0):x}); give a new folder for this one"
             )
         self._change(vehicle=dict(vehicle))
 
     def set(self, settings: Mapping[str, Any], parameters: Mapping[str, float] | None = None) -> None:
-        """With what it is driven; parameters: those that were set for it, None: as before."""
+        """Set the settings of the runs; parameters: those set on the vehicle, None: as before."""
         kept = self.content.parameters if parameters is None else parameters
         if (self.content.settings, self.content.parameters) != (settings, kept):
             self._change(settings=dict(settings), parameters=dict(kept))
 
     def logs_before(self, listed: tuple[tuple[int, int, int], ...]) -> None:
-        """The vehicle's logs that are older than the session; only the first word on them counts."""
+        """Set the vehicle's logs that are older than the session; only the first call counts."""
         if self.content.logs_before is None:
             self._change(logs_before=tuple(listed))
 
     def begun(self, planned: SessionRun, tlog: Path, arming: bool) -> None:
-        """A run begins, which is recorded into `tlog`. arming: this program arms the rover for it."""
+        """A run starts, recorded into `tlog`. arming: this program arms the rover for it."""
         run = DrivenRun(planned.name, tlog.name, planned.manoeuvre, "begun", left_armed=arming)
         self._change_runs((*self.content.runs, run))
 
@@ -134,12 +134,12 @@ class Session:
         self._update(tlog.name, state=state, reason=reason, left_armed=left_armed, **known)
 
     def judged(self, tlog: Path, verdict: Mapping[str, Any]) -> None:
-        """What was said of the run; paths in it become names, which hold wherever the folder is."""
-        said = json.dumps(dict(verdict), default=lambda x: x.name if isinstance(x, Path) else str(x))
-        self._update(tlog.name, verdict=json.loads(said))
+        """Store the verdict on a run; paths in it become file names, so that the folder can be moved."""
+        text = json.dumps(dict(verdict), default=lambda x: x.name if isinstance(x, Path) else str(x))
+        self._update(tlog.name, verdict=json.loads(text))
 
     def fetched(self, log: FetchedLog) -> None:
-        """A log is here, in place of what its file held before."""
+        """Add a fetched log; replaces an earlier entry of the same file."""
         with self._lock:
             others = tuple(known for known in self.content.logs if known.file != log.file)
             self._change(logs=(*others, log))
@@ -164,7 +164,7 @@ class Session:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    """Whole or not at all, whatever happens meanwhile."""
+    """Replace a file as a whole, or not at all if interrupted."""
     partial = path.with_name(path.name + ".part")
     with writing(path):
         with partial.open("wb") as file:
@@ -180,18 +180,18 @@ def is_session(folder: Path) -> bool:
 
 
 def kept_vehicle_file(sources: Sequence[str]) -> Path | None:
-    """The vehicle file that the sessions among the sources hold; UsageError where they differ."""
+    """The vehicle file in the sessions among the sources; UsageError if they differ."""
     kept = [path for source in sources if (path := Path(source) / VEHICLE_FILE).is_file()]
     if len({path.read_bytes() for path in kept}) > 1:
         raise UsageError(
-            f"{kept[0]} and those of the other sessions are not the same; say which: --vehicle rover.toml"
+            f"{kept[0]} differs from that of another session; choose one with --vehicle rover.toml"
         )
     return kept[0] if kept else None
 
 
 def read_folder(folder: Path) -> Content:
-    """What the folder holds; changes nothing in it. A run that was begun and not ended is told by its tlog,
-    and so is a tlog that session.json does not know. UsageError for a session.json that is none."""
+    """Read the folder; changes nothing. The tlog gives the outcome of a run that did not end properly, and of
+    a run that is missing in session.json. UsageError for a damaged session.json."""
     said = _said(folder)
     runs = [_with_outcome(folder, run) if run.state == "begun" else run for run in said.runs]
     known = {run.tlog for run in runs}
@@ -206,10 +206,10 @@ def _said(folder: Path) -> Content:
     try:
         data = read_json(path.read_text(encoding="utf-8"))
         written = Entry(data).get("format", TEXT)
-        if written == "rover-sweep session 1":  # before sessions could be taken up again
+        if written == "rover-sweep session 1":  # older sessions cannot be continued
             return Content()
         if written != FORMAT:
-            raise UsageError(f"{path} is of another rover-sweep ({written}); update this one")
+            raise UsageError(f"{path} was written by another version ({written}); update this rover-sweep")
         return from_json(data)
     except FileNotFoundError:
         return Content()
@@ -217,13 +217,13 @@ def _said(folder: Path) -> Content:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise UsageError(
-            f"{path} is damaged ({error}); put that right in it, or move it away: the runs are then found "
-            "from their .tlog"
+            f"{path} is damaged ({error}); correct it, or move it away: the runs are then found from their "
+            ".tlog"
         ) from error
 
 
 def _with_outcome(folder: Path, run: DrivenRun) -> DrivenRun:
-    """A run whose end nobody wrote down."""
+    """A run whose end is not in session.json, with the outcome from its tlog."""
     path = folder / run.tlog
     outcome = outcome_of(path) if path.is_file() else None
     if outcome is None:
@@ -232,7 +232,7 @@ def _with_outcome(folder: Path, run: DrivenRun) -> DrivenRun:
 
 
 def _run_of_tlog(path: Path) -> list[DrivenRun]:
-    """A run that only its tlog tells of."""
+    """A run that is only in its tlog; [] if there is none in it."""
     outcome = outcome_of(path)
     if outcome is None:
         return []

@@ -1,4 +1,4 @@
-"""One program at a time drives into a folder; a program that is killed gives it free."""
+"""A lock, so that only one program at a time uses a session's folder; the end of the program releases it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rover_sweep.errors import UsageError
 
 
 class Claim:
-    """Held from its making to `close`. UsageError where another holds it; none where there are no locks."""
+    """Held until `close`. UsageError if another program holds it; no lock on systems without them."""
 
     def __init__(self, folder: Path) -> None:
         self._held = -1
@@ -22,11 +22,11 @@ class Claim:
                 fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 self.close()
-                words = f"another rover-sweep drives into {folder}: end it, or take another folder"
+                words = f"another rover-sweep uses {folder}; end it, or give another folder"
                 raise UsageError(words) from None
 
     def close(self) -> None:
-        """Harmless a second time."""
+        """Release the lock; may be repeated."""
         held, self._held = self._held, -1
         if held >= 0:
             os.close(held)

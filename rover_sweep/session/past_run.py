@@ -1,4 +1,4 @@
-"""What became of a run, from its tlog alone: all there is to ask when the program was killed meanwhile."""
+"""The outcome of a run from its tlog alone, for a run during which the program was killed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STOPPED_STATE = 10
 
 @dataclass(frozen=True)
 class Outcome:
-    """state: never "begun"; span [s since boot] from the applet's first state to its last."""
+    """state: never "begun"; span: from the applet's first state to its last [s since boot]."""
 
     state: State
     reason: str
@@ -34,9 +34,9 @@ class Outcome:
 
 
 def outcome_of(path: Path) -> Outcome | None:
-    """What the tlog tells; None where the applet did nothing in it.
+    """The outcome of the run in a tlog; None if the applet did nothing in it.
 
-    Only the part after the vehicle's last boot counts: a run does not outlive one.
+    Only the part after the vehicle's last boot counts, because a reboot ends a run.
     """
     from rover_sweep.logs.readers.tlog import open_tlog
     from rover_sweep.logs.readers.vehicle_clock import CLOCKS, sessions
@@ -62,7 +62,7 @@ def _outcome(
     number: int,
     manoeuvre: Manoeuvre | None,
 ) -> Outcome:
-    """By the applet's last words, else by its last state."""
+    """The outcome by the applet's last status text, else by its last state."""
     end, state = states[-1]
     for t, text in reversed(texts):
         if t < start:

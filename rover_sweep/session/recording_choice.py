@@ -1,4 +1,4 @@
-"""From which file each run of a session is identified, and why from that one."""
+"""From which file each run of a session is identified, and why."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rover_sweep.session.folder import read_folder
 
 
 def origin_words(folder: Path, runs: Sequence[Recording]) -> Iterator[str]:
-    """A sentence for each file, of runs that `session_runs` chose: the vehicle's log where one holds the run
-    whole, else its telemetry."""
+    """A sentence for each file that `session_runs` chose: the vehicle's log if one holds the run completely,
+    else the telemetry."""
     fetched = [log.file for log in read_folder(folder).logs]
     for file in dict.fromkeys(run.sources[0][0] for run in runs):
         mine = [run for run in runs if run.sources[0][0] == file]
@@ -27,14 +27,14 @@ def origin_words(folder: Path, runs: Sequence[Recording]) -> Iterator[str]:
 
 def _why(folder: Path, file: str, fetched: Sequence[str]) -> str:
     if file in fetched:
-        return f"the rover's own log holds the whole run on one clock, {_dropped(folder / file)}"
+        return f"the rover's log holds the whole run on one clock, {_dropped(folder / file)}"
     if fetched:
-        return f"not from {', '.join(fetched)}, where the run is not whole"
-    return "the rover's own log was not fetched"
+        return f"not from {', '.join(fetched)}, where the run is incomplete"
+    return "the rover's log was not fetched"
 
 
 def _dropped(log: Path) -> str:
     lost = dropped_messages(log)
     if lost is None:
-        return "and does not tell whether messages were dropped"
+        return "and does not report whether messages were dropped"
     return f"{lost or 'no'} {'message' if lost == 1 else 'messages'} dropped (DSF.Dp)"

@@ -1,4 +1,4 @@
-"""From a session's folder to its runs: out of the vehicle's logs where they hold them, else the tlogs."""
+"""Reads the runs of a session's folder from the vehicle's logs, or from the tlogs if the logs lack them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rover_sweep.logs import read_runs
 from rover_sweep.session.content import Content, DrivenRun
 from rover_sweep.session.folder import DESCRIPTION, read_folder
 
-_END = 2.0  # s: as near to a run's end the log's account of it reaches
+_END = 2.0  # s: tolerance between the end of a run and its end in the log
 
 
 def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tuple[Recording, ...]:
-    """The runs that came to their end, in the order driven, named as they were planned.
+    """The completed runs, in the order driven, with their planned names.
 
-    filters: as of `read_runs`. What was left out is a note on the first. DataRefused where none is left.
+    filters: as in `read_runs`. Notes on the first run name the runs left out. DataRefused if none is left.
     """
     content = read_folder(folder)
     left_out = [f"{run.label} was left out: {run.reason}" for run in content.runs if run.state != "done"]
@@ -42,31 +42,31 @@ def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tu
         raise UsageError(f"{folder} is a folder; give the path of a .BIN, .tlog or .csv in it")
     if not found:
         raise DataRefused(
-            f"no run in {folder.name} came to its end ({'; '.join(left_out) or 'none was driven'})"
+            f"no run in {folder.name} was completed ({'; '.join(left_out) or 'none was driven'})"
         )
     notes = tuple(Note("warning", words) for words in left_out)
     return (replace(found[0], notes=(*found[0].notes, *notes)), *found[1:])
 
 
 def _files(folder: Path, content: Content, run: DrivenRun) -> Sequence[str]:
-    """Where to look for a run, the best first."""
+    """The files that may hold a run, the best first."""
     logs = [log.file for log in content.logs if run.label in log.runs and (folder / log.file).is_file()]
     return (*logs, run.tlog)
 
 
 def _own(found: Sequence[Recording], run: DrivenRun) -> Recording:
-    """The recording of that run among those of a file. DataRefused where there is none."""
+    """The recording of that run among those of a file. DataRefused if there is none."""
     if run.span is None:
         raise DataRefused(f"{run.label} has no known time")
     start, end = run.span
     shared = [min(r.span[1], end) - max(r.span[0], start) for r in found]
     if not shared or max(shared) <= 0:
-        raise DataRefused(f"the recording holds nothing of {run.label}")
+        raise DataRefused(f"the recording does not contain {run.label}")
     return found[shared.index(max(shared))]
 
 
 def held(log: Path, runs: Sequence[DrivenRun]) -> tuple[str, ...]:
-    """Labels of those runs that the DataFlash log holds whole, by the applet's messages in it."""
+    """Labels of the runs that the DataFlash log holds completely, by the applet's messages in it."""
     from rover_sweep.logs.read import read_logs
     from rover_sweep.logs.runs.applet import applet_runs
 
@@ -80,7 +80,8 @@ def held(log: Path, runs: Sequence[DrivenRun]) -> tuple[str, ...]:
 
 
 def _same(run: DrivenRun, number: int, start: float, end: float) -> bool:
-    """The applet's counter goes on over boots, so that it tells runs of equal times apart."""
+    """Whether a run in a log is `run`. The applet's counter continues over boots, so it distinguishes runs at
+    the same time after boot."""
     if run.state != "done" or run.span is None or (run.number and number != run.number):
         return False
     return start < run.span[1] and run.span[1] - _END < end < run.span[1] + _END

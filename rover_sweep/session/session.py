@@ -1,6 +1,6 @@
 """A session: connect, prepare the vehicle, drive the planned runs, fetch the logs. Yields events.
 
-What lies in the folder afterwards is described in `rover_sweep.session`.
+`rover_sweep.session` describes the files in the folder.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from rover_sweep.vehicle.setup.install import install
 
 @dataclass(frozen=True)
 class SessionPlan:
-    """What a session does. parameters: those that are set where they differ (with a reboot where one
-    needs it); checked: those that are only compared, a warning each. applet: file to bring onto a vehicle
-    that does not run it. logs: fetch the .BIN logs."""
+    """The plan of a session. parameters: set if they differ (with a reboot if one needs it); checked: only
+    compared, with a warning for each difference. applet: file to copy to a vehicle that does not run it.
+    logs: fetch the .BIN logs."""
 
     runs: tuple[SessionRun, ...]
     settings: RunSettings = field(default_factory=RunSettings)
@@ -62,11 +62,11 @@ def drive(
     vehicle_file: Path | None = None,
     access: Access | None = None,
 ) -> Generator[Event, None, None]:
-    """Carry the plan out on the vehicle at `url`, recording into `folder`. line, access: see `Link.open`.
+    """Carry out the plan on the vehicle at `url`, recording into `folder`. line, access: see `Link.open`.
 
-    Of a session that was begun there before, only what did not come to its end is driven. vehicle_file: is
-    copied into the folder. Ctrl-C (or KeyboardInterrupt thrown in) during a run ends that run and all
-    further ones, and the logs are fetched; so does a run that was stopped on a rover that this program arms.
+    In a folder with a session, only the runs not completed yet are driven. vehicle_file: copied into the
+    folder. Ctrl-C (or KeyboardInterrupt thrown in) during a run ends this run and the session; the logs are
+    fetched. So does a run that stops early on a rover that this program arms.
     """
     with contextlib.closing(Session.open(folder)) as session:
         if vehicle_file is not None:
@@ -111,15 +111,15 @@ def _drive(
 
 
 def refuse_impossible(link: Link, runs: Sequence[SessionRun], settings: RunSettings) -> None:
-    """UsageError before anything moves: for what the applet would refuse at the switch, or too fast for
-    this rover's loop. LinkError where the applet does not run."""
+    """UsageError, before anything moves, for runs that the applet would refuse, or that are too fast for this
+    rover's loop rate. LinkError if the applet does not run."""
     present = check_applet(link)
     limit = settings.extra.get("pwm_max", present["SWP_PWM_MAX"])
     for planned in runs:
         if planned.manoeuvre.peak > limit:
             raise UsageError(
-                f"{planned.name} asks for {planned.manoeuvre.peak:g} us, but the rover's SWP_PWM_MAX "
-                f"allows {limit:g} us; take less, or raise SWP_PWM_MAX if the steering moves freely that far"
+                f"{planned.name} needs {planned.manoeuvre.peak:g} us, but the rover's SWP_PWM_MAX "
+                f"allows {limit:g} us; give less, or raise SWP_PWM_MAX if the steering moves freely that far"
             )
         refuse_undersampled(planned.manoeuvre, read_parameter(link, "SCHED_LOOP_RATE"))
 
@@ -127,9 +127,9 @@ def refuse_impossible(link: Link, runs: Sequence[SessionRun], settings: RunSetti
 def recorded_run(
     link: Link, planned: SessionRun, session: Session, settings: RunSettings
 ) -> Generator[Event, None, RunFinished | None]:
-    """One run, told to the session before it begins and after it ended; None where it was interrupted.
+    """One run, noted in the session before it starts and after it ended; None if it was interrupted.
 
-    KeyboardInterrupt (thrown in, or raised by the link) lets the rover go and ends it.
+    KeyboardInterrupt (thrown in, or raised by the link) stops and releases the rover and ends the run.
     """
     tlog = session.tlog(planned.name)
     session.begun(planned, tlog, settings.arm)
@@ -164,7 +164,7 @@ def _left_armed(link: Link, settings: RunSettings) -> bool:
 def _run(
     link: Link, planned: SessionRun, session: Session, settings: RunSettings, finished: list[RunFinished]
 ) -> Generator[Event, None, bool]:
-    """One run, added to `finished`; whether the session goes on to the next."""
+    """One run, added to `finished`. Returns whether the session continues with the next."""
     ended = yield from recorded_run(link, planned, session, settings)
     if ended is None:
         return False
@@ -173,21 +173,23 @@ def _run(
 
 
 def _disarmed(link: Link, patience: float) -> Generator[Event, None, bool]:
-    """Wait up to `patience` s until the pilot has disarmed: ArduPilot gives no logs while armed."""
+    """Wait up to `patience` s until the pilot has disarmed: ArduPilot sends no logs while armed."""
     if not link.armed:
         return True
-    yield Notice("info", "disarm the rover: its log can only be fetched then (Ctrl-C does without the log)")
+    yield Notice("info", "disarm the rover, so that its log can be fetched (Ctrl-C: skip the log)")
     deadline = link.line.monotonic() + patience
     with contextlib.suppress(KeyboardInterrupt):
         while link.armed and link.line.monotonic() < deadline:
             link.receive(0.5)
     if link.armed:
-        yield Notice("warning", "the rover is armed: its log stays on its card, the .tlog files are here")
+        yield Notice(
+            "warning", "the rover is still armed, so its log stays on its card; the .tlog files are saved"
+        )
     return not link.armed
 
 
 def start_streams(link: Link) -> Iterator[Event]:
-    """Ask for what a run is identified from, and tell what is granted."""
+    """Request the streams for identification, and report the granted rates."""
     streams = request_all(link, read_parameter(link, "SCHED_LOOP_RATE"))
     yield StreamsSet(streams)
     for stream in streams:
@@ -196,31 +198,31 @@ def start_streams(link: Link) -> Iterator[Event]:
 
 
 def await_estimator(link: Link, patience: float = 90.0) -> Iterator[Event]:
-    """Wait until the EKF uses GPS. The real firmware arms before that, some 20 s early in SITL, and
-    speed and heading change their source in the middle of a run that began then."""
-    start, told = link.clock.now, False
+    """Wait up to `patience` s until the EKF uses GPS. The real firmware arms some 20 s before that in SITL;
+    then speed and heading would change their source in the middle of a run."""
+    start, announced = link.clock.now, False
     while not estimator_ready(link):
         if link.clock.now - start > patience:
             yield Notice(
-                "warning", f"the EKF has no position after {patience:.0f} s; speeds are not to be trusted"
+                "warning", f"the EKF has no position after {patience:.0f} s; do not trust the speeds"
             )
             return
-        if not told:
+        if not announced:
             yield Notice("info", "waiting for the EKF to use GPS")
-            told = True
+            announced = True
         pump(link, 1.0)
 
 
 def listed(logs: Sequence[LogEntry]) -> tuple[tuple[int, int, int], ...]:
-    """As a session keeps them."""
+    """(number, size, time_utc) of each log, as a session stores them."""
     return tuple((log.number, log.size, log.time_utc) for log in logs)
 
 
 def fetch_new_logs(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
-    """Download the logs that are new or have grown since the session began, and are not here already.
-    After each LogSaved `note_runs` is the caller's.
+    """Download the logs that are new or have grown since the session began, unless already fetched. The
+    caller runs `note_runs` after each LogSaved.
 
-    The time of a log says nothing on this: 4.6.3 lists the same log with another one each time it is asked.
+    The time of a log is no criterion: 4.6.3 lists the same log with another time at each request.
     """
     known = {(number, size) for number, size, _ in session.content.logs_before or ()}
     known |= {(log.number, log.size) for log in session.content.logs}
@@ -234,17 +236,17 @@ def fetch_new_logs(logs: MavlinkLogs, session: Session) -> Iterator[Event]:
 
 
 def note_runs(session: Session, file: str) -> None:
-    """Find which runs a fetched log holds, and write it down."""
+    """Find which runs a fetched log holds, and store them in the session."""
     try:
         runs = held(session.folder / file, session.content.runs)
-    except DataRefused:  # a log of something else; the tlogs are there
+    except DataRefused:  # another kind of log; the runs are in the tlogs
         return
     log = next(log for log in session.content.logs if log.file == file)
     session.fetched(replace(log, runs=runs))
 
 
 def _place(session: Session, entry: LogEntry) -> Path:
-    """logNUMBER.BIN, over an earlier part of the same log, beside another log of that number."""
+    """logNUMBER.BIN: replaces an earlier part of the same log, but no other log of that number."""
     name, number = f"log{entry.number}.BIN", 2
     known = {log.file: log for log in session.content.logs}
     while (session.folder / name).exists():

@@ -1,7 +1,7 @@
-"""A simulated rover to work on, started for the while: embedded, or the real firmware in SITL.
+"""Starts a simulated rover: embedded, or the real firmware in SITL.
 
-Behind the firmware stands our plant (ArduPilot's JSON interface) or its own rover, which is kinematic:
-no tyres, no roll, no servo lag, so that only its kinematics can be identified.
+The firmware runs with our plant (ArduPilot's JSON interface) or with its own rover, which is kinematic: no
+tyres, no roll, no servo lag, so that only its kinematics can be identified.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ _HIGH, _LOW, _CENTRE = 1900, 1000, 1500  # us
 
 @dataclass(frozen=True)
 class SimulatedRover:
-    """Which simulated rover. ardurover: path of the firmware's program (else environment, PATH).
+    """A simulated rover. ardurover: path of the firmware's program (else environment, PATH).
 
-    physics: of the firmware. variant: of the plant. prepared: applet and parameters are there already; else
-    it is as from the factory, and everything is brought onto it over the link.
+    physics: of the firmware. variant: of the plant. prepared: with applet and parameters; otherwise it has
+    factory settings, and both are installed over the link.
     """
 
     simulator: Simulator = "embedded"
@@ -47,7 +47,7 @@ class SimulatedRover:
 
     def __post_init__(self) -> None:
         if self.simulator == "embedded" and self.physics == "own":
-            raise UsageError("only the real firmware has physics of its own; take --vehicle ardurover")
+            raise UsageError("only the real firmware has its own physics; give --vehicle ardurover")
 
     @property
     def throttle_us(self) -> int:
@@ -57,8 +57,8 @@ class SimulatedRover:
 
 @contextmanager
 def started(simulation: SimulatedRover, home: Path) -> Iterator[Running]:
-    """The rover, with its files in `home`, until the end of the block. LinkError where it does not start,
-    or in its own words where it ended in the middle."""
+    """The rover, with its files in `home`, until the end of the block. LinkError if it does not start or ends
+    early, then with its last output."""
     from sitl import launcher
 
     try:
@@ -92,8 +92,9 @@ def _start(simulation: SimulatedRover, home: Path) -> Running:
 
 
 def _calibrated(home: Path) -> Path:
-    """A parameter file of calibrated accelerometers: with its own rover the firmware does not arm without
-    (seen in 4.6.3), as a real one, whose owner does it once by hand. Values of ArduPilot's rover.parm."""
+    """Write a parameter file of calibrated accelerometers: with its own rover the firmware does not arm
+    without it (seen in 4.6.3), like a real rover, which its owner calibrates once. Values of ArduPilot's
+    rover.parm."""
     home.mkdir(parents=True, exist_ok=True)
     path = home / "calibrated.param"
     lines = (
@@ -108,14 +109,15 @@ def _calibrated(home: Path) -> Path:
 
 @contextmanager
 def pilot(rover: Running, throttle_us: int) -> Iterator[Callable[[Event], None]]:
-    """A simulated pilot: told each event of a session, he throws switch 6 and holds the throttle stick.
+    """A simulated pilot. Pass each event of a session to the yielded function: it throws switch 6 and holds
+    the throttle stick.
 
-    UsageError where the rover has no radio. At the end the sticks are at rest.
+    UsageError if the rover has no radio. At the end the sticks are at rest.
     """
     from sitl.transmitter import Transmitter
 
     if rover.radio is None:
-        raise UsageError("the embedded rover has no stick to throw switch 6; take override or aux")
+        raise UsageError("the embedded rover has no radio to throw switch 6; give override or aux")
     transmitter = Transmitter(rover.radio)
 
     def react(event: Event) -> None:

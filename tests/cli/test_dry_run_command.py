@@ -44,7 +44,7 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     ("arguments", "said"),
     [
         (("--seed", "-1"), "--seed"),
-        (("--amplitude", "201"), "402 us is past the 400 us"),
+        (("--amplitude", "201"), "402 us exceeds the 400 us"),
         (("--wmax", "70"), "9.0 samples per period at the loop rate of 100 Hz"),
         (("--trec", "700"), "SWP_TREC 700 s is outside 1 to 600"),
         (("--wmin", "30"), "w_min"),

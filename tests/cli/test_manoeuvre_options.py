@@ -62,7 +62,7 @@ def test_a_limit_that_is_no_number_is_refused(text: str) -> None:
 def test_what_is_too_fast_or_too_far_is_refused_before_anything_starts() -> None:
     with pytest.raises(UsageError, match="samples per period"):
         refuse_undersampled(Multisine(w_max=40, periods=4), 50.0)
-    with pytest.raises(UsageError, match="a run of 420 us is past the 400 us"):
+    with pytest.raises(UsageError, match="a run of 420 us exceeds the 400 us"):
         _ = DryRun(bias_sweeps=(BiasSweep(amplitude=220, bias=-200),)).plan
     plan = DryRun(bias_sweeps=(BiasSweep(amplitude=180, bias=200),), multisines=(Multisine(),)).plan
     assert [run.name for run in plan.runs] == ["sweep1", "sweep2", "multisine1", "bias-sweep1", "doublet"]

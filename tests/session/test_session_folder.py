@@ -64,7 +64,7 @@ def test_a_run_is_driven_again_where_the_plan_says_otherwise_than_it_was(tmp_pat
 
 def test_one_program_at_a_time(tmp_path: Path) -> None:
     first = Session.open(tmp_path)
-    with pytest.raises(UsageError, match="another rover-sweep drives into"):
+    with pytest.raises(UsageError, match="another rover-sweep uses"):
         Session.open(tmp_path)
     read_folder(tmp_path)  # looking is free
     first.close()
@@ -85,7 +85,7 @@ def test_a_session_is_of_one_rover(tmp_path: Path) -> None:
 )
 def test_a_damaged_description_is_refused_in_words(tmp_path: Path, text: str) -> None:
     (tmp_path / "session.json").write_text(text)
-    with pytest.raises(UsageError, match="session.json is damaged|of another rover-sweep"):
+    with pytest.raises(UsageError, match="session.json is damaged|written by another version"):
         Session.open(tmp_path)
     assert (tmp_path / "session.json").read_text() == text
 
@@ -117,7 +117,7 @@ def set_at(document: Any, place: tuple[Any, ...], value: Any) -> None:
         (("runs", 0, "quality"), [3], "runs[0].quality[0] is 3, not an object"),
         (("runs", 0, "verdict"), "keep", "runs[0].verdict is 'keep', not an object"),
         (("runs", 0, "verdict"), {}, "runs[0].verdict.sentence is missing"),
-        (("runs", 0, "flown"), 1, "runs[0].flown is not known to this rover-sweep"),
+        (("runs", 0, "flown"), 1, "this rover-sweep does not know runs[0].flown"),
         (("runs", 0), None, "runs[0] is None, not an object"),
         (("runs",), {}, "runs is {}, not a list"),
         (("runs",), MISSING, "runs is missing"),
@@ -212,7 +212,7 @@ def test_a_tlog_that_tells_nothing_is_no_run(tmp_path: Path, content: bytes) -> 
     (tmp_path / "unknown.tlog").write_bytes(content)
     (found,) = read_folder(tmp_path).runs
     assert (found.state, found.reason) == ("cut", "the program ended before the run began")
-    with pytest.raises(DataRefused, match="no run in .* came to its end .sweep1 was left out: the program"):
+    with pytest.raises(DataRefused, match="no run in .* was completed .sweep1 was left out: the program"):
         session_runs(tmp_path)
 
 
@@ -224,7 +224,7 @@ def test_the_vehicle_file_is_the_sessions(tmp_path: Path, monkeypatch: pytest.Mo
     assert vehicle_path(None, ("one", "two", "x.BIN")) == "one/rover.toml"
     assert vehicle_path("mine.toml", ("one",)) == "mine.toml"
     assert vehicle_path(None, ("x.BIN",)) == "rover.toml"
-    with pytest.raises(UsageError, match="say which: --vehicle"):
+    with pytest.raises(UsageError, match="choose one with --vehicle"):
         vehicle_path(None, ("one", "three"))
 
 
