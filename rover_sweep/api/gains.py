@@ -26,15 +26,15 @@ def steering_gains(
     place: Path,
     name: str | None,
     vehicle_file: str | None,
-    flown: Mapping[str, float],
-    flown_from: str,
+    current: Mapping[str, float],
+    current_from: str,
     speed: float | None,
 ) -> Proposal:
     """Current and proposed gains.
 
     place: file or folder of an identification or diagnosis. name: of the model, None for the recommended
-    one. vehicle_file: with rad_per_us, if the results have none. flown: current {parameter: value} of the
-    vehicle, empty for the firmware's defaults; flown_from: their origin, for errors. speed: design speed
+    one. vehicle_file: with rad_per_us, if the results have none. current: {parameter: value} of the
+    vehicle, empty for the firmware's defaults; current_from: their origin, for errors. speed: design speed
     [m/s], None for that of the runs. UsageError for files from which no gains can be computed.
     """
     if name is not None and name not in PHYSICAL:
@@ -46,9 +46,9 @@ def steering_gains(
         found = with_steering(found, load_vehicle(vehicle_file).steering()[1])
     known = (("INS_GYRO_FILTER", found.gyro_hz), ("SCHED_LOOP_RATE", found.loop_hz))
     try:
-        loop = autopilot(flown, {name: value for name, value in known if value is not None})
+        loop = autopilot(current, {name: value for name, value in known if value is not None})
     except ValueError as error:
-        raise UsageError(f"{flown_from}: {error}") from None
+        raise UsageError(f"{current_from}: {error}") from None
     try:
         return propose_gains(found, loop, speed)
     except ValueError as error:

@@ -61,7 +61,7 @@ class RatePid:
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
+class SimulatedDrive:
     """A simulated drive of n controllers: t (m,) [s], target (m,) after the firmware's limits, measured yaw
     rate (m, n) [rad/s, positive right], steering (m, n) as a share of its travel."""
 
@@ -81,7 +81,7 @@ def simulate_loop(
     ff: Array,
     gains: Gains | None = None,
     disturbance: Array | None = None,
-) -> Driven:
+) -> SimulatedDrive:
     """Simulate the firmware's loop around a plant that starts straight ahead.
 
     wanted (m,): requested turn rate [rad/s] in each main loop. p, i, ff (n,): n controllers in parallel;
@@ -100,9 +100,13 @@ def simulate_loop(
         out = pid.update(float(target), rate[k], limit) * scale
         limit = held | (np.abs(out) >= 1.0)
         steering[k] = np.clip(out, -1.0, 1.0)
-        felt = steering[k - plant.late] * angle_per_output if k >= plant.late else np.zeros(p.shape)
+        felt = (
+            steering[k - plant.delay_steps] * angle_per_output
+            if k >= plant.delay_steps
+            else np.zeros(p.shape)
+        )
         x = plant.a @ x + plant.b[:, None] * (felt + pushed[k])
-    return Driven(np.arange(wanted.size, dtype=np.float64) * dt, targets, rate, steering)
+    return SimulatedDrive(np.arange(wanted.size, dtype=np.float64) * dt, targets, rate, steering)
 
 
 def limited_target(autopilot: Autopilot, speed: float, wanted: Array) -> Array:

@@ -21,7 +21,7 @@ def gains_document(proposal: Proposal) -> dict[str, Any]:
             "remarks": list(proposal.support.remarks),
         },
         "speed_m_s": proposal.speed,
-        "holds_from_to_m_s": list(proposal.holds),
+        "holds_from_to_m_s": list(proposal.speed_range),
         "model": {
             "name": proposal.found.name,
             "level": proposal.found.level,

@@ -15,7 +15,7 @@ from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.steering_plant import SampledPlant, sampled_plant
 from rover_sweep.gains.step import Step, step_of
 from rover_sweep.gains.support import Support, extrapolated, supported, supported_loop
-from rover_sweep.gains.tuning import Family, designed, feed_forward, integrator_limit, speeds_around
+from rover_sweep.gains.tuning import Family, design_gains, feed_forward, integrator_limit, speeds_around
 
 MOST_CORNERS = 6  # parameters whose interval ends are combined: 64 corners per speed, 32 with Cf = Cr
 
@@ -39,7 +39,7 @@ class AssessedGains:
 class Proposal:
     """Proposed gains for `speed` [m/s], None if not supported, and the current gains.
 
-    holds: valid speed range [m/s]. steady_gain: r / road-wheel angle [1/s]; delay: of the model [s].
+    speed_range: valid speed range [m/s]. steady_gain: r / road-wheel angle [1/s]; delay: of the model [s].
     feed_forwards: {speed [m/s]: FF of a steady turn there}.
     """
 
@@ -49,7 +49,7 @@ class Proposal:
     support: Support
     now: AssessedGains | None
     proposed: AssessedGains | None
-    holds: tuple[float, float]
+    speed_range: tuple[float, float]
     steady_gain: float | None = None
     delay: float | None = None
     feed_forwards: Mapping[float, float] | None = None
@@ -58,18 +58,18 @@ class Proposal:
 def propose_gains(found: Identified, autopilot: Autopilot, speed: float | None = None) -> Proposal:
     """Gains for a design speed [m/s], by default that of the runs."""
     at = speed or float(np.mean(found.speeds))
-    holds = (min(speeds_around(at)), max(speeds_around(at)))
+    speed_range = (min(speeds_around(at)), max(speeds_around(at)))
     support = supported(found, autopilot, at)
     if (
         found.structure is None
         or found.rad_per_us is None
         or autopilot.angle_per_output(found.rad_per_us) <= 0
     ):
-        return Proposal(found, autopilot, at, support, None, None, holds)
+        return Proposal(found, autopilot, at, support, None, None, speed_range)
     family = family_of(found, autopilot, at)
     support = _with_reach_remark(_stable(support, family), family)
     if any(not plant.stable for plant in family.plants):
-        return Proposal(found, autopilot, at, support, None, None, holds)
+        return Proposal(found, autopilot, at, support, None, None, speed_range)
     now = assess_gains(family, autopilot.gains)
     made = _supported_gains(support, family, autopilot.gains)
     judged = assess_gains(family, made) if made else None
@@ -82,7 +82,7 @@ def propose_gains(found: Identified, autopilot: Autopilot, speed: float | None =
         support,
         now,
         judged,
-        holds,
+        speed_range,
         family.nominal.gain,
         sum(values[d] for d in found.structure.delays if d.startswith("tau")),
         {
@@ -137,7 +137,7 @@ def _supported_gains(support: Support, family: Family, now: Gains) -> Gains | No
         return None
     if support.level == "feed-forward only":
         return replace(now, ff=round(feed_forward(family), 3))
-    made = designed(family, now)
+    made = design_gains(family, now)
     if made is None:
         return None
     rate = family.autopilot.rate_limit(family.nominal.speed)

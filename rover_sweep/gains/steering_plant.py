@@ -16,13 +16,14 @@ from rover_sweep.identification.structure.state_space import ModelStructure
 
 @dataclass(frozen=True, eq=False)
 class SampledPlant:
-    """x(k+1) = a x(k) + b u(k - late), y(k) = c x(k), from the road-wheel angle u [rad], held over `period`
-    [s], to the filtered yaw rate y [rad/s]. late: whole periods of delay; a and b include the rest of it."""
+    """x(k+1) = a x(k) + b u(k - delay_steps), y(k) = c x(k), from the road-wheel angle u [rad], held over
+    `period` [s], to the filtered yaw rate y [rad/s]. delay_steps: whole periods of delay; a and b include the
+    rest of the delay."""
 
     a: Array
     b: Array
     c: Array
-    late: int
+    delay_steps: int
     period: float
     speed: float
     label: str = ""
@@ -43,7 +44,7 @@ class SampledPlant:
         x = np.linalg.solve(
             system, np.broadcast_to(self.b.astype(complex)[:, None], (w.size, len(self.b), 1))
         )
-        return np.asarray(x[:, :, 0] @ self.c.astype(complex) * z**-self.late)
+        return np.asarray(x[:, :, 0] @ self.c.astype(complex) * z**-self.delay_steps)
 
 
 def sampled_plant(
@@ -58,7 +59,7 @@ def sampled_plant(
     Raises ValueError if the yaw rate follows the steering without any lag (an algebraic loop).
     """
     sensors = {"r": LowPass(autopilot.gyro_hz, "INS_GYRO_FILTER")} if autopilot.gyro_hz > 0 else {}
-    late, rest = _split_delay(structure, autopilot.period)
+    delay_steps, rest = _split_delay(structure, autopilot.period)
     system = to_scipy(rest, speed, dt=autopilot.period, sensors=sensors)
     row = structure.outputs.index("r")
     if abs(system.D[row, 0]) > 1e-12:
@@ -66,7 +67,7 @@ def sampled_plant(
     a, b, c = np.asarray(system.A), np.asarray(system.B)[:, 0], np.asarray(system.C)[row]
     for low_pass in hidden:
         a, b, c = _with_low_pass(a, b, c, low_pass, autopilot.period)
-    return SampledPlant(*_observable(a, b, c), late, autopilot.period, speed, label)
+    return SampledPlant(*_observable(a, b, c), delay_steps, autopilot.period, speed, label)
 
 
 def _split_delay(structure: ModelStructure, period: float) -> tuple[int, ModelStructure]:
@@ -74,8 +75,8 @@ def _split_delay(structure: ModelStructure, period: float) -> tuple[int, ModelSt
     name = structure.input_delays.get(structure.inputs[0])
     if name is None:
         return 0, structure
-    late = int(np.floor(structure.values[name] / period + 1e-9))
-    return late, structure.with_values({name: max(structure.values[name] - late * period, 0.0)})
+    delay_steps = int(np.floor(structure.values[name] / period + 1e-9))
+    return delay_steps, structure.with_values({name: max(structure.values[name] - delay_steps * period, 0.0)})
 
 
 def _with_low_pass(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.gains.controller import Driven, simulate_loop
+from rover_sweep.gains.controller import SimulatedDrive, simulate_loop
 from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.steering_plant import SampledPlant
 
@@ -39,7 +39,7 @@ def step_size(autopilot: Autopilot, plant: SampledPlant, angle_per_output: float
     return min(LARGEST_SHARE * min(reach, autopilot.rate_limit(plant.speed)), 0.6)
 
 
-def stepped(autopilot: Autopilot, size: float) -> Array:
+def step_target(autopilot: Autopilot, size: float) -> Array:
     """The requested turn rate (m,) [rad/s] of a step after `BEFORE` s, one value per main loop."""
     t = np.arange(round(SECONDS / autopilot.period)) * autopilot.period
     return np.where(t >= BEFORE, size, 0.0)
@@ -48,21 +48,21 @@ def stepped(autopilot: Autopilot, size: float) -> Array:
 def step_of(autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, gains: Gains) -> Step:
     """The predicted step response with all limits of the firmware."""
     size = step_size(autopilot, plant, angle_per_output)
-    driven = driven_step(autopilot, plant, angle_per_output, gains, size)
-    return measured_step(
+    driven = simulated_step(autopilot, plant, angle_per_output, gains, size)
+    return step_metrics(
         driven.t - BEFORE, driven.target, driven.rate[:, 0], size, float(np.abs(driven.steering).max())
     )
 
 
-def driven_step(
+def simulated_step(
     autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, gains: Gains, size: float
-) -> Driven:
+) -> SimulatedDrive:
     """The simulated step."""
     p, i, ff = (np.array([g]) for g in (gains.p, gains.i, gains.ff))
-    return simulate_loop(autopilot, plant, angle_per_output, stepped(autopilot, size), p, i, ff, gains)
+    return simulate_loop(autopilot, plant, angle_per_output, step_target(autopilot, size), p, i, ff, gains)
 
 
-def measured_step(t: Array, target: Array, rate: Array, size: float, used: float = math.nan) -> Step:
+def step_metrics(t: Array, target: Array, rate: Array, size: float, used: float = math.nan) -> Step:
     """The Step of a recorded or simulated step from 0 to size; t (m,) [s] since the request."""
     share = rate / size
     after = t >= 0
@@ -89,7 +89,7 @@ def _first(t: Array, share: Array, level: float) -> float:
     return float(t[k] + (level - share[k]) / (share[k + 1] - share[k]) * (t[k + 1] - t[k]))
 
 
-def pushed_error(
+def disturbance_error(
     autopilot: Autopilot, plant: SampledPlant, angle_per_output: float, p: Array, i: Array, shared: Gains
 ) -> Array:
     """Integral of abs(error) (n,) [rad] over SECONDS after a disturbance of the wheels by PUSH."""

@@ -24,7 +24,7 @@ from rover_sweep.gains.controller import feedback_response, simulate_loop
 from rover_sweep.gains.margins import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, all_margins, frequencies
 from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.steering_plant import SampledPlant
-from rover_sweep.gains.step import pushed_error, step_size, stepped
+from rover_sweep.gains.step import disturbance_error, step_size, step_target
 
 MOST_OVERSHOOT = 5.0  # percent
 SPEED_RANGE = 1.5  # the gains are designed for V / 1.5 to 1.5 V
@@ -70,7 +70,7 @@ def feed_forward(family: Family) -> float:
     return 1.0 / (plant.gain * family.angle_per_output[0] * family.autopilot.speed_scale(plant.speed))
 
 
-def designed(family: Family, keep: Gains) -> Gains | None:
+def design_gains(family: Family, keep: Gains) -> Gains | None:
     """The best gains with the filters and IMAX of `keep`; None if no pair of P and I keeps the margins.
 
     D is used only if it reduces the disturbance error below `D_WORTH` times that without D, as with a slow
@@ -102,7 +102,7 @@ def _best_pair(family: Family, shared: Gains) -> tuple[Gains, float] | None:
     if not damped.any():
         return None
     p, i, ff = p[damped], i[damped], ff[damped]
-    error = pushed_error(family.autopilot, family.nominal, family.angle_per_output[0], p, i, shared)
+    error = disturbance_error(family.autopilot, family.nominal, family.angle_per_output[0], p, i, shared)
     k = int(np.argmin(error))
     return replace(shared, ff=round(float(ff[k]), 3), p=_rounded_down(p[k]), i=_rounded_down(i[k])), float(
         error[k]
@@ -127,7 +127,7 @@ def overshoots(family: Family, shared: Gains, p: Array, i: Array, ff: Array) -> 
     """Predicted overshoot (n,) [%] of the step of `step_of`."""
     loop, plant, angle = family.autopilot, family.nominal, family.angle_per_output[0]
     size = step_size(loop, plant, angle)
-    driven = simulate_loop(loop, plant, angle, stepped(loop, size), p, i, ff, shared)
+    driven = simulate_loop(loop, plant, angle, step_target(loop, size), p, i, ff, shared)
     return np.asarray(100 * (driven.rate.max(axis=0) / size - 1.0))
 
 

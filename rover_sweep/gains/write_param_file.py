@@ -21,7 +21,7 @@ def param_text(proposal: Proposal) -> str:
 
 def _heading(proposal: Proposal, judged: AssessedGains) -> tuple[str, ...]:
     """Heading lines: speed, conditions, margins, reasons and remarks."""
-    loop, (low, high), margins = proposal.autopilot, proposal.holds, judged.margins
+    loop, (low, high), margins = proposal.autopilot, proposal.speed_range, judged.margins
     lines = (
         f"Turn-rate gains for {proposal.speed:.2f} m/s, from the {proposal.found.name} model; valid from "
         f"{low:.2f} to {high:.2f} m/s.",

@@ -17,7 +17,7 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.gains.proposal import Proposal, family_of
 from rover_sweep.gains.steering_chain import Autopilot, Gains
-from rover_sweep.gains.step import BEFORE, Step, driven_step, measured_step
+from rover_sweep.gains.step import BEFORE, Step, simulated_step, step_metrics
 from rover_sweep.logs.readers.dataflash import index
 
 STEP = math.radians(30)
@@ -86,8 +86,8 @@ def judge(log: Path, segment: Segment, profile: Profile = FULL) -> Tracking:
 def predicted(proposal: Proposal, loop: Autopilot, gains: Gains, speed: float | None = None) -> Step:
     """The step of the profile on the identified model at a speed [m/s], that of the proposal if None."""
     family = family_of(replace(proposal.found, intervals={}), loop, speed or proposal.speed)
-    driven = driven_step(loop, family.nominal, family.angle_per_output[0], gains, STEP)
-    return measured_step(driven.t - BEFORE, driven.target, driven.rate[:, 0], STEP)
+    driven = simulated_step(loop, family.nominal, family.angle_per_output[0], gains, STEP)
+    return step_metrics(driven.t - BEFORE, driven.target, driven.rate[:, 0], STEP)
 
 
 def segments(path: Path) -> dict[str, Segment]:
@@ -114,7 +114,7 @@ def kept(log: bytes, names: tuple[str, ...], start: float, end: float) -> bytes:
 
 def _mean_step(t: Array, traces: Array) -> Step:
     target, rate = traces.mean(axis=0)
-    return measured_step(t, target, rate, STEP)
+    return step_metrics(t, target, rate, STEP)
 
 
 def _steps(t: Array, target: Array, rate: Array, count: int) -> tuple[Array, Array]:

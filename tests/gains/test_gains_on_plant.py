@@ -11,7 +11,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import RatePid, limited_target
 from rover_sweep.gains.proposal import Proposal
 from rover_sweep.gains.steering_chain import Autopilot, Gains
-from rover_sweep.gains.step import BEFORE, Step, driven_step, measured_step, stepped
+from rover_sweep.gains.step import BEFORE, Step, simulated_step, step_metrics, step_target
 from sitl.plant.plant import Plant
 from sitl.plant.sensors import LowPassFilter2p
 from sitl.plant.variant import load_variant
@@ -29,7 +29,7 @@ def on_the_plant(loop: Autopilot, gains: Gains, size: float) -> tuple[Array, Arr
     for _ in range(round(WARM * RATE)):
         plant.step(1500.0, THROTTLE, 1 / RATE)
         gyro.apply(-plant.state.r)
-    wanted = stepped(loop, size)
+    wanted = step_target(loop, size)
     pid = RatePid(gains, loop.period, *(np.array([g]) for g in (gains.p, gains.i, gains.ff)))
     limit, seen, measured = np.zeros(1, dtype=bool), [], gyro.apply(-plant.state.r)
     for target in limited_target(loop, plant.state.vx, wanted):
@@ -48,10 +48,10 @@ def model_step(proposal: Proposal, size: float) -> Step:
     from rover_sweep.gains.proposal import family_of
 
     family = family_of(replace(proposal.found, intervals={}), proposal.autopilot, proposal.speed)
-    driven = driven_step(
+    driven = simulated_step(
         proposal.autopilot, family.nominal, family.angle_per_output[0], proposal.proposed.gains, size
     )
-    return measured_step(driven.t - BEFORE, driven.target, driven.rate[:, 0], size)
+    return step_metrics(driven.t - BEFORE, driven.target, driven.rate[:, 0], size)
 
 
 @pytest.mark.parametrize("size", [0.3, -0.5])
@@ -59,8 +59,8 @@ def test_the_step_comes_as_predicted(proposal: Proposal, size: float):
     loop = proposal.autopilot
     t, rate, speed = on_the_plant(loop, proposal.proposed.gains, size)
     assert speed == pytest.approx(2.5, abs=0.1)
-    target = limited_target(loop, speed, stepped(loop, size))
-    seen, told = measured_step(t - BEFORE, target, rate, size), model_step(proposal, size)
+    target = limited_target(loop, speed, step_target(loop, size))
+    seen, told = step_metrics(t - BEFORE, target, rate, size), model_step(proposal, size)
     assert seen.overshoot == pytest.approx(told.overshoot, abs=3.0)
     assert seen.rise == pytest.approx(told.rise, abs=0.02)
 

@@ -80,8 +80,8 @@ def gains(
     from rover_sweep.cli.views.output import echo_json, narration, results
     from rover_sweep.gains.gains_json import gains_document
 
-    flown = _flown(now, url, access)
-    proposal = steering_gains(Path(place), name, vehicle_file, flown, now or url or "the defaults", speed)
+    current = _current_parameters(now, url, access)
+    proposal = steering_gains(Path(place), name, vehicle_file, current, now or url or "the defaults", speed)
     if as_json:
         echo_json(json.dumps(gains_document(proposal), indent=2))
     else:
@@ -92,7 +92,7 @@ def gains(
         narration().print(_write(proposal, Path(out)), markup=False, soft_wrap=True)
 
 
-def _flown(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
+def _current_parameters(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
     """The vehicle's current parameters, from a file or over a link; empty if neither is given."""
     from rover_sweep.api.gains import recorded_parameters
 

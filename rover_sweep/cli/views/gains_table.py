@@ -28,7 +28,7 @@ def show_gains(console: Console, proposal: Proposal) -> None:
 
 
 def _verdict(proposal: Proposal) -> str:
-    at, (low, high) = f"for {proposal.speed:.2f} m/s", proposal.holds
+    at, (low, high) = f"for {proposal.speed:.2f} m/s", proposal.speed_range
     words = {
         "gains": f"Gains {at}, valid from {low:.2f} to {high:.2f} m/s",
         "feed-forward only": f"Only the feed-forward gain can be computed {at}",
