@@ -1,1 +1,1 @@
-"""The session on a terminal: shows what a `live.source.Source` tells, asks it what a key says."""
+"""Terminal UI of a session: shows the messages of a `live.source.Source`, sends it the user's requests."""

@@ -1,6 +1,6 @@
-"""The application: seven views of a session, keys alone. SPACE and ESC end a run from every view, at once.
+"""The application: seven views of a session, controlled by keys. SPACE and ESC end a run from every view.
 
-Without this laptop the switch low, disarming, another mode, or three seconds without our override end it.
+Without this laptop, switch low, disarming, a mode change, or 3 s without our override end a run.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from rover_sweep.tui.session_app import SessionApp
 from rover_sweep.vehicle.events import Notice
 
 _SCREENS = (ConnectScreen, PreflightScreen, PlanScreen, RunScreen, VerdictScreen, LogScreen, ResultsScreen)
-_SEEK, _SLOWEST, _FASTEST = 10.0, 0.125, 64.0  # s a key; times real time
+_SEEK, _SLOWEST, _FASTEST = 10.0, 0.125, 64.0  # s per key; times real time
 
 
 class SweepApp(SessionApp):
-    """The views and the keys that hold in all of them."""
+    """The views and the keys that work in all of them."""
 
     TITLE = "rover-sweep"
     ENABLE_COMMAND_PALETTE = False
@@ -55,7 +55,7 @@ class SweepApp(SessionApp):
         Binding("shift+tab", "turn(-1)", show=False),
         Binding("space", "pause", "pause"),
         Binding("comma", "seek(-1)", "10 s back", key_display=","),
-        Binding("full_stop", "seek(1)", "10 s on", key_display="."),
+        Binding("full_stop", "seek(1)", "10 s forward", key_display="."),
         Binding("minus", "pace(0.5)", "slower"),
         Binding("plus,equals_sign", "pace(2.0)", "faster", key_display="+"),
         Binding("c", "colours", "dark/light"),
@@ -71,14 +71,14 @@ class SweepApp(SessionApp):
 
     def on_mount(self) -> None:
         self.theme = self.palette.name
-        for screen in _SCREENS:  # installed, or a view that is left would be thrown away
+        for screen in _SCREENS:  # installed, as Textual would delete a view when it is replaced
             self.install_screen(screen(), screen.view)
         self.push_screen(self._first)
         self.set_interval(1.0, self._redraw_waiting)
         for number in (signal.SIGTERM, signal.SIGHUP):
             with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):  # not the main thread
                 asyncio.get_running_loop().add_signal_handler(number, self.exit)
-        self.source.start(self.feed.tell)
+        self.source.start(self.feed.put)
 
     async def on_unmount(self) -> None:
         await self.desk.close()
@@ -89,7 +89,7 @@ class SweepApp(SessionApp):
                 screen.redraw()
 
     def _redraw_waiting(self) -> None:
-        """Shows for how long something takes, also while the rover says nothing."""
+        """Update the elapsed time of a request, even without messages from the rover."""
         if self.state.busy:
             self.redraw()
 
@@ -105,11 +105,11 @@ class SweepApp(SessionApp):
         default_namespace: DOMNode | None = None,
         namespaces: Mapping[str, DOMNode] | None = None,
     ) -> bool:
-        """A key that goes wrong is told of: the screen with ABORT on it must not end for that."""
+        """Report an exception of a key as a warning: the screen with ABORT must keep running."""
         try:
             return await super().run_action(action, default_namespace, namespaces)
         except Exception as error:
-            words = f"this key went wrong inside rover-sweep: {error!r}; the others, and ABORT, go on"
+            words = f"internal error on this key: {error!r}; other keys and ABORT still work"
             self.state = reduce(self.state, Notice("warning", words))
             return True
 
@@ -121,7 +121,7 @@ class SweepApp(SessionApp):
         return True
 
     def action_abort(self) -> None:
-        """At once, without a question; what is drawn comes second."""
+        """Abort at once, without a question; redraw afterwards."""
         self.source.abort()
         self.state = reduce(self.state, AbortAsked())
 
@@ -141,36 +141,37 @@ class SweepApp(SessionApp):
         self.redraw()
 
     def action_leave(self) -> None:
-        """During a run it ends that; once more it leaves."""
+        """During a run the first press aborts it; otherwise quit."""
         if self.state.under_way and not self.state.aborting:
             self.action_abort()
         else:
             self.exit()
 
     def action_pause(self) -> None:
-        if (stands := self._stands) is not None:
-            self._paced, rate = (stands.rate or self._paced), (self._paced if stands.rate == 0 else 0.0)
+        if (playback := self._playback) is not None:
+            self._paced, rate = (playback.rate or self._paced), (self._paced if playback.rate == 0 else 0.0)
             self.ask(Play(rate=rate))
 
     _paced = 1.0
 
     @property
-    def _stands(self) -> Played | None:
-        """Where a recording is and how fast, as soon as it has done what was asked: keys come in bursts."""
-        stands = self.state.played
-        for request in self.state.asked if stands else ():
-            if isinstance(request, Play) and stands is not None:
-                at = stands.t if request.at is None else request.at
-                stands = replace(stands, t=at, rate=stands.rate if request.rate is None else request.rate)
-        return stands
+    def _playback(self) -> Played | None:
+        """State of the playback after all pending requests, as keys may come faster than answers."""
+        playback = self.state.played
+        for request in self.state.asked if playback else ():
+            if isinstance(request, Play) and playback is not None:
+                at = playback.t if request.at is None else request.at
+                rate = playback.rate if request.rate is None else request.rate
+                playback = replace(playback, t=at, rate=rate)
+        return playback
 
     def action_seek(self, direction: int) -> None:
-        if (stands := self._stands) is not None:
-            self.ask(Play(at=min(max(0.0, stands.t + direction * _SEEK), stands.length)))
+        if (playback := self._playback) is not None:
+            self.ask(Play(at=min(max(0.0, playback.t + direction * _SEEK), playback.length)))
 
     def action_pace(self, factor: float) -> None:
-        if (stands := self._stands) is not None:
-            self.ask(Play(rate=min(max(_SLOWEST, (stands.rate or self._paced) * factor), _FASTEST)))
+        if (playback := self._playback) is not None:
+            self.ask(Play(rate=min(max(_SLOWEST, (playback.rate or self._paced) * factor), _FASTEST)))
 
 
 def _theme(palette: Palette) -> Theme:
@@ -186,14 +187,14 @@ def _theme(palette: Palette) -> Theme:
 
 
 def show(source: Source, setup: Setup | None = None, view: str = "connect") -> None:
-    """Shows a source until the user leaves; closes it however that happens.
+    """Show a source until the user quits, then close it, also after an error.
 
-    view: the first one, of `frame.VIEWS`; 'run' for a recording that is played.
+    view: the first view, one of `frame.VIEWS`; 'run' for a recording.
     """
     app = SweepApp(source, setup or Setup(), view)
     try:
-        app.run(mouse=False)  # the pointer stays free to select and copy text
+        app.run(mouse=False)  # so that the mouse can select and copy text
     finally:
         source.close()
-    if app.return_code:  # it ended by a fault, which it has printed
+    if app.return_code:  # an error, already printed
         raise SystemExit(app.return_code)

@@ -1,8 +1,8 @@
-"""The session behind the views: its one `State`, reduced from what the source tells, its plan, what is asked.
+"""The session behind the views: its `State`, reduced from the source's messages, its plan and its requests.
 
-Nothing is asked of the source but in answer to a key (a connection that was made is looked at by itself,
-which changes nothing); a run in which this program arms or throws the switch follows a question that one
-deliberate key answers.
+Every request to the source follows a key; only the checks after connecting start automatically, and they
+change nothing. Before a run in which this program arms or throws the switch, the user must confirm with a
+separate key.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from rover_sweep.vehicle.events import RunFinished, RunStarted
 
 
 class Arrived(Message):
-    """The feed has something."""
+    """Messages are waiting in the feed."""
 
 
 class SessionApp(App[None]):
-    """`source` does the work; `setup` is what the command line said."""
+    """State and requests of a session; `source` does the work, `setup` has the command line's settings."""
 
     state: reactive[State] = reactive(State(), init=False)
     plan: reactive[tuple[Row, ...]] = reactive((), init=False)
@@ -58,24 +58,24 @@ class SessionApp(App[None]):
         self.set_reactive(SessionApp.plan, setup.plan or FIRST)
         self.set_reactive(SessionApp.chosen, self._first_left())
 
-    # ---- views, of whoever shows them ------------------------------------------------------------
+    # ---- views, implemented by the application ------------------------------------------------------------
 
     def redraw(self) -> None:
-        """Shows the state as it is now."""
+        """Draw the current state."""
         raise NotImplementedError
 
     def turn_to(self, view: str, only_from: tuple[str, ...]) -> None:
-        """Shows a view, in place of one of those that it follows."""
+        """Show a view, if the current one is in `only_from`."""
         raise NotImplementedError
 
     # ---- from the source -------------------------------------------------------------------------
 
     def on_arrived(self) -> None:
-        """Everything that has come, drawn once."""
-        for told in self.feed.take():
+        """Process all waiting messages, then draw once."""
+        for message in self.feed.take():
             before = self.state
-            self.set_reactive(SessionApp.state, reduce(before, told))
-            self._follow(told, before)
+            self.set_reactive(SessionApp.state, reduce(before, message))
+            self._follow(message, before)
         self.redraw()
 
     def watch_state(self) -> None:
@@ -87,20 +87,20 @@ class SessionApp(App[None]):
     def watch_chosen(self) -> None:
         self.redraw()
 
-    def _follow(self, told: object, before: State) -> None:
-        """Turns to the view in which something has happened, where a person waits for it."""
-        if isinstance(told, Ended) and isinstance(told.request, Connect) and not told.failure:
-            self.memory = with_url(self.memory, told.request.url)
+    def _follow(self, message: object, before: State) -> None:
+        """Start the checks after connecting or a fix, and show the view that the user is waiting for."""
+        if isinstance(message, Ended) and isinstance(message.request, Connect) and not message.failure:
+            self.memory = with_url(self.memory, message.request.url)
             remember(self.setup.memory, self.memory)
             self.ask(Preflight())
             self.turn_to("preflight", ("connect",))
-        elif isinstance(told, Several):
-            self.places = with_systems(self.places, told.url, told.heard)
-        elif isinstance(told, RunStarted):
+        elif isinstance(message, Several):
+            self.places = with_systems(self.places, message.url, message.heard)
+        elif isinstance(message, RunStarted):
             self.turn_to("run", ("plan", "verdict"))
-        elif isinstance(told, Ended) and isinstance(told.request, Fix) and not told.failure:
+        elif isinstance(message, Ended) and isinstance(message.request, Fix) and not message.failure:
             self.ask(Preflight())
-        elif isinstance(told, RunFinished):
+        elif isinstance(message, RunFinished):
             self.chosen = self._first_left()
         elif self.state.verdict is not before.verdict and self.state.verdict is not None:
             self.turn_to("verdict", ("run",))
@@ -108,43 +108,43 @@ class SessionApp(App[None]):
     # ---- to the source ---------------------------------------------------------------------------
 
     def ask(self, request: Request) -> None:
-        """Asks, and notes that it was asked."""
+        """Record the request in the state, then send it to the source."""
         self._asked_at = self._asked_at if self.state.busy else time.monotonic()
         self.state = reduce(self.state, Asked(request))
         self.source.ask(request)
 
     def connect(self, url: str, system: int | None = None) -> None:
-        """Opens the link; what must be right is looked at then."""
+        """Open the link; the preflight checks follow."""
         self.ask(Connect(url, system))
 
     def look_for_ports(self) -> None:
-        """The connections that can be chosen now."""
+        """Update the list of connections."""
         self.places = places(self.setup.url, self.memory.urls, serial_ports())
 
     @property
     def waited(self) -> float:
-        """For how long the source has been at work on what was asked, s."""
+        """Time since the oldest pending request, s."""
         return time.monotonic() - self._asked_at if self.state.busy else 0.0
 
     @property
     def may_drive(self) -> bool:
-        """Whether a run can be asked for."""
+        """True if a run can be started now."""
         state = self.state
         ready = state.vehicle is not None and not state.lost and state.played is None
         return ready and not state.busy and not state.under_way and self.next_row is not None
 
     @property
     def next_row(self) -> Row | None:
-        """The row that is driven next."""
+        """The row to drive next, None if all are driven."""
         return self.plan[self.chosen] if self.chosen < len(self.plan) else None
 
     @property
     def driving_speed(self) -> float:
-        """At which the run under way is planned, m/s; NaN where it was not."""
+        """Planned speed of the current run, m/s; NaN if unknown."""
         return self._speed if self.state.driving else math.nan
 
     def drive_next(self) -> None:
-        """Drives the chosen row; asks first where this program arms or throws the switch."""
+        """Drive the chosen row; asks first if this program arms or throws the switch."""
         row = self.next_row
         if row is None or not self.may_drive:
             return
@@ -155,7 +155,7 @@ class SessionApp(App[None]):
         question = (
             f"{row.name}: {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s, "
             f"{labels.seconds(row.manoeuvre.duration)}{ground(row, self.setup.vehicle)}.\n\n"
-            f"This program {', '.join(own)}.\n\nIs the ground free, and is everybody clear of it?"
+            f"This program {', '.join(own)}.\n\nIs the area clear of people and obstacles?"
         )
         self.push_screen(Question(question, "start the run"), partial(self._consented, row))
 
@@ -165,30 +165,30 @@ class SessionApp(App[None]):
 
     def _drive(self, row: Row) -> None:
         self._speed = row.speed
-        self.setup.keep_plan(self.plan)  # the usual one too, which nobody has changed
+        self.setup.keep_plan(self.plan)  # the default plan too
         self.ask(DriveRequest(SessionRun(row.name, row.manoeuvre, row.speed), self.setup.settings))
         self.turn_to("run", ("plan", "verdict"))
 
     def _first_left(self) -> int:
-        """Index of the first row that was not driven to its end."""
+        """Index of the first row without a complete run."""
         done = {(run.name, run.manoeuvre) for run in self.state.runs if run.outcome == "done"}
         left = (n for n, row in enumerate(self.plan) if (row.name, row.manoeuvre) not in done)
         return next(left, len(self.plan))
 
-    # ---- the plan, and what is worked out beside the session ---------------------------------------
+    # ---- the plan, and analysis jobs ---------------------------------------
 
     def replan(self, plan: tuple[Row, ...], chosen: int) -> None:
-        """Another plan, kept on disk; one of its rows is chosen."""
+        """Replace the plan, save it, and choose one of its rows."""
         self.plan = with_names(plan, (run.name for run in self.state.runs))
         self.setup.keep_plan(self.plan)
         self.chosen = max(0, min(chosen, len(plan) - 1))
 
     def choose(self, index: int) -> None:
-        """The row that is driven next."""
+        """Choose the row to drive next."""
         self.chosen = index % len(self.plan) if self.plan else 0
 
     def plan_repeat(self, run: RunRecord) -> None:
-        """The run once more, with the amplitude that its verdict proposes, as the next."""
+        """Plan the run again as the next one, with the amplitude that its verdict proposes."""
         proposed = round(run.verdict.amplitude) if run.verdict and run.verdict.amplitude else None
         manoeuvre = replace(run.manoeuvre, amplitude=float(proposed or run.manoeuvre.amplitude))
         row = Row(manoeuvre, self._speed if self._speed > 0 else SPEED)
@@ -197,13 +197,13 @@ class SessionApp(App[None]):
         self.turn_to("plan", ("verdict",))
 
     def propose(self) -> None:
-        """What is worth driving beside the plan."""
+        """Start the computation of further runs to drive."""
         if self.setup.vehicle_path is not None:
             self.desk.propose(self.plan, self.setup.vehicle_path)
             self.redraw()
 
     def can_analyse(self, kind: str) -> bool:
-        """Whether there is something to identify from."""
+        """True if the session has the recordings or the report that the command needs."""
         folder = self.setup.folder
         ready = folder is not None and self.setup.vehicle_path is not None
         if kind == "gains":
@@ -211,11 +211,11 @@ class SessionApp(App[None]):
         return ready and folder is not None and bool(command_inputs(self.state, folder))
 
     def analyse(self, kind: str, chosen: AnalysisJob | None = None) -> None:
-        """Starts the command beside the session; gains out of the chosen report, where that is one."""
+        """Start the command in the background; gains use the chosen report, if it is one."""
         setup = self.setup
         if setup.folder is not None and setup.vehicle_path is not None:
             self.desk.start(kind, self.state, setup.folder, setup.vehicle_path, self.desk.report(chosen))
 
     def open_page(self, page: Path) -> None:
-        """In the browser."""
+        """Open a report in the browser."""
         self.run_worker(partial(webbrowser.open, page.resolve().as_uri()), thread=True, exit_on_error=False)

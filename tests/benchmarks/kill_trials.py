@@ -102,7 +102,7 @@ def by_driving_session(url: str, folder: Path):  # type: ignore[no-untyped-def]
         terminal.press("3")
         terminal.until("[3 PLAN]", "sweep1")
         terminal.press("g")
-        terminal.until("Is the ground free")
+        terminal.until("Is the area clear")
         terminal.press("y")
         yield terminal.program
 

@@ -115,7 +115,7 @@ GAINS = AnalysisJob(
     Path("session/gains.param"),
     "done",
     (
-        "Gains for 2.23 m/s, good from 1.48 to 3.34 m/s (roll-yaw model, good).",
+        "Gains for 2.23 m/s, valid from 1.48 to 3.34 m/s (roll-yaw model, good).",
         "",
         "                                            now            proposed  ",
         *(
@@ -133,8 +133,8 @@ GAINS = AnalysisJob(
                 ("  overshoot", "0.0 %", "5.0 %"),
             )
         ),
-        "note: at 2.23 m/s the steering reaches its stops at 119 deg/s, below the 120 deg/s that the "
-        "firmware lets through: lower ATC_STR_RAT_MAX",
+        "note: at 2.23 m/s the steering reaches its stops at 119 deg/s, but the firmware allows targets up "
+        "to 120 deg/s: lower ATC_STR_RAT_MAX",
         "parameters written to session/gains.param",
     ),
     seconds=8.0,

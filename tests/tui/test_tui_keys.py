@@ -350,7 +350,7 @@ def test_a_key_that_goes_wrong_is_told_and_leaves_abort(monkeypatch: pytest.Monk
         await press(pilot, "3", "a")
         assert app.is_running
         await press(pilot, "6")
-        assert "WARNING: this key went wrong inside rover-sweep: IndexError" in text_of(app)
+        assert "WARNING: internal error on this key: IndexError" in text_of(app)
         await press(pilot, "space")
         assert source.aborted == 1
 
@@ -365,9 +365,9 @@ def test_every_key_of_a_plan_that_is_driven(key: str) -> None:
     async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
         assert app.next_row is None
         await press(pilot, key)
-        assert "went wrong" not in text_of(app) and len(drives(source)) == 1
+        assert "internal error" not in text_of(app) and len(drives(source)) == 1
         await press(pilot, "e", "escape", "x", "x", "x")
         assert app.plan == (() if key in ("up", "down", "a", "d", "m", "b") else app.plan)
-        assert not any("went wrong" in line.text for line in app.state.messages)
+        assert not any("internal error" in line.text for line in app.state.messages)
 
     after(driven, then, setup)

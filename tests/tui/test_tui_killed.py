@@ -43,7 +43,7 @@ def session(rover: launcher.Running, folder: Path) -> Iterator[Terminal]:
 
 def driven(terminal: Terminal, name: str) -> None:
     terminal.press("g")
-    terminal.until(f"{name}: ", "This program arms the rover", "Is the ground free")
+    terminal.until(f"{name}: ", "This program arms the rover", "Is the area clear")
     terminal.press("y")
     terminal.until("[4 RUN]", "applet steers", "ARMED", "SPACE or ESC")
 
@@ -61,7 +61,7 @@ def test_killed_in_mid_sweep_it_goes_on_where_it_was(rover: launcher.Running, tm
 
     with session(rover, folder) as again:
         again.press("6")
-        again.until("[6 LOG]", "runs: 1, of them whole: 0", "✗ failed", "was still armed")
+        again.until("[6 LOG]", "runs: 1, complete: 0", "✗ failed", "was still armed")
         again.press("3")
         again.until("[3 PLAN]", "▶ sweep2", "doublet1", "2 runs")
         driven(again, "sweep2")

@@ -74,7 +74,7 @@ def test_runs_and_logs_of_before(tmp_path: Path) -> None:
         logs=(FetchedLog("log1.BIN", 1, 10, 99, ("sweep1",)),),
     )
     whole, cut = records(content, tmp_path)
-    assert whole.outcome == "done" and whole.reason.startswith("not judged")
+    assert whole.outcome == "done" and whole.reason.startswith("no verdict")
     assert (cut.outcome, cut.reason) == ("failed", "the recording ends 12 s into the run")
     assert fetched_logs(content, tmp_path) == (tmp_path / "log1.BIN",)
 
@@ -93,11 +93,11 @@ def test_the_recommended_model_comes_first_and_with_its_intervals(tmp_path: Path
 
 def test_what_takes_long_tells_since_when_and_what_it_does() -> None:
     asked = reduced(State(), (Connected("udp:1", ROVER), Asked(Preflight())))
-    assert message(asked, LIGHT, 80).plain == " … looking at what must be right"
+    assert message(asked, LIGHT, 80).plain == " … running the checks"
     told = reduced(asked, (Rebooting(("SCR_ENABLE",)),))
     assert (
         message(told, LIGHT, 80, waited=31.4).plain
-        == " … 31 s looking at what must be right: rebooting the rover, for SCR_ENABLE"
+        == " … 31 s running the checks: rebooting the rover to apply SCR_ENABLE"
     )
 
 

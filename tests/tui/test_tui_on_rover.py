@@ -43,7 +43,7 @@ async def shorter(person: Person, amplitude: int) -> None:
 async def driven(person: Person, name: str) -> None:
     """Drives the next row with consent, up to its verdict."""
     await person.press("g")
-    await person.until(f"{name}: ", "This program arms the rover", "Is the ground free")
+    await person.until(f"{name}: ", "This program arms the rover", "Is the area clear")
     await person.press("y")
     await person.until("[4 RUN]", "SPACE or ESC", seconds=5)
     seen = await person.until("[5 VERDICT]", f"{name}: ", "whole", "KEEP", seconds=60)
@@ -83,10 +83,10 @@ async def whole(person: Person, folder: Path) -> None:
     await person.press("4")
     await driven(person, "sweep2")
     await driven(person, "doublet1")
-    await person.until("The plan is driven")
+    await person.until("The plan is complete")
 
     await person.press("6", "l")
-    await person.until("on disk: log1.BIN", "of them whole: 3")
+    await person.until("on disk: log1.BIN", "complete: 3")
     await person.press("7")
     await person.until("done     identify", "done     diagnose", seconds=90)
     await person.press("up")
@@ -113,7 +113,7 @@ def test_a_session_by_keys_alone(
     async def session() -> None:
         async with using(app) as person:
             await whole(person, folder)
-            assert not [line.text for line in app.state.messages if "went wrong" in line.text]
+            assert not [line.text for line in app.state.messages if "internal error" in line.text]
 
     asyncio.run(session())
     content = read_session(folder)

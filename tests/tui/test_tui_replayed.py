@@ -20,7 +20,7 @@ def at(person: Person) -> Played:
 
 
 async def played(person: Person) -> None:
-    await person.until("[4 RUN]", "PLAYED: A recording: nothing moves", "x1")
+    await person.until("[4 RUN]", "REPLAY: A recording: nothing moves", "x1")
     await person.press("space")
     await person.until("PAUSED", "SPACE  pause")
     stood = at(person)
@@ -47,7 +47,7 @@ async def played(person: Person) -> None:
     await person.press("1", "enter", "3", "g", "6", "l")  # nothing of it can be asked of a recording
     assert not person.app.state.busy and not person.app.state.failure and person.app.is_running
     await person.press("7")
-    await person.until("A recording: rover-sweep identify", "run1.BIN")
+    await person.until("Identify this recording with: rover-sweep identify", "run1.BIN")
     await person.press("q")
     await person.when(lambda: not person.app.is_running, "the end")
 

@@ -1,1 +1,1 @@
-"""Parts of a picture: text, bars, colours, labels, the question box."""
+"""Drawing elements: text rows, bars, colours, labels, the question box."""

@@ -1,4 +1,4 @@
-"""A picture of a screen as rows of styled text, cut to a width and a height."""
+"""The content of a screen as rows of styled text, cut to a width and a height."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Part = str | tuple[str, str]
 
 
 class ScreenRows:
-    """Rows one below the other. palette gives the styles; width in columns, height in rows."""
+    """Rows of a screen. palette gives the styles; width in columns, height in rows."""
 
     def __init__(self, palette: Palette, width: int, height: int) -> None:
         self.palette, self.width, self.height = palette, width, height
@@ -22,28 +22,28 @@ class ScreenRows:
 
     @property
     def left(self) -> int:
-        """Rows that are free."""
+        """Number of free rows."""
         return self.height - len(self._rows)
 
     def add(self, *parts: Part, style: str = "") -> ScreenRows:
-        """A row out of parts, text or (text, style), cut at the width."""
+        """Add a row of parts, text or (text, style), cut at the width."""
         row = Text.assemble(*parts, style=style, no_wrap=True)
         row.truncate(self.width)
         self._rows.append(row)
         return self
 
     def filled(self, text: str, style: str) -> ScreenRows:
-        """A row whose ground is coloured to the edge."""
+        """Add a row with a coloured background over the whole width."""
         return self.add((text[: self.width].ljust(self.width), style))
 
     def blank(self, count: int = 1) -> ScreenRows:
-        """Free rows, as far as there is room."""
+        """Add empty rows, as far as there is room."""
         for _ in range(min(count, max(0, self.left))):
             self.add("")
         return self
 
     def sentence(self, text: str, style: str = "", indent: int = 1, most: int = 99) -> ScreenRows:
-        """Wrapped at the width, at most so many rows."""
+        """Add text wrapped at the width, in at most `most` rows."""
         rows = wrapped(text, self.width - 2 * indent)
         if len(rows) > most:
             rows = [*rows[: most - 1], rows[most - 1][: self.width - 2 * indent - 2] + " …"]
@@ -52,34 +52,34 @@ class ScreenRows:
         return self
 
     def down_to(self, row: int) -> ScreenRows:
-        """Free rows until `row` is the next."""
+        """Add empty rows until `row` is the next."""
         return self.blank(row - len(self._rows))
 
     def text(self) -> Text:
-        """All of it."""
+        """All rows as one text, cut at the height."""
         return Text("\n").join(self._rows[: self.height])
 
 
 def harmless(picture: Text) -> Text:
-    """The last door before the screen: a control character in it becomes U+FFFD, styles and columns stay."""
+    """Replace control characters by U+FFFD before drawing; styles and columns stay."""
     if (plain := same_length(picture.plain)) != picture.plain:
         picture.plain = plain
     return picture
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Rows of text; line breaks in it count."""
+    """Rows of wrapped text; keeps its line breaks."""
     return [row for line in text.splitlines() for row in textwrap.wrap(line, max(10, width))]
 
 
 def cells(values: Sequence[str], widths: Sequence[int]) -> str:
-    """Columns of text; a negative width puts it to the right."""
+    """Text in columns; a negative width aligns right, and a text that is too long is cut."""
     cut = (v if len(v) <= abs(w) else v[: abs(w) - 1] + "…" for v, w in zip(values, widths, strict=True))
     return " ".join(v.rjust(-w) if w < 0 else v.ljust(w) for v, w in zip(cut, widths, strict=True))
 
 
 def window(count: int, chosen: int, room: int) -> range:
-    """Which of `count` rows to show in `room` of them, so that the chosen one is among them."""
+    """The range of at most `room` of `count` rows that contains the chosen one."""
     if count <= room:
         return range(count)
     first = min(max(0, chosen - room // 2), count - room)
@@ -87,5 +87,5 @@ def window(count: int, chosen: int, room: int) -> range:
 
 
 def joined(parts: Iterable[str]) -> str:
-    """What is not empty, with gaps."""
+    """The non-empty parts, separated by spaces."""
     return "   ".join(part for part in parts if part)

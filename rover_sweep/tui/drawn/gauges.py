@@ -1,4 +1,4 @@
-"""Numbers as characters: a bar, a pointer between limits, a short history, a number or a dash."""
+"""Numbers as characters: bar, pointer between limits, short history, number or dash."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ _STEPS = " ▁▂▃▄▅▆▇█"
 
 
 def bar(share: float, width: int) -> str:
-    """`share` 0..1 of `width` cells; all light where it is not known."""
+    """`share` 0..1 of `width` cells; an empty bar for NaN."""
     full = round(min(1.0, max(0.0, share)) * width) if math.isfinite(share) else 0
     return "█" * full + "░" * (width - full)
 
 
 def pointer(value: float, low: float, high: float, width: int) -> str:
-    """Where `value` is between two limits, the middle marked; an arrow at the edge beyond them."""
+    """Position of `value` between two limits, with the middle marked; an arrow at the edge if outside."""
     cells = list("[" + "·" * (width - 2) + "]")
     cells[width // 2] = "|"
     if math.isfinite(value) and high > low:
@@ -30,7 +30,7 @@ def pointer(value: float, low: float, high: float, width: int) -> str:
 
 
 def column_chart(values: Sequence[float], low: float, high: float, width: int, rows: int = 1) -> list[str]:
-    """The last `width` values between two limits as columns, the newest at the right; blank where not known.
+    """The last `width` values between two limits as columns, the newest at the right; blank for NaN.
 
     Returns `rows` rows, the uppermost first.
     """
@@ -42,7 +42,7 @@ def column_chart(values: Sequence[float], low: float, high: float, width: int, r
 
 
 def _height(value: float, low: float, high: float, rows: int) -> int:
-    """Of a column in eighths of a row: at least one, and none where the value is not known."""
+    """Height of a column in eighths of a row: at least one, 0 for NaN."""
     if not math.isfinite(value):
         return 0
     share = min(1.0, max(0.0, (value - low) / (high - low)))
@@ -50,7 +50,7 @@ def _height(value: float, low: float, high: float, rows: int) -> int:
 
 
 def fixed_width(value: float, form: str) -> str:
-    """A number, or a dash of the same width while it is not known."""
+    """The number, or a dash of the same width for NaN."""
     text = format(value if math.isfinite(value) else 0.0, form)
     if not math.isfinite(value):
         return "-".rjust(len(text))

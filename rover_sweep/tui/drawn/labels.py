@@ -1,4 +1,4 @@
-"""Numbers and codes of vehicle and applet as words, each of which stands without its colour."""
+"""Names for numbers and codes of vehicle and applet; clear without colour."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ CHECKS = {
 }
 APPLET = {
     0: "idle",
-    1: "standstill recorded",
+    1: "records standstill",
     2: "waits for speed",
     3: "straight, before",
     4: "fades in",
@@ -43,34 +43,34 @@ APPLET = {
     6: "steers",
     7: "fades out",
     8: "straight, after",
-    9: "standstill recorded",
+    9: "records standstill",
     10: "stopped",
 }
 ADVICE = {"keep": ("✓", "KEEP"), "repeat": ("↻", "REPEAT"), "discard": ("✗", "DISCARD")}
 OUTCOMES = {
-    "asked": ("·", "asked"),
-    "running": ("▶", "under way"),
-    "done": ("✓", "whole"),
+    "asked": ("·", "requested"),
+    "running": ("▶", "running"),
+    "done": ("✓", "complete"),
     "stopped": ("✗", "stopped"),
     "failed": ("✗", "failed"),
 }
-RESPONSES = {"r": "yaw rate", "ay": "lateral acc.", "vydot": "side velocity", "p": "roll rate"}
+RESPONSES = {"r": "yaw rate", "ay": "lateral acc.", "vydot": "V_y rate", "p": "roll rate"}
 
 
 def mode_label(custom_mode: int) -> str:
-    """Name of a Rover's mode."""
+    """Name of a Rover mode."""
     return MODES.get(custom_mode, "mode ?" if custom_mode < 0 else f"mode {custom_mode}")
 
 
 def switch_label(pwm: float) -> str:
-    """Where a switch is, as the firmware reads it: below 1200 us low, above 1800 us high."""
+    """Position of a switch as the firmware reads it: below 1200 us low, above 1800 us high."""
     if not math.isfinite(pwm) or pwm <= 0:
         return "?"
     return "LOW" if pwm < 1200 else "HIGH" if pwm > 1800 else "MIDDLE"
 
 
 def manoeuvre(m: Manoeuvre) -> str:
-    """A manoeuvre in a line."""
+    """A manoeuvre in one line."""
     about = f" about {m.middle:+g}" if isinstance(m, Sweep) and m.middle else ""
     kind = m.kind.replace("_", " ")
     if isinstance(m, Sweep | Multisine):
@@ -80,10 +80,10 @@ def manoeuvre(m: Manoeuvre) -> str:
 
 
 def size(count: int) -> str:
-    """Bytes, short."""
+    """A number of bytes in kB or MB."""
     return f"{count / 1e6:.1f} MB" if count >= 1e5 else f"{count / 1e3:.0f} kB"
 
 
 def seconds(value: float) -> str:
-    """A length of time as people say it."""
+    """A duration in s, or in min and s."""
     return f"{value:.0f} s" if value < 100 else f"{int(value) // 60} min {int(value) % 60:02d} s"

@@ -1,4 +1,4 @@
-"""Words in large letters, for a screen an arm's length away: dots in blocks, three or five rows high."""
+"""Words in large letters, three or five rows high, readable from a distance."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _BLOCKS = {"00": " ", "10": "▀", "01": "▄", "11": "█"}
 
 
 def big(words: str) -> tuple[str, str, str]:
-    """Three rows of equal length, a dot a half block; letters that are not known are left out."""
+    """Three rows of equal length, one dot per half block; skips unknown letters."""
     rows = (*_rows(words), "0" * len(_rows(words)[0]))
     return (_pair(rows[0], rows[1]), _pair(rows[2], rows[3]), _pair(rows[4], rows[5]))
 
 
 def huge(words: str) -> tuple[str, ...]:
-    """Five rows, a dot two columns wide."""
+    """Five rows, one dot per two columns."""
     return tuple("".join("██" if dot == "1" else "  " for dot in row) for row in _rows(words))
 
 

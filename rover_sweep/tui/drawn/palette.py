@@ -1,7 +1,7 @@
 """Two sets of colours; every text has a WCAG 2.1 contrast of 7 or more to its ground (1.4.6, AAA).
 
-Black on white for the sun, white on black for dusk. A colour never says anything alone: the words
-beside it do (`words.py`).
+Black on white for the sun, white on black for dusk. Colour is never the only sign: there
+is always a word too (`labels.py`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Palette:
-    """Colours as #rrggbb. alarm: (text, ground) of the ABORT bar and of what is wrong now."""
+    """Colours as #rrggbb. alarm: (text, background) of the ABORT bar and of alarms."""
 
     name: str
     ink: str
@@ -25,7 +25,7 @@ class Palette:
 
     @property
     def inverse(self) -> str:
-        """Style of what is chosen."""
+        """Style of the chosen row."""
         return f"bold {self.ground} on {self.ink}"
 
     @property
@@ -34,7 +34,7 @@ class Palette:
 
     @property
     def asking(self) -> str:
-        """Style of what somebody has to do."""
+        """Style of a request to the pilot."""
         return f"bold {self.ground} on {self.accent}"
 
 

@@ -1,4 +1,4 @@
-"""A plain question before something that moves or reboots the rover; one deliberate key says yes."""
+"""A question before something that moves or reboots the rover, answered by one key."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from textual.widgets import Static
 
 from rover_sweep.files.printable import printable_lines
 
-YES = "y"  # neither SPACE nor ENTER, which a hand hits by itself
+YES = "y"  # not SPACE or ENTER, which are easily pressed by mistake
 
 
 class Question(ModalScreen[bool]):
@@ -31,7 +31,7 @@ class Question(ModalScreen[bool]):
         with Vertical():
             yield Static(self._question, markup=False)
             yield Static(f" Y  {self._yes}", id="yes", markup=False)
-            yield Static(" any other key: no, nothing is done", markup=False)
+            yield Static(" any other key: no, nothing happens", markup=False)
 
     def on_key(self, event: events.Key) -> None:
         event.stop()

@@ -1,1 +1,1 @@
-"""Commands that run in processes of their own while the session goes on."""
+"""Commands that run in separate processes while the session continues."""

@@ -1,4 +1,4 @@
-"""The commands that work on recordings, run as programs of their own: the session never waits for them.
+"""Commands that work on recordings, run as separate processes: the session never waits for them.
 
 An `AnalysisJob` shows what the command printed and the JSON it wrote. Both are there without a screen.
 """
@@ -17,15 +17,15 @@ from typing import Literal
 
 from rover_sweep.tui.jobs.summary import page_of, summary_of
 
-_KEPT = 200  # lines of what a command says
-_TICK = 1.0  # s after which a job is told although it says nothing
-_GOODBYE = 2.0  # s to end in, once it was asked to
-_NICENESS = 10  # the vehicle's messages come first
+_KEPT = 200  # lines kept of a command's output
+_TICK = 1.0  # s between updates of a job without output
+_GRACE = 2.0  # s to terminate before it is killed
+_NICENESS = 10  # gives priority to the vehicle's messages
 
 
 @dataclass(frozen=True)
 class AnalysisJob:
-    """A command. lines: what it said, the latest last; summary: out of its JSON; page: its report."""
+    """A command. lines: its output, the latest last; summary: from its JSON; page: its report."""
 
     kind: str
     arguments: tuple[str, ...]
@@ -40,12 +40,12 @@ class AnalysisJob:
 
     @property
     def last(self) -> str:
-        """Its latest line."""
+        """The latest line of output."""
         return self.lines[-1] if self.lines else ""
 
 
 async def run_job(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
-    """The job as it goes on, ending with its end. Its process is ended where the iteration is."""
+    """Yield the job at every change, to its end. Closing the iterator ends the process."""
     began = time.monotonic()
     program = (sys.executable, "-m", "rover_sweep.cli.main", *job.arguments)
     process = await asyncio.create_subprocess_exec(
@@ -53,7 +53,7 @@ async def run_job(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
-        preexec_fn=_step_back,
+        preexec_fn=_own_session,
     )
     assert process.stdout is not None and process.stderr is not None
     output = asyncio.create_task(process.stdout.read())
@@ -83,29 +83,31 @@ async def run_job(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
 async def _end(process: asyncio.subprocess.Process) -> None:
     process.terminate()
     try:
-        await asyncio.wait_for(process.wait(), _GOODBYE)
+        await asyncio.wait_for(process.wait(), _GRACE)
     except TimeoutError:
         process.kill()
         await process.wait()
 
 
 def ended(job: AnalysisJob, code: int) -> AnalysisJob:
-    """With outcome, summary and page. A report that was written counts although the data were refused."""
+    """The job with outcome, output, summary and page, by its exit code (130: interrupted, with a report)."""
     lines = tuple(row for row in (*job.output.splitlines(), *job.lines) if row.strip())[-_KEPT:]
     if code not in (0, 130):
-        return replace(job, outcome="failed", lines=lines or (f"it ended with code {code}",), process=None)
+        return replace(
+            job, outcome="failed", lines=lines or (f"it ended with exit code {code}",), process=None
+        )
     summary = summary_of(job.kind, job.out) if job.out is not None else ()
     page = page_of(job.kind, job.out) if job.out is not None else None
     return replace(job, outcome="done", lines=lines, summary=summary, page=page, process=None)
 
 
-def _step_back() -> None:
-    os.setsid()  # a Ctrl-C of the terminal is the screen's alone
+def _own_session() -> None:
+    os.setsid()  # so that Ctrl-C reaches only the screen
     os.nice(_NICENESS)
 
 
 def gains_of(report: Path, logs: Sequence[Path], out: Path) -> tuple[str, ...]:
-    """The command line of steering gains; logs: of the vehicle, which tell what it flies now."""
+    """The command line of `gains`; logs: of the vehicle, with its current parameters."""
     now = ("--now", str(logs[-1])) if logs else ()
     return ("gains", str(report), *now, "--out", str(out))
 
@@ -116,7 +118,7 @@ def arguments_of(kind: str, recordings: Sequence[Path], vehicle: Path, out: Path
 
 
 def free_path(folder: Path, name: str, taken: Collection[Path] = ()) -> Path:
-    """report, report-2, ...: the first that is not there, nor about to be."""
+    """The first path of report, report-2, ... that neither exists nor is taken by a running job."""
     stem, suffix = Path(name).stem, Path(name).suffix
     numbered = (folder / (f"{stem}-{n}{suffix}" if n > 1 else name) for n in count(1))
     return next(path for path in numbered if not path.exists() and path not in taken)

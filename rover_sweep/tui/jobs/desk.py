@@ -1,4 +1,4 @@
-"""The jobs of a session: which commands run beside it, on which recordings, and what came of them."""
+"""The analysis jobs of a session, their recordings and results."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ NAMES = {"identify": "report", "diagnose": "diagnosis", "gains": "gains.param"}
 
 
 def command_inputs(state: State, folder: Path) -> tuple[Path, ...]:
-    """What a command reads: the session's folder where it describes itself, else the runs that are whole."""
+    """Input of a command: the session's folder if it has session.json, else its complete runs."""
     if (folder / "session.json").is_file():
         return (folder,)
     return tuple(run.tlog for run in state.runs if run.outcome == "done" and run.tlog is not None)
 
 
 class Desk:
-    """Starts commands; `changed` is called whenever one went on.
+    """Starts commands; `changed` is called at every change of one.
 
-    proposal: rows that `rover-sweep plan` proposes, proposing: how that stands, in words; next_runs: what
-    a diagnosis wants driven.
+    proposal: rows proposed by `rover-sweep plan`; proposing: its status as text; next_runs: runs proposed by
+    a diagnosis.
     """
 
     def __init__(self, changed: Callable[[], object], folder: Path | None = None) -> None:
@@ -40,8 +40,8 @@ class Desk:
         self._tasks: dict[tuple[str, ...], asyncio.Task[None]] = {}
 
     def start(self, kind: str, state: State, folder: Path, vehicle: Path, report: Path | None = None) -> None:
-        """Identify or diagnose into a folder beside the recordings, or gains out of `report` into a .param
-        file there."""
+        """Start identify or diagnose into a new folder in `folder`, or gains from `report` into a .param file
+        there."""
         taken = {job.out for job in self.jobs if job.out is not None}
         out = free_path(folder, NAMES[kind], taken)
         if kind == "gains" and report is not None:
@@ -52,31 +52,31 @@ class Desk:
         self._tasks[job.arguments] = asyncio.create_task(self._follow(job))
 
     def report(self, chosen: AnalysisJob | None = None) -> Path | None:
-        """Folder of an identification or diagnosis, of which gains can be made: the chosen one, else the
-        latest identification, else the latest diagnosis."""
+        """Folder of an identification or diagnosis for gains: the chosen one, else the latest identification,
+        else the latest diagnosis."""
         done = [job for job in self.jobs if job.kind != "gains" and job.outcome == "done"]
         if chosen in done:
             return chosen.out
-        done.sort(key=lambda job: job.kind == "identify")  # and in the order of their beginning
+        done.sort(key=lambda job: job.kind == "identify")  # stable: within a kind in order of start
         return done[-1].out if done else None
 
     def stop(self, job: AnalysisJob) -> None:
-        """Ends its process."""
+        """End the process of a job."""
         if task := self._tasks.get(job.arguments):
             task.cancel()
 
     async def close(self) -> None:
-        """Ends all."""
+        """End all jobs."""
         tasks = tuple(self._tasks.values())
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
     def propose(self, rows: tuple[Row, ...], vehicle: Path) -> None:
-        """Asks `rover-sweep plan` what to drive beside these rows."""
+        """Start `rover-sweep plan` to propose runs in addition to these rows."""
         given = [part for row in rows for part in _as_option(row)]
         job = AnalysisJob("plan", ("plan", "--vehicle", str(vehicle), "--json", *given))
-        self.proposing, self.proposal = "this takes some 20 s", ()
+        self.proposing, self.proposal = "this takes about 20 s", ()
         self._tasks[job.arguments] = asyncio.create_task(self._proposed(job))
 
     async def _follow(self, job: AnalysisJob) -> None:
@@ -88,7 +88,7 @@ class Desk:
         except asyncio.CancelledError:
             self._put(replace(job, outcome="failed", lines=(*job.lines, "stopped by you"), process=None))
         except OSError as error:
-            self._put(replace(job, outcome="failed", lines=(f"it cannot be started: {error}",)))
+            self._put(replace(job, outcome="failed", lines=(f"cannot start: {error}",)))
         self._tasks.pop(mine, None)
         if job.kind == "diagnose" and job.outcome == "done" and job.out is not None:
             self.next_runs = next_runs(job.out)
@@ -112,7 +112,7 @@ class Desk:
 
 
 def _before(folder: Path) -> Iterator[AnalysisJob]:
-    """The reports that a session, taken up again, has already."""
+    """Finished jobs for the existing reports of a continued session."""
     for kind in ("identify", "diagnose"):
         for out in sorted(folder.glob(f"{NAMES[kind]}*/")):
             if page := page_of(kind, out):
@@ -127,11 +127,11 @@ def _before(folder: Path) -> Iterator[AnalysisJob]:
 def _none(job: AnalysisJob) -> str:
     if job.outcome == "failed":
         return f"no proposal: {job.last}"
-    return "nothing more is worth driving"
+    return "no further runs are needed"
 
 
 def _as_option(row: Row) -> tuple[str, str]:
-    """As `rover-sweep plan` takes it."""
+    """The row as an option of `rover-sweep plan`."""
     m = row.manoeuvre
     about = f"{getattr(m, 'bias', 0.0):+g}" if m.kind == "bias_sweep" else ""
     return f"--{row.kind}", f"{m.amplitude:g}{about}@{row.speed:g}"

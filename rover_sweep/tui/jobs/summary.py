@@ -1,4 +1,4 @@
-"""What identification.json and diagnosis.json say, in a few sentences; their contracts stand in `report`."""
+"""Summary sentences from identification.json and diagnosis.json, whose keys are defined in `report`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _PAGES = {"identify": "report.html", "diagnose": "diagnosis.html", "gains": "gai
 
 
 def page_of(kind: str, out: Path) -> Path | None:
-    """The report for people, None where there is none."""
+    """The HTML report, None if it does not exist."""
     page = out / _PAGES.get(kind, "report.html")
     return page if page.is_file() else None
 
 
 def summary_of(kind: str, out: Path) -> tuple[str, ...]:
-    """Sentences, the answer first; the document's own fault where it cannot be read."""
+    """Sentences, the main result first; the error if the document cannot be read."""
     path = out / _DOCUMENTS.get(kind, "")
     if not path.is_file():
         return ()
@@ -31,7 +31,7 @@ def summary_of(kind: str, out: Path) -> tuple[str, ...]:
 
 
 def next_runs(out: Path) -> tuple[str, ...]:
-    """What a diagnosis proposes to drive next, a sentence for each finding; nothing where it was not made."""
+    """Runs that a diagnosis proposes, one sentence per finding; () without a diagnosis."""
     try:
         found = read_json((out / _DOCUMENTS["diagnose"]).read_text(encoding="utf-8"))["findings"]
         return tuple(dict.fromkeys(f"{f['effect']}: {f['next_run']}" for f in found if f.get("next_run")))
@@ -45,15 +45,15 @@ def _identified(document: Mapping[str, Any]) -> Iterator[str]:
     recommended = document.get("recommended")
     for name, model in sorted(document["models"].items(), key=lambda item: item[0] != recommended):
         best = name == recommended
-        told = ", ".join(
-            _told(parameter, value, best)
+        values = ", ".join(
+            _parameter(parameter, value, best)
             for parameter, value in model["parameters"].items()
             if value.get("free") and value.get("value") is not None
         )
-        yield f"{name}{' (recommended; 90 % intervals)' if best else ''}: {told or 'nothing of it is free'}"
+        yield f"{name}{' (recommended; 90 % intervals)' if best else ''}: {values or 'no free parameters'}"
 
 
-def _told(name: str, estimate: Mapping[str, Any], interval: bool) -> str:
+def _parameter(name: str, estimate: Mapping[str, Any], interval: bool) -> str:
     low, high = (estimate.get("interval_90") if interval else None) or (None, None)
     between = f" ({low:.3g} to {high:.3g})" if low is not None and high is not None else ""
     return f"{name} {estimate['value']:.3g}{between} {estimate['unit']}".rstrip()
@@ -69,6 +69,6 @@ def _diagnosed(document: Mapping[str, Any]) -> Iterator[str]:
 
 def _plain(document: Mapping[str, Any]) -> Iterator[str]:
     for key in ("sentence", "summary", "verdict"):
-        if isinstance(said := document.get(key), str) and said:
-            yield said
-    yield from (str(said) for said in document.get("sentences") or ())
+        if isinstance(text := document.get(key), str) and text:
+            yield text
+    yield from (str(text) for text in document.get("sentences") or ())

@@ -1,4 +1,4 @@
-"""The connections that can be chosen: of the command line, used before, plugged in, usual."""
+"""The connections to choose from: command line, used before, plugged in, usual."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ USUAL = ("udp:127.0.0.1:14550", "tcp:127.0.0.1:5760")
 
 @dataclass(frozen=True)
 class ConnectionChoice:
-    """A connection that can be chosen, and where it comes from."""
+    """A connection to choose, and its origin. system: one of several vehicles on it."""
 
     url: str
     origin: str
-    system: int | None = None  # of several vehicles there
+    system: int | None = None
 
 
 def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> tuple[ConnectionChoice, ...]:
-    """Each once, the likeliest first."""
+    """Each connection once, the most likely first."""
     found: dict[str, str] = {}
     for urls, origin in (
         ((given,) if given else (), "command line"),
@@ -36,7 +36,7 @@ def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> t
 def with_systems(
     found: tuple[ConnectionChoice, ...], url: str, heard: Sequence[Heard]
 ) -> tuple[ConnectionChoice, ...]:
-    """Each vehicle that is heard on `url`, in its place; at the front where it is not among those found."""
+    """The list with `url` replaced by an entry per vehicle heard on it, at the front if it was not listed."""
     each = tuple(ConnectionChoice(url, str(one), one.system) for one in heard)
     at = next((n for n, place in enumerate(found) if place.url == url), 0)
     rest = [place for place in found if place.url != url]

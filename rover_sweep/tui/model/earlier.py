@@ -1,4 +1,4 @@
-"""What a session's folder tells of before: runs and plan of a session that is taken up again."""
+"""Runs, logs and plan of a continued session, from its folder."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ _OUTCOMES: Mapping[str, Outcome] = {"done": "done", "stopped": "stopped", "cut":
 
 
 def records(content: Content, folder: Path) -> tuple[RunRecord, ...]:
-    """The runs that were driven, oldest first."""
+    """The driven runs, oldest first."""
     return tuple(_record(run, folder) for run in content.runs)
 
 
 def fetched_logs(content: Content, folder: Path) -> tuple[Path, ...]:
-    """The vehicle's logs that are here."""
+    """The vehicle's logs in the folder."""
     return tuple(folder / log.file for log in content.logs)
 
 
 def rows(content: Content) -> tuple[Row, ...]:
-    """The plan as it stood."""
+    """The saved plan as rows."""
     return tuple(Row(run.manoeuvre, run.speed or SPEED, run.name) for run in content.plan)
 
 
 def runs_of_plan(plan: tuple[Row, ...]) -> tuple[SessionRun, ...]:
-    """The plan, to be kept in the folder."""
+    """The plan in the form saved in the folder."""
     return tuple(SessionRun(row.name, row.manoeuvre, row.speed) for row in plan)
 
 
@@ -52,11 +52,11 @@ def _record(run: DrivenRun, folder: Path) -> RunRecord:
 def _reason(run: DrivenRun, outcome: Outcome) -> str:
     if outcome != "done":
         return run.reason
-    return "" if run.verdict else "not judged: the program ended first; 7 identifies it all the same"
+    return "" if run.verdict else "no verdict: the program ended first; 7 can still identify it"
 
 
 def _verdict(said: Mapping[str, Any] | None) -> Verdict | None:
-    """None for one of another version, which is no reason not to go on."""
+    """The saved verdict; None if missing, or written by another version."""
     if said is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""From the source's thread to the screen's: what is fast replaces what has not been looked at yet."""
+"""Queue from the source's thread to the screen's; fast values replace those not yet taken."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ _FAST = (Snapshot, Played, LogProgress, Sample)
 
 
 class Feed:
-    """`tell` from any thread, `take` in the screen's; `wake` is called once until the next `take`."""
+    """`put` in any thread, `take` in the screen's; `wake` is called at the first `put` after a `take`."""
 
     def __init__(self, wake: Callable[[], object]) -> None:
         self._wake, self._lock = wake, threading.Lock()
         self._waiting: list[Update] = []
 
-    def tell(self, told: Update) -> None:
-        """Returns at once. Of the fast values only the latest of a kind waits."""
+    def put(self, message: Update) -> None:
+        """Add a message without blocking; of the fast values only the latest of each type is kept."""
         with self._lock:
             first = not self._waiting
-            if isinstance(told, _FAST):
-                self._waiting = [other for other in self._waiting if type(other) is not type(told)]
-            self._waiting.append(told)
+            if isinstance(message, _FAST):
+                self._waiting = [other for other in self._waiting if type(other) is not type(message)]
+            self._waiting.append(message)
         if first:
             self._wake()
 
     def take(self) -> list[Update]:
-        """All that waits, oldest first."""
+        """All waiting messages, oldest first."""
         with self._lock:
             taken, self._waiting = self._waiting, []
         return taken

@@ -1,4 +1,4 @@
-"""The plan as rows that keys add, remove and step through; pure. What a row needs comes from `design`."""
+"""The plan as rows that can be added, changed and removed; pure functions. Space comes from `design`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rover_sweep.manoeuvre.applet_values import parameters_of
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 
-SPEED = 2.0  # m/s, of a row that nobody gave one
+SPEED = 2.0  # m/s, default of a row
 _KINDS: dict[str, Callable[[], Manoeuvre]] = {
     "sweep": Sweep,
     "doublet": Doublet,
@@ -25,8 +25,8 @@ _KINDS: dict[str, Callable[[], Manoeuvre]] = {
 
 @dataclass(frozen=True)
 class Row:
-    """A run to be driven. speed [m/s]: the one to hold; name: kept through all changes; settles: what it is
-    for, where that is known."""
+    """A run to drive. speed [m/s]: to hold; name: kept through all changes; settles: its purpose as a
+    sentence, if known."""
 
     manoeuvre: Manoeuvre
     speed: float = SPEED
@@ -35,13 +35,13 @@ class Row:
 
     @property
     def kind(self) -> str:
-        """As a name of a run begins."""
+        """The kind, as used in names of runs."""
         return self.manoeuvre.kind.replace("_", "-")
 
 
 @dataclass(frozen=True)
 class Field:
-    """A number of a row that can be stepped. form: how it is shown."""
+    """A number of a row that can be changed in steps. form: its format."""
 
     name: str
     words: str
@@ -55,7 +55,7 @@ _AMPLITUDE = Field("amplitude", "amplitude", "us", 10)
 _SWEPT = (
     Field("w_min", "lowest frequency", "rad/s", 0.1, ".1f"),
     Field("w_max", "highest frequency", "rad/s", 1),
-    Field("t_rec", "length of the law", "s", 5),
+    Field("t_rec", "sweep duration", "s", 5),
 )
 _FIELDS: Mapping[str, tuple[Field, ...]] = {
     "sweep": (_AMPLITUDE, _SPEED, *_SWEPT),
@@ -64,9 +64,9 @@ _FIELDS: Mapping[str, tuple[Field, ...]] = {
     "doublet": (
         _AMPLITUDE,
         _SPEED,
-        Field("pulse", "length of a step", "s", 0.1, ".1f"),
+        Field("pulse", "step duration", "s", 0.1, ".1f"),
         Field("pause", "pause", "s", 0.5, ".1f"),
-        Field("count", "how many", "", 1),
+        Field("count", "number of doublets", "", 1),
     ),
 }
 
@@ -74,30 +74,30 @@ FIRST = (
     Row(Sweep(), name="sweep1"),
     Row(Sweep(), name="sweep2"),
     Row(Doublet(), name="doublet1"),
-)  # what `rover-sweep run` drives if nothing is said
+)  # the default of `rover-sweep run`
 
 
 def fields(row: Row) -> tuple[Field, ...]:
-    """What can be changed in a row."""
+    """The numbers of a row that can be changed."""
     return _FIELDS[row.manoeuvre.kind]
 
 
 def value(row: Row, of: Field) -> float:
-    """The number that stands there."""
+    """The current value of a field."""
     return float(row.speed if of.name == "speed" else getattr(row.manoeuvre, of.name))
 
 
 def new(kind: str, speed: float = SPEED) -> Row:
-    """A row with the usual numbers."""
+    """A row with default numbers."""
     return Row(_KINDS[kind](), speed)
 
 
 def row_with(row: Row, of: Field, number: float, limits: Mapping[str, float] | None = None) -> Row:
-    """With that number. UsageError in words where the applet would refuse it; limits: its own."""
+    """The row with a new number. UsageError if the applet would refuse it; limits: of the applet."""
     number = round(number, 3)
     if of.name == "speed":
         if not 0 < number <= 30:
-            raise UsageError(f"a speed of {number:g} m/s is none to drive at; 0.2 to 30")
+            raise UsageError(f"a speed of {number:g} m/s is not possible; use 0.2 to 30")
         return replace(row, speed=number)
     kept: Any = int(number) if of.name in ("periods", "count") else number
     try:
@@ -109,7 +109,7 @@ def row_with(row: Row, of: Field, number: float, limits: Mapping[str, float] | N
 
 
 def with_names(rows: Iterable[Row], taken: Iterable[str]) -> tuple[Row, ...]:
-    """Those without a name get one: sweep1, sweep2, ..., the first that is free."""
+    """The rows, with the first free name of sweep1, sweep2, ... for those without a name."""
     rows = tuple(rows)
     names = {*taken, *(row.name for row in rows)}
     found = []
@@ -124,7 +124,7 @@ def with_names(rows: Iterable[Row], taken: Iterable[str]) -> tuple[Row, ...]:
 
 @dataclass(frozen=True)
 class Needs:
-    """What rows ask of ground and clock. spaces: of each row, None without steering in the vehicle file."""
+    """Space and time needed. spaces: of each row, None without steering in the vehicle file; words: why."""
 
     spaces: tuple[Space | None, ...] = ()
     seconds: float = 0.0
@@ -132,10 +132,10 @@ class Needs:
 
 
 def needs(rows: tuple[Row, ...], vehicle: Vehicle | None) -> Needs:
-    """Ground of each run [m] and the length of all [s]."""
+    """Space of each run [m] and the duration of all [s]."""
     seconds = sum(row.manoeuvre.duration for row in rows)
     if vehicle is None:
-        return Needs((None,) * len(rows), seconds, "no vehicle file: the ground needed is not known")
+        return Needs((None,) * len(rows), seconds, "no vehicle file: the space needed is unknown")
     try:
         return Needs(tuple(space(row.manoeuvre, vehicle, row.speed) for row in rows), seconds)
     except UsageError as error:
@@ -143,13 +143,13 @@ def needs(rows: tuple[Row, ...], vehicle: Vehicle | None) -> Needs:
 
 
 def ground(row: Row, vehicle: Vehicle | None) -> str:
-    """The ground that a row needs, for a sentence; nothing where it is not known."""
+    """The space that a row needs, as part of a sentence; "" if unknown."""
     (known,) = needs((row,), vehicle).spaces
     return f", on {known.length:.0f} x {known.width:.0f} m" if known else ""
 
 
 def largest(spaces: Iterable[Space | None]) -> tuple[float, float]:
-    """(length, width) of the ground on which each of them has room [m]; NaN where none is known."""
+    """(length, width) [m] of the space that is enough for each of them; NaN if all are unknown."""
     known = [s for s in spaces if s is not None]
     if not known:
         return math.nan, math.nan
@@ -157,9 +157,9 @@ def largest(spaces: Iterable[Space | None]) -> tuple[float, float]:
 
 
 def rows_of_plan(document: Mapping[str, Any]) -> tuple[Row, ...]:
-    """Rows of the JSON of `rover-sweep plan` (report.plan_table.plan_document); repeats as rows of their own.
+    """Rows from the JSON of `rover-sweep plan` (report/diagnosis/plan_table.py); one row per repeat.
 
-    Servo tests on blocks are left out: nothing is driven there.
+    Servo tests on blocks are skipped, as nothing is driven.
     """
     rows: list[Row] = []
     settles = [str(s) for s in document.get("settles") or ()]

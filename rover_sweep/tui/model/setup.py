@@ -1,4 +1,4 @@
-"""What the command line said, and what is remembered between two afternoons."""
+"""Settings of the command line, and settings remembered between sessions."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from rover_sweep.tui.model.plan_rows import Row
 from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.vehicle.run.settings import RunSettings
 
-_MOST = 8  # connections that are remembered
+_MOST = 8  # remembered connections
 _PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*", "/dev/tty.usbmodem*", "/dev/tty.usbserial*")
 
 
-def _nowhere(plan: tuple[Row, ...]) -> None:
-    """A plan that nobody keeps."""
+def _not_saved(plan: tuple[Row, ...]) -> None:
+    """Default of keep_plan: does not save the plan."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """settings: what this program may do in a run, as the user said; nothing here widens it.
+    """settings: what the user allows this program to do in a run; never extended here.
 
-    folder: of the session; vehicle: as its file (vehicle_path) says; url: put first. memory: file in which
-    connections and the theme are kept, None: nowhere. plan, driven, logs: what
-    there is of this session already; keep_plan: is called with every change of the plan.
+    folder: of the session; vehicle: from the file vehicle_path; url: listed first. memory: file that stores
+    connections and theme, None for no file. plan, driven, logs: of a continued session; keep_plan: called
+    with every change of the plan.
     """
 
     settings: RunSettings = field(default_factory=RunSettings)
@@ -41,39 +41,39 @@ class Setup:
     plan: tuple[Row, ...] = ()
     driven: tuple[RunRecord, ...] = ()
     logs: tuple[Path, ...] = ()
-    keep_plan: Callable[[tuple[Row, ...]], object] = _nowhere
+    keep_plan: Callable[[tuple[Row, ...]], object] = _not_saved
 
     @property
     def own_part(self) -> tuple[str, ...]:
-        """What this program does by itself in a run, in words; empty where all is the pilot's."""
+        """Actions of this program in a run, as words; empty if the pilot does everything."""
         settings = self.settings
         return tuple(
             words
-            for told, words in (
+            for allowed, words in (
                 (settings.arm, "arms the rover"),
                 (settings.throttle_us is not None, f"drives it with throttle {settings.throttle_us} us"),
                 (settings.trigger != "pilot", "throws the switch"),
             )
-            if told
+            if allowed
         )
 
 
 def memory_file() -> Path:
-    """Where programs keep their state (XDG base directory specification)."""
+    """The file that stores the Memory (XDG base directory specification)."""
     home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state"
     return Path(home) / "rover-sweep" / "session.json"
 
 
 @dataclass(frozen=True)
 class Memory:
-    """Connections, the latest first; dark: the theme that was chosen last."""
+    """Connections, the latest first; dark: the theme chosen last."""
 
     urls: tuple[str, ...] = ()
     dark: bool = False
 
 
 def recall(path: Path | None) -> Memory:
-    """What is remembered; nothing where the file is missing or spoilt, which is no reason not to drive."""
+    """The stored Memory; an empty one if the file is missing or damaged."""
     if path is None:
         return Memory()
     try:
@@ -84,7 +84,7 @@ def recall(path: Path | None) -> Memory:
 
 
 def remember(path: Path | None, memory: Memory) -> None:
-    """Keeps it, where that can be done."""
+    """Store the Memory; ignores write errors."""
     if path is None:
         return
     with contextlib.suppress(OSError):
@@ -93,12 +93,12 @@ def remember(path: Path | None, memory: Memory) -> None:
 
 
 def with_url(memory: Memory, url: str) -> Memory:
-    """The connection put first."""
+    """The Memory with this connection first."""
     return Memory((url, *(other for other in memory.urls if other != url))[:_MOST], memory.dark)
 
 
 def serial_ports() -> tuple[str, ...]:
-    """Serial ports that are there, as URLs; one that is known by its name is not told by its number again."""
+    """Existing serial ports as URLs; each port once, by name if it has one."""
     found: dict[str, str] = {}
     for pattern in _PORTS:
         path = Path(pattern)

@@ -1,7 +1,7 @@
-"""Everything that a screen shows of a session, as one frozen value, and how it follows from what is told.
+"""Everything that the screens show of a session as one frozen value, and its update by messages.
 
-`reduce` is pure: the screens compute nothing and keep nothing, so what they show can be tested without
-a terminal. Fast values (`Snapshot`, `Played`, `LogProgress`) replace the one before.
+`reduce` is pure: the screens compute nothing and store nothing, so their content can be tested without
+a terminal. Fast values (`Snapshot`, `Played`, `LogProgress`) replace the previous one.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.identity import VehicleIdentity
 from rover_sweep.vehicle.preflight.item import Check
 
-HISTORY = 150  # snapshots, some 15 s
+HISTORY = 150  # snapshots, about 15 s
 MESSAGES = 500  # lines of the log
 
 Level = Literal["info", "warning", "error", "vehicle"]
@@ -40,14 +40,14 @@ Outcome = Literal["asked", "running", "done", "stopped", "failed"]
 
 @dataclass(frozen=True)
 class Asked:
-    """The screen asked for this; told to `reduce` in the same breath, so that nothing is asked twice."""
+    """The screen sent this request; recorded immediately, so that a request is not sent twice."""
 
     request: Request
 
 
 @dataclass(frozen=True)
 class AbortAsked:
-    """The abort key was pressed; told to `reduce` so that the screen answers the key at once."""
+    """The abort key was pressed; recorded immediately, so that the screen reacts at once."""
 
 
 Own = Asked | AbortAsked
@@ -55,7 +55,7 @@ Own = Asked | AbortAsked
 
 @dataclass(frozen=True)
 class LogLine:
-    """A line of the log; t: s on the vehicle's clock, NaN where it is not from there."""
+    """A line of the log."""
 
     level: Level
     text: str
@@ -63,7 +63,7 @@ class LogLine:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run of this session. outcome; reason: in words where it is not done; number: the applet's counter."""
+    """A run of this session. reason: why it is not complete; number: the applet's run counter."""
 
     name: str
     manoeuvre: Manoeuvre
@@ -76,12 +76,12 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class State:
-    """What is known. asked: requests not yet ended, in order. failure: the last one, until the next request.
+    """State of the session. asked: pending requests, in order. failure: the last one, until the next request.
 
-    doing: what was said since the latest request.
+    doing: latest message since the latest request.
     aborting: the abort key was pressed and the run has not ended yet.
-    wanted: what the pilot was asked to do with the switch and has not done. driving: what to drive, from
-    the key until the source says that it ended. parameters: values seen being set on the vehicle.
+    wanted: pending request to the pilot to throw the switch. driving: the run, from the key until the source
+    reports its end. parameters: values set on the vehicle.
     """
 
     url: str = ""
@@ -106,18 +106,18 @@ class State:
 
     @property
     def driving(self) -> DriveRequest | None:
-        """The run that was asked for and has not ended."""
+        """The requested run that has not ended."""
         return next((request for request in self.asked if isinstance(request, DriveRequest)), None)
 
     @property
     def under_way(self) -> bool:
-        """Whether there is something to abort: a run of ours, or an applet that is heard to steer."""
+        """True if there is something to abort: a run of this program, or an applet that steers."""
         steers = 0 < self.applet < 10 and not self.lost
         return self.played is None and (self.driving is not None or steers)
 
     @property
     def busy(self) -> bool:
-        """Whether the source still works on something."""
+        """True while a request is pending."""
         return bool(self.asked)
 
     @property
@@ -132,57 +132,57 @@ class State:
 
     @property
     def armed(self) -> bool:
-        """As the vehicle last said."""
+        """True if the vehicle was armed in its last snapshot."""
         return self.snapshot is not None and self.snapshot.armed
 
 
-def reduce(state: State, told: Update | Own) -> State:
-    """The state after `told`."""
-    match told:
+def reduce(state: State, message: Update | Own) -> State:
+    """The state after a message."""
+    match message:
         case Snapshot():
-            return _moved(state, told)
+            return _moved(state, message)
         case Asked():
-            return _asked(state, told.request)
+            return _asked(state, message.request)
         case AbortAsked():
-            return replace(_said(state, "warning", "abort"), aborting=state.under_way)
+            return replace(_logged(state, "warning", "abort"), aborting=state.under_way)
         case Began():
-            return state if told.request in state.asked else _asked(state, told.request)
+            return state if message.request in state.asked else _asked(state, message.request)
         case Ended():
-            return _ended(state, told)
+            return _ended(state, message)
         case Checked():
-            return replace(state, checks=told.checks)
+            return replace(state, checks=message.checks)
         case Judged():
-            return _judged(state, told.verdict)
-        case Several():  # the list of connections shows them
+            return _judged(state, message.verdict)
+        case Several():  # shown in the list of connections
             return state
         case Lost():
-            state = replace(state, lost=told.reason, aborting=state.aborting and state.driving is not None)
-            return _said(state, "error", f"link lost: {told.reason}")
+            state = replace(state, lost=message.reason, aborting=state.aborting and state.driving is not None)
+            return _logged(state, "error", f"link lost: {message.reason}")
         case Played():
-            return replace(state, played=told)
+            return replace(state, played=message)
         case _:
-            return _happened(state, told)
+            return _happened(state, message)
 
 
 def reduced(state: State, many: Iterable[Update | Own]) -> State:
-    """`reduce` over several, oldest first."""
+    """`reduce` over several messages, oldest first."""
     return folded(reduce, many, state)
 
 
 def _happened(state: State, event: e.Event) -> State:
-    """A session's event."""
+    """The state after an event of the session."""
     match event:
         case e.Connected():
             words = f"connected to {event.vehicle.words} on {event.url}"
-            return replace(_said(state, "info", words), url=event.url, vehicle=event.vehicle, lost="")
+            return replace(_logged(state, "info", words), url=event.url, vehicle=event.vehicle, lost="")
         case e.Notice():
-            return _said(state, event.level, event.text)
+            return _logged(state, event.level, event.text)
         case e.Said():
-            return _said(state, "vehicle", event.text)
+            return _logged(state, "vehicle", event.text)
         case e.ParameterSet():
             return _set(state, event)
         case e.Rebooting():
-            return _said(state, "info", f"rebooting the rover, for {', '.join(event.because)}")
+            return _logged(state, "info", f"rebooting the rover to apply {', '.join(event.because)}")
         case e.StateChanged():
             wanted = None if event.state > 0 and _wants(state, "high") else state.wanted
             return replace(state, applet=event.state, wanted=wanted)
@@ -195,15 +195,15 @@ def _happened(state: State, event: e.Event) -> State:
         case e.LogSaved():
             words = f"log fetched: {event.path.name}, {event.size / 1e6:.1f} MB"
             logs = (*(path for path in state.logs if path != event.path), event.path)
-            return replace(_said(state, "info", words), logs=logs, fetching=None)
+            return replace(_logged(state, "info", words), logs=logs, fetching=None)
         case e.SessionFinished():
             return replace(state, folder=event.folder, logs=event.logs or state.logs)
-        case _:  # Armed, Sample and StreamsSet: the snapshots show what they say
+        case _:  # Armed, Sample and StreamsSet: their content is in the snapshots
             return state
 
 
 def _moved(state: State, now: Snapshot) -> State:
-    """A snapshot that goes back in time (a seek, a reboot) begins a new history."""
+    """The state after a snapshot; one that goes back in time (seek, reboot) starts a new history."""
     gone_on = bool(state.history) and now.t >= state.history[-1].t
     history = (*state.history[-(HISTORY - 1) :], now) if gone_on else (now,)
     done = _wants(state, "low") and now.switch < 1200  # us, below which the firmware reads low
@@ -240,12 +240,12 @@ def _ended(state: State, ended: Ended) -> State:
     if isinstance(ended.request, DriveRequest):
         state = replace(_closed(state, ended), aborting=False)
     if ended.failure:
-        state = replace(_said(state, "error", ended.failure), failure=ended.failure)
+        state = replace(_logged(state, "error", ended.failure), failure=ended.failure)
     return state
 
 
 def _closed(state: State, ended: Ended) -> State:
-    """A run whose end was not told otherwise has failed."""
+    """Mark the latest run as failed if no other end was reported."""
     last = state.run
     if last is None or last.outcome not in ("asked", "running"):
         return state
@@ -254,7 +254,7 @@ def _closed(state: State, ended: Ended) -> State:
 
 
 def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> State:
-    """Into the record of that name, the latest one; a run that nobody asked for gets a record of its own."""
+    """Update the latest record of that name; a run that was not requested gets a new record."""
     index = next((n for n in reversed(range(len(state.runs))) if state.runs[n].name == event.name), None)
     match event:
         case e.RunStarted():
@@ -262,7 +262,7 @@ def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> S
             if index is None or state.runs[index].outcome not in ("asked", "running"):
                 return replace(state, runs=(*state.runs, new))
         case _ if index is None:
-            return _said(state, "warning", f"{event.name} ended, and nobody saw it begin")
+            return _logged(state, "warning", f"{event.name} ended, but its start was not received")
         case e.RunFinished():
             new = replace(
                 state.runs[index],
@@ -272,7 +272,7 @@ def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> S
                 tlog=event.tlog,
             )
             if not event.completed:
-                state = _said(state, "error", f"{event.name} did not run to its end: {event.reason}")
+                state = _logged(state, "error", f"{event.name} is incomplete: {event.reason}")
         case e.Interrupted():
             reason = "; ".join(("aborted", *event.failures))
             new = replace(state.runs[index], outcome="stopped", reason=reason, tlog=event.tlog)
@@ -281,7 +281,7 @@ def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> S
 
 def _judged(state: State, verdict: Verdict) -> State:
     index = next((n for n in reversed(range(len(state.runs))) if state.runs[n].name == verdict.run), None)
-    state = _said(state, "info", f"{verdict.run}: {verdict.sentence}")
+    state = _logged(state, "info", f"{verdict.run}: {verdict.sentence}")
     if index is None:
         return state
     new = replace(state.runs[index], verdict=verdict)
@@ -292,9 +292,9 @@ def _set(state: State, event: e.ParameterSet) -> State:
     parameters = MappingProxyType({**state.parameters, event.name: event.value})
     old = "" if event.old is None else f"{event.old:g} -> "
     words = f"{event.name} {old}{event.value:g}{', after a reboot' if event.reboot else ''}"
-    return replace(_said(state, "info", words), parameters=parameters)
+    return replace(_logged(state, "info", words), parameters=parameters)
 
 
-def _said(state: State, level: Level, text: str) -> State:
+def _logged(state: State, level: Level, text: str) -> State:
     messages = (*state.messages[-(MESSAGES - 1) :], LogLine(level, text))
     return replace(state, messages=messages, doing=text)

@@ -1,1 +1,1 @@
-"""The screens, a file each; every one is a picture of the one `State`."""
+"""The screens, one file each; every screen is drawn from the `State`."""

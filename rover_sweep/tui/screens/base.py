@@ -1,4 +1,4 @@
-"""A screen of the session: a picture of the state, redrawn when that changes or the window does."""
+"""A screen of the session, drawn from the state; redrawn when state or window change."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _NAMES = {
 
 
 class SessionScreen(Screen[None]):
-    """`view`: its name; `picture`: what is drawn between status and message. `repeats_messages`: whether the
-    last line of the log is shown below."""
+    """`view`: its name; `picture`: the content between status and message. `repeats_messages`: show the last
+    line of the log below."""
 
     view: ClassVar[str] = ""
     repeats_messages: ClassVar[bool] = True
@@ -58,7 +58,7 @@ class SessionScreen(Screen[None]):
 
     @property
     def session(self) -> SessionApp:
-        """The application, by its own type."""
+        """The application, with its type."""
         from rover_sweep.tui.session_app import SessionApp
 
         assert isinstance(self.app, SessionApp)
@@ -74,7 +74,7 @@ class SessionScreen(Screen[None]):
 
     @abstractmethod
     def picture(self, width: int, height: int) -> Text:
-        """The body, width columns by height rows."""
+        """The content, width columns by height rows."""
 
     def compose(self) -> ComposeResult:
         yield Static(id="tabs", classes="row", markup=False)
@@ -93,7 +93,7 @@ class SessionScreen(Screen[None]):
         self.redraw()
 
     def redraw(self) -> None:
-        """Draws everything anew."""
+        """Draw all parts."""
         if not self.is_mounted:
             return
         width, height = self.size
@@ -107,7 +107,7 @@ class SessionScreen(Screen[None]):
                 self.query_one(f"#{name}", Static).update(picture)
 
     def _pictures(self, width: int, height: int, small: bool) -> Iterator[tuple[str, Text]]:
-        """(place, what is drawn there) of all places."""
+        """(place, content) of all parts."""
         if small:
             yield "body", frame.too_small(self.state, task(self.state), self.palette, width, height)
             return
@@ -119,21 +119,21 @@ class SessionScreen(Screen[None]):
         yield "keys", frame.keys(list(self._keys()), self.palette, width)
 
     def _drawn(self, width: int, height: int) -> Text:
-        """A view that cannot be drawn says so: the run under way matters more, and so does its end."""
+        """The content, or a sentence on an exception: the program must keep running during a run."""
         try:
             return self.picture(width, height)
         except Exception as error:
-            words = f"This view cannot be drawn ({error!r}); the others, and SPACE to abort, go on."
+            words = f"This view cannot be drawn ({error!r}); other views and SPACE to abort still work."
             return ScreenRows(self.palette, width, height).sentence(words, f"bold {self.palette.bad}").text()
 
     def _keys(self) -> Iterator[tuple[str, str]]:
-        """(key, what it does) of all that work now, this screen's own first; keys of one action together."""
-        told: dict[str, tuple[list[str], Binding]] = {}
+        """(key, action) of all active keys, priority keys first; keys of the same action together."""
+        actions: dict[str, tuple[list[str], Binding]] = {}
         for active in self.active_bindings.values():
             binding = active.binding
             if binding.show and active.enabled:
-                told.setdefault(binding.description, ([], binding))[0].append(_key(binding))
-        ordered = sorted(told.items(), key=lambda item: not item[1][1].priority)
+                actions.setdefault(binding.description, ([], binding))[0].append(_key(binding))
+        ordered = sorted(actions.items(), key=lambda item: not item[1][1].priority)
         for what, (names, _) in ordered:
             yield "/".join(dict.fromkeys(names)), what
 

@@ -1,4 +1,4 @@
-"""Where the rover is: the connection of the command line, remembered ones, serial ports that are there."""
+"""Choice of the connection: from the command line, remembered, serial ports."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rover_sweep.tui.screens.typing import Typing
 
 
 class ConnectScreen(SessionScreen):
-    """ENTER connects and looks at everything that must be right; nothing is changed by that."""
+    """ENTER connects and runs the preflight checks, which change nothing."""
 
     view = "connect"
     repeats_messages = False
@@ -42,10 +42,10 @@ class ConnectScreen(SessionScreen):
             rows.sentence(f"Connected: {vehicle.words} on {self.state.url}", f"bold {self.palette.good}")
         elif self.state.busy:
             rows.sentence("Connecting ...", f"bold {self.palette.accent}")
-        elif len(self.state.failure) + 3 > width:  # the row below cuts it
+        elif len(self.state.failure) + 3 > width:  # too long for the message row below
             rows.sentence(f"✗ {self.state.failure}", f"bold {self.palette.bad}", most=3)
         if self.state.played is not None:
-            rows.sentence("That is a recording: nothing can be asked of its rover.", self.palette.ink)
+            rows.sentence("This is a recording: its rover cannot be controlled.", self.palette.ink)
             return rows.text()
         rows.sentence(_may(self.session.setup.own_part), self.palette.ink)
         rows.sentence(_folder(self.session.setup), self.palette.ink)
@@ -81,17 +81,17 @@ class ConnectScreen(SessionScreen):
 
 
 def _folder(setup: Setup) -> str:
-    """Where recordings go, and what is there of before."""
+    """Sentence on the folder of the recordings and its earlier runs."""
     if setup.folder is None:
-        return "Recordings go to no folder yet."
+        return "No folder for recordings is given."
     if not setup.driven:
         return f"Recordings go to {setup.folder}."
     count = f"{len(setup.driven)} runs" if len(setup.driven) > 1 else "1 run"
-    return f"Recordings go to {setup.folder}, which holds {count}: that session is taken up again."
+    return f"Recordings go to {setup.folder}, which has {count}: that session is continued."
 
 
 def _may(own: tuple[str, ...]) -> str:
-    """What this program may do, as the command line said."""
+    """Sentence on what the command line allows this program to do."""
     if own:
         return f"As the command line allows, this program {', '.join(own)}; it asks before each run."
-    return "This program records and writes parameters; arming, driving and the switch are the pilot's."
+    return "This program records and writes parameters; the pilot arms, drives and throws the switch."

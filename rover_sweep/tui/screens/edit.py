@@ -1,4 +1,4 @@
-"""The numbers of one row, changed by arrow keys (gloves) or digits; refused as the applet would."""
+"""Edit the numbers of one row by arrow keys or digits; refuses what the applet would refuse."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _WIDTH = 62
 
 
 class EditRow(ModalScreen[Row | None]):
-    """ENTER gives the row as changed, ESC None."""
+    """ENTER returns the changed row, ESC None."""
 
     BINDINGS = [
-        Binding("enter", "keep", "keep", priority=True),
-        Binding("escape,q", "leave", "leave"),
+        Binding("enter", "keep", "save", priority=True),
+        Binding("escape,q", "leave", "cancel"),
         Binding("up", "choose(-1)", "choose"),
         Binding("down", "choose(1)", "choose"),
         Binding("left", "step(-1)", "less"),
         Binding("right", "step(1)", "more"),
-        Binding("backspace", "rub_out", "rub out"),
+        Binding("backspace", "rub_out", "delete"),
     ]
     CSS = """
     EditRow { align: center middle; background: $background; }
@@ -55,7 +55,7 @@ class EditRow(ModalScreen[Row | None]):
         self.redraw()
 
     def redraw(self) -> None:
-        """Draws everything anew."""
+        """Draw all fields."""
         from rover_sweep.tui.session_app import SessionApp
 
         assert isinstance(self.app, SessionApp)
@@ -63,7 +63,7 @@ class EditRow(ModalScreen[Row | None]):
             shown.update(self.picture(self.app.palette, self.app.state.under_way))
 
     def picture(self, palette: Palette, under_way: bool) -> Text:
-        """under_way: a run is, and ESC ends that."""
+        """The content. under_way: a run is in progress, and ESC aborts it."""
         rows = ScreenRows(palette, _WIDTH, 30)
         rows.add(f" {self.row.kind}", style=f"bold {palette.ink}").blank()
         for n, field in enumerate(fields(self.row)):
@@ -81,9 +81,9 @@ class EditRow(ModalScreen[Row | None]):
             most=3,
         )
         rows.blank().sentence("↑ ↓ choose   ← → less, more   or type the number", palette.ink)
-        rows.sentence(f"ENTER keeps   {'Q' if under_way else 'ESC'} leaves it as it was", palette.ink)
+        rows.sentence(f"ENTER saves   {'Q' if under_way else 'ESC'} cancels", palette.ink)
         if under_way:
-            rows.blank().filled(f" RUN UNDER WAY - {ABORT_WORDS} ABORTS", palette.alarming)
+            rows.blank().filled(f" RUN IN PROGRESS - {ABORT_WORDS} ABORTS", palette.alarming)
         return rows.text()
 
     @property
@@ -121,14 +121,14 @@ class EditRow(ModalScreen[Row | None]):
             self.redraw()
 
     def _take_typed(self) -> bool:
-        """The typed number into the field; False, and why, where it does not fit."""
+        """Set the field to the typed number; False, with the reason shown, if it is refused."""
         if not self._typed:
             return True
         typed, self._typed = self._typed, ""
         try:
             number = float(typed)
         except ValueError:
-            self._refusal = f"{typed!r} is no number"
+            self._refusal = f"{typed!r} is not a number"
             return False
         return self._change(number)
 

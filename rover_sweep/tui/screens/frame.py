@@ -1,4 +1,4 @@
-"""What all screens have around them: the views, the state of the rover, the last message, the keys."""
+"""The frame of all screens: views, state of the rover, last message, keys."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from rover_sweep.tui.model.state import State
 
 VIEWS = ("connect", "preflight", "plan", "run", "verdict", "log", "results")
 LEAST = (72, 20)  # columns, rows
-_LONG = 5.0  # s after which one wants to know for how long already
+_LONG = 5.0  # s after which the elapsed time of a request is shown
 ABORT_WORDS = "SPACE or ESC"
 LEVELS = {"info": "", "vehicle": "rover: ", "warning": "WARNING: ", "error": "ERROR: "}
 
 
 def tabs(view: str, palette: Palette, width: int) -> Text:
-    """The views with the digit that leads there; the one that is shown in brackets and inverse."""
+    """The views with their digits; the current one in brackets and inverse."""
     text = Text(" ", no_wrap=True)
     for digit, name in enumerate(VIEWS, 1):
         here = name == view
@@ -34,7 +34,7 @@ def tabs(view: str, palette: Palette, width: int) -> Text:
 
 
 def status(state: State, palette: Palette, width: int) -> Text:
-    """Link, arming, mode, switch, battery, GPS and recording in a row, each a word."""
+    """Link, arming, mode, switch, battery, GPS and recording in one row."""
     link, style = _link(state, palette)
     now = state.snapshot
     text = Text(f" {link}", style=f"bold {style}", no_wrap=True)
@@ -67,7 +67,7 @@ def _link(state: State, palette: Palette) -> tuple[str, str]:
         played = state.played
         pace = "PAUSED" if played.rate == 0 else f"x{played.rate:g}"
         return (
-            f"▶ PLAYED {minutes_seconds(played.t)} of {minutes_seconds(played.length)} {pace}",
+            f"▶ REPLAY {minutes_seconds(played.t)} of {minutes_seconds(played.length)} {pace}",
             palette.accent,
         )
     if state.lost:
@@ -78,21 +78,21 @@ def _link(state: State, palette: Palette) -> tuple[str, str]:
 
 
 def minutes_seconds(t: float) -> str:
-    """Minutes and seconds."""
+    """A time [s] as minutes:seconds."""
     return f"{int(t) // 60}:{int(t) % 60:02d}"
 
 
 def message(state: State, palette: Palette, width: int, last: bool = True, waited: float = 0.0) -> Text:
-    """While a run is under way, how to end it; else what is worked on, for `waited` s; else what failed;
-    else, if wanted, the log's last line."""
+    """During a run, how to abort it; else the pending request and its time `waited` [s]; else the failure;
+    else, with `last`, the last line of the log."""
     if state.aborting:
-        return Text(" ABORTING - the rover is being let go ".center(width), palette.alarming, no_wrap=True)
+        return Text(" ABORTING - releasing the rover ".center(width), palette.alarming, no_wrap=True)
     if state.under_way:
-        return Text(f" RUN UNDER WAY - {ABORT_WORDS} ABORTS ".center(width), palette.alarming, no_wrap=True)
+        return Text(f" RUN IN PROGRESS - {ABORT_WORDS} ABORTS ".center(width), palette.alarming, no_wrap=True)
     if state.asked:
         since = f"{waited:.0f} s " if waited >= _LONG else ""
-        said = since + ": ".join(filter(None, (working_on(state.asked[0]), state.doing)))
-        return Text(f" … {said}"[:width], f"bold {palette.accent}", no_wrap=True)
+        work = since + ": ".join(filter(None, (working_on(state.asked[0]), state.doing)))
+        return Text(f" … {work}"[:width], f"bold {palette.accent}", no_wrap=True)
     if state.failure:
         return Text(f" ✗ {state.failure}"[:width], f"bold {palette.bad}", no_wrap=True)
     if not (state.messages and last):
@@ -103,14 +103,14 @@ def message(state: State, palette: Palette, width: int, last: bool = True, waite
 
 
 def working_on(request: Request) -> str:
-    """What the source does now, in words."""
+    """The pending request in words."""
     match request:
         case Connect():
             return f"connecting to {request.url}"
         case Preflight():
-            return "looking at what must be right"
+            return "running the checks"
         case Fix():
-            return f"putting right: {request.name.replace('_', ' ')}"
+            return f"fixing: {request.name.replace('_', ' ')}"
         case DriveRequest():
             return f"driving {request.planned.name}"
         case FetchLogs():
@@ -120,7 +120,7 @@ def working_on(request: Request) -> str:
 
 
 def keys(bindings: Sequence[tuple[str, str]], palette: Palette, width: int) -> Text:
-    """The keys that work now, in at most two rows."""
+    """The active keys, in at most two rows."""
     rows, room = [Text(" ", no_wrap=True)], width - 1
     for key, what in bindings:
         need = len(key) + len(what) + 5
@@ -135,7 +135,7 @@ def keys(bindings: Sequence[tuple[str, str]], palette: Palette, width: int) -> T
 
 
 def too_small(state: State, task: Task, palette: Palette, width: int, height: int) -> Text:
-    """A word where there is no room for a picture; what matters during a run stays."""
+    """Content for a window that is too small; during a run with the pilot's task and the abort keys."""
     rows = ScreenRows(palette, width, height)
     if state.under_way:
         rows.filled(f" {ABORT_WORDS} ABORTS", palette.alarming)

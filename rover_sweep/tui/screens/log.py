@@ -1,4 +1,4 @@
-"""All runs of the session with state and verdict, and what rover and program said."""
+"""All runs of the session with outcome and verdict, and the messages of rover and program."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from rover_sweep.tui.drawn.gauges import bar
 from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.frame import LEVELS
-from rover_sweep.tui.screens.verdict import said
+from rover_sweep.tui.screens.verdict import verdict_sentence
 
 
 class LogScreen(SessionScreen):
-    """L fetches the vehicle's own logs, which it gives only while it is disarmed."""
+    """L fetches the vehicle's logs; the vehicle must be disarmed."""
 
     view = "log"
     repeats_messages = False
@@ -32,7 +32,7 @@ class LogScreen(SessionScreen):
     def picture(self, width: int, height: int) -> Text:
         rows, palette, state = ScreenRows(self.palette, width, height), self.palette, self.state
         rows.add(
-            f" runs: {len(state.runs)}, of them whole: {sum(r.outcome == 'done' for r in state.runs)}",
+            f" runs: {len(state.runs)}, complete: {sum(r.outcome == 'done' for r in state.runs)}",
             style=f"bold {palette.ink}",
         )
         most = height // 2 - 2
@@ -46,17 +46,17 @@ class LogScreen(SessionScreen):
                 style=palette.ink,
             )
         if state.armed and not state.under_way and state.played is None:
-            rows.sentence("The rover gives its logs once it is disarmed.", f"bold {palette.accent}")
+            rows.sentence("Disarm the rover to fetch its logs.", f"bold {palette.accent}")
         if state.logs:
             rows.sentence("on disk: " + ", ".join(path.name for path in state.logs), palette.good, most=2)
         rows.add("─" * width, style=palette.quiet)
-        told = [
+        lines = [
             (row, {"warning": palette.doubtful, "error": f"bold {palette.bad}"}.get(line.level, palette.ink))
             for line in state.messages
             for row in wrapped(f"{LEVELS[line.level]}{line.text}", width - 2)
         ]
-        end = len(told) - min(self.back, max(0, len(told) - rows.left))
-        for row, style in told[max(0, end - rows.left) : end]:
+        end = len(lines) - min(self.back, max(0, len(lines) - rows.left))
+        for row, style in lines[max(0, end - rows.left) : end]:
             rows.add(f" {row}", style=style)
         return rows.text()
 
@@ -76,11 +76,11 @@ class LogScreen(SessionScreen):
 
 
 def run_line(run: RunRecord, width: int) -> str:
-    """A run with its outcome and verdict."""
+    """A run with its outcome and verdict in one line."""
     sign, outcome = labels.OUTCOMES[run.outcome]
     verdict = run.reason
     if run.verdict is not None:
-        verdict = f"{labels.ADVICE[run.verdict.advice][0]} {said(run.verdict)}"
+        verdict = f"{labels.ADVICE[run.verdict.advice][0]} {verdict_sentence(run.verdict)}"
     return cells(
         (run.name, f"{sign} {outcome}", f"±{run.manoeuvre.amplitude:g} us", verdict), (13, 11, 8, width - 36)
     )

@@ -1,4 +1,4 @@
-"""What to drive: amplitudes and speeds, the ground and time they need, proposals, what was driven."""
+"""The plan: runs with amplitude and speed, space and time needed, outcome, and proposed runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rover_sweep.tui.screens.edit import EditRow
 
 
 class PlanScreen(SessionScreen):
-    """A, D, M, B add rows; E changes one; G drives it; P asks `rover-sweep plan`, T takes that."""
+    """A, D, M, B add rows; E changes one; G drives it; P proposes rows by `rover-sweep plan`, T adds them."""
 
     view = "plan"
     BINDINGS = [
@@ -36,7 +36,7 @@ class PlanScreen(SessionScreen):
 
     @property
     def chosen(self) -> int:
-        """Index of the row that is driven next; past the last one where all are driven."""
+        """Index of the row to drive next; the number of rows if all are driven."""
         return self.session.chosen
 
     def picture(self, width: int, height: int) -> Text:
@@ -47,9 +47,7 @@ class PlanScreen(SessionScreen):
         sizes = (
             (1, 12, -8, -4, 11, -4, 9, width - 56) if not wide else (2, 16, -10, -8, 18, -8, 16, width - 85)
         )
-        rows.add(
-            cells(("", "run", "us", "m/s", "rad/s", "s", "ground", "driven"), sizes), style=palette.quiet
-        )
+        rows.add(cells(("", "run", "us", "m/s", "rad/s", "s", "space", "driven"), sizes), style=palette.quiet)
         room = max(3, height - 7 - (4 if session.desk.proposal or session.desk.proposing else 0))
         for n in window(len(plan), self.chosen, room):
             row, space = plan[n], asked.spaces[n]
@@ -72,9 +70,7 @@ class PlanScreen(SessionScreen):
             else:
                 rows.add(line, style=palette.ink)
         if not plan:
-            rows.sentence(
-                "Nothing is planned: A adds a sweep, D a doublet, P asks what is worth driving.", palette.ink
-            )
+            rows.sentence("The plan is empty: A adds a sweep, D a doublet, P proposes runs.", palette.ink)
         rows.blank()
         self._sums(rows)
         if plan and plan[min(self.chosen, len(plan) - 1)].settles:
@@ -86,9 +82,9 @@ class PlanScreen(SessionScreen):
         palette, session = self.palette, self.session
         asked = needs(session.plan, session.setup.vehicle)
         length, width = largest(asked.spaces)
-        ground = asked.words or f"ground {length:.0f} m long, {width:.0f} m wide"
+        ground = asked.words or f"space {length:.0f} x {width:.0f} m"
         if not math.isfinite(length) and not asked.words:
-            ground = "no ground is needed"
+            ground = "no space is needed"
         now = self.state.snapshot
         battery = f"; battery {100 * now.remaining:.0f} %" if now and math.isfinite(now.remaining) else ""
         if now and not battery and math.isfinite(now.volts):
@@ -102,13 +98,11 @@ class PlanScreen(SessionScreen):
     def _proposal(self, rows: ScreenRows) -> None:
         palette, session = self.palette, self.session
         if session.desk.proposing:
-            rows.sentence(
-                f"Looking at what these runs can tell apart: {session.desk.proposing}", palette.accent, most=2
-            )
+            rows.sentence(f"Proposal of further runs: {session.desk.proposing}", palette.accent, most=2)
         elif session.desk.proposal:
             proposal = session.desk.proposal
-            told = ", ".join(_times(proposal.count(row)) + _short(row) for row in dict.fromkeys(proposal))
-            rows.sentence(f"PROPOSED (T takes them): {told}", f"bold {palette.accent}", most=3)
+            runs = ", ".join(_times(proposal.count(row)) + _short(row) for row in dict.fromkeys(proposal))
+            rows.sentence(f"PROPOSED (T adds them): {runs}", f"bold {palette.accent}", most=3)
             for settles in dict.fromkeys(row.settles for row in proposal if row.settles):
                 rows.sentence(settles, palette.accent, most=2)
         for sentence in session.desk.next_runs[:2]:
@@ -165,14 +159,14 @@ class PlanScreen(SessionScreen):
 
 
 def last_outcome(row: Row, runs: tuple[RunRecord, ...]) -> str:
-    """What came of it, the latest try first."""
+    """The outcome of a row's latest run, and the number of earlier runs."""
     mine = [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
-    told = [
+    outcomes = [
         " ".join(labels.ADVICE[run.verdict.advice] if run.verdict else labels.OUTCOMES[run.outcome])
         for run in reversed(mine)
     ]
-    before = f" ({len(told) - 1} before)" if len(told) > 1 else ""
-    return f"{told[0]}{before}" if told else ""
+    before = f" ({len(outcomes) - 1} before)" if len(outcomes) > 1 else ""
+    return f"{outcomes[0]}{before}" if outcomes else ""
 
 
 def _times(count: int) -> str:

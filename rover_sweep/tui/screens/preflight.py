@@ -1,4 +1,4 @@
-"""What must be right before a run: each thing with a word, what was seen, and what one key does about it."""
+"""The checks before a run: state, observed value, and the key that fixes it."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from rover_sweep.tui.drawn.question import Question
 from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.vehicle.preflight.item import Check
 
-_BELOW = 6  # rows for what is said about the chosen one
+_BELOW = 6  # rows for the text on the chosen check
 
 
 class PreflightScreen(SessionScreen):
-    """F does the remedy of the chosen check; one that reboots the rover is asked about first."""
+    """F fixes the chosen check; it asks first if that reboots the rover."""
 
     view = "preflight"
     BINDINGS = [
         Binding("f", "fix", "fix it"),
         Binding("up", "choose(-1)", "choose"),
         Binding("down", "choose(1)", "choose"),
-        Binding("r", "look", "look again"),
+        Binding("r", "look", "check again"),
     ]
-    chosen: int | None = None  # until somebody chooses, the first that is not good
+    chosen: int | None = None  # None: the first that is not good
 
     @property
     def index(self) -> int:
-        """Of the chosen check."""
+        """Index of the chosen check."""
         checks = self.state.checks
         if self.chosen is not None:
             return min(self.chosen, len(checks) - 1)
@@ -81,10 +81,8 @@ class PreflightScreen(SessionScreen):
         if not check.remedy.reboot:
             self.session.ask(Fix(check.name))
             return
-        question = (
-            f"{check.remedy.words}\n\nThe rover boots anew for that. It must stand still and be disarmed."
-        )
-        self.app.push_screen(Question(question, "do it and reboot the rover"), self._answered(check.name))
+        question = f"{check.remedy.words}\n\nThis reboots the rover. It must stand still and be disarmed."
+        self.app.push_screen(Question(question, "fix it and reboot the rover"), self._answered(check.name))
 
     def _answered(self, name: str):  # type: ignore[no-untyped-def]
         def answer(yes: bool | None) -> None:
@@ -101,13 +99,13 @@ class PreflightScreen(SessionScreen):
 
 
 def count_line(checks: tuple[Check, ...]) -> str:
-    """How many of which state."""
+    """Sentence with the number of checks in each state."""
     if not checks:
-        return "Nothing was looked at yet."
+        return "Not checked yet."
     bad = sum(check.state == "bad" for check in checks)
     other = sum(check.state in ("doubtful", "unknown") for check in checks)
     if not bad and not other:
-        return f"All {len(checks)} are good: 3 plans the runs"
+        return f"All {len(checks)} checks are good: press 3 to plan the runs"
     return f"{bad} bad, {other} doubtful or unknown, {len(checks) - bad - other} good"
 
 
@@ -126,5 +124,5 @@ def _about(rows: ScreenRows, check: Check) -> None:
     if check.remedy.by_hand:
         rows.sentence(f"BY HAND: {check.remedy.words}", f"bold {palette.accent}", most=3)
         return
-    after = " (the rover reboots; asked first)" if check.remedy.reboot else ""
+    after = " (reboots the rover; asks first)" if check.remedy.reboot else ""
     rows.sentence(f"F: {check.remedy.words}{after}", f"bold {palette.accent}", most=3)

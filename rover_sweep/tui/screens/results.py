@@ -1,4 +1,4 @@
-"""Identify, diagnose, gains and their reports, worked out beside the session while the next run is driven."""
+"""Identify, diagnose and gains with their reports, computed in the background while runs are driven."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SIGNS = {"running": "▶ working", "done": "✓ done", "failed": "✗ failed"}
 
 
 class ResultsScreen(SessionScreen):
-    """Each key starts the command of that name as a program of its own; the session goes on meanwhile."""
+    """Each key starts the command of that name in a separate process; the session continues."""
 
     view = "results"
     BINDINGS = [
@@ -30,8 +30,8 @@ class ResultsScreen(SessionScreen):
         Binding("pagedown", "page(1)", "more"),
     ]
     chosen: int | None = None  # None: the latest
-    down = 0  # rows that are scrolled past
-    _last = 0  # of the rows at which a page can begin
+    down = 0  # rows scrolled down
+    _last = 0  # largest value of down
 
     @property
     def jobs(self) -> tuple[AnalysisJob, ...]:
@@ -43,7 +43,7 @@ class ResultsScreen(SessionScreen):
 
     @property
     def index(self) -> int:
-        """Of the chosen job."""
+        """Index of the chosen job."""
         latest = len(self.jobs) - 1
         return latest if self.chosen is None else min(self.chosen, latest)
 
@@ -54,8 +54,8 @@ class ResultsScreen(SessionScreen):
             job = self.jobs[n]
             mark = "▶" if job is self.job and len(self.jobs) > 1 else " "
             took = labels.seconds(job.seconds) if job.seconds else "earlier"
-            said = job.summary[0] if job.summary else job.last
-            line = f" {mark} {_SIGNS[job.outcome]:<10} {job.kind:<10} {took:>10}  {said}"
+            text = job.summary[0] if job.summary else job.last
+            line = f" {mark} {_SIGNS[job.outcome]:<10} {job.kind:<10} {took:>10}  {text}"
             if n == self.index:
                 rows.filled(line, palette.inverse)
             else:
@@ -65,34 +65,32 @@ class ResultsScreen(SessionScreen):
         return rows.text()
 
     def _from(self) -> str:
-        """Out of what, and what is missing for more."""
+        """Sentence on the runs that can be analysed, or on what is missing."""
         if self.state.played is not None:
-            return f"A recording: rover-sweep identify {self.state.url} --vehicle rover.toml identifies it."
+            return f"Identify this recording with: rover-sweep identify {self.state.url} --vehicle rover.toml"
         whole = [run.name for run in self.state.runs if run.outcome == "done"]
         if not whole:
-            return "No run is whole yet: nothing to identify from."
+            return "No complete run yet: nothing to identify."
         if self.session.setup.vehicle_path is None:
-            return (
-                "There is no vehicle file: quit, and start again with --vehicle rover.toml to identify here."
-            )
-        logs = "" if self.state.logs else " (out of the telemetry: no log is fetched yet, 6 and L)"
+            return "No vehicle file: quit and start again with --vehicle rover.toml to identify here."
+        logs = "" if self.state.logs else " (from telemetry; press 6 and L to fetch the log)"
         report = self.session.desk.report(self.job)
-        gains = f"; S proposes gains, out of {report.name}" if report else ""
-        return f"I identifies, D diagnoses: {', '.join(whole)}{logs}{gains}"
+        gains = f"; S computes gains from {report.name}" if report else ""
+        return f"I identifies, D diagnoses {', '.join(whole)}{logs}{gains}"
 
     def _about(self, rows: ScreenRows, job: AnalysisJob) -> None:
         palette = self.palette
         rows.blank()
         if job.page is not None:
             rows.sentence(f"report: {job.page} (O opens it)", f"bold {palette.accent}", most=2)
-        told = _told(job, palette, rows.width - 2)
+        lines = _result_lines(job, palette, rows.width - 2)
         room = max(1, rows.left - 1)
-        self._last = max(0, len(told) - room)
+        self._last = max(0, len(lines) - room)
         at = self._last if job.outcome == "running" else min(self.down, self._last)
-        for row, style in told[at : at + room]:
+        for row, style in lines[at : at + room]:
             rows.add((f" {row}", style))
         if at < self._last:
-            rows.add(f" ... {len(told) - at - room} rows more (PGDN)", style=palette.quiet)
+            rows.add(f" ... {len(lines) - at - room} more rows (PGDN)", style=palette.quiet)
 
     def action_page(self, step: int) -> None:
         self.down = min(max(0, self.down + 8 * step), self._last)
@@ -127,15 +125,15 @@ class ResultsScreen(SessionScreen):
         return action != "choose" or len(self.jobs) > 1
 
 
-def _told(job: AnalysisJob, palette: Palette, width: int) -> list[tuple[str, str]]:
-    """Rows: the summary, the answer in bold; else what it printed, whose tables stay as they are."""
-    told = [
+def _result_lines(job: AnalysisJob, palette: Palette, width: int) -> list[tuple[str, str]]:
+    """(row, style) of the summary, its first sentence bold; without a summary, of the output."""
+    lines = [
         (row, f"bold {palette.ink}" if n == 0 else palette.ink)
-        for n, said in enumerate(job.summary)
-        for row in wrapped(said, width)
+        for n, text in enumerate(job.summary)
+        for row in wrapped(text, width)
     ]
     if job.summary:
-        return told
+        return lines
     ink = palette.bad if job.outcome == "failed" else palette.ink
     return [(row, ink) for line in job.lines for row in _fitted(line.rstrip(), width)]
 

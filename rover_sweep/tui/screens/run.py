@@ -1,4 +1,4 @@
-"""The run under way: what the pilot has to do, what the rover does, and how it is ended."""
+"""The current run: the pilot's task, the rover's signals, and how to abort."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rover_sweep.tui.screens.frame import ABORT_WORDS
 
 
 class RunScreen(SessionScreen):
-    """G drives the row of the plan that is next; SPACE and ESC end the run at once."""
+    """G drives the next row of the plan; SPACE and ESC end the run at once."""
 
     view = "run"
     BINDINGS = [Binding("g", "go", "drive the next")]
@@ -53,9 +53,9 @@ class RunScreen(SessionScreen):
             following = (
                 f"next: {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s"
                 if row
-                else "the plan is driven"
+                else "the plan is complete"
             )
-            waits = ", its verdict is being worked out" if run and _waits(run) else ""
+            waits = ", computing its verdict" if run and _waits(run) else ""
             last = f"{run.name} {labels.OUTCOMES[run.outcome][1]}{waits}; " if run else ""
             rows.add(f" {last}{following}", style=f"bold {palette.ink}")
             return
@@ -98,7 +98,7 @@ class RunScreen(SessionScreen):
     def _facts(self, rows: ScreenRows) -> None:
         now = self.state.snapshot
         if now is None:
-            rows.sentence("Nothing was heard of the rover yet.", self.palette.quiet)
+            rows.sentence("No message from the rover yet.", self.palette.quiet)
             return
         armed = "ARMED" if now.armed else "disarmed"
         heard = f"{now.received:.0f} messages/s, " if math.isfinite(now.received) else ""
@@ -118,17 +118,17 @@ class RunScreen(SessionScreen):
                 rows.blank(height - 3)
             rows.blank(1).sentence(_way_out(self.state), palette.quiet, most=2)
             return
-        said = f"{ABORT_WORDS}: ends the run at once"
+        words = f"{ABORT_WORDS}: ends the run at once"
         picture = [f"  {line}   " for line in (huge if height > 5 else big)("ABORT")]
-        picture[len(picture) // 2] += said
+        picture[len(picture) // 2] += words
         for line in ["", *picture, ""] if height > 3 else picture:
             rows.filled(line, palette.alarming)
 
 
 def _way_out(state: State) -> str:
     if state.played is not None:
-        return "SPACE pauses, , and . jump 10 s, + and - change the pace."
-    return "SPACE or ESC end a run; without this laptop the switch low, disarming or another mode do."
+        return "SPACE pauses, , and . jump 10 s, + and - change the speed."
+    return "SPACE or ESC ends a run; without this laptop: switch low, disarm or change the mode."
 
 
 def _waits(run: RunRecord) -> bool:
@@ -136,10 +136,10 @@ def _waits(run: RunRecord) -> bool:
 
 
 def _roomy(rows: ScreenRows) -> bool:
-    """Whether letters of five rows fit."""
+    """True if letters of five rows fit."""
     return rows.height > 40 and rows.width >= 150
 
 
 def _tall(height: int) -> int:
-    """Rows for the history of a signal."""
+    """Rows for the history of each signal."""
     return max(1, min(6, (height - 28) // 5)) if height > 34 else 1

@@ -1,4 +1,4 @@
-"""What is watched in a run: a number, its place between limits, a short history."""
+"""The signals of a run: value, position between limits, short history."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.model.state import State
 
 _DEFAULTS = {p.name: p.default for p in PARAMETERS}
-_STEERED = range(3, 9)  # states of the applet, in which it keeps the limits
-_TRIM = 1500.0  # us, where no vehicle file says
-_AY = 10.0  # m/s^2, of the gauge; nothing limits it
+_STEERED = range(3, 9)  # states of the applet in which the limits apply
+_TRIM = 1500.0  # us, without a vehicle file
+_AY = 10.0  # m/s^2, range of the gauge; there is no limit
 _DEGREES = 180 / math.pi
 
 
 @dataclass(frozen=True)
 class GaugeSignal:
-    """field: of a Snapshot, shown times scale in unit; low, high: of the gauge; limits: in words, or ''."""
+    """field: of a Snapshot, shown in unit after multiplication by scale; low, high: range of the gauge;
+    limits: as text, or ''."""
 
     name: str
     field: str
@@ -34,13 +35,13 @@ class GaugeSignal:
 
 
 def limit_of(state: State, setup: Setup) -> Callable[[str], float]:
-    """A limit of the applet: as it was set on the vehicle, as the command line says, as it comes."""
+    """A function for the limits of the applet: set on the vehicle, else on the command line, else default."""
     extra = {f"SWP_{name.upper()}": value for name, value in setup.settings.extra.items()}
     return lambda name: state.parameters.get(name, extra.get(name, _DEFAULTS[name]))
 
 
 def signals_of(state: State, setup: Setup) -> tuple[GaugeSignal, ...]:
-    """What is watched, with its limits."""
+    """The signals with their limits."""
     limit, vehicle = limit_of(state, setup), setup.vehicle
     trim = vehicle.trim_us.value if vehicle and vehicle.trim_us else _TRIM
     most, r_max, roll = limit("SWP_PWM_MAX"), limit("SWP_R_MAX"), limit("SWP_ROLL_MAX")
@@ -48,14 +49,14 @@ def signals_of(state: State, setup: Setup) -> tuple[GaugeSignal, ...]:
     return (
         GaugeSignal("steering", "pwm", 1.0, "us", "6.0f", trim - most, trim + most, f"{trim:g} ±{most:g}"),
         GaugeSignal("yaw rate", "r", _DEGREES, "°/s", "+6.0f", -r_max, r_max, f"±{r_max:g}"),
-        GaugeSignal("side acc.", "ay", 1.0, "m/s²", "+6.1f", -_AY, _AY),
+        GaugeSignal("lat. acc.", "ay", 1.0, "m/s²", "+6.1f", -_AY, _AY),
         GaugeSignal("speed", "speed", 1.0, "m/s", "6.2f", slow, fast, f"{slow:g} to {fast:g}"),
         GaugeSignal("roll", "phi", _DEGREES, "°", "+6.1f", -roll, roll, f"±{roll:g}"),
     )
 
 
 def draw_signals(rows: ScreenRows, state: State, setup: Setup, each: int) -> None:
-    """`each` rows for a signal."""
+    """Draw the signals, `each` rows per signal."""
     place = 51 if rows.width >= 120 else 21
     for signal in signals_of(state, setup):
         values = [signal.scale * getattr(one, signal.field) for one in state.history]
@@ -63,11 +64,11 @@ def draw_signals(rows: ScreenRows, state: State, setup: Setup, each: int) -> Non
         past = bool(signal.limits) and state.applet in _STEERED and not signal.low <= value <= signal.high
         ink = rows.palette.bad if past else rows.palette.ink
         limits = f"PAST {signal.limits}" if past else signal.limits
-        said = f" {signal.name:<9} {fixed_width(value, signal.form)} {signal.unit:<5}"
+        text = f" {signal.name:<9} {fixed_width(value, signal.form)} {signal.unit:<5}"
         where = f"{pointer(value, signal.low, signal.high, place)} {limits:<14.14} "
-        drawn = column_chart(values, signal.low, signal.high, rows.width - len(said) - len(where) - 1, each)
+        drawn = column_chart(values, signal.low, signal.high, rows.width - len(text) - len(where) - 1, each)
         for n, row in enumerate(drawn):
-            left = said + where if n == each // 2 else " " * len(said + where)
+            left = text + where if n == each // 2 else " " * len(text + where)
             rows.add((left, f"bold {ink}" if n == each // 2 else ""), (row, rows.palette.quiet))
         if each > 1:
             rows.blank()

@@ -1,4 +1,4 @@
-"""A line of text, asked for in a box."""
+"""A box that asks for a line of text."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from textual.widgets import Input, Static
 
 
 class Typing(ModalScreen[str | None]):
-    """ENTER gives the text, ESC gives None."""
+    """ENTER returns the text, ESC None."""
 
-    BINDINGS = [Binding("escape", "leave", "leave")]
+    BINDINGS = [Binding("escape", "leave", "cancel")]
     CSS = """
     Typing { align: center middle; background: $background; }
     Typing > Vertical { width: 76; max-width: 100%; height: auto; border: heavy $foreground; padding: 1 2; }
@@ -29,7 +29,7 @@ class Typing(ModalScreen[str | None]):
         with Vertical():
             yield Static(self._question, markup=False)
             yield Input(self._value)
-            yield Static(f"{self._hint}\n\nENTER takes it, ESC leaves", markup=False)
+            yield Static(f"{self._hint}\n\nENTER accepts, ESC cancels", markup=False)
 
     def on_mount(self) -> None:
         self.query_one(Input).focus()

@@ -1,4 +1,4 @@
-"""The verdict on a run: keep it or what to change, coherence by band in plain words, amplitudes proposed."""
+"""The verdict on a run: keep or repeat, coherence by band, proposed amplitudes."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.base import SessionScreen
 
-_NONE = "There is no verdict on it."
+_NONE = "This run has no verdict."
 _WAITING = {
-    "asked": "It has not begun yet.",
-    "running": "It is under way; the verdict comes right after its end.",
-    "done": "The verdict is being worked out.",
+    "asked": "The run has not started.",
+    "running": "The run is in progress; the verdict follows right after it.",
+    "done": "Computing the verdict.",
 }
 
 
 class VerdictScreen(SessionScreen):
-    """W writes the amplitude that is proposed into the plan as a further run."""
+    """W adds a repeat with the proposed amplitude to the plan."""
 
     view = "verdict"
     repeats_messages = False
@@ -33,13 +33,13 @@ class VerdictScreen(SessionScreen):
         Binding("left", "turn(-1)", "other run"),
         Binding("right", "turn(1)", "other run"),
     ]
-    back = 0  # runs before the latest
-    _seen = 0  # runs that there were
+    back = 0  # index of the shown run, counted back from the latest
+    _known = 0  # number of runs when the view was last shown
 
     def on_screen_resume(self) -> None:
-        """A run that has come since is the one to look at."""
-        if len(self.state.runs) != self._seen:
-            self.back, self._seen = 0, len(self.state.runs)
+        """Show the latest run if there is a new one."""
+        if len(self.state.runs) != self._known:
+            self.back, self._known = 0, len(self.state.runs)
         super().on_screen_resume()
 
     @property
@@ -69,16 +69,16 @@ class VerdictScreen(SessionScreen):
         return rows.text()
 
     def _next(self, run: RunRecord) -> str:
-        """What to do now."""
+        """Sentence on the next step."""
         if self.state.played is not None or self.state.under_way:
             return ""
         verdict, row = run.verdict, self.session.next_row
-        again = f"W plans it with {verdict.amplitude:.0f} us. " if verdict and verdict.amplitude else ""
+        again = f"W plans a repeat with {verdict.amplitude:.0f} us. " if verdict and verdict.amplitude else ""
         if verdict is not None and verdict.advice != "keep" and again:
             return again
         if row is None:
             first = "disarm, then " if self.state.armed else ""
-            return f"{again}The plan is driven: {first}6 fetches the logs, 7 identifies, 3 plans more."
+            return f"{again}The plan is complete: {first}6 fetches the logs, 7 identifies, 3 plans more."
         return (
             f"{again}Next: {row.name}, {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
         )
@@ -90,9 +90,9 @@ class VerdictScreen(SessionScreen):
         sign, word = labels.ADVICE[verdict.advice]
         for line in huge(word) if rows.height > 40 else big(word):
             rows.filled(f"  {line}", f"bold {palette.ground} on {style}")
-        rows.sentence(f"{sign} {said(verdict)}", f"bold {palette.ink}", most=3)
-        told = {f"{band.response}: " for band in verdict.bands}  # in the table below
-        remarks = [text for text in verdict.remarks if not text.startswith(tuple(told))]
+        rows.sentence(f"{sign} {verdict_sentence(verdict)}", f"bold {palette.ink}", most=3)
+        in_table = {f"{band.response}: " for band in verdict.bands}
+        remarks = [text for text in verdict.remarks if not text.startswith(tuple(in_table))]
         for remark in remarks[: 2 if rows.height < 30 else 6]:
             rows.sentence(remark, palette.ink, most=2)
 
@@ -121,8 +121,8 @@ class VerdictScreen(SessionScreen):
         return action != "turn" or len(self.state.runs) > 1
 
 
-def said(verdict: Verdict) -> str:
-    """The sentence, begun with the advice in capitals."""
+def verdict_sentence(verdict: Verdict) -> str:
+    """The verdict's sentence, starting with the advice in capitals."""
     word, sentence = labels.ADVICE[verdict.advice][1], verdict.sentence
     if sentence.lower().startswith(word.lower()):
         return word + sentence[len(word) :]
@@ -130,7 +130,7 @@ def said(verdict: Verdict) -> str:
 
 
 def _matrix(rows: ScreenRows, verdict: Verdict) -> None:
-    """A row for each band, a column for each response, and what amplitude would be enough there."""
+    """A row per band, a column per response, and the amplitude [us] needed in the band."""
     responses = tuple(dict.fromkeys(band.response for band in verdict.bands))
     spans = sorted(
         {(b.low, b.high) for b in verdict.bands} | {(low, high) for low, high, _ in verdict.per_band}
@@ -140,16 +140,16 @@ def _matrix(rows: ScreenRows, verdict: Verdict) -> None:
     wide = rows.width >= 110
     widths = (13, *((24 if wide else 13) for _ in responses), 9)
     names = (labels.RESPONSES.get(response, response) for response in responses)
-    rows.add(" " + cells(("rad/s", *names, "us enough"), widths), style=rows.palette.quiet)
+    rows.add(" " + cells(("rad/s", *names, "us needed"), widths), style=rows.palette.quiet)
     for low, high in spans[: rows.left - (len(spans) > rows.left)]:
-        told = (_told(there.get((response, low, high)), wide) for response in responses)
+        coherences = (_coherence(there.get((response, low, high)), wide) for response in responses)
         us = f"{wanted[low, high]:.0f}" if (low, high) in wanted else ""
-        rows.add(" " + cells((f"{low:.2g} to {high:.2g}", *told, us), widths), style=rows.palette.ink)
+        rows.add(" " + cells((f"{low:.2g} to {high:.2g}", *coherences, us), widths), style=rows.palette.ink)
     if rows.left == 1 and len(spans) > 1:
-        rows.add(" ... and more in a larger window", style=rows.palette.quiet)
+        rows.add(" ... more rows in a larger window", style=rows.palette.quiet)
 
 
-def _told(band: CoherenceBand | None, wide: bool) -> str:
+def _coherence(band: CoherenceBand | None, wide: bool) -> str:
     if band is None:
         return "-"
     word = band.words.partition(":")[0]
