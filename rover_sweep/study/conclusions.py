@@ -29,8 +29,8 @@ def rover_sentences(study: Study) -> tuple[str, ...]:
     softer = 100 * (1 - turf.front_cornering_stiffness / q.front_cornering_stiffness)
     return (
         f"A nonlinear single track with roll and the body of Table 3 ({q.mass:g} kg, a "
-        f"{q.cg_to_front_axle:g} m, b {q.cg_to_rear_axle:g} m). None of the three structures has its other "
-        f"physics: tyres with a friction limit ({q.friction:g} of the load) and unequal axles "
+        f"{q.cg_to_front_axle:g} m, b {q.cg_to_rear_axle:g} m). Its other physics is in none of the "
+        f"three structures: tyres with a friction limit ({q.friction:g} of the load) and unequal axles "
         f"({q.front_cornering_stiffness:g} and {q.rear_cornering_stiffness:g} N/rad); a servo with "
         f"{1000 * q.servo_delay:.0f} ms of delay, {1000 * q.servo_lag:.0f} ms of lag and at most "
         f"{degrees(q.servo_rate_limit):.0f} deg/s; a speed that drops in corners; an uneven road; a "

@@ -1,4 +1,4 @@
-"""One contract for all effects: they vanish at their absent value, move something, and say what they are."""
+"""The contract of all effects: no change at coordinate 0, a change at a plain size, and complete texts."""
 
 from dataclasses import replace
 

@@ -1,11 +1,11 @@
-"""The engine of `plan`: which effects look alike, sizes, and what may be proposed.
+"""The engine of `plan`: look-alikes, detectable sizes, and the runs that may be proposed.
 
-The map of left_out_physics, made without instruments in the nominal model, says: delay and servo .99,
-relaxation and delay .94 (.85 with a second speed), saturation and load transfer .94, deadband and
-backlash .95. From r alone, with C, Izz, k_phi and b_phi to refit, the tool's own are .98, .99 (.90) and
-.85. With all four channels and the whole nominal model they are .46, .18 (.59) and .68. A deadband of the
-command and a backlash are nearly at right angles here (.1): one takes sgn(u) off, the other sgn(u'); a
-deadband of the servo's error, which has memory, would be the look-alike of the map.
+Cosines of signatures from an independent study, without instruments in the nominal model: delay and servo
+lag 0.99, relaxation and delay 0.94 (0.85 with a second speed), saturation and load transfer 0.94, deadband
+and backlash 0.95. This tool gives 0.98, 0.99 (0.90) and 0.85 from r alone, with C, Izz, k_phi and b_phi
+refitted, and 0.46, 0.18 (0.59) and 0.68 with all four channels and the whole nominal model. A deadband of the
+command and a backlash are nearly orthogonal here (0.1): one subtracts sgn(u), the other sgn(u'). The study
+had a deadband of the servo's error, which has memory.
 """
 
 from __future__ import annotations
@@ -190,14 +190,14 @@ def test_a_plan_proposes_what_settles_the_open_points(monkeypatch: pytest.Monkey
     """A small sweep hardly reaches the rate limit of a servo: the answer is a run that does."""
     short = [r for r in candidates((SMALL,), ROVER, SCALE, LIMITS) if r.kind in ("doublet", "servo_test")]
     monkeypatch.setattr("rover_sweep.diagnosis.plans.plan.candidates", lambda *_: [*short, *short[:1]])
-    told: list[float] = []
+    shares: list[float] = []
     found = plan(
         (PlannedRun("sweep", 60.0, 2.4),),
         ROVER,
         SCALE,
         LIMITS,
         ("servo_rate_limit",),
-        progress=lambda what, share: told.append(share),
+        progress=lambda what, share: shares.append(share),
     )
     assert [u.effect for u in found.cannot_see] == ["servo_rate_limit"] and not found.detectable
     assert 1 <= len(found.proposal) == len(found.settles) <= 3
@@ -207,4 +207,4 @@ def test_a_plan_proposes_what_settles_the_open_points(monkeypatch: pytest.Monkey
         found.sentences[0].startswith("these runs detect and separate 0 of 1")
         and "7.0 m/s^2" in found.notes[0]
     )
-    assert told == sorted(told) and told[-1] <= 1.0
+    assert shares == sorted(shares) and shares[-1] <= 1.0

@@ -1,4 +1,4 @@
-"""The recordings that conceal something: whole, readable, and alike in all that is not motion."""
+"""The recordings with concealed effects: complete, readable, and equal in everything but the motion."""
 
 from __future__ import annotations
 

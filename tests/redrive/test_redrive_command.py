@@ -68,8 +68,8 @@ def test_refusals_are_one_sentence_and_leave_nothing(
     (tmp_path / "spin.toml").write_text(f'base = "nominal"\n{slips}')
     given = [a.format(log=data / RUN, tmp=tmp_path) for a in arguments]
     assert run(["redrive", *given]) == code
-    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("rover-sweep: ")]
-    assert len(told) == 1 and said in told[0]
+    printed = [line for line in capsys.readouterr().err.splitlines() if line.startswith("rover-sweep: ")]
+    assert len(printed) == 1 and said in printed[0]
     assert not (tmp_path / "again.BIN").exists()
 
 
@@ -108,10 +108,10 @@ def test_says_whose_numbers_it_takes(data: Path, tmp_path: Path, capsys: pytest.
     out = tmp_path / "again.BIN"
     options = ["--variant", str(tmp_path / "loose.toml"), "--rover-file", str(data / "rover.toml")]
     assert run(["redrive", str(data / RUN), *options, "--out", str(out)]) == 0
-    told = capsys.readouterr()
-    assert "loose.toml" in told.err and "rover.toml" in told.err and "Izz 0.069" in told.err
-    assert "steering_backlash (b 0.012)" in told.err
-    assert "simulated minus recorded speed: mean" in told.out
+    printed = capsys.readouterr()
+    assert "loose.toml" in printed.err and "rover.toml" in printed.err and "Izz 0.069" in printed.err
+    assert "steering_backlash (b 0.012)" in printed.err
+    assert "simulated minus recorded speed: mean" in printed.out
 
 
 def test_a_vehicle_file_replaces_what_it_measured_and_nothing_else(data: Path) -> None:

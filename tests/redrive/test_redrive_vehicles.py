@@ -30,7 +30,7 @@ def agrees(source: Path, again: Path, share: float = 0.09) -> None:
     ("name", "share"), [("applet/run2.BIN", 0.09), ("defaults/run1.BIN", 0.12), ("defaults/run2.tlog", 0.09)]
 )
 def test_embedded(data: Path, truth: Path, tmp_path: Path, name: str, share: float) -> None:
-    """With the applet's rows; with RCOU alone, which tells of 25 rad/s at 10 Hz; out of the telemetry."""
+    """With the applet's rows; with RCOU alone, which has 25 rad/s at 10 Hz; from the telemetry."""
     source, out = data / "ardurover-4.6.3" / name, tmp_path / "again.BIN"
     arguments = ["redrive", str(source), "--variant", str(truth), "--vehicle", "embedded", "--out", str(out)]
     assert run(arguments) == 0

@@ -1,4 +1,4 @@
-"""What the study finds, held to the virtual rover's own numbers; and that its words follow the numbers."""
+"""Findings of the study against the numbers of the virtual rover; its texts follow the numbers."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The library of left-out effects, one file each; a new file with an `EFFECT` is found by itself."""
+"""The library of left-out effects, one file each; a new file with an `EFFECT` needs no registration."""
 
 from __future__ import annotations
 

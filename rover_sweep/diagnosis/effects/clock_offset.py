@@ -39,7 +39,7 @@ EFFECT = NominalEffect(
     ),
     shows="like a transport delay, which may also be negative",
     apart="possible only with two clocks in the data; it may change from run to run, a delay does not",
-    next_run="the DataFlash log of the same run, in which one clock stamps everything",
+    next_run="read the DataFlash log of the same run, in which one clock stamps everything",
     releases={"delay": (-0.5, 0.5)},
     report_values=late_stamps,
 )

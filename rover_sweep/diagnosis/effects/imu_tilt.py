@@ -33,7 +33,7 @@ def rotated(measured: Motion, motion: Motion, q: Values) -> dict[str, Array]:
 
 EFFECT = SensorEffect(
     id="imu_tilt",
-    title="the IMU is mounted askew",
+    title="the IMU is mounted at an angle",
     equation="r + pitch p, p - pitch r, a_y - yaw a_x, a_y + g sin(roll)",
     source="rotation of the sensor axes; Titterton and Weston 2004, chapter 3",
     parameters=(
@@ -43,7 +43,7 @@ EFFECT = SensorEffect(
             0.08,
             -0.5,
             0.5,
-            "IMU's y axis turned down on its right: a_y + g sin(roll)",
+            "right side of the IMU down: a_y + g sin(roll)",
             tolerance=0.01,
             matters=0.0306,
             doubt=0.015,  # the bias of an accelerometer is up to 0.3 m/s^2
@@ -56,7 +56,7 @@ EFFECT = SensorEffect(
             0.08,
             -0.5,
             0.5,
-            "nose of the IMU down: yaw shows in p",
+            "nose of the IMU down: yaw rate appears in p",
             tolerance=0.01,
             matters=0.02,
         ),
@@ -66,7 +66,7 @@ EFFECT = SensorEffect(
     ),
     shows="a constant a_y at every heading, and mixing of p and r and of a_x and a_y",
     apart="a slope changes with the heading; a trim changes r as well",
-    next_run="standing still on a level floor at two headings: a_y",
+    next_run="a_y at standstill on a level floor at two headings",
     act=rotated,
     releases={"bias_ay": (-6.0, 6.0)},
 )

@@ -24,6 +24,6 @@ EFFECT = NominalEffect(
     ),
     shows="in all channels equally, the gain falls with the phase",
     apart="a delay changes the phase but not the gain; a rate limit grows with the amplitude",
-    next_run="servo on blocks: a step of 100 us, angle of the wheel against time",
+    next_run="rover on blocks: a step of 100 us, angle of the wheel over time",
     releases={"lag": (0.0, 0.5)},
 )

@@ -32,7 +32,7 @@ EFFECT = ServoEffect(
     ),
     shows="third harmonic at high frequency; residual power grows about 17 times when the amplitude doubles",
     apart="grows with amplitude and frequency; a lag does not, a cubic gain does not depend on frequency",
-    next_run="a second sweep at half the amplitude, or the servo on blocks with a large step",
+    next_run="a second sweep at half the amplitude, or a large step with the rover on blocks",
     fills={"R": "inv_rate"},
     signed=False,
 )

@@ -14,7 +14,7 @@ from rover_sweep.diagnosis.effects.kinds import SpeedEffect
 
 EFFECT = SpeedEffect(
     id="speed_variation",
-    title="cornering drag takes speed",
+    title="cornering drag lowers the speed",
     equation="V' = (V_set - V)/tau_V - D a_y^2",
     source="front side force times sin(d), for linear tyres",
     parameters=(
@@ -24,6 +24,6 @@ EFFECT = SpeedEffect(
     ),
     shows="in the measured speed: even in the steering, at low frequency",
     apart="no other effect changes the speed with the square of a_y",
-    next_run="hold the throttle by hand and by the speed controller, the same sweep",
+    next_run="the same sweep with the throttle held by hand, and with the speed controller",
     signed=False,
 )

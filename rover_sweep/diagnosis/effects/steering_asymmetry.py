@@ -38,6 +38,6 @@ EFFECT = LinkageEffect(
     ),
     shows="second harmonic, and a mean that grows with the amplitude",
     apart="second harmonic only; the mean that a trim causes does not change with the amplitude",
-    next_run="turning circles left and right at the same command",
+    next_run="turning circles to the left and to the right at the same command",
     act=uneven,
 )

@@ -4,7 +4,7 @@
 
 u, d: angle before and after the linkage [rad]. b: half the gap [rad], 0 to 0.15. Causes a third harmonic and
 a phase lag at all frequencies; the residual power grows only 1.6 times when the amplitude doubles. Reversals
-at small amplitude show it best; one sweep, or the servo on blocks. Tao and Kokotovic 1996 (backlash).
+at small amplitude show it best; one sweep, or the rover on blocks. Tao and Kokotovic 1996 (backlash).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ EFFECT = LinkageEffect(
     ),
     shows="third harmonic and phase lag at all frequencies; grows only 1.6 times with twice the amplitude",
     apart="the wheel lags by the gap at every reversal; with a deadband it does not",
-    next_run="servo on blocks: a slow ramp up and down, angle of the wheel against command",
+    next_run="rover on blocks: a slow ramp up and down, angle of the wheel over command",
     act=backlash,
     signed=False,
 )

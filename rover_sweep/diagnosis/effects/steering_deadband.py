@@ -3,7 +3,7 @@
     0 for abs(u) < w, else u - w sgn(u)
 
 u: commanded road-wheel angle [rad]. w: half width of the band [rad], 0 to 0.15. Causes a third harmonic at
-low frequency and adds no phase lag. A small amplitude shows it best; one sweep, or the servo on blocks. Tao
+low frequency and adds no phase lag. A small amplitude shows it best; one sweep, or the rover on blocks. Tao
 and Kokotovic 1996 (dead zone).
 """
 
@@ -33,7 +33,7 @@ EFFECT = CommandEffect(
     ),
     shows="third harmonic at low frequency, no memory",
     apart="adds no phase lag, a backlash does; its share grows as the amplitude falls",
-    next_run="servo on blocks: a slow ramp up and down, angle of the wheel against command",
+    next_run="rover on blocks: a slow ramp up and down, angle of the wheel over command",
     act=outside_band,
     signed=False,
 )

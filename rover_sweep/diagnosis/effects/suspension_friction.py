@@ -26,9 +26,7 @@ EFFECT = VehicleEffect(
     source="Coulomb friction; Armstrong-Helouvry, Dupont and Canudas de Wit 1994",
     parameters=(
         EffectParameter("T", "N m", 0.03, 0.0, 1.5, "friction torque against the roll rate", tolerance=0.002),
-        EffectParameter(
-            "width", "-", 0.7, -2.0, 2.0, "ln of the roll rate at which it holds, over .01 rad/s"
-        ),
+        EffectParameter("width", "-", 0.7, -2.0, 2.0, "ln of the roll rate of the smoothing over 0.01 rad/s"),
     ),
     shows="in p and what follows from p; inflates b_phi",
     apart="its share falls as the amplitude grows; the share of a damper does not",

@@ -20,6 +20,6 @@ EFFECT = NominalEffect(
     parameters=(EffectParameter("T", "s", 0.06, 0.0, 0.5, "the whole pure delay", nominal="delay"),),
     shows="phase proportional to frequency, gain flat, all channels equally",
     apart="a servo lag lowers the gain as well as the phase",
-    next_run="servo on blocks: a step of 100 us, time until the wheel moves",
+    next_run="rover on blocks: a step of 100 us, time until the wheel moves",
     releases={"delay": (0.0, 0.5)},
 )

@@ -158,15 +158,18 @@ class Stacked:
     def separation(self, one: str, two: str, sizes: Sizes | None = None) -> float:
         """How clearly the first effect, if present, is separated from the second; 1 or more is separated.
 
-        sizes: detectable sizes of a larger set that these runs are part of; None: their own.
+        sizes: detectable sizes of a larger set that these runs are part of; None: their own. The first effect
+        has `TRUE_SIZE` times its detectable size; the second explains all of it but the length
+        L sqrt(1 - cos^2), which must exceed `SEPARATED` in standard deviations of noise and tolerances.
         """
         held = self.held(one) | self.held(two)
         plain, judged = self.outside(held), self.judged.outside(held)
         found = []
         for k in self.members[one]:
-            if (size := (sizes or self.sizes)[one].get(self.found[k].parameter)) is None:
+            s = self.found[k]
+            if (size := (sizes or self.sizes)[one].get(s.parameter)) is None:
                 continue
-            strength = float(np.linalg.norm(judged[:, k])) / abs(self.found[k].size) * _per(self.found[k])
+            strength = float(np.linalg.norm(judged[:, k])) / abs(s.size) * parameter_of(s).per
             length = strength * (TRUE_SIZE * size.coordinate - size.upper_bound)
             left = length * np.sqrt(1.0 - self._explained(judged, k, two) ** 2)
             distinct = (1.0 - self._explained(plain, k, two) ** 2) / (1.0 - MOST_ALIKE**2)
@@ -230,15 +233,18 @@ def parameter_of(s: Signature) -> EffectParameter:
     return next(p for p in library()[s.effect].parameters if p.name == s.parameter)
 
 
-def _per(s: Signature) -> float:
-    return parameter_of(s).per
-
-
 def _size(stacked: Stacked, k: int, rows: Array) -> Size | None:
-    """The size that is found in half of repeats, None where it would be above the parameter's bound."""
+    """The size that is found in half of repeats, None if it would be above the parameter's bound.
+
+    rows (k,): the part of the signature that the nominal model cannot explain, in the metric of noise and
+    tolerances. Per coordinate its length is d. At the coordinate q the nominal model takes the place of the
+    effect up to its bound q0, so chi-squared falls by (d (q - q0))^2 on average. An effect is found if the
+    fall exceeds the threshold; noise makes it larger or smaller equally often. Hence half of repeats find
+    q = q0 + sqrt(threshold)/d. The size is not below the one that matters.
+    """
     s = stacked.found[k]
     effect, parameter = library()[s.effect], parameter_of(s)
-    strength = float(np.linalg.norm(rows)) / abs(s.size) * _per(s)
+    strength = float(np.linalg.norm(rows)) / abs(s.size) * parameter.per
     if strength < FAINT:
         return None
     upper_bound = _upper_bound(stacked.model, effect, parameter)

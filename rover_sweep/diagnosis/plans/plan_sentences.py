@@ -25,7 +25,7 @@ ON_BLOCKS = (
 def answer(
     now: Sequence[PlannedRun], asked: int, given: SetResult, best: SetResult, added: int
 ) -> tuple[str, ...]:
-    """First what the given runs separate, then what the proposal adds, then what stays open."""
+    """First what the given runs separate, then what the proposal adds, then the open points."""
     count = "1 run" if added == 1 else f"{added} runs"
     if not now:
         verb = "detects and separates" if added == 1 else "detect and separate"
@@ -77,7 +77,7 @@ def settles(
     if without.noise_unknown and not with_run.noise_unknown:
         parts.append("separates noise from distortion")
     why = _because(run, before, pairs, without.noise_unknown)
-    what = ", and ".join(parts) or "makes all detectable sizes smaller"
+    what = "; ".join(parts) or "makes all detectable sizes smaller"
     return f"{run_text(run)}: {what}{f', because {why}' if why else ''}"
 
 

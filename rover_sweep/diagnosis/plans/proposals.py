@@ -69,9 +69,9 @@ def run_text(run: PlannedRun) -> str:
     """The run in words, such as "sweep of 120 us at 2.4 m/s"."""
     about = f" about {run.bias_us:+g} us" if run.bias_us else ""
     at = f" at {run.speed:g} m/s" if run.speed else ""
-    towards = "" if run.heading is None else f" heading {run.heading:.0f} deg"
+    heading = "" if run.heading is None else f" heading {run.heading:.0f} deg"
     often = {1: "", 2: ", twice"}.get(run.repeat, f", {run.repeat} times")
-    return run.name or f"{NAMES[run.kind]} of {run.amplitude_us:g} us{about}{at}{towards}{often}"
+    return run.name or f"{NAMES[run.kind]} of {run.amplitude_us:g} us{about}{at}{heading}{often}"
 
 
 def lateral_acceleration(run: PlannedRun, rover: Geometry, rad_per_us: float) -> float:
