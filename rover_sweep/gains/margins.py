@@ -41,12 +41,13 @@ def all_margins(loops: Complex, w: Array) -> tuple[Array, Array, Array, Array]:
     size = np.abs(loops)
     above = size > 1.0
     crossed = above[:, :-1] != above[:, 1:]
-    log = np.log(size)
-    share = np.where(crossed, -log[:, :-1] / np.where(crossed, np.diff(log), 1.0), 0.0)
-    there = loops[:, :-1] + share * np.diff(loops)
-    margin = np.where(crossed, np.degrees(np.angle(-there)), np.inf)
-    at = np.where(crossed, w[:-1] * (w[1:] / w[:-1]) ** share, np.nan)
-    last = np.where(crossed.any(axis=1), np.fmax.reduce(np.where(crossed, at, -np.inf), axis=1), np.nan)
+    margin, at = np.full(crossed.shape, np.inf), np.full(crossed.shape, -np.inf)
+    row, k = np.nonzero(crossed)  # few; the powers and angles of all would take most of the time
+    log, next_log = np.log(size[row, k]), np.log(size[row, k + 1])
+    share = -log / (next_log - log)
+    margin[row, k] = np.degrees(np.angle(-(loops[row, k] + share * (loops[row, k + 1] - loops[row, k]))))
+    at[row, k] = w[k] * (w[k + 1] / w[k]) ** share
+    last = np.where(crossed.any(axis=1), np.fmax.reduce(at, axis=1), np.nan)
     return gain, margin.min(axis=1), last, phase_at
 
 
@@ -54,12 +55,14 @@ def _gain_margins(loops: Complex, w: Array) -> tuple[Array, Array]:
     """Gain margins [dB] at crossings of the negative real axis, and the lowest such frequency [rad/s]."""
     re, im = loops.real, loops.imag
     crossed = (im[:, :-1] * im[:, 1:] < 0) & (np.minimum(re[:, :-1], re[:, 1:]) < 0)
-    share = np.where(crossed, im[:, :-1] / np.where(crossed, im[:, :-1] - im[:, 1:], 1.0), 0.0)
-    real = re[:, :-1] + share * np.diff(re)
-    crossed &= real < 0
-    size = np.where(crossed, np.abs(real), 0.0).max(axis=1)
+    sizes, frequency = np.zeros(crossed.shape), np.full(crossed.shape, np.inf)
+    row, k = np.nonzero(crossed)
+    share = im[row, k] / (im[row, k] - im[row, k + 1])
+    real = re[row, k] + share * (re[row, k + 1] - re[row, k])
+    sizes[row, k] = np.where(real < 0, -real, 0.0)
+    frequency[row, k] = np.where(real < 0, w[k] * (w[k + 1] / w[k]) ** share, np.inf)
+    size, at = sizes.max(axis=1), frequency.min(axis=1)
     db = np.where(size > 0, -20 * np.log10(np.maximum(size, 1e-12)), np.inf)
-    at = np.where(crossed, w[:-1] * (w[1:] / w[:-1]) ** share, np.inf).min(axis=1)
     return db, np.where(np.isfinite(at), at, np.nan)
 
 
