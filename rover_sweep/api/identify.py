@@ -1,4 +1,4 @@
-"""From logs to models in Python: `read` runs, `identify`, look at the result, report, save, load.
+"""From logs to models in Python: read runs, identify, inspect the result, report, save, load.
 
     import rover_sweep as rs
     runs = rs.read("run1.BIN", "run2.BIN", vehicle="rover.toml")
@@ -6,8 +6,8 @@
     result.models["roll-yaw"]
     result.report("report")
 
-Everything is in SI units and ISO axes (x forward, y left, z up); frequencies are in rad/s. Bad input
-raises `UsageError` or `DataRefused` with one sentence; a poor fit is a result that says so.
+All values are in SI units and ISO axes (x forward, y left, z up); frequencies are in rad/s. Bad input raises
+`UsageError` or `DataRefused` with one sentence. A poor fit raises nothing: its verdict says so.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(Identification):
-    """What `identify` found: an `Identification` that knows where it comes from.
+    """The result of `identify`: an `Identification` and its origin (files, command, time).
 
     models {name: ModelResult}, groups (of runs at one speed, with responses {output: FrequencyResponse}),
-    coherence, recommended, summary, refused: see `Identification`. It prints itself as a table.
+    coherence, recommended, summary, refused: see `Identification`. It prints as a table.
     """
 
     origin: Provenance = field(default_factory=Provenance)
@@ -53,14 +53,14 @@ class Result(Identification):
     ) -> ReportFiles:
         """Writes report.html, identification.json, pictures and models into a folder.
 
-        progress: called with the share written, 0..1, and what comes next.
+        progress: called with the share written, 0..1, and the name of the next part.
         """
         from rover_sweep.report.identification.report_folder import write_report
 
         return write_report(self, Path(directory), self.origin, progress)
 
     def save(self, path: Location) -> Path:
-        """Writes everything, recordings as well, into a .json that `load_result` reads back without loss."""
+        """Writes the result and its recordings to a .json that `load_result` reads without loss."""
         from rover_sweep.api.save import dumps
         from rover_sweep.files.replaced import write_file
 
@@ -86,18 +86,18 @@ def identify(
 ) -> Result:
     """Identifies models from runs and verifies them on other runs.
 
-    verify: runs that the fit must not see; without any, the doublets among `runs`. models: of
-    "bicycle", "roll-yaw", "lumped" (the kinematic one is always there to compare). fit: the responses
-    fitted, of "r", "ay", "vydot", "p". tied: one cornering stiffness for both axles. band: swept range
-    [rad/s]; bands: usable band of a response [rad/s]; windows [s]: found from the data where not given.
-    free: parameters of the roll-yaw model that are fitted beyond the usual ones, such as "Ixx", "Ixz",
-    "h". reduction: fix again what the data cannot tell, but none of the parameters in keep.
-    condition_on: channels that move the rover beside the steering, such as "throttle", which are taken
-    out of the responses. structures: files of your own, or `ModelStructure`s, fitted beside the models.
-    bootstrap: replicates for the 90 % intervals (`fit["C"].interval`), 0 for none.
+    verify: runs that are not fitted; default the doublets among `runs`. models: of "bicycle", "roll-yaw",
+    "lumped" (the kinematic one is always added for comparison). fit: responses to fit, of "r", "ay", "vydot",
+    "p". tied: one cornering stiffness for both axles. band: swept range [rad/s]; bands: {response: usable
+    band [rad/s]}; windows [s]; all three default to values found from the data. free: parameters of the
+    roll-yaw model that are fitted in addition, such as "Ixx", "Ixz", "h". reduction: fix those again that the
+    data cannot determine, except the parameters in keep. condition_on: further inputs, such as "throttle",
+    whose effect is removed from the responses. structures: your own TOML files or `ModelStructure`s, fitted
+    in addition. bootstrap: replicates for the 90 % intervals (`fit["C"].interval`), 0 for none. UsageError
+    for wrong arguments.
     """
     if not isinstance(runs, Runs) or runs.vehicle is None:
-        raise UsageError('the vehicle is not known: rs.read(..., vehicle="rover.toml")')
+        raise UsageError('the vehicle is not known: read the runs with rs.read(..., vehicle="rover.toml")')
     if not len(runs):
         raise UsageError("there is no run to identify from")
     sweeps, doublets = divided(runs)
@@ -115,7 +115,9 @@ def identify(
         condition_on=_listed(condition_on),
         bootstrap=bootstrap,
     )
-    freed = _known(parameter_names(free), tuple(MODEL_NAMES.values()), "known number of the roll-yaw model")
+    freed = _known(
+        parameter_names(free), tuple(MODEL_NAMES.values()), "fixed parameter of the roll-yaw model"
+    )
     own = load_structures(_listed(structures))
     return identified(sweeps, checks, (runs.vehicle, runs.vehicle_file), settings, own, freed)
 
@@ -129,10 +131,10 @@ def identified(
     free: Sequence[str] = (),
     command: str = "",
 ) -> Result:
-    """The result of the sweeps, verified on `checks`: what the command line and `identify` both call.
+    """The result of the sweeps, verified on `checks`; for `identify` and for the command line.
 
-    rover: what the vehicle file says, and where it is. free: parameters fitted beyond the file's own.
-    command: the command line, for the report. UsageError for settings that the runs cannot carry.
+    rover: (vehicle, path of its file). free: parameters fitted in addition to those of the file. command: the
+    command line, for the report. UsageError for settings that do not fit these runs.
     """
     check_settings(settings, sweeps)
     vehicle, vehicle_file = rover
@@ -144,7 +146,7 @@ def identified(
 
 
 def load_result(path: Location) -> Result:
-    """The result that `Result.save` wrote. Raises UsageError for a file that is none."""
+    """The result that `Result.save` wrote; UsageError for another file."""
     from rover_sweep.api.save import loads
 
     try:
@@ -153,7 +155,7 @@ def load_result(path: Location) -> Result:
         raise UsageError(f"{path} cannot be read: {error}") from None
     found = loads(text, str(path))
     if not isinstance(found, Result):
-        raise UsageError(f"{path} holds a {type(found).__name__} and no result of an identification")
+        raise UsageError(f"{path} holds a {type(found).__name__}, not the result of an identification")
     return found
 
 
@@ -166,5 +168,5 @@ def _known(given: Sequence[str], known: Sequence[str], what: str) -> tuple[str, 
 
 
 def _listed(given: Any) -> tuple[Any, ...]:
-    """A single name or structure counts as a list of one."""
+    """The arguments as a tuple; a single one becomes a tuple of one."""
     return (given,) if isinstance(given, str | os.PathLike | ModelStructure) else tuple(given)

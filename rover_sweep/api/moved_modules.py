@@ -1,4 +1,4 @@
-"""Where classes of saved results were before: files of version 1 name a class by its module."""
+"""Former modules of classes in saved results: files of version 1 contain the module of each class."""
 
 from __future__ import annotations
 
@@ -76,6 +76,6 @@ MOVED = {
 
 
 def module_of(name: str) -> str:
-    """The module that a saved file means, under its present name."""
+    """The present name of a module in a saved file."""
     package, _, rest = name.partition(".")
     return f"{package}.{MOVED.get(rest, rest)}"

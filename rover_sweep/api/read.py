@@ -1,4 +1,4 @@
-"""From files to runs: `rs.read`, and the same for the command line with several groups of files.
+"""Reads runs from files: `rs.read`, and functions for the command line with several groups of files.
 
 A source is a .BIN, .tlog or .csv, a pair "log.BIN+log.tlog", or the folder of a session.
 """
@@ -32,7 +32,7 @@ Location = str | PathLike[str]
 class Reading:
     """How to read the recordings. columns: the map of a .csv (dict or path of a TOML file).
 
-    filters: {"gyro_hz", "accel_hz"} [Hz] in place of the recorded sensor low-passes.
+    filters: {"gyro_hz", "accel_hz"} [Hz] that replace the recorded low-passes of the sensors.
     system: MAVLink id of the vehicle in a .tlog that holds several.
     """
 
@@ -45,7 +45,7 @@ class Reading:
 class Runs(Shown, Sequence[Recording]):
     """Runs of one vehicle: a sequence of `Recording` that can be sliced and added.
 
-    vehicle: what its file says, None without one (then coherence can be judged, and nothing fitted).
+    vehicle: contents of its file; None without one (coherence can then be judged, but nothing fitted).
     """
 
     recordings: tuple[Recording, ...]
@@ -66,11 +66,11 @@ class Runs(Shown, Sequence[Recording]):
         return replace(self, recordings=(*self.recordings, *other))
 
     def coherence(self) -> tuple[CoherenceVerdict, ...]:
-        """The quick verdict on each run: keep it, or repeat it with what."""
+        """A verdict on each run: keep it, or repeat it with which change."""
         return tuple(assess(run) for run in each_with_length(self.recordings))
 
     def table(self) -> ShortTable:
-        """Name, kind, length, speed and channels of each run, and the warnings."""
+        """Name, kind, length, speed and channels of each run; the warnings."""
         rows = tuple(
             (
                 r.name,
@@ -81,13 +81,13 @@ class Runs(Shown, Sequence[Recording]):
             )
             for r in self.recordings
         )
-        told: dict[str, list[str]] = {}
+        runs_of_warning: dict[str, list[str]] = {}
         for r in self.recordings:
             for note in (n for n in r.notes if n.level == "warning"):
-                told.setdefault(note.text, []).append(r.name)
+                runs_of_warning.setdefault(note.text, []).append(r.name)
         warnings = (
             f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {text}"
-            for text, names in told.items()
+            for text, names in runs_of_warning.items()
         )
         of = f" of {self.vehicle.name}" if self.vehicle and self.vehicle.name else ""
         headings = ("run", "kind", "s", "m/s", "channels")
@@ -104,11 +104,11 @@ def read(
 ) -> Runs:
     """All runs of .BIN, .tlog or .csv files, of pairs "log.BIN+log.tlog", or of the folder of a session.
 
-    vehicle: a vehicle file (rover.toml) or a `Vehicle`, which makes the PWM a road-wheel angle; of a
-    session its own, if not given.
-    columns: the column map of a .csv. gyro_hz, accel_hz: sensor low-passes [Hz, 0 = off] in place of
-    the recorded ones. system: MAVLink id of the vehicle in a .tlog that holds several. Raises UsageError for
-    what cannot be opened, DataRefused for what cannot be used.
+    vehicle: a vehicle file (rover.toml) or a `Vehicle`, needed to convert the PWM to a road-wheel angle; for
+    the folder of a session, default its own file. columns: the column map of a .csv. gyro_hz, accel_hz:
+    low-passes of the sensors [Hz, 0 = off] that replace the recorded ones. system: MAVLink id of the vehicle
+    in a .tlog that holds several. UsageError for files that cannot be opened, DataRefused for files that
+    cannot be used.
     """
     if not sources:
         raise UsageError("nothing to read: give the path of a .BIN, .tlog or .csv")
@@ -123,10 +123,10 @@ def read(
 
 
 def load_steered(
-    sources: Sequence[str], vehicle: Vehicle, reading: Reading, beside: Sequence[str] = ()
+    sources: Sequence[str], vehicle: Vehicle, reading: Reading, other_sources: Sequence[str] = ()
 ) -> tuple[Recording, ...]:
-    """All runs of the sources with the steering angle in radians; beside: as in `load_runs`."""
-    runs = load_runs(sources, reading.columns, reading.filters, beside, reading.system)
+    """All runs of the sources with `delta` [rad]; other_sources: as in `load_runs`."""
+    runs = load_runs(sources, reading.columns, reading.filters, other_sources, reading.system)
     return tuple(with_delta(run, vehicle) for run in runs)
 
 
@@ -134,14 +134,15 @@ def load_runs(
     sources: Sequence[str],
     columns: Mapping[str, Any] | str | None,
     filters: Mapping[str, float] | None,
-    beside: Sequence[str] = (),
+    other_sources: Sequence[str] = (),
     system: int | None = None,
 ) -> tuple[Recording, ...]:
-    """All runs of the sources as recorded, named apart from each other and from those of `beside`.
+    """All runs of the sources as recorded, with unique names.
 
-    A source is what `read_runs` reads, or the folder of a session.
+    A source is a file or pair for `read_runs`, or the folder of a session. other_sources: further sources in
+    use, whose names must differ too.
     """
-    names = source_names((*sources, *beside))
+    names = source_names((*sources, *other_sources))
     found: list[Recording] = []
     for source in sources:
         if is_session(Path(source)):
@@ -155,13 +156,13 @@ def load_runs(
 def _of_session(
     source: str, filters: Mapping[str, float] | None, names: Mapping[str, str]
 ) -> tuple[Recording, ...]:
-    """Under the names of its plan, with the folder's where there are other sources."""
+    """Runs with the names of the plan; with the folder's name in front if there are other sources."""
     runs = session_runs(Path(source), filters)
     return runs if len(names) == 1 else tuple(replace(r, name=f"{names[source]}/{r.name}") for r in runs)
 
 
 def with_delta(run: Recording, vehicle: Vehicle) -> Recording:
-    """The run with its steering angle; DataRefused where no steering was recorded."""
+    """The run with `delta` [rad], from pwm and the steering of the vehicle; DataRefused without steering."""
     if "delta" in run:
         return run
     if "pwm" not in run:

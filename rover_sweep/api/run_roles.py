@@ -1,4 +1,4 @@
-"""Runs by their role: to fit, to verify on, and never one in both."""
+"""Divides runs into those to fit and those to verify on, and refuses runs in both."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from rover_sweep.data.recording import Note, Recording
 from rover_sweep.errors import UsageError
 
 LEFT_OUT = (
-    "is no part of the fit: a sweep about a steering offset is linear about a turn, and the other runs about "
-    "straight driving; identify it alone, or give it to diagnose"
+    "is not fitted: a sweep about a steering offset is linear about a turn, the other runs about straight "
+    "driving; identify it alone, or use it in diagnose"
 )
 
 
 def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """(runs to identify from, doublets to verify on); doublets alone are identified from.
+    """(runs to fit, doublets to verify on); if all runs are doublets, they are fitted.
 
-    A linear model holds about one way of driving: sweeps about a steering offset are left out where there
-    are straight runs, and a note on the first of these says so.
+    A linear model is valid about one operating point, so sweeps about a steering offset are left out when
+    there are straight runs; the first of these gets a note.
     """
     others, doublets = doublets_apart(runs)
     biased = [run.name for run in others if run.kind == "bias_sweep"]
@@ -33,32 +33,32 @@ def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Rec
 
 
 def doublets_apart(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """(all other runs, doublets); doublets alone are the runs."""
+    """(other runs, doublets); (doublets, ()) if there are no other runs."""
     doublets = tuple(r for r in runs if r.kind == "doublet")
     others = tuple(r for r in runs if r.kind != "doublet")
     return (others, doublets) if others else (doublets, ())
 
 
 def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> None:
-    """UsageError where a run would be its own judge, or counted twice; a copy of a file is that file."""
+    """UsageError for a run that is given twice, or both fitted and verified on; copies count as one file."""
     for group in (sweeps, checks):
         for one, two in combinations(group, 2):
             if same_recording(one, two):
-                told = "is given twice" if one.name == two.name else f"is the same recording as {one.name}"
-                raise UsageError(f"{two.name} {told}, which would count its noise as known; give it once")
+                problem = "is given twice" if one.name == two.name else f"is the same recording as {one.name}"
+                raise UsageError(f"{two.name} {problem}, so its noise would count as signal; give it once")
     for sweep, check in product(sweeps, checks):
         if same_recording(sweep, check):
             copied = "" if sweep.name == check.name else f" (it is the same recording as {sweep.name})"
             raise UsageError(
-                f"{check.name} is both identified from and verified on{copied}; verify on another run"
+                f"{check.name} is used both to identify and to verify{copied}; verify on another run"
             )
 
 
 def same_recording(one: Recording, two: Recording) -> bool:
-    """Are both the same run of the same file, whatever its name; a pair counts as each of its logs.
+    """True for the same run of the same file (by SHA-256), under any name; a pair equals each of its logs.
 
-    Told by the files' SHA-256. Runs of one file are told apart by their time, and by their yaw rate where
-    a file joins trials whose clocks begin anew.
+    Runs of one file differ in their time, or in their yaw rate if the file holds trials with restarted
+    clocks.
     """
     first, second = ({digest for _, digest in run.sources} for run in (one, two))
     if not first & second:

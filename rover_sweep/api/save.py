@@ -1,7 +1,7 @@
-"""Results in a file of their own, read back without loss: `Result.save` and `load_result`.
+"""Saves results to a file and reads them without loss: `Result.save` and `load_result`.
 
-The file is JSON: every dataclass under its name with its fields, every array once, to the last bit
-(zlib, base64, little endian). `identification.json` of a report is the form for other programs.
+The file is JSON: each dataclass with its name and fields, each array once, exact (zlib, base64, little
+endian). For other programs there is `identification.json` of a report.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.structure.toml_form import structure_from_text
 
 FORMAT, FORMAT_VERSION = "rover-sweep result", 1
-IS = "is"  # the key that says what an object is
+IS = "is"  # key of the type of an object
 
 
 def dumps(value: Any) -> str:
-    """The value as text; TypeError for what has no form in the file."""
+    """The value as text; TypeError for a type that cannot be saved."""
     arrays: dict[str, list[Any]] = {}
     coded = _coded(value, arrays)
     return json.dumps(
@@ -47,18 +47,20 @@ def dumps(value: Any) -> str:
 
 
 def loads(text: str, name: str = "the file") -> Any:
-    """What `dumps` wrote; UsageError for anything else. name: what errors call the file."""
+    """The value that `dumps` wrote; UsageError for other text. name: of the file, in errors."""
     try:
         document = read_json(text)
     except ValueError as error:
-        raise UsageError(f"{name} is no JSON ({error}); give a file that Result.save wrote") from None
+        raise UsageError(f"{name} is not JSON ({error}); give a file that Result.save wrote") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise UsageError(f"{name} is no saved result (its format is {found!r}); give what Result.save wrote")
+        raise UsageError(
+            f"{name} is not a saved result (its format is {found!r}); give a file that Result.save wrote"
+        )
     if document.get("format_version") != FORMAT_VERSION:
         raise UsageError(
             f"{name} has version {document.get('format_version')} of the format, written by rover-sweep "
-            f"{document.get('rover_sweep')}; this one reads version {FORMAT_VERSION}: identify again"
+            f"{document.get('rover_sweep')}; this version reads format {FORMAT_VERSION}: identify again"
         )
     try:
         arrays = {key: _unpacked(*packed) for key, packed in document["arrays"].items()}
@@ -102,19 +104,19 @@ def _address(thing: Any) -> str:
     """module:name of a class or function of this project that can be found by it."""
     address = f"{thing.__module__}:{thing.__qualname__}"
     if _found(address) is not thing:
-        raise TypeError(f"{address} cannot be saved: it is not found under that name")
+        raise TypeError(f"{address} cannot be saved: it cannot be found by that name")
     return address
 
 
 def _found(address: str) -> Any:
     module, _, name = address.partition(":")
     if module.partition(".")[0] != "rover_sweep" or "." in name:
-        raise TypeError(f"{address} is no part of rover-sweep")
+        raise TypeError(f"{address} is not part of rover-sweep")
     return getattr(import_module(module_of(module)), name)
 
 
 def _packed(array: np.ndarray, arrays: dict[str, list[Any]]) -> str:
-    """The key under which the array is kept; equal ones share it."""
+    """Stores the array and returns its key; equal arrays share one."""
     plain = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
     raw = plain.tobytes()
     key = hashlib.sha256(raw + repr((plain.dtype.str, array.shape)).encode()).hexdigest()[:16]
@@ -147,16 +149,16 @@ def _decoded(value: Any, arrays: Mapping[str, np.ndarray]) -> Any:
             return simple[kind](of)
     made = _found(kind)
     if not (isinstance(made, type) and dataclasses.is_dataclass(made)):
-        raise TypeError(f"{kind} is no record")
+        raise TypeError(f"{kind} is not a dataclass")
     own = {name: _decoded(item, arrays) for name, item in of.items()}
-    if made is ModelStructure and own.get("source"):  # a user's own: its text says how it is built
+    if made is ModelStructure and own.get("source"):  # a user's own structure is built from its text
         own["build"] = structure_from_text(own["source"]).build
     return made(**own)
 
 
 def _function(address: str) -> Callable[..., Any]:
-    """A function of the models; nothing else of the project is called by what a file says."""
+    """A function of `identification.models`; others are refused, so that a file cannot call any code."""
     if not module_of(address.partition(":")[0]).startswith("rover_sweep.identification.models."):
-        raise TypeError(f"{address} builds no model")
+        raise TypeError(f"{address} does not build a model")
     found: Callable[..., Any] = _found(address)
     return found

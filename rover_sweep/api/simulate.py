@@ -1,4 +1,4 @@
-"""A model driven by a recorded run's own steering and speed: `rs.simulate`.
+"""Simulates a model with the recorded steering and speed of a run: `rs.simulate`.
 
 found = rs.diagnose(runs)
 again = rs.simulate(found, rs.read("run4.BIN", vehicle="rover.toml")[0])
@@ -28,11 +28,11 @@ UNITS = {"r": "rad/s", "ay": "m/s^2", "p": "rad/s", "vy": "m/s", "vydot": "m/s^2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulation(Shown):
-    """What a model says a run's log would hold.
+    """The channels of a run as simulated by a model.
 
     run: its name; model: the model's. t (n,) s on the recording's clock. signals, measured: {channel: (n,)}
-    of r, p [rad/s], ay [m/s^2], vy [m/s], vydot [m/s^2], SI units, ISO axes; measured: those recorded, less
-    the gyros' biases at standstill.
+    of r, p [rad/s], ay [m/s^2], vy [m/s], vydot [m/s^2], ISO axes; measured: as recorded, minus the gyros'
+    biases at standstill.
     """
 
     run: str
@@ -42,11 +42,11 @@ class Simulation(Shown):
     measured: Mapping[str, Array]
 
     def error(self, channel: str) -> float:
-        """RMS of measured less simulated, SI units."""
+        """RMS of measured minus simulated, in the unit of the channel."""
         return float(np.sqrt(np.mean((self.measured[channel] - self.signals[channel]) ** 2)))
 
     def table(self) -> ShortTable:
-        """RMS of each recorded channel and of the model's error in it."""
+        """RMS of each recorded channel and of the model's error."""
         rows = [
             (
                 c,
@@ -65,17 +65,17 @@ def simulate(model: AugmentedModel | Diagnosis | ModelResult, run: Recording) ->
     """The model driven by the run's steering and measured speed, sensors and their low-passes included.
 
     model: a diagnosis, its `.model`, or a model of an identification (linear, at the run's mean speed and
-    from rest, so without r and a_y of a trim). run: a recording with steering in rad, as `read` with a
-    vehicle gives it; where it has PWM alone, the diagnosis' own steering numbers are taken. UsageError for
-    a diagnosis without a model, DataRefused for a run without steering or speed.
+    from rest, so without the r and a_y of a trim error). run: a recording with `delta` [rad], as from `read`
+    with a vehicle; with PWM only, the steering data of the diagnosis are used. UsageError for a diagnosis
+    without a model, DataRefused for a run without steering or speed.
     """
     found = model_of(model) if isinstance(model, Diagnosis) else model
     if not isinstance(found, AugmentedModel | ModelResult):
         kind = type(model).__name__
-        raise UsageError(f"the first argument ({kind}) is no model; give a diagnosis or its model")
+        raise UsageError(f"the first argument ({kind}) is not a model; give a diagnosis or its model")
     if not isinstance(run, Recording):
         kind = type(run).__name__
-        raise UsageError(f"the second argument ({kind}) is no recorded run; give one of rs.read(...)")
+        raise UsageError(f"the second argument ({kind}) is not a recorded run; give one of rs.read(...)")
     experiment = _experiment(run, found)
     from rover_sweep.diagnosis.problem.residuals import centred
 
@@ -88,9 +88,9 @@ def simulate(model: AugmentedModel | Diagnosis | ModelResult, run: Recording) ->
 
 
 def model_of(found: Diagnosis) -> AugmentedModel:
-    """The augmented model of a diagnosis; UsageError where it has none."""
+    """The augmented model of a diagnosis; UsageError when it has none."""
     if found.model is None:
-        why = found.sentence if found.verdict == "refused" else "it was made before diagnoses kept one"
+        why = found.sentence if found.verdict == "refused" else "it is from a version that did not save one"
         raise UsageError(f"this diagnosis holds no model: {why}; diagnose again")
     return found.model
 

@@ -1,4 +1,4 @@
-"""Files of model structures that a user wrote, for `identify --structure`."""
+"""Reads a user's files of model structures, for `identify --structure`."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Location = str | os.PathLike[str]
 
 
 def load_structures(paths: Sequence[Location | ModelStructure]) -> tuple[ModelStructure, ...]:
-    """The structures of these files. UsageError naming every mistake of a file, or two of one name."""
+    """The structures of these files. UsageError with all mistakes of a file, or when two have one name."""
     found = tuple(p if isinstance(p, ModelStructure) else _load(Path(p)) for p in paths)
     names = [*MODELS, "kinematic", *(s.name for s in found)]
     if twice := [n for i, n in enumerate(names) if n in names[:i]]:
-        raise UsageError(f"there is another model named {twice[0]!r}; give the structure another name")
+        raise UsageError(f"a model named {twice[0]!r} exists already; rename the structure")
     return found
 
 
@@ -29,5 +29,5 @@ def _load(path: Path) -> ModelStructure:
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"the structure {path} cannot be read: {error}") from None
     except StructureError as error:
-        said = str(error).replace("\n", "\n  ")
-        raise UsageError(f"{path} is no structure:\n  {said}") from None
+        mistakes = str(error).replace("\n", "\n  ")
+        raise UsageError(f"{path} is not a structure:\n  {mistakes}") from None

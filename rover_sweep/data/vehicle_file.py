@@ -205,12 +205,12 @@ def _read(path: Path) -> str:
 
 def _replace(path: Path, text: str) -> None:
     """Write a new file and rename it, so that the old one survives a full disk."""
-    beside = path.with_name(path.name + ".new")
+    new_file = path.with_name(path.name + ".new")
     try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
+        new_file.write_text(text, encoding="utf-8")
+        new_file.replace(path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        new_file.unlink(missing_ok=True)
         raise UsageError(f"the vehicle file {path} cannot be written: {error}") from None
 
 

@@ -126,5 +126,5 @@ def _remarks(
         for c in wanted
         if c not in inputs
     ]
-    entangled = [words for o in ("r", "ay") if o in found and (words := correlated_inputs(found[o]))]
-    return (*still, *entangled[:1])
+    correlated = [text for o in ("r", "ay") if o in found and (text := correlated_inputs(found[o]))]
+    return (*still, *correlated[:1])

@@ -84,12 +84,12 @@ class Handling(Shown):
             "",
         )
         bound = "" if k.bound is None else f" ± {k.bound:.2g}"
-        said = f"the rover {kind}: K_us {k.value:.2g}{bound} deg/g{speed}"
+        sentence = f"the rover {kind}: K_us {k.value:.2g}{bound} deg/g{speed}"
         if self.tied:
-            return f"{said}; with one C for both axles the sign of K_us is that of b - a"
+            return f"{sentence}; with one C for both axles the sign of K_us is that of b - a"
         if k.bound is not None and abs(k.value) < k.bound:
-            return f"{said}; the bound exceeds the value, so the sign is not determined"
-        return said
+            return f"{sentence}; the bound exceeds the value, so the sign is not determined"
+        return sentence
 
     def table(self) -> ShortTable:
         """Every quantity with its bound."""

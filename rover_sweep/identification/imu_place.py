@@ -36,7 +36,7 @@ def wrong_place(found: FitResult, conditions: Sequence[Condition], geometry: Geo
     ]
     scores = [(_score(found, other, geometry), names, other) for names, other in tried]
     score, names, best = max(scores, key=lambda t: t[0], default=(0.0, (), found))
-    return _words(found, best, names, geometry) if score > THRESHOLD else ""
+    return _sentence(found, best, names, geometry) if score > THRESHOLD else ""
 
 
 def wrong_place_in(runs: Sequence[Recording], geometry: Geometry, model: str) -> str:
@@ -69,7 +69,7 @@ def _inertia(geometry: Geometry) -> float:
     return geometry.yaw_inertia or INERTIA_RATIO * geometry.mass * geometry.a * geometry.b
 
 
-def _words(found: FitResult, best: FitResult, names: tuple[str, ...], geometry: Geometry) -> str:
+def _sentence(found: FitResult, best: FitResult, names: tuple[str, ...], geometry: Geometry) -> str:
     axes = " and ".join(names)
     change = "falls" if best.average < found.average else "hardly rises"
     source = "the vehicle file says" if geometry.yaw_inertia else "mass and axles suggest"

@@ -53,9 +53,9 @@ class ModelResult(Shown):
     def table(self) -> ShortTable:
         """The fit's table with the verdict and the verification."""
         fit = self.fit.table()
-        words = f"{self.verdict.level}: {'; '.join(self.verdict.sentences)}"
+        verdict = f"{self.verdict.level}: {'; '.join(self.verdict.sentences)}"
         checks = tuple(f"on {v.run}: J_rms {v.j_rms:.2f}, TIC {v.tic:.3f}" for v in self.verification)
-        return replace(fit, notes=(*fit.notes, *checks, words))
+        return replace(fit, notes=(*fit.notes, *checks, verdict))
 
 
 @dataclass(frozen=True, eq=False)

@@ -121,7 +121,7 @@ def identify(
     quality = tuple(_assessed(run, wanted.condition_on) for run in each_with_length(runs))
     groups = grouped(runs, wanted)
     reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
-    remarks = tuple(dict.fromkeys(words for g in groups for words in g.remarks))
+    remarks = tuple(dict.fromkeys(sentences for g in groups for sentences in g.remarks))
     if len(reasons) == len(groups):
         stops = (*_short(runs, wanted), *dict.fromkeys(reasons.values()))
         refused = dict.fromkeys((*wanted.models, *(s.name for s in structures)), stops[0])
@@ -142,8 +142,8 @@ def identify(
         wanted,
         _imu_fault(models, work),
     )
-    best, words = recommendation(models, geometry.wheelbase, no_tyres, faults)
-    return Identification(geometry, wanted, groups, quality, models, refused, best, (*words, *remarks))
+    best, sentences = recommendation(models, geometry.wheelbase, no_tyres, faults)
+    return Identification(geometry, wanted, groups, quality, models, refused, best, (*sentences, *remarks))
 
 
 def _runs(groups: Sequence[Group]) -> tuple[Recording, ...]:
@@ -186,7 +186,7 @@ def _judged_by_data(
     if imu_fault:
         why = {n: (imu_fault, *found) if n in WITH_IMU else found for n, found in why.items()}
     judged = {name: m.spoilt(why[name]) if why[name] else m for name, m in models.items()}
-    return judged, tuple(dict.fromkeys(words for found in why.values() for words in found))
+    return judged, tuple(dict.fromkeys(sentences for found in why.values() for sentences in found))
 
 
 def _left_out(group: Group, why: str) -> str:

@@ -1,4 +1,4 @@
-"""Which model to use, and why, in words."""
+"""The recommended model, with the reasons as sentences."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def recommendation(
     wheelbase: a + b [m]. no_tyres: a sentence on why tyre parameters cannot be identified, or None. faults:
     sentences on faults of the data.
     """
-    doubt = (*faults, *_wheelbase_words(models["kinematic"], wheelbase))
+    doubt = (*faults, *_wheelbase_sentence(models["kinematic"], wheelbase))
     if no_tyres and not faults:
         return "kinematic", (f"use the kinematic model: {no_tyres}", *doubt)
     usable = [n for n in ORDER if n in models and models[n].verdict.level in ("good", "acceptable")]
@@ -29,11 +29,11 @@ def recommendation(
         return None, (first, *doubt)
     best = usable[0]
     reasons = models[best].verdict.sentences[: 1 if best == "lumped" else 2]
-    others = (*_untied_words(models[best]), *_lumped_words(best, models))
+    others = (*_untied_sentence(models[best]), *_lumped_sentence(best, models))
     return best, (f"use the {best} model: {'; '.join(reasons)}", *others, *doubt)
 
 
-def _untied_words(best: ModelResult) -> tuple[str, ...]:
+def _untied_sentence(best: ModelResult) -> tuple[str, ...]:
     """A sentence when separate stiffnesses of the axles lower the cost much."""
     free = best.variants.get("Cf and Cr free")
     if free is None or free.average > MUCH_BETTER * best.fit.average:
@@ -45,7 +45,7 @@ def _untied_words(best: ModelResult) -> tuple[str, ...]:
     )
 
 
-def _lumped_words(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
+def _lumped_sentence(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
     """A sentence on why a lumped model with a lower cost is not recommended."""
     lumped = models.get("lumped")
     if best == "lumped" or lumped is None or lumped.fit.average > MUCH_BETTER * models[best].fit.average:
@@ -56,7 +56,7 @@ def _lumped_words(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ..
     )
 
 
-def _wheelbase_words(plain: ModelResult, wheelbase: float) -> tuple[str, ...]:
+def _wheelbase_sentence(plain: ModelResult, wheelbase: float) -> tuple[str, ...]:
     """A sentence when the rover turns far less or far more than its wheelbase gives."""
     ratio = plain.fit["L_eff"].value / wheelbase
     if 1 / WHEELBASE_RATIO < ratio < WHEELBASE_RATIO:

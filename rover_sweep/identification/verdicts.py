@@ -40,20 +40,20 @@ def judge_model(
     ]
     uncertain = [e for e in result.estimates if e.free and _is_uncertain(e) and not (physical and e in lost)]
     failed = [v for v in verification if not v.tic <= TIC_GUIDE]
-    words = [_prediction_words(v) for v in failed] + [_cost_words(result.average)]
+    sentences = [_prediction_sentence(v) for v in failed] + [_cost_sentence(result.average)]
     if uncertain:
-        words.append(
+        sentences.append(
             "uncertain, above the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, uncertain))
         )
     if lost and not physical:
-        words.append(
+        sentences.append(
             "valid for prediction at this speed; single derivatives mean little because they are correlated"
         )
-    words += _start_words(result)
+    sentences += _start_sentences(result)
     if lost and physical:
         first = "cannot be identified: " + ", ".join(map(_numbers, lost))
-        return ModelVerdict("not identifiable", (first, *words))
-    return ModelVerdict("poor" if failed else _level(result.average), tuple(words))
+        return ModelVerdict("not identifiable", (first, *sentences))
+    return ModelVerdict("poor" if failed else _level(result.average), tuple(sentences))
 
 
 def at_most_acceptable(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerdict:
@@ -61,24 +61,24 @@ def at_most_acceptable(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerd
     return ModelVerdict("acceptable", (*why, *verdict.sentences)) if verdict.level == "good" else verdict
 
 
-def _prediction_words(v: Verification) -> str:
+def _prediction_sentence(v: Verification) -> str:
     return f"does not predict {v.run}: TIC {v.tic:.2f} (guideline <= {TIC_GUIDE:g}), J_rms {v.j_rms:.3g}"
 
 
-def _start_words(result: FitResult) -> list[str]:
+def _start_sentences(result: FitResult) -> list[str]:
     """Warnings that the result depends on the starting point of the fit."""
-    words = []
+    sentences = []
     if result.spread > SAME:
         far = f"{100 * result.spread:.0f} %"
-        words.append(
+        sentences.append(
             f"not unique: another start reaches the same cost with {result.spread_in} {far} different"
         )
     if result.rivals:
-        words.append(
+        sentences.append(
             f"{len(result.rivals)} of {result.starts} starts end in another minimum at a higher cost (J_ave "
             f"{result.rivals[0]:.1f} or more): check the starting values and bounds"
         )
-    return words
+    return sentences
 
 
 def _is_not_identifiable(e: Estimate) -> bool:
@@ -98,7 +98,7 @@ def _level(average: float) -> Level:
     return "good" if average <= J_GOOD else "acceptable" if average <= J_ACCEPTABLE else "poor"
 
 
-def _cost_words(average: float) -> str:
+def _cost_sentence(average: float) -> str:
     level = {
         "good": f"hardly distinguishable from the data (guideline <= {J_GOOD:g})",
         "acceptable": f"acceptable (guideline <= {J_ACCEPTABLE:g})",

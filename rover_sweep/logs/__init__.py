@@ -1,4 +1,4 @@
-"""Recordings: .BIN, .tlog and .csv files become `Recording`s. Alone knows field names and microseconds."""
+"""Converts .BIN, .tlog and .csv files to `Recording`s; the only room that knows ArduPilot's field names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A whole log in SI units and ISO axes, before the runs in it have been told apart."""
+"""A complete log in SI units and ISO axes, before its runs are found."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from rover_sweep.files.printable import printable
 Array = NDArray[np.float64]
 
 STEERING, THROTTLE, THRUST_LEFT, THRUST_RIGHT = 26, 70, 73, 74  # SERVOn_FUNCTION (ArduRover 4.6 parameters)
-FAR, FAR_STEPS = 0.1, 10.0  # s, and sampling intervals, from the neighbouring stamps: the stamp is damaged
-DISORDER = 1.0  # s that a stamp may be early or late among its neighbours, as over a radio link
-ODD = 2  # stamps that may be so in any log: a stream that pauses at its beginning or end
-DISORDER_LIMIT = 0.01  # share of stamps beyond that which no recording of one drive has
-DUPLICATES_TOLD = 0.005  # share of samples with a repeated or damaged stamp that is worth telling
-GYRO_FACTORY_HZ, ACCEL_FACTORY_HZ = 4.0, 10.0  # INS_GYRO_FILTER, INS_ACCEL_FILTER of Rover as delivered
+FAR, FAR_STEPS = 0.1, 10.0  # s, and sampling intervals; a stamp this far from its neighbours is damaged
+DISORDER = 1.0  # s, largest normal disorder of a stamp, as over a radio link
+ODD = 2  # disordered stamps allowed in any log: a stream that pauses at its start or end
+DISORDER_LIMIT = 0.01  # share of disordered stamps; one drive has fewer
+DUPLICATES_REPORTED = 0.005  # share of samples with a repeated or damaged stamp that gets a note
+GYRO_FACTORY_HZ, ACCEL_FACTORY_HZ = 4.0, 10.0  # INS_GYRO_FILTER, default INS_ACCEL_FILTER of Rover
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +38,17 @@ class AppletRows:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Everything of interest in one log, on the vehicle's clock.
+    """The contents of one log, on the vehicle's clock.
 
-    signals: as the channels of `Recording`, over the whole log and without steering.
+    signals: channels as in `Recording`, without steering, over the whole log.
     steering: the recorded steering outputs ("pwm" in us, or "delta" in rad from a CSV), best first.
-    loops: starts of the autopilot's main loops (n,) s, None where they were not logged.
-    arrivals: vehicle's time (n,) s and recorder's time (n,) s of telemetry messages, None of other logs.
-    marks: (time [s], text as logged) of messages to the user. parameters: the last value of each.
+    loops: starts (n,) [s] of the autopilot's main loops, None if not logged.
+    arrivals: vehicle's time (n,) [s] and recorder's time (n,) [s] of telemetry messages, None in other logs.
+    marks: (time [s], text as logged) of messages to the user. parameters: last value of each.
     limits: (lowest, highest) steering output [us], None where unknown.
-    whole: all driving is one run, however it was steered.
-    system: MAVLink system id of a telemetry log, 0 where not known.
-    vehicle: "rover", another ArduPilot vehicle's name, or "" where the log does not tell.
+    whole: all driving is one run, independent of the steering.
+    system: MAVLink system id of a telemetry log, 0 if not known.
+    vehicle: "rover", another ArduPilot vehicle's name, or "" if not known.
     """
 
     name: str
@@ -76,7 +76,7 @@ def source_of(path: Path) -> tuple[str, str]:
 
 
 def vehicle_of(firmware: str) -> str:
-    """The kind of vehicle that a firmware's banner names, "" where it names none."""
+    """The kind of vehicle in a firmware's banner, "" for none."""
     banner = firmware.lower()
     kinds = {
         "rover": "rover",
@@ -91,22 +91,22 @@ def vehicle_of(firmware: str) -> str:
 
 
 def firmware_of(marks: Iterable[tuple[float, str]]) -> str:
-    """The banner among messages to the user, printable, as "ArduRover V4.6.3 (3fc7011a)"; "" for none."""
+    """The banner among the messages to the user, such as "ArduRover V4.6.3 (3fc7011a)"; "" for none."""
     return printable(next((text for _, text in marks if is_banner(text)), ""))
 
 
 def is_banner(text: str) -> bool:
-    """Whether a message to the user is the firmware's banner."""
+    """True for the firmware's banner."""
     return text.startswith(("Ardu", "APM:", "AntennaTracker", "Blimp")) and " v" in text.lower()
 
 
 def finite_only(named: Iterable[tuple[str, float]]) -> dict[str, float]:
-    """Parameters by name, the last of each, without those whose value is no number: as if not recorded."""
+    """{parameter: last value}, without values that are not finite."""
     return {name: value for name, value in named if math.isfinite(value)}
 
 
 def output_channel(parameters: Mapping[str, float], function: int) -> int | None:
-    """Servo output (1-based) that carries a SERVOn_FUNCTION; firmware before 3.2 has RCMAP_* instead."""
+    """Servo output (1-based) with a SERVOn_FUNCTION, None if unknown; before 3.2 from RCMAP_*."""
     for n in range(1, 33):
         if round(parameters.get(f"SERVO{n}_FUNCTION", -1)) == function:
             return n
@@ -117,7 +117,7 @@ def output_channel(parameters: Mapping[str, float], function: int) -> int | None
 
 
 def output_limits(parameters: Mapping[str, float], channel: int) -> tuple[float, float] | None:
-    """SERVOn_MIN and SERVOn_MAX [us] of an output (RCn_* before 3.2), None where not recorded."""
+    """SERVOn_MIN and SERVOn_MAX [us] of an output (RCn_* before 3.2), None if not recorded."""
     for prefix in (f"SERVO{channel}", f"RC{channel}"):
         if f"{prefix}_MIN" in parameters and f"{prefix}_MAX" in parameters:
             return float(parameters[f"{prefix}_MIN"]), float(parameters[f"{prefix}_MAX"])
@@ -127,29 +127,29 @@ def output_limits(parameters: Mapping[str, float], channel: int) -> tuple[float,
 def sensor_filters(
     parameters: Mapping[str, float], override: Mapping[str, float] | None, raw: frozenset[str] = frozenset()
 ) -> tuple[dict[str, LowPass], tuple[Note, ...]]:
-    """The low-pass of r, p (gyro) and ay (accelerometer), and what must be said about it.
+    """({channel: low-pass} of r, p (gyro) and ay (accelerometer), notes).
 
-    override: {"gyro_hz", "accel_hz"} [Hz] instead of the recorded parameters. A cut-off of 0 means off.
-    raw: channels that come from unfiltered samples. Where nothing is known the factory values are assumed.
+    override: {"gyro_hz", "accel_hz"} [Hz] that replace the recorded parameters; a cut-off of 0 means off.
+    raw: channels from unfiltered samples. Without any information the default values are assumed.
     """
     filters: dict[str, LowPass] = {}
     notes: list[Note] = []
-    told = override or {}
+    given = override or {}
     for key, name, factory, channels in (
         ("gyro_hz", "INS_GYRO_FILTER", GYRO_FACTORY_HZ, ("r", "p")),
         ("accel_hz", "INS_ACCEL_FILTER", ACCEL_FACTORY_HZ, ("ay",)),
     ):
         filtered = [c for c in channels if c not in raw]
-        cutoff, source = told.get(key, parameters.get(name)), name
-        if key in told:
+        cutoff, source = given.get(key, parameters.get(name)), name
+        if key in given:
             source = f"given as {key}"
         elif cutoff is None and filtered:
             cutoff, source = factory, ASSUMED
             notes.append(
                 Note(
                     "warning",
-                    f"The log does not hold {name}: the factory value {factory:g} Hz is assumed; "
-                    f"give {key} if it was set otherwise",
+                    f"The log does not hold {name}: the default {factory:g} Hz is assumed; "
+                    f"give {key} if it was set to another value",
                 )
             )
         if cutoff:
@@ -158,58 +158,58 @@ def sensor_filters(
 
 
 def increasing(t: Array, *columns: Array) -> tuple[Array, tuple[Array, ...]]:
-    """Samples with a plausible stamp that is later than all before.
+    """The samples (t (n,), columns (n,)) whose time stamp is plausible and later than all before.
 
-    A single damaged stamp in the future must not void what follows, so a stamp that lies far from the
-    median of its neighbourhood is dropped first; where time only increases that is the stamp itself.
+    Stamps far from the median of their neighbours are removed first, as one damaged stamp in the future would
+    otherwise remove all samples after it.
     """
     finite = np.isfinite(t)
     t, columns = t[finite], tuple(c[finite] for c in columns)
     if t.size > 5:
-        near = _off(t) <= max(FAR, FAR_STEPS * float(np.median(np.abs(np.diff(t)))))
+        near = _distance_from_median(t) <= max(FAR, FAR_STEPS * float(np.median(np.abs(np.diff(t)))))
         t, columns = t[near], tuple(c[near] for c in columns)
     keep = np.ones(t.size, bool)
     keep[1:] = t[1:] > np.maximum.accumulate(t)[:-1]
     return t[keep], tuple(c[keep] for c in columns)
 
 
-def _off(t: Array) -> Array:
-    """How far (n,) s each stamp lies from the median of its neighbourhood of five."""
+def _distance_from_median(t: Array) -> Array:
+    """Distance (n,) [s] of each stamp from the median of five stamps around it."""
     padded = np.pad(t, 2, mode="reflect")
     return np.abs(t - np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
 
 
 def refuse_disorder(name: str, stamps: Mapping[str, Array]) -> None:
-    """Raise DataRefused where stamps {message: (n,) s} are out of order by much, and often."""
+    """Raise DataRefused when many stamps {message: (n,) s} are out of order by more than 1 s."""
     for message, all_stamps in stamps.items():
         t = all_stamps[np.isfinite(all_stamps)]
         if t.size <= 5:
             continue
-        lone = _off(t) > DISORDER
+        lone = _distance_from_median(t) > DISORDER
         rest = t[~lone]
         behind = np.maximum.accumulate(rest) - rest if rest.size else rest
         count = int(lone.sum() + np.sum(behind > DISORDER))
         if count > max(ODD, DISORDER_LIMIT * t.size):
             raise DataRefused(
                 f"{name}: {count} of {t.size} times of {message} are out of order, by up to "
-                f"{float(np.max(behind, initial=0.0)):.3g} s: damaged, or several drives in one file "
-                "(part them; in a .csv name their column as trial)"
+                f"{float(np.max(behind, initial=0.0)):.3g} s: the log is damaged, or holds several "
+                "drives (split it; in a .csv name their column as trial)"
             )
 
 
 def clock_notes(stamps: Mapping[str, Array]) -> Iterator[Note]:
-    """What `increasing` leaves out of the messages with these stamps {message: (n,) s}."""
+    """Notes on the samples that `increasing` removes, from stamps {message: (n,) s}."""
     for name, t in stamps.items():
         backwards = int(np.sum(np.diff(t) < 0))
         if backwards:
             yield Note(
                 "warning",
                 f"The clock of {name} runs back {backwards} times; "
-                "samples that are not later than the one before were left out",
+                "samples that are not later than the previous one were left out",
             )
         lost = t.size - increasing(t)[0].size
-        if lost > DUPLICATES_TOLD * t.size:
-            text = f"{lost} of {t.size} samples of {name} have the time of another and were left out"
+        if lost > DUPLICATES_REPORTED * t.size:
+            text = f"{lost} of {t.size} samples of {name} have the time of another sample and were left out"
             yield Note("info", text)
 
 
@@ -221,14 +221,14 @@ def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> di
 
 
 def joined_steering(fine: Signal, coarse: Signal | None) -> Signal:
-    """A staircase that is `fine` where that was logged, and `coarse` before, after and in its long gaps."""
+    """A staircase: `fine` where it was logged, `coarse` before, after and in its long gaps."""
     if coarse is None or fine.t.size == 0:
         return fine
-    step = 1.0  # s: outside a run the applet may be silent
+    step = 1.0  # s; outside a run the applet may log nothing
     k = np.searchsorted(fine.t, coarse.t, "right")
     before = np.where(k > 0, coarse.t - fine.t[np.maximum(k - 1, 0)], np.inf)
     after = np.where(k < fine.t.size, fine.t[np.minimum(k, fine.t.size - 1)] - coarse.t, np.inf)
-    # behind the last sample of a run the first coarse sample takes over at once
+    # after the last fine sample of a run the next coarse sample is used immediately
     lone = (before > 0) & (after > 0) & ((before + after) > step)
     t, x = np.concatenate((fine.t, coarse.t[lone])), np.concatenate((fine.x, coarse.x[lone]))
     order = np.argsort(t, kind="stable")

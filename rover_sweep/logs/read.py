@@ -1,4 +1,4 @@
-"""From the name of a recording to the runs in it."""
+"""Reads the runs of a recording, given its name."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ def read_runs(
     filters: Mapping[str, float] | None = None,
     system: int | None = None,
 ) -> tuple[Recording, ...]:
-    """All runs in a recording, in SI units and ISO axes, judged.
+    """All runs in a recording, in SI units and ISO axes, with notes on their quality.
 
-    source: path of a .BIN, .tlog or .csv, or "log.BIN+log.tlog" (both of one drive, put together on
-    the vehicle's clock). column_map: for a .csv, see `readers.column_map`. filters: {"gyro_hz",
-    "accel_hz"} [Hz, 0 = off] in place of the recorded INS_GYRO_FILTER and INS_ACCEL_FILTER.
+    source: path of a .BIN, .tlog or .csv, or "log.BIN+log.tlog" (both of one drive, merged on the
+    vehicle's clock). column_map: for a .csv, see `readers.column_map`. filters: {"gyro_hz",
+    "accel_hz"} [Hz, 0 = off] that replace the recorded INS_GYRO_FILTER and INS_ACCEL_FILTER.
     system: MAVLink id of the vehicle in a .tlog that holds several.
-    Raises UsageError for a source that cannot be opened, DataRefused for one that cannot be used.
+    UsageError for a source that cannot be opened, DataRefused for one that cannot be used.
     """
     runs: list[Recording] = []
     refusals: list[DataRefused] = []
-    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers, which are screened out next
+    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers are removed next
         logs = read_logs(source, column_map=column_map, filters=filters, system=system)
     for whole in logs:
         try:
             runs += runs_of(whole)
-        except DataRefused as refusal:  # of one trial or one start of the vehicle; others may do
+        except DataRefused as refusal:  # of one trial or one start of the vehicle; others may be usable
             refusals.append(refusal)
     if not runs and refusals:
         raise refusals[0]
@@ -46,7 +46,7 @@ def read_runs(
 
 
 def runs_of(whole: Log) -> tuple[Recording, ...]:
-    """All runs of one log, judged. Raises DataRefused where there is none that can be used."""
+    """All runs of one log, with notes on their quality. DataRefused when none can be used."""
     log = screened(whole)
     refuse_useless(log)
     found = find_runs(log)
@@ -62,7 +62,7 @@ def read_logs(
     filters: Mapping[str, float] | None = None,
     system: int | None = None,
 ) -> tuple[Log, ...]:
-    """The logs in a source: one, or several where the vehicle restarted or a .csv joins trials."""
+    """The logs in a source: several if the vehicle restarted or a .csv holds several trials."""
     parts = [source] if Path(source).is_file() else source.split("+")
     if len(parts) == 2:
         return _pair(parts[0], parts[1], filters, system)
@@ -76,7 +76,9 @@ def read_logs(
             from rover_sweep.logs.readers.csv_table import read_csv
 
             return read_csv(path, column_map)
-    raise UsageError(f"{path.name}: {path.suffix or 'no extension'} is not read; give a .BIN, .tlog or .csv")
+    raise UsageError(
+        f"{path.name}: {path.suffix or 'no extension'} cannot be read; give a .BIN, .tlog or .csv"
+    )
 
 
 def _flash(path: Path, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
@@ -94,18 +96,18 @@ def _telemetry(path: Path, filters: Mapping[str, float] | None, system: int | No
 def _pair(
     first: str, second: str, filters: Mapping[str, float] | None, system: int | None
 ) -> tuple[Log, ...]:
-    """Both logs of one drive, named in either order."""
+    """Both logs of one drive, in either order."""
     from rover_sweep.logs.readers.pair import paired
 
     by_kind = {path.suffix.lower(): path for path in (_existing(first), _existing(second))}
     if set(by_kind) != {".bin", ".tlog"}:
-        raise UsageError(f"{first}+{second}: a pair is one .BIN and one .tlog of the same drive")
+        raise UsageError(f"{first}+{second}: give one .BIN and one .tlog of the same drive")
     telemetry = _telemetry(by_kind[".tlog"], filters, system)
     found, refusals = [], []
     for flash in _flash(by_kind[".bin"], filters):
         try:
             found.append(paired(flash, telemetry))
-        except DataRefused as refusal:  # of one log of a joined .BIN; others may do
+        except DataRefused as refusal:  # of one log in a joined .BIN; others may be usable
             refusals.append(refusal)
     if not found:
         raise refusals[0]

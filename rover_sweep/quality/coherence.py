@@ -188,14 +188,14 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     if run.kind == "doublet":
         sentence = "doublet: for verification, so its coherence is not judged"
         return CoherenceVerdict(run.name, True, swept, amplitude, unit, None, outputs, sentence)
-    words = (
-        _keep_words(outputs, swept, _kind(worst))
+    sentence = (
+        _keep_sentence(outputs, swept, _kind(worst))
         if keep
-        else _repeat_words(
+        else _repeat_sentence(
             worst, amplitude, unit, factor or 1.0, peak, max(_steering_travel(run, unit), amplitude)
         )
     )
-    return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, words)
+    return CoherenceVerdict(run.name, keep, swept, amplitude, unit, factor, outputs, sentence)
 
 
 def judged_responses(found: Mapping[str, FrequencyResponse]) -> dict[str, FrequencyResponse]:
@@ -239,7 +239,7 @@ def _kind(f: FrequencyResponse) -> str:
     )
 
 
-def _keep_words(outputs: Sequence[OutputCoherence], swept: Band, kind: str) -> str:
+def _keep_sentence(outputs: Sequence[OutputCoherence], swept: Band, kind: str) -> str:
     bands = ", ".join(f"{o.output} {o.band[0]:.2g}-{o.band[1]:.3g}" for o in outputs if o.band)
     poor = [o.output for o in outputs if o.band is None]
     rest = f"; {', '.join(poor)} not usable" if poor else ""
@@ -252,7 +252,7 @@ def _peak(found: Mapping[str, FrequencyResponse], amplitude: float) -> float:
     return amplitude * float(np.max(np.abs(ay.h) * np.sqrt(ay.coherence))) if ay else 0.0
 
 
-def _repeat_words(
+def _repeat_sentence(
     f: FrequencyResponse, amplitude: float, unit: str, factor: float, peak: float, travel: float
 ) -> str:
     w, g2 = _judged(f)

@@ -121,7 +121,7 @@ def test_a_run_may_not_judge_itself(data, tmp_path, capsys):
         str(tmp_path),
     ]
     assert run(args) == 2
-    assert "both identified from and verified on" in capsys.readouterr().err
+    assert "used both to identify and to verify" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -30,7 +30,7 @@ def test_a_sweep_about_an_offset_is_not_mixed_with_straight_ones_and_that_is_sai
     fitted, checks = divided(runs)
     assert (names(fitted), names(checks)) == (["a", "b"], ["d"])
     (note,) = fitted[0].notes
-    assert note.level == "warning" and note.text.startswith("bent is no part of the fit")
+    assert note.level == "warning" and note.text.startswith("bent is not fitted")
     assert fitted[1].notes == ()
 
 

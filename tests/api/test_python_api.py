@@ -70,9 +70,9 @@ def test_every_public_name_is_there_and_described() -> None:
 
 
 def test_the_package_of_the_core_is_still_a_package() -> None:
-    import rover_sweep.identification.fit as fit
+    import rover_sweep.identification.cost as cost
 
-    assert fit.POINTS == 20
+    assert cost.POINTS == 20
     assert callable(rs.identify)
 
 
@@ -111,7 +111,7 @@ def test_a_notebook_gets_html_without_markup_of_the_data(result: Any, runs: Any)
         (lambda: rs.read("nowhere.BIN"), "there is no such file"),
         (lambda: rs.identify(rs.read(NOMINAL / "run1.BIN")), "vehicle is not known"),
         (lambda: rs.load_result("nowhere.json"), "cannot be read"),
-        (lambda: rs.load_result(ROVER), "is no JSON"),
+        (lambda: rs.load_result(ROVER), "is not JSON"),
     ],
 )
 def test_bad_input_is_one_sentence(call: Any, words: str) -> None:
@@ -123,11 +123,11 @@ def test_bad_input_is_one_sentence(call: Any, words: str) -> None:
 def test_unknown_names_and_own_judges_are_refused(runs: Any) -> None:
     with pytest.raises(rs.UsageError, match="no parameter 'Ixy'"):
         rs.identify(runs, keep=["Ixy"])
-    with pytest.raises(rs.UsageError, match="no known number of the roll-yaw model 'Y_phi'"):
+    with pytest.raises(rs.UsageError, match="no fixed parameter of the roll-yaw model 'Y_phi'"):
         rs.identify(runs, free=["Y_phi"])
     with pytest.raises(rs.UsageError, match="no model 'tricycle'"):
         rs.identify(runs, models=["tricycle"])
-    with pytest.raises(rs.UsageError, match="both identified from and verified on"):
+    with pytest.raises(rs.UsageError, match="used both to identify and to verify"):
         rs.identify(runs, verify=runs[:1])
 
 

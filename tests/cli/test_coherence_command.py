@@ -23,15 +23,15 @@ def half(tmp_path: Path) -> str:
 def test_half_a_run_is_warned_of(told: Tell, half: str) -> None:
     found = told("coherence", half)
     assert found.code == 0
-    assert "warning: The recording ends before the run did: it stops at 86." in found.out
-    assert "applet did not say that it was done" in found.out
+    assert "warning: The recording ends before the end of the run: it ends at 86." in found.out
+    assert "applet did not announce the end of the run" in found.out
 
 
 def test_the_notes_are_in_the_json(told: Tell, half: str) -> None:
     (verdict,) = json.loads(told("coherence", "--json", half).out)
     assert verdict["run"] == "run1"
     assert {"warning", "info"} == {note["level"] for note in verdict["notes"]}
-    assert any("ends before the run did" in note["text"] for note in verdict["notes"])
+    assert any("ends before the end of the run" in note["text"] for note in verdict["notes"])
     (whole,) = json.loads(told("coherence", "--json", str(NOMINAL / "run1.BIN")).out)
     assert whole["notes"] == []
 
@@ -55,7 +55,7 @@ def test_the_end_of_a_sweep_alone_is_judged(told: Tell, tmp_path: Path) -> None:
     path = tmp_path / "late.csv"
     path.write_text("\n".join([",".join(("t", *names)), *lines]))
     found = told("coherence", str(path))
-    assert found.code == 0 and "The recording begins after the run did" in found.out
+    assert found.code == 0 and "The recording begins after the start of the run" in found.out
 
 
 def test_runs_of_equal_names_are_told_apart(told: Tell, half: str) -> None:

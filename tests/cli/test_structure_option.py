@@ -45,7 +45,7 @@ def test_a_structure_stands_beside_the_models(tmp_path: Path) -> None:
     ("old", "new", "words"),
     [
         ("a*C/Izz", "a*Cx/Izz", "G row 2 column 1: 'a*Cx/Izz' uses 'Cx', which is no parameter"),
-        ('"bicycle-of-a-file"', '"bicycle"', "another model named 'bicycle'"),
+        ('"bicycle-of-a-file"', '"bicycle"', "a model named 'bicycle' exists"),
     ],
 )
 def test_mistakes_in_a_file_end_with_a_sentence(
@@ -61,7 +61,7 @@ def test_mistakes_in_a_file_end_with_a_sentence(
     ("more", "words"),
     [
         (["--structure", "absent.toml"], "absent.toml cannot be read"),
-        (["--condition-on", "wind"], "run1 has no 'wind' to condition on; recorded there: speed, throttle"),
+        (["--condition-on", "wind"], "run1 has no 'wind' to condition on; it holds speed, throttle"),
         (["--condition-on", "r"], "r is the steering or follows it"),
     ],
 )

@@ -136,7 +136,7 @@ def test_a_model_that_cannot_be_used_ends_with_a_sentence(
         (("--only", "foo"), "there is no effect 'foo'; there are "),
         (("--hold-out", NOMINAL), "is a folder; give the path of a .BIN, .tlog or .csv in it"),
         (("--only", "servo_lag", "--without", "servo_lag"), "no candidate is left"),
-        (("--hold-out", SWEEP), "run1 is both identified from and verified on"),
+        (("--hold-out", SWEEP), "run1 is used both to identify and to verify"),
         (("--baseline", "tricycle"), "'tricycle' is not one of"),
         (("--hold-out", "absent.BIN"), "absent.BIN"),
     ],
@@ -153,8 +153,8 @@ def test_a_copy_of_a_recording_is_that_recording(engine: Engine, asked: Tell, tm
     copy.write_bytes(SWEEP.read_bytes())
     doublet.write_bytes(DOUBLET.read_bytes())
     for arguments, words in (
-        ((SWEEP, copy), "other is the same recording as run1, which would count its noise as known"),
-        ((SWEEP, "--hold-out", copy), "verified on (it is the same recording as run1); verify on another"),
+        ((SWEEP, copy), "other is the same recording as run1, so its noise would count as signal"),
+        ((SWEEP, "--hold-out", copy), "verify (it is the same recording as run1); verify on another"),
         ((SWEEP, "--hold-out", DOUBLET, "--hold-out", doublet), "judge is the same recording as run4"),
         ((SWEEP, "--simulation", copy), "other is both the recording and the simulation"),
     ):

@@ -68,6 +68,6 @@ def test_mistakes_end_with_a_sentence(engine: Engine, runs: rs.Runs, tmp_path: P
     with pytest.raises(rs.UsageError, match="can be missing from the bicycle baseline"):
         rs.diagnose(runs, baseline="bicycle", only="tyre_slip")
     assert rs.diagnose(runs, baseline="bicycle", only="roll_dof") and engine.given
-    with pytest.raises(rs.UsageError, match="is no saved result"):
+    with pytest.raises(rs.UsageError, match="is not a saved result"):
         (tmp_path / "x.json").write_text("{}")
         rs.load_diagnosis(tmp_path / "x.json")

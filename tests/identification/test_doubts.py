@@ -15,7 +15,7 @@ from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.doubts import doubts
 
 SETTINGS = Settings(models=("bicycle",), bootstrap=0)
-CUT = Note("warning", "The recording ends before the run did: it stops at 28 s.")
+CUT = Note("warning", "The recording ends before the end of the run: it ends at 28 s.")
 
 
 @pytest.fixture(scope="module")

@@ -150,9 +150,9 @@ def test_closing_ends_the_thread_at_once(screens: list[Screen], data: Path) -> N
     ("name", "content", "words"),
     [
         ("empty.tlog", b"", "empty"),
-        ("foreign.tlog", b"not a log at all, only text\n" * 99, "no telemetry log"),
+        ("foreign.tlog", b"not a log at all, only text\n" * 99, "not a telemetry log"),
         ("empty.BIN", b"", "empty"),
-        ("foreign.BIN", b"not a log at all, only text\n" * 99, "no DataFlash log"),
+        ("foreign.BIN", b"not a log at all, only text\n" * 99, "not a DataFlash log"),
     ],
 )
 def test_what_is_no_recording_is_refused_in_a_sentence(
@@ -184,5 +184,5 @@ def test_half_a_recording_is_played_and_the_verdict_says_so(
     screen = shown(screens, half)
     screen.until(screen.at_the_end)
     (finished,), (judged,) = screen.all(RunFinished), screen.all(Judged)
-    assert not finished.completed and "ends before the run did" in finished.reason
+    assert not finished.completed and "ends before the end of the run" in finished.reason
     assert judged.verdict.advice == "repeat"

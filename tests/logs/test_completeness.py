@@ -57,8 +57,8 @@ def test_a_cut_bin_says_so(tmp_path: Path, share: float) -> None:
     path = tmp_path / "run1.BIN"
     path.write_bytes(data[: int(len(data) * share)])
     (run,) = read_runs(str(path))
-    assert "The recording ends before the run did: it stops at" in warnings(run)
-    assert "the applet did not say that it was done" in warnings(run)
+    assert "The recording ends before the end of the run: it ends at" in warnings(run)
+    assert "the applet did not announce the end of the run" in warnings(run)
 
 
 def test_a_cut_tlog_says_so(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_a_cut_tlog_says_so(tmp_path: Path) -> None:
     path = tmp_path / "run1.tlog"
     path.write_bytes(data[: len(data) // 2])
     (run,) = read_runs(str(path))
-    assert "The recording ends before the run did" in warnings(run)
+    assert "The recording ends before the end of the run" in warnings(run)
 
 
 @pytest.mark.parametrize("name", ["run1.BIN", "run2.BIN", "run4.BIN", "run1.tlog"])
@@ -80,7 +80,7 @@ def test_a_stump_is_refused(tmp_path: Path, share: float) -> None:
     data = (NOMINAL / "run1.BIN").read_bytes()
     path = tmp_path / "run1.BIN"
     path.write_bytes(data[: int(len(data) * share)])
-    with pytest.raises(DataRefused, match="run1: only .. s of a run are there, with . half waves"):
+    with pytest.raises(DataRefused, match="run1: only .. s of the run were recorded, with . half waves"):
         read_runs(str(path))
 
 
@@ -91,9 +91,9 @@ def test_without_any_message_the_steering_tells() -> None:
     (trimmed,) = find_runs(cut(log, whole.span[0], whole.span[1]))  # a .csv of the manoeuvre alone
     assert trimmed.notes == ()
     (early,) = find_runs(cut(log, 0.0, start + 25.0))
-    assert "The recording ends before the run did: it stops at 50.0 s." in warnings(early)
+    assert "The recording ends before the end of the run: it ends at 50.0 s." in warnings(early)
     (late,) = find_runs(cut(log, start + 15.0, 1e9))
-    assert "The recording begins after the run did: it steers from the first sample" in warnings(late)
+    assert "The recording begins after the start of the run: it steers at its start" in warnings(late)
 
 
 def test_states_that_end_in_the_wave() -> None:
@@ -101,7 +101,7 @@ def test_states_that_end_in_the_wave() -> None:
     states = [(start, 3), (start + 3, 4), (start + 7, 6), (start + 25, 0)]
     rows = applet_rows(log.steering[0].t, 3, states)
     (run,) = find_runs(replace(log, applet=rows))
-    assert "the applet's last state, at 50.0 s, is 6" in warnings(run)
+    assert "the last state is 6, at 50.0 s" in warnings(run)
     (told,) = find_runs(replace(log, applet=rows, marks=((start + 25, "SWP: run 3 done"),)))
     assert told.notes == ()
 
@@ -111,7 +111,7 @@ def test_a_start_without_an_end_is_found_beside_a_whole_run() -> None:
     marks = ((one, "SWP: run 1 start sweep"), (one + 42, "SWP: run 1 done"), (two, "SWP: run 2 start sweep"))
     runs = find_runs(cut(replace(log, marks=marks), 0.0, two + 30.0))
     assert [r.kind for r in runs] == ["sweep", "sweep"]
-    assert runs[0].notes == () and "did not say that it was done" in warnings(runs[1])
+    assert runs[0].notes == () and "did not announce the end of the run" in warnings(runs[1])
 
 
 def test_a_hole_within_a_run_is_told_with_place_and_length() -> None:
@@ -129,7 +129,7 @@ def test_a_long_hole_parts_a_run() -> None:
     (run,) = find_runs(without(log, start + 6.0, start + 18.0))
     assert "The recording has a hole of 12.0 s before 43.0 s, in the run" in warnings(run)
     first, second = find_runs(without(log, start + 25.0, start + 32.0))
-    assert "The recording has a hole of 7.0 s at 50.0 s, before the run was over" in warnings(first)
+    assert "The recording has a hole of 7.0 s at 50.0 s, before the end of the run" in warnings(first)
     assert "The recording has a hole of 7.0 s before 57.0 s, in the run" in warnings(second)
 
 
@@ -137,7 +137,7 @@ def test_a_stump_beside_a_whole_run_is_left_out_and_told() -> None:
     log, (one, two) = drive([SWEEP, SWEEP])
     marks = ((one, "SWP: run 1 start sweep"), (one + 42, "SWP: run 1 done"), (two, "SWP: run 2 start sweep"))
     (run,) = find_runs(cut(replace(log, marks=marks), 0.0, two + 12.0))
-    assert "Another run was left out: made run 2: only 9 s of a run are there" in warnings(run)
+    assert "Another run was left out: made run 2: only 9 s of the run were recorded" in warnings(run)
 
 
 def test_the_cost_does_not_grow_with_a_gap() -> None:

@@ -131,7 +131,7 @@ def test_an_output_that_is_off_is_no_damage() -> None:
     clean = screened(off)
     assert clean.notes == () and clean.steering[0].t[0] == pytest.approx(10.0)
     never = screened(replace(log, steering=(signal(t, 0 * x, "us", hold=True),)))
-    with pytest.raises(DataRefused, match="no steering output .* or it was off"):
+    with pytest.raises(DataRefused, match="no steering output .* or the output was off"):
         refuse_useless(never)
     broken = np.where(t < 20, 31000.0, x)
     with pytest.raises(DataRefused, match="samples of pwm"):
@@ -166,7 +166,11 @@ def test_a_dead_yaw_rate_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(1e6, "every 1e.04 s; is that in us"), (1e3, "every 10 s; is that in ms"), (1e-3, "every 1e-05 s")],
+    [
+        (1e6, "every 1e.04 s; is the time in us"),
+        (1e3, "every 10 s; is the time in ms"),
+        (1e-3, "every 1e-05 s"),
+    ],
 )
 def test_time_in_another_unit_is_refused(factor: float, said: str) -> None:
     log, _ = drive([SWEEP])

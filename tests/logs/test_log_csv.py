@@ -105,15 +105,15 @@ def test_trials_are_recordings_of_their_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"yaw": "rate"}, "yaw is no channel; known are"),
+        ({"yaw": "rate"}, "yaw is not known; the keys are"),
         ({"r": "gyro"}, "r = 'gyro', but the columns are t, steer, rate, v"),
-        ({"r": {"column": "rate", "unit": "rpm"}}, "r in 'rpm' is not known"),
+        ({"r": {"column": "rate", "unit": "rpm"}}, "the unit 'rpm' of r is not known"),
         ({"r": {"col": "rate"}}, "it must be"),
         ({"axes": "ned"}, 'it must be "iso" or "frd"'),
         ({"trial": "lap"}, "trial = 'lap'"),
         ({"filters": {"gyro": 4}}, "filters = "),
         ({"filters": {"gyro_hz": "a"}}, "gyro_hz = 'a', it must be a finite number"),
-        ({"filters": {"gyro_hz": -4}}, "gyro_hz = -4 Hz; a cut-off is positive"),
+        ({"filters": {"gyro_hz": -4}}, "gyro_hz = -4 Hz; a cut-off must be positive"),
         ({"filters": {"accel_hz": float("nan")}}, "accel_hz = nan"),
         ({"r": True}, "r = True, it must be a finite number"),
         ({"r": 0.3}, "r = 0.3, it must be a column"),
@@ -123,9 +123,9 @@ def test_trials_are_recordings_of_their_own(tmp_path: Path) -> None:
         ({"r": {"column": "rate", "scale": [1]}}, r"scale of r = \[1\]"),
         ({"r": {"column": "rate", "scale": 0}}, "scale of r = 0, it must be another number"),
         ({"r": {"column": "rate", "offset": "x"}}, "offset of r = 'x'"),
-        ({"r": {"column": "rate", "unit": ["deg/s"]}}, r"r in \['deg/s'\] is not known"),
-        ({"r": {"column": "rate", "unit": "ft/s"}}, "r in 'ft/s' is not known; it may be in rad/s, deg/s"),
-        ({"time": {"column": "t", "unit": "deg"}}, "time in 'deg' is not known; it may be in s, ms, us"),
+        ({"r": {"column": "rate", "unit": ["deg/s"]}}, r"the unit \['deg/s'\] of r is not known"),
+        ({"r": {"column": "rate", "unit": "ft/s"}}, "the unit 'ft/s' of r is not known; use rad/s, deg/s"),
+        ({"time": {"column": "t", "unit": "deg"}}, "the unit 'deg' of time is not known; use s, ms, us"),
         ({"time": {"column": "t", "scale": -1}}, "scale of time = -1, it must be above 0"),
         ({"r": {"column": ["rate"]}}, "but the columns are"),
         ({"trial": ["t"]}, r"trial = \['t'\]"),
@@ -186,7 +186,7 @@ def test_marked_rows_are_left_out_and_told(tmp_path: Path) -> None:
 def test_a_map_that_is_no_text_is_told(tmp_path: Path) -> None:
     path = tmp_path / "map.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(UsageError, match="the column map is no text .* at byte 0"):
+    with pytest.raises(UsageError, match="the column map is not a text file .* at byte 0"):
         read_runs(table(tmp_path, rows()), column_map=str(path))
 
 
@@ -196,21 +196,21 @@ def test_time_may_be_in_microseconds(tmp_path: Path) -> None:
     (run,) = read_runs(source, column_map={**BASIC, "time": {"column": "us", "unit": "us"}})
     (seconds,) = read_runs(source, column_map=BASIC)
     assert run.span == pytest.approx(seconds.span)
-    with pytest.raises(DataRefused, match="every 2e.04 s; is that in us"):
+    with pytest.raises(DataRefused, match="every 2e.04 s; is the time in us"):
         read_runs(source, column_map={**BASIC, "time": "us"})
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ('t,delta,r,speed\n1,"2,3,4\n' + "1,2,3,4\n" * 40_000, "is no table of numbers .field larger"),
-        ('t,delta,r,speed\n1,"2,3,4\n', "is no table of numbers .unexpected end of data.; is a quote"),
+        ('t,delta,r,speed\n1,"2,3,4\n' + "1,2,3,4\n" * 40_000, "is not a table of numbers .field larger"),
+        ('t,delta,r,speed\n1,"2,3,4\n', "is not a table of numbers .unexpected end of data.; is a quote"),
         ("t,delta\n" + "x" * 200_000 + ",1\n", "field larger than field limit"),
         ("t,delta,r,speed,r\n1,2,3,4,5\n", "has 2 columns r; rename all but one"),
-        ("t,delta,r,speed\n0,0.1,x,2\n", "column r holds no numbers .'x' in row 1.$"),
+        ("t,delta,r,speed\n0,0.1,x,2\n", "column r is not numeric .'x' in row 1.$"),
         (
             "t;delta;r;speed\n0;0,1;0,2;2\n",
-            "column delta holds no numbers .'0,1' in row 1.; write decimal points",
+            "column delta is not numeric .'0,1' in row 1.; write decimal points",
         ),
     ],
 )

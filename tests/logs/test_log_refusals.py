@@ -113,12 +113,12 @@ def test_steered_wheels_beside_left_and_right_thrust_are_taken(tmp_path: Path) -
         ("a.BIN", b"", "is empty (0 bytes)"),
         ("a.tlog", b"", "is empty (0 bytes)"),
         ("a.csv", b"", "is empty"),
-        ("a.BIN", b"GIF89a" * 500, "is no DataFlash log: its 3000 bytes"),
-        ("a.tlog", b"GIF89a" * 500, "is no telemetry log: its 3000 bytes"),
-        ("a.csv", b"\xff\xfe\x00binary", "is no text"),
-        ("a.csv", b"t,pwm,r,speed\n", "has a header and no rows"),
+        ("a.BIN", b"GIF89a" * 500, "is not a DataFlash log: its 3000 bytes"),
+        ("a.tlog", b"GIF89a" * 500, "is not a telemetry log: its 3000 bytes"),
+        ("a.csv", b"\xff\xfe\x00binary", "is not a text file"),
+        ("a.csv", b"t,pwm,r,speed\n", "has a header but no rows"),
         ("a.csv", b"t,pwm,r,speed\n0,1500,0.1\n", "line 2 has 3 of 4 columns"),
-        ("a.csv", b"t,pwm,r,speed\n0,1500,x,2\n", "column r holds no numbers"),
+        ("a.csv", b"t,pwm,r,speed\n0,1500,x,2\n", "column r is not numeric"),
     ],
 )
 def test_empty_and_foreign_files(tmp_path: Path, name: str, content: bytes, reason: str) -> None:

@@ -67,7 +67,7 @@ def test_sensors_without_time_are_refused_with_the_reason(tmp_path: Path) -> Non
         w.write("IMU", *[0.1] * 6)
     path = tmp_path / "older.BIN"
     path.write_bytes(w.data)
-    with pytest.raises(DataRefused, match="IMU messages of the log carry no time .* only GyrX, GyrY"):
+    with pytest.raises(DataRefused, match="IMU messages of the log have no time .* only GyrX, GyrY"):
         read_runs(str(path))
 
 

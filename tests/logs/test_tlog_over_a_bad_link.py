@@ -126,7 +126,7 @@ def test_a_log_with_more_damage_than_content_is_refused(tmp_path: Path) -> None:
     telemetry.drive(100.0, 20.0)
     sound = records(telemetry.data)
     bad = b"".join([sound[0], corrupted(sound[1:], 0.6, 1)])
-    with pytest.raises(DataRefused, match=r"is damaged: \d+ frames have wrong bytes, \d+ are whole"):
+    with pytest.raises(DataRefused, match=r"is damaged: \d+ frames have wrong bytes, \d+ are complete"):
         read_telemetry(saved(tmp_path, bad))
 
 

@@ -33,7 +33,7 @@ def test_runs_carry_the_names(data: Path) -> None:
     sources = [str(data / NEW / "nominal/run2.BIN"), str(data / OLD / "nominal/run2.BIN")]
     names = [f"{part}/nominal/run2.BIN" for part in (NEW, OLD)]
     assert [r.name for r in load_runs(sources, None, None)] == names
-    assert [r.name for r in load_runs(sources[:1], None, None, beside=sources[1:])] == names[:1]
+    assert [r.name for r in load_runs(sources[:1], None, None, other_sources=sources[1:])] == names[:1]
     assert [r.name for r in load_runs(sources[:1], None, None)] == ["run2"]
 
 

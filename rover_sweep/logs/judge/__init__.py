@@ -1,1 +1,1 @@
-"""What is said of a recording that was read: refused, or used with these warnings."""
+"""Checks of a recording after reading: it is refused, or used with warnings."""

@@ -1,4 +1,4 @@
-"""Judgement on recordings: what must be refused, and what must be said about the rest."""
+"""Checks of recordings: which are refused, and the warnings on the others."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from rover_sweep.quality.faults import with_faults
 from rover_sweep.quality.relations import relations
 
 BOAT, BALANCE_BOT = 2, 3  # FRAME_CLASS (ArduRover 4.6 parameters)
-GAP = 3.0  # sampling intervals that make a gap
-UNLOGGED = 0.25  # s: an output that is only logged when the applet runs is no gap before that
+GAP = 3.0  # sampling intervals; a longer interval is a gap
+UNLOGGED = 0.25  # s; an output that is logged only while the applet runs has shorter intervals
 UNEVEN = 0.2  # standard deviation of the sampling interval over its median
-SLOWEST, FASTEST = 1.0, 20e3  # Hz: beyond, the time is in another unit
-COARSE = 20.0  # Hz: 25 rad/s, the paper's w_max, has 4 Hz
+SLOWEST, FASTEST = 1.0, 20e3  # Hz; outside, the unit of time is wrong
+COARSE = 20.0  # Hz, 5 times the w_max of the paper (25 rad/s)
 GYRO_RANGE, ACCEL_RANGE = 34.9, 16 * 9.80665  # rad/s (2000 deg/s), m/s^2: full scale of the usual sensors
 
 
 def refuse_useless(log: Log) -> None:
-    """Raise DataRefused for a log in which no run can be, with the value seen and what to do."""
+    """Raise DataRefused for a log that cannot hold a usable run, with the value found and what to do."""
     _refuse_foreign(log)
     _refuse_without_wheels(log)
     missing = [
@@ -35,15 +35,15 @@ def refuse_useless(log: Log) -> None:
     ]
     if missing:
         raise DataRefused(
-            f"{log.name} holds no {' and no '.join(missing)}: let the IMU and the EKF be recorded "
+            f"{log.name} holds no {' and no '.join(missing)}: log the IMU and the EKF "
             "(LOG_BITMASK, or the message rates of the link)"
         )
     _refuse_odd_clock(log)
     _refuse_static(log)
     if not log.steering:
         raise DataRefused(
-            f"{log.name} holds no steering output (SWEP, SERVO_OUTPUT_RAW or RCOU), or it was off: "
-            "give the .tlog of the same drive too"
+            f"{log.name} holds no steering output (SWEP, SERVO_OUTPUT_RAW or RCOU), or the output was off: "
+            "give also the .tlog of the same drive"
         )
 
 
@@ -66,7 +66,7 @@ def _refuse_without_wheels(log: Log) -> None:
     elif frame in (BOAT, BALANCE_BOT):
         seen = f"FRAME_CLASS is {frame}, a {'boat' if frame == BOAT else 'balance bot'}"
     elif log.vehicle == "boat":
-        seen = "its heartbeat says boat"
+        seen = "the heartbeat is that of a boat"
     if seen:
         raise DataRefused(
             f"{log.name} comes from a vehicle without steered wheels ({seen}): "
@@ -79,12 +79,12 @@ def _refuse_odd_clock(log: Log) -> None:
     if rate and not SLOWEST < rate < FASTEST:
         unit = "ms" if 1 / rate < 100.0 else "us"
         advice = (
-            f'is that in {unit}? give time = {{column = "..", unit = "{unit}"}}'
+            f'is the time in {unit}? give time = {{column = "..", unit = "{unit}"}}'
             if rate < 1
             else "give it in s"
         )
         raise DataRefused(
-            f"{log.name}: by its time the yaw rate was sampled every {1 / rate:.3g} s; {advice}"
+            f"{log.name}: according to its time the yaw rate was sampled every {1 / rate:.3g} s; {advice}"
         )
 
 
@@ -103,19 +103,19 @@ def refuse_unexcited(log: Log) -> None:
     if float(np.median(speed.x[np.abs(speed.x) > MOVING_SPEED])) < 0:
         raise DataRefused(
             f"{log.name}: the rover drives backwards (speed down to {np.min(speed.x):.2f} m/s); "
-            "drive forwards, or give speed the other sign"
+            "drive forwards, or change the sign of speed"
         )
     moving = np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > MOVING_SPEED
     x = steering.x[moving]
     seen = f"{np.min(x):.4g} to {np.max(x):.4g} {steering.unit}" if x.size else "not recorded"
     raise DataRefused(
         f"{log.name}: no steering excitation while driving (steering {seen}, "
-        "never to and fro for some seconds); drive a sweep or a doublet"
+        "never alternating for some seconds); drive a sweep or a doublet"
     )
 
 
 def with_notes(run: Recording, log: Log) -> Recording:
-    """The run with its notes on gaps, uneven sampling, saturation and coarse steering."""
+    """The run with notes on gaps, sampling, saturation, low steering rate, biases, clocks and faults."""
     notes = (
         *run.notes,
         *hole_notes(run),
@@ -135,11 +135,11 @@ def _steering_of(run: Recording) -> Signal:
 
 
 def _sampling(run: Recording) -> Iterator[Note]:
-    """Gaps and uneven sampling, told once for channels that come out of one message."""
-    told = set()
+    """Gaps and uneven sampling, reported once for channels of one message."""
+    reported = set()
     for name in ("r", "ay", "p", "vy"):
-        if name in run and (message := run[name].source.split(".")[0] or name) not in told:
-            told.add(message)
+        if name in run and (message := run[name].source.split(".")[0] or name) not in reported:
+            reported.add(message)
             yield from _gaps(message, run.manoeuvre(name))
     steering = _steering_of(run)
     if not steering.hold:
@@ -149,7 +149,7 @@ def _sampling(run: Recording) -> Iterator[Note]:
         yield Note(
             "warning",
             f"The steering output ({steering.source}) was not logged for {longest:.2f} s at {at:.1f} s; "
-            "it is taken as constant there",
+            "it is assumed constant there",
         )
 
 
@@ -159,7 +159,7 @@ def _gaps(source: str, signal: Signal) -> Iterator[Note]:
         return
     steps = np.diff(signal.t)
     usual = float(np.median(steps))
-    gaps = (steps > GAP * usual) & (steps <= max(HOLE, GAP * usual))  # longer ones are told as holes
+    gaps = (steps > GAP * usual) & (steps <= max(HOLE, GAP * usual))  # longer ones are reported as holes
     if np.any(gaps):
         worst = int(np.argmax(np.where(gaps, steps, 0.0)))
         yield Note(
@@ -185,7 +185,7 @@ def _stops(run: Recording, log: Log) -> Iterator[Note]:
         yield Note(
             "warning",
             f"Steering is at its end stop ({low:.0f} or {high:.0f} us) in {100 * share:.1f} % of the "
-            "samples: lower the amplitude",
+            "samples: reduce the amplitude",
         )
 
 
@@ -196,7 +196,7 @@ def _full_scale(run: Recording) -> Iterator[Note]:
             yield Note(
                 "warning",
                 f"{name} reaches {peak:.1f} {run[name].unit}, the sensor's full scale: "
-                "mount the autopilot softer",
+                "mount the autopilot on softer material",
             )
 
 
@@ -206,9 +206,9 @@ def _steering(run: Recording) -> Iterator[Note]:
         return
     yield Note(
         "warning",
-        f"Steering ({steering.source}) was recorded at {steering.rate:.0f} Hz: a smooth wave is known up to "
-        f"{0.8 * np.pi * steering.rate:.0f} rad/s, a step to {500 / steering.rate:.0f} ms only; "
-        "give the .tlog too, or log with the applet",
+        f"Steering ({steering.source}) was recorded at {steering.rate:.0f} Hz: it resolves a smooth wave up "
+        f"to {0.8 * np.pi * steering.rate:.0f} rad/s, and the time of a step only to "
+        f"{500 / steering.rate:.0f} ms; give also the .tlog, or log with the applet",
     )
 
 
@@ -220,7 +220,7 @@ def _biases(run: Recording) -> Iterator[Note]:
 
 
 def _clock(run: Recording, log: Log) -> Iterator[Note]:
-    """The run's clock against the applet's and that of the telemetry's recorder."""
+    """Faults of the run's clock, compared with the applet's or the telemetry recorder's."""
     if log.applet is not None:
         yield from _by_applet(run, log.applet)
     elif log.arrivals is not None:

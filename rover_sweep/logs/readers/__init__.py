@@ -1,1 +1,1 @@
-"""Columns and channels out of .BIN, .tlog and .csv; one file for each format and clock."""
+"""Columns and channels of .BIN, .tlog and .csv; one file for each format and clock."""

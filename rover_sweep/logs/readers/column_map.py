@@ -4,11 +4,11 @@ The map is a small TOML file (or a dictionary of the same form):
 
     time = "t"                                     # s
     pwm = "steer"                                  # us; or delta, the road-wheel angle, rad
-    r = {column = "yaw_rate", unit = "deg/s"}      # p, ay, vy, speed, phi, psi, throttle likewise
+    r = {column = "yaw_rate", unit = "deg/s"}      # also p, ay, vy, speed, phi, psi, throttle
     delta = {column = "steer", scale = 0.35}       # offset is subtracted first, then scale multiplies
-    speed = 2.4                                    # a number where it was constant, m/s
-    trial = "trial"                                # rows with another value are another recording
-    runs = "whole"                                 # all driving of a trial is one run; else they are "found"
+    speed = 2.4                                    # a number for a constant value, m/s
+    trial = "trial"                                # each value is one recording
+    runs = "whole"                                 # all driving of a trial is one run; default "found"
     leave_out = "bad"                              # rows where this column is true (or 1) are left out
     axes = "iso"                                   # or "frd": r, ay, vy, psi, delta change sign
     sampling = "smooth"                            # or "step": steering keeps its value until the next row
@@ -53,7 +53,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
 
 @dataclass(frozen=True)
 class Column:
-    """Where a channel stands in the file: (value - offset) * scale is in the channel's unit."""
+    """The column of a channel: (value - offset) * scale is in the channel's unit."""
 
     name: str
     scale: float = 1.0
@@ -62,7 +62,7 @@ class Column:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """A checked column map. constants: channels that are a number instead of a column."""
+    """A checked column map. constants: {channel: value}; frd: FRD axes; step: steering is held."""
 
     time: Column
     columns: Mapping[str, Column]
@@ -82,7 +82,7 @@ class ColumnMap:
 
 
 def read_column_map(given: Mapping[str, Any] | str | None, header: list[str], file_name: str) -> ColumnMap:
-    """The map of a file with these columns: given, or in a TOML file, or by the channels' own names."""
+    """The map of a file with these columns: given, from a TOML file, or by columns named like channels."""
     return parse_column_map(_loaded(given, header, file_name), header)
 
 
@@ -103,19 +103,19 @@ def _loaded(given: Mapping[str, Any] | str | None, header: list[str], file_name:
         raise UsageError(f"{given}: the column map cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{given}: the column map is no text ({error.reason} at byte {error.start})"
+            f"{given}: the column map is not a text file ({error.reason} at byte {error.start})"
         ) from error
     except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"{given}: the column map is no TOML ({error})") from error
+        raise UsageError(f"{given}: the column map is not valid TOML ({error})") from error
 
 
 def parse_column_map(given: Mapping[str, Any], header: list[str]) -> ColumnMap:
-    """Check a column map against the names of the columns. Raises UsageError."""
+    """Checks a column map against the names of the columns; UsageError for mistakes."""
     unknown = set(given) - set(UNITS) - OPTIONS
     if unknown:
         raise UsageError(
-            f"Column map: {', '.join(sorted(unknown))} is no channel; "
-            f"known are {', '.join((*UNITS, *sorted(OPTIONS)))}"
+            f"Column map: {', '.join(sorted(unknown))} is not known; "
+            f"the keys are {', '.join((*UNITS, *sorted(OPTIONS)))}"
         )
     missing = [name for name in ("time", "r", "speed") if name not in given]
     if missing or not {"pwm", "delta"} & set(given):
@@ -127,7 +127,7 @@ def parse_column_map(given: Mapping[str, Any], header: list[str]) -> ColumnMap:
     if lacking:
         raise UsageError(
             f"Column map: {lacking[0]} = {channels[lacking[0]]!r}, it must be a column; "
-            "a number is for what was constant, as speed may be"
+            "a number is for a constant channel, such as speed"
         )
     for option in ("trial", "leave_out"):
         if (named := given.get(option)) is not None and named not in header:
@@ -158,7 +158,9 @@ def _filters(given: Any) -> dict[str, float]:
     filters = {name: _number(name, value) for name, value in given.items()}
     for name, value in filters.items():
         if value < 0:
-            raise UsageError(f"Column map: {name} = {value:g} Hz; a cut-off is positive, or 0 for no filter")
+            raise UsageError(
+                f"Column map: {name} = {value:g} Hz; a cut-off must be positive, or 0 for no filter"
+            )
     return filters
 
 
@@ -188,7 +190,7 @@ def _factor(channel: str, unit: Any) -> float:
     own = UNITS.get(channel, "s")
     if unit is not None and (not isinstance(unit, str) or unit not in FACTORS[own]):
         raise UsageError(
-            f"Column map: {channel} in {unit!r} is not known; it may be in {', '.join(FACTORS[own])}, "
-            f"or use scale to get {own}"
+            f"Column map: the unit {unit!r} of {channel} is not known; use {', '.join(FACTORS[own])}, "
+            f"or scale to {own}"
         )
     return FACTORS[own][unit or own]

@@ -1,4 +1,4 @@
-"""Recordings of other origin: a .csv with a column map (see `column_map`)."""
+"""Recordings of other systems: a .csv with a column map (see `column_map`)."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ THRUSTERS = [re.compile(rf"^(thr|thrust|throttle|thruster|motor)_?{side}(_|$)") 
 def read_csv(path: Path, column_map: Mapping[str, Any] | str | None) -> tuple[Log, ...]:
     """A .csv as one `Log` for each trial.
 
-    Without a map the columns must bear the channels' own names. Raises UsageError for a wrong map,
-    DataRefused for a file that is empty, no table, or of a vehicle without steered wheels.
+    Without a map the columns must be named like the channels. UsageError for a wrong map, DataRefused for a
+    file that is empty, not a table, or of a vehicle without steered wheels.
     """
     header, rows = _table(path)
     _refuse_thrusters(path, header)
@@ -48,7 +48,7 @@ def read_csv(path: Path, column_map: Mapping[str, Any] | str | None) -> tuple[Lo
 
 
 def _marked(cells: list[str]) -> np.ndarray:
-    """Which rows bear a mark (n,): true, yes or a number other than 0."""
+    """Mask (n,) of the marked rows: true, yes or a number other than 0."""
     return np.array([cell.strip().lower() not in ("", "0", "0.0", "false", "no") for cell in cells])
 
 
@@ -62,22 +62,24 @@ def _table(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise DataRefused(f"{path.name} is no text: {error.reason} at byte {error.start}") from error
+        raise DataRefused(f"{path.name} is not a text file: {error.reason} at byte {error.start}") from error
     first = text.partition("\n")[0]
     if not first.strip():
         raise DataRefused(f"{path.name} is empty: its first line must name the columns")
     delimiter = max(",;\t", key=first.count)
     try:
         header, *rows = list(csv.reader(text.splitlines(), delimiter=delimiter, strict=True))
-    except csv.Error as error:  # an unbalanced quote takes the rest of the file for one cell
-        raise DataRefused(f"{path.name} is no table of numbers ({error}); is a quote left open?") from error
+    except csv.Error as error:  # after an open quote the rest of the file is one cell
+        raise DataRefused(
+            f"{path.name} is not a table of numbers ({error}); is a quote not closed?"
+        ) from error
     header = [name.strip() for name in header]
     rows = [row for row in rows if row]
     short = next((i for i, row in enumerate(rows) if len(row) != len(header)), None)
     if short is not None:
         raise DataRefused(f"{path.name}: line {short + 2} has {len(rows[short])} of {len(header)} columns")
     if not rows:
-        raise DataRefused(f"{path.name} has a header and no rows")
+        raise DataRefused(f"{path.name} has a header but no rows")
     return header, rows
 
 
@@ -88,7 +90,7 @@ def _numbers(path: Path, name: str, cells: list[str]) -> Array:
         row, cell = next((k, cell) for k, cell in enumerate(cells) if not _is_number(cell))
         comma = "; write decimal points, not commas" if _is_number(cell.replace(",", ".")) else ""
         raise DataRefused(
-            f"{path.name}: column {name} holds no numbers ({cell.strip()[:20]!r} in row {row + 1}){comma}"
+            f"{path.name}: column {name} is not numeric ({cell.strip()[:20]!r} in row {row + 1}){comma}"
         ) from None
 
 
@@ -151,7 +153,7 @@ def _time_notes(time: Array) -> Iterator[Note]:
         yield Note("warning", f"{time.size - known.size} rows have no time and were left out")
     late = int(np.sum(np.diff(known) <= 0))
     if late:
-        yield Note("warning", f"{late} rows are not later than the row before and were left out")
+        yield Note("warning", f"{late} rows are not later than the previous row and were left out")
 
 
 def _signal(channel: str, column: str, time: Array, values: Array, step: bool) -> tuple[Signal, list[Note]]:

@@ -1,8 +1,8 @@
-"""Columns out of an ArduPilot DataFlash log (.BIN), only for the message types that are asked for.
+"""Columns of an ArduPilot DataFlash log (.BIN), only for the requested message types.
 
-A log is a row of messages: 0xA3 0x95, a type byte, a body whose layout the FMT messages (type 128) in
-the same log define (source: ArduPilot libraries/AP_Logger/LogStructure.h). The whole file is scanned once
-for message headers with numpy; a body is decoded when its type is read, as columns.
+A log is a sequence of messages: 0xA3 0x95, a type byte, a body. FMT messages (type 128) in the same log
+define the layout of the bodies (source: ArduPilot libraries/AP_Logger/LogStructure.h). The file is scanned
+once for message headers with numpy; bodies are decoded as columns when their type is read.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 
 HEAD = (0xA3, 0x95)
 FMT_TYPE, FMT_LENGTH = 128, 89
-BLOCK = 1 << 25  # bytes scanned at a time: bounds the memory that a log of a gigabyte needs
+BLOCK = 1 << 25  # bytes per step of the scan; limits the memory for a log of a gigabyte
 
-# Format character -> (numpy type, factor to the unit that is meant); AP_Logger/LogStructure.h
+# Format character -> (numpy type, factor to the documented unit); AP_Logger/LogStructure.h
 FORMATS: dict[str, tuple[str, float]] = {
     "b": ("<i1", 1),
     "B": ("<u1", 1),
@@ -52,7 +52,7 @@ TEXTS, ARRAYS = "nNZ", "a"
 
 @dataclass(frozen=True)
 class MessageFormat:
-    """What one FMT message defines: the body of messages of `type`. length: whole message, bytes."""
+    """The layout of the messages of `type`, from one FMT message. length: of the whole message, bytes."""
 
     type: int
     name: str
@@ -77,8 +77,8 @@ class MessageFormat:
     def stamp(self) -> tuple[str, float] | None:
         """(column, s per unit) of the time since boot; None without one.
 
-        In logs from before 2015 GPS.TimeMS is the time of the GPS week and GPS.T the time since boot, and MSG
-        and PARM carry none (source: libraries/DataFlash/DataFlash.h of ArduRover 2.4x).
+        In logs before 2015 GPS.TimeMS is the time of the GPS week and GPS.T the time since boot; MSG and PARM
+        have none (source: libraries/DataFlash/DataFlash.h of ArduRover 2.4x).
         """
         of_week = {"TimeMS", "Week", "T"} <= self.numbers
         stamps = (("TimeUS", 1e-6), ("T", 1e-3) if of_week else ("TimeMS", 1e-3))
@@ -89,9 +89,9 @@ class MessageFormat:
 class DataFlash:
     """An indexed log. Read columns with `rows`, `column` and `text`.
 
-    formats: by message name. positions: (n,) byte offsets of the messages, by name.
-    bad_bytes: bytes that belong to no whole message (damage, or a cut at the end: `tail_bytes`).
-    breaks: how often something else than a message follows a message. message_count: of all kinds.
+    formats: by message name. positions: byte offsets (n,) of the messages, by name. bad_bytes: bytes outside
+    complete messages (damage, or a cut at the end: `tail_bytes`). breaks: number of messages that are not
+    followed by a message. message_count: of all types.
     """
 
     data: NDArray[np.uint8]
@@ -103,22 +103,22 @@ class DataFlash:
     message_count: int
 
     def count(self, name: str) -> int:
-        """How many messages of that name the log holds (0 for a name it does not define)."""
+        """Number of messages of that name, 0 for an undefined name."""
         return int(self.positions[name].size) if name in self.positions else 0
 
     def has(self, name: str, *columns: str) -> bool:
-        """Whether there are such messages, with all these columns as numbers."""
+        """True when there are such messages, with all these columns as numbers."""
         return self.count(name) > 0 and set(columns) <= self.formats[name].numbers
 
     def has_text(self, name: str, column: str) -> bool:
-        """Whether there are such messages, with this column as text."""
+        """True when there are such messages, with this column as text."""
         if not self.count(name) or column not in self.formats[name].columns:
             return False
         layout = self.formats[name]
         return layout.format[layout.columns.index(column)] in TEXTS
 
     def rows(self, name: str) -> NDArray[np.void]:
-        """All messages of a name, (n,) structured as stored: integers without their factor."""
+        """All messages of a name (n,), structured as stored: integers without their factor."""
         layout = self.formats[name]
         if self.count(name) == 0:
             return np.empty(0, layout.dtype)
@@ -126,20 +126,20 @@ class DataFlash:
         return np.ascontiguousarray(windows[self.positions[name]]).view(layout.dtype)[:, 0]
 
     def column(self, name: str, column: str, rows: NDArray[np.void] | None = None) -> Array:
-        """A numeric column (n,) in the unit that is meant (degrees, not centidegrees)."""
+        """A numeric column (n,) in the documented unit (degrees, not centidegrees)."""
         layout = self.formats[name]
         factor = FORMATS[layout.format[layout.columns.index(column)]][1]
         values = (self.rows(name) if rows is None else rows)[column].astype(float)
         return values * factor if factor != 1 else values
 
     def text(self, name: str, column: str) -> list[str]:
-        """A column of text as logged, without the padding: whoever shows it makes it printable."""
+        """A column of text as logged, without padding; not yet printable."""
         return [cell.split(b"\0")[0].decode("ascii", "replace") for cell in self.rows(name)[column].tolist()]
 
     def seconds(self, name: str, rows: NDArray[np.void] | None = None) -> Array:
-        """Time since boot of each message [s]; that of the message before, where it has none.
+        """Time since boot (n,) [s] of each message; without a time, that of the previous message with one.
 
-        DataRefused for chosen rows of messages without time: those of a sensor cannot be used then.
+        DataRefused for selected rows of messages without time, as a sensor without time cannot be used.
         """
         stamp = self.formats[name].stamp
         if stamp is not None:
@@ -147,13 +147,13 @@ class DataFlash:
         if rows is None:
             return self._seconds_before(name)
         raise DataRefused(
-            f"the {name} messages of the log carry no time (TimeUS or TimeMS), only "
+            f"the {name} messages of the log have no time (TimeUS or TimeMS), only "
             f"{', '.join(self.formats[name].columns)}: the firmware is too old, or the log is damaged; "
             "record again with ArduRover 4.1 or newer"
         )
 
     def _seconds_before(self, name: str) -> Array:
-        """By the messages of the kind with a time that the log holds most of."""
+        """Times (n,) [s] from the most frequent message with a time."""
         stamped = [n for n, layout in self.formats.items() if layout.stamp is not None and self.count(n)]
         if not stamped:
             return np.zeros(self.count(name))
@@ -163,9 +163,9 @@ class DataFlash:
 
 
 def open_parts(path: str | Path) -> tuple[DataFlash, ...]:
-    """The logs that were joined into one .BIN file, each with its own formats and clock; mostly one.
+    """The logs in one .BIN file, usually one, each with its own formats and clock.
 
-    ArduPilot begins each log, and no other message, with the format of FMT itself.
+    ArduPilot starts each log, and nothing else, with the format of FMT.
     """
     data = _mapped(path)
     heads = _headers(data)
@@ -182,8 +182,10 @@ def _mapped(path: str | Path) -> NDArray[np.uint8]:
 
 
 def index(data: NDArray[np.uint8]) -> DataFlash:
-    """Find the formats and the messages of a log held in `data` (n,) bytes; none in it gives no formats."""
-    by_type = {layout.type: layout for layout in _formats(data).values()}  # two of a type: one is damaged
+    """The formats and messages of a log in `data` (n,) bytes; no formats if it holds none."""
+    by_type = {
+        layout.type: layout for layout in _formats(data).values()
+    }  # of two with one type, one is damaged
     formats = {layout.name: layout for layout in by_type.values()}
     lengths = np.zeros(256, np.int64)
     for layout in formats.values():
@@ -200,7 +202,7 @@ def index(data: NDArray[np.uint8]) -> DataFlash:
 
 
 def _headers(data: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Offsets (n,) of everything that looks like a header, ascending."""
+    """Offsets (n,) of all byte pairs that look like a header, ascending."""
     found = []
     for start in range(0, max(data.size - 2, 0), BLOCK):
         block = data[start : start + BLOCK + 1]
@@ -211,7 +213,7 @@ def _headers(data: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 
 def _formats(data: NDArray[np.uint8]) -> dict[str, MessageFormat]:
-    """The formats that the log defines, by name; a damaged FMT is left out, the last of a name counts."""
+    """{name: format}; damaged FMT messages are ignored, the last of a name is used."""
     heads = _headers(data)
     heads = heads[data[heads + 2] == FMT_TYPE]
     formats = {}
@@ -223,7 +225,7 @@ def _formats(data: NDArray[np.uint8]) -> dict[str, MessageFormat]:
 
 
 def _format(body: bytes) -> MessageFormat | None:
-    """One FMT message, None where its parts contradict each other."""
+    """The format of one FMT message, None if its parts contradict each other."""
     kind, length = body[0], body[1]
     try:
         name, layout, labels = (
@@ -239,12 +241,12 @@ def _format(body: bytes) -> MessageFormat | None:
 
 
 def _messages(data: NDArray[np.uint8], lengths: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Offsets (n,) of the messages, and how many bytes they cover.
+    """Offsets (n,) of the messages, and the number of bytes they cover.
 
-    Two bytes of a payload may look like a header, so messages are what a walk from header to header
-    meets. A message counts if another one, or the end of the file, follows right after it; otherwise
-    the walk goes on at the next header that has such a follower. Only the places where the next header
-    is not the expected one cost a step of the loop.
+    Two bytes of a payload may look like a header, so the headers are followed from message to message. A
+    message is valid if another one, or the end of the file, follows directly; otherwise the search continues
+    at the next header with such a follower. The loop takes one step only where the next header is not the
+    expected one.
     """
     heads = _headers(data)
     heads = heads[lengths[data[heads + 2]] > 0]

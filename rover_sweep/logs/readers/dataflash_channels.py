@@ -1,7 +1,7 @@
-"""From the messages of a DataFlash log to channels in SI units and ISO axes.
+"""Converts messages of a DataFlash log to channels in SI units and ISO axes.
 
 ArduPilot logs in FRD axes (x forward, y right, z down) and yaw clockwise from north, so r, a_y, V_y
-and psi change sign; p and phi do not. Message names and units as seen in logs of ArduRover 3.1 to 4.6.
+and psi change sign; p and phi do not. Message names and units are those of ArduRover 3.1 to 4.6.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from rover_sweep.logs.readers.main_loop import main_loops
 
 Rows = NDArray[np.void]
 
-DAMAGE_LIMIT = 0.01  # share of lost bytes above which gaps are everywhere
-# Breaks per message above which the numbers are not to be trusted: a message has no checksum, and a flipped
-# bit breaks the chain in 3 of some 45 bytes, so that 15 times as many messages hold a wrong number.
+DAMAGE_LIMIT = 0.01  # share of lost bytes; above it the log has gaps everywhere
+# Breaks per message; above it the numbers are unreliable. Messages have no checksum, and a flipped bit is a
+# break only in 3 of about 45 bytes, so 15 times as many messages have a wrong number.
 BREAK_LIMIT = 1e-3
 RAW_POST_FILTER, RAW_PRE_AND_POST = 1 << 2, 1 << 3  # bits of INS_RAW_LOG_OPT
 
 
 def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> tuple[Log, ...]:
-    """A .BIN file as one `Log` for each log that was joined into it, mostly one.
+    """A .BIN file as one `Log` for each log in it, usually one.
 
-    Raises DataRefused for a file that is empty, no log, or damaged.
+    DataRefused for a file that is empty, not a log, or damaged.
     """
     parts = open_parts(path)
     _refuse_damage(path, parts)
@@ -97,23 +97,23 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
 def _refuse_damage(path: Path, parts: tuple[DataFlash, ...]) -> None:
     size = sum(part.data.size for part in parts)
     if size == 0:
-        raise DataRefused(f"{path.name} is empty (0 bytes): fetch the log from the vehicle again")
+        raise DataRefused(f"{path.name} is empty (0 bytes): download the log from the vehicle again")
     if not any(_holds_messages(part) for part in parts):
         raise DataRefused(
-            f"{path.name} is no DataFlash log: its {size} bytes hold no messages; "
+            f"{path.name} is not a DataFlash log: its {size} bytes hold no messages; "
             "give a .BIN of an ArduPilot rover"
         )
     lost = sum(part.bad_bytes - part.tail_bytes for part in parts)
     if lost > DAMAGE_LIMIT * size:
         raise DataRefused(
             f"{path.name} is damaged: {lost} of {size} bytes "
-            f"({100 * lost / size:.1f} %) belong to no message; copy it from the vehicle again"
+            f"({100 * lost / size:.1f} %) are outside messages; copy it from the vehicle again"
         )
     breaks, count = sum(part.breaks for part in parts), sum(part.message_count for part in parts)
     if breaks > 1 + BREAK_LIMIT * count:
         raise DataRefused(
-            f"{path.name} is damaged in {breaks} places among {count} messages, so the numbers in others "
-            "are wrong too; copy it from the vehicle again"
+            f"{path.name} is damaged in {breaks} places among {count} messages, so numbers in other "
+            "messages are also wrong; copy it from the vehicle again"
         )
 
 
@@ -131,7 +131,7 @@ def _reading_notes(log: str, flash: DataFlash) -> Iterator[Note]:
         yield Note(
             "warning",
             f"The autopilot could not write {dropped} log messages during this log (DSF.Dp): "
-            "log less (LOG_BITMASK) or use a faster card",
+            "log fewer messages (LOG_BITMASK) or use a faster card",
         )
     names = [n for n in ("IMU", "GYR", "XKF1", "SWEP", "RCOU") if flash.count(n)]
     stamps = {n: _stamps(flash, n, _instance_rows(flash, n)) for n in names}
@@ -146,19 +146,19 @@ def _marks(flash: DataFlash) -> tuple[tuple[float, str], ...]:
 
 
 def _instance_rows(flash: DataFlash, name: str) -> Rows:
-    """Rows of instance 0, by whatever name a message has for its instance."""
+    """Rows of instance 0; the instance column is I or C."""
     label = next((c for c in ("I", "C") if c in flash.formats[name].numbers), "")
     return _first_instance(flash, name, label)
 
 
 def _first_instance(flash: DataFlash, name: str, instance: str, number: int = 0) -> Rows:
-    """Rows of one sensor or filter core; logs before 4.1 have no instance column."""
+    """Rows of one sensor or EKF core; logs before 4.1 have no instance column."""
     rows = flash.rows(name)
     return rows[rows[instance] == number] if instance in flash.formats[name].numbers else rows
 
 
 def _stamps(flash: DataFlash, name: str, rows: Rows) -> Array:
-    """Raw samples carry the time of the sample beside the time of writing."""
+    """Times (n,) [s] of the rows; of raw samples the time of sampling, not of writing."""
     if "SampleUS" in flash.formats[name].numbers:
         return rows["SampleUS"].astype(float) * 1e-6
     return flash.seconds(name, rows)
@@ -167,7 +167,7 @@ def _stamps(flash: DataFlash, name: str, rows: Rows) -> Array:
 def _signals(
     flash: DataFlash, name: str, rows: Rows, channels: Mapping[str, tuple[str, float, str]]
 ) -> dict[str, Signal]:
-    """Channels out of one message type: {channel: (column, factor, unit)}."""
+    """Channels from one message type. channels: {channel: (column, factor, unit)}."""
     t, columns = increasing(
         _stamps(flash, name, rows), *(flash.column(name, c, rows) * f for c, f, _ in channels.values())
     )
@@ -178,7 +178,7 @@ def _signals(
 
 
 def _gyro(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, Signal], bool]:
-    """r and p [rad/s], and whether they are unfiltered (raw samples were logged)."""
+    """r and p [rad/s]; True if they are unfiltered raw samples."""
     channels = {"r": ("GyrZ", -1.0, "rad/s"), "p": ("GyrX", 1.0, "rad/s")}
     for name in _imu_messages(parameters, "GYR"):
         if flash.has(name, "GyrX", "GyrZ"):
@@ -187,7 +187,7 @@ def _gyro(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, 
 
 
 def _accel(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, Signal], bool]:
-    """ay [m/s^2], and whether it is unfiltered."""
+    """ay [m/s^2]; True if it is unfiltered."""
     for name in _imu_messages(parameters, "ACC"):
         if flash.has(name, "AccY"):
             rows = _first_instance(flash, name, "I")
@@ -196,10 +196,10 @@ def _accel(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str,
 
 
 def _imu_messages(parameters: Mapping[str, float], raw: str) -> tuple[str, ...]:
-    """Raw samples first, unless INS_RAW_LOG_OPT made them filtered ones.
+    """Message names, best first: raw samples, unless INS_RAW_LOG_OPT makes them filtered.
 
-    With both kinds logged the filtered ones have higher instance numbers (source:
-    AP_InertialSensor_Backend::log_gyro_raw), so that instance 0 is always raw.
+    With both kinds logged, filtered ones have higher instance numbers (source:
+    AP_InertialSensor_Backend::log_gyro_raw), so instance 0 is always raw.
     """
     options = int(parameters.get("INS_RAW_LOG_OPT", 0))
     filtered = bool(options & RAW_POST_FILTER) and not options & RAW_PRE_AND_POST
@@ -219,7 +219,7 @@ def _attitude(flash: DataFlash) -> dict[str, Signal]:
 
 
 def _velocity(flash: DataFlash) -> dict[str, Signal]:
-    """speed and vy [m/s] from the estimator's velocity and yaw; without one, speed from GPS."""
+    """speed and vy [m/s] from the EKF's velocity and yaw; without EKF, speed from GPS."""
     for name in ("XKF1", "NKF1", "EKF1"):
         if flash.has(name, "VN", "VE", "Yaw"):
             rows = _first_instance(flash, name, "C", _primary_core(flash))
@@ -234,7 +234,7 @@ def _velocity(flash: DataFlash) -> dict[str, Signal]:
 
 
 def _primary_core(flash: DataFlash) -> int:
-    """The estimator core that steered the vehicle most of the time (XKF4.PI)."""
+    """The EKF core that was primary most of the time (XKF4.PI)."""
     if not flash.has("XKF4", "PI"):
         return 0
     return int(np.bincount(flash.rows("XKF4")["PI"].astype(np.int64).clip(0)).argmax())
@@ -243,8 +243,8 @@ def _primary_core(flash: DataFlash) -> int:
 def _output(flash: DataFlash, channel: int) -> Signal | None:
     """A servo output [us] from RCOU.
 
-    Logged at 10 Hz whatever the loop rate, so it samples a much finer staircase: the samples are those
-    of a band-limited signal, and holding them would cost 2.4 dB and 50 ms at 4 Hz. Hence no `hold`.
+    It is logged at 10 Hz at any loop rate, so it samples a much finer staircase. Interpolation suits these
+    samples better than `hold`, which would cost 2.4 dB and 50 ms at 4 Hz.
     """
     for column in (f"C{channel}", f"Ch{channel}", f"Chan{channel}"):
         if flash.has("RCOU", column):
@@ -270,9 +270,9 @@ def _applet(flash: DataFlash) -> AppletRows | None:
 
 
 def _applet_steering(flash: DataFlash) -> Signal | None:
-    """The staircase that the applet put out: SWEP.Out as read back, Cmd where Out is not the servo's.
+    """The applet's output as a staircase: SWEP.Out as read back, or Cmd if Out is not the servo output.
 
-    Out is read right after it was set, and reaches the servo at the next main loop.
+    Out is read immediately after it is set, and reaches the servo at the next main loop.
     """
     if not flash.has("SWEP", "Cmd", "Out"):
         return None

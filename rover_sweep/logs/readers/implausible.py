@@ -1,4 +1,4 @@
-"""Samples that no sensor gave, and channels that no sensor fed: left out and told, or the log refused."""
+"""Removes impossible samples and constant channels with a note, or refuses the log."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from rover_sweep.data.recording import Note, Recording, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import Log
 
-# Beyond the full scale of every sensor in use (gyro 34.9 rad/s, accelerometer 16 or 30 g), of a servo's
-# pulse, of a rover on wheels: (lowest, highest) in the channel's unit.
+# (lowest, highest) possible value in the channel's unit: full scale of all sensors in use (gyro 34.9 rad/s,
+# accelerometer 16 or 30 g), servo pulses, rovers on wheels.
 POSSIBLE: Mapping[str, tuple[float, float]] = {
     "r": (-40.0, 40.0),
     "p": (-40.0, 40.0),
@@ -28,16 +28,16 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
 }
 OUTPUTS = ("pwm", "throttle")  # 0 us is an output that is switched off
 OTHER_UNIT = dict.fromkeys(("r", "p"), " (deg/s for rad/s?)") | {"ay": " (mg or cm/s^2 for m/s^2?)"}
-IMPOSSIBLE_LIMIT = 0.01  # share of a channel's samples above which what is left is not to be trusted either
+IMPOSSIBLE_LIMIT = 0.01  # share of a channel's samples; above it the others are unreliable too
 RESPONSES = ("r", "ay", "p", "vy")
 FEWEST = 20  # samples of a channel in a run
 
 
 def screened(log: Log) -> Log:
-    """The log without samples that are not finite or beyond the full scale of any sensor.
+    """The log without samples that are not finite or impossible, with notes on them.
 
-    What was left out is told; channels and steering outputs without any sample are left out whole.
-    Raises DataRefused where more than 1 % of a channel is impossible.
+    Channels and steering outputs without samples are removed. DataRefused when more than 1 % of the samples
+    of a channel are impossible.
     """
     notes: list[Note] = []
     signals = {name: _possible(log, name, s, notes) for name, s in log.signals.items()}
@@ -59,24 +59,24 @@ def _possible(log: Log, channel: str, signal: Signal, notes: list[Note]) -> Sign
         return signal
     if count:
         x = signal.x[wrong]
-        said = (
+        finding = (
             f"{count} of {signal.x.size} samples of {channel} ({signal.source}) are impossible, "
             f"such as {x[int(np.argmax(np.abs(x)))]:.3g} {signal.unit}"
         )
         if count > 1 + IMPOSSIBLE_LIMIT * signal.x.size:
             raise DataRefused(
-                f"{log.name}: {said}; the file is damaged, or {channel} is in another unit"
+                f"{log.name}: {finding}; the file is damaged, or {channel} is in another unit"
                 f"{OTHER_UNIT.get(channel, '')}: copy the log again, or convert the channel"
             )
-        notes.append(Note("warning", f"{said}; they were left out"))
+        notes.append(Note("warning", f"{finding}; they were left out"))
     keep = ~(wrong | off)
     return replace(signal, t=signal.t[keep], x=signal.x[keep])
 
 
 def without_dead_channels(run: Recording) -> Recording:
-    """The run without lateral channels that say nothing in it: constant, or hardly any samples.
+    """The run without lateral channels that are constant or have too few samples.
 
-    Raises DataRefused where that is the yaw rate, which nothing can be identified without.
+    DataRefused when this is the yaw rate, which every identification needs.
     """
     reasons = {c: reason for c in RESPONSES if c in run and (reason := _dead(run.manoeuvre(c)))}
     if "r" in reasons:
@@ -89,7 +89,7 @@ def without_dead_channels(run: Recording) -> Recording:
 
 
 def _dead(signal: Signal) -> str:
-    """Why a signal says nothing, "" where it does."""
+    """Why a signal cannot be used, "" if it can."""
     if signal.t.size < FEWEST:
         return f"has only {signal.t.size} samples in the run"
     if np.ptp(signal.x) == 0:

@@ -1,4 +1,4 @@
-"""When a command reached the servo: with the main loop after it was set."""
+"""Time-stamps commands at the main loop that applied them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from rover_sweep.data.recording import AT_LOOP, Signal
 from rover_sweep.logs.log import Array
 
-MOST_DROPPED = 10  # loops in a row without their message; what is longer is a hole
-SAME_RATE = 0.05  # by which the stamps may be off SCHED_LOOP_RATE and still be those of its loops
+MOST_DROPPED = 10  # consecutive loops without their message; more are a hole
+SAME_RATE = 0.05  # relative tolerance of the rate of the stamps around SCHED_LOOP_RATE
 
 
 def main_loops(stamps: Array, parameters: Mapping[str, float]) -> Array | None:
-    """Starts of the main loops (n,) s, from the stamps of a message that each of them logs.
+    """Starts (n,) [s] of the main loops, from the stamps of a message that each loop logs.
 
-    None where the message was logged at another rate than SCHED_LOOP_RATE. IMU is written by `ahrs_update`,
+    None when the message was logged at another rate than SCHED_LOOP_RATE. IMU is written by `ahrs_update`,
     before `set_servos` in the same loop (source: the scheduler table of Rover-4.6.3, Rover.cpp). Loops whose
-    message the autopilot dropped are put in between.
+    message was dropped are interpolated.
     """
     rate = parameters.get("SCHED_LOOP_RATE", 0.0)
     if stamps.size < 2 or rate <= 0 or abs(float(np.median(np.diff(stamps))) * rate - 1.0) > SAME_RATE:
@@ -33,11 +33,11 @@ def main_loops(stamps: Array, parameters: Mapping[str, float]) -> Array | None:
 
 
 def at_main_loops(steering: Signal, loops: Array | None) -> Signal:
-    """A staircase of commands (pwm, us) with its edges where the servo got them: the first loop from each on.
+    """A staircase of commands (pwm, us) with each edge moved to the next main loop, which applies it.
 
-    The outputs are pushed once a main loop (source: AP_MotorsUGV::output), so a command of a script waits up
-    to a period, each a different time. Of several between two loops only the last got out. As it was where
-    the loops are unknown (None), and half a period later where none was logged for long.
+    The outputs are sent once per main loop (source: AP_MotorsUGV::output), so a script's command waits up to
+    one period. Of several commands between two loops only the last is sent. Unchanged when the loops are
+    unknown (None); half a period later where no loop was logged for long.
     """
     if loops is None or not steering.hold or steering.t.size == 0:
         return steering

@@ -1,4 +1,4 @@
-"""A DataFlash log and the telemetry log of the same drive as one log."""
+"""Merges a DataFlash log and the telemetry log of the same drive."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from rover_sweep.data.recording import Note, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import Log, sensor_filters
 
-UNLIKE = 0.7  # rms difference over standard deviation; two drives of one wave give about 1.4
-UNCOVERED = 30.0  # s of the log without telemetry that are worth a warning
-LEAST_US = 10.0  # rms: less tells nothing
+DIFFERENT = 0.7  # rms difference over standard deviation; two drives of one wave give about 1.4
+UNCOVERED = 30.0  # s of the log without telemetry; more gives a warning
+LEAST_US = 10.0  # rms; smaller differences are ignored
 
 
 def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
-    """The DataFlash log, with the steering (and whatever it lacks) of the telemetry log.
+    """The DataFlash log with the steering, and missing channels, of the telemetry log.
 
-    Both carry the vehicle's time since boot, so no alignment is fitted; that they belong together is
-    checked by the steering output itself. Raises DataRefused where they do not.
+    Both have the vehicle's time since boot, so no alignment is needed; the steering outputs show whether they
+    are of one drive. DataRefused when they are not.
     """
     match = max(telemetry, key=lambda log: overlap(flash, log))
     if overlap(flash, match) < 1.0:
@@ -27,11 +27,11 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
             f"{flash.name} ({_extent(flash)}) and {match.name} ({_extent(match)}) have no vehicle time "
             "in common: give the two logs of one drive"
         )
-    apart, spread = _disagreement(flash, match)
-    if apart > max(LEAST_US, UNLIKE * spread):
+    difference, spread = _disagreement(flash, match)
+    if difference > max(LEAST_US, DIFFERENT * spread):
         raise DataRefused(
             f"{flash.name} and {match.name} are not of one drive: their steering outputs differ by "
-            f"{apart:.0f} us (rms) where they vary by {spread:.0f}; give the two logs of one drive"
+            f"{difference:.0f} us (rms) and vary by {spread:.0f} us; give the two logs of one drive"
         )
     filters, _ = sensor_filters(flash.parameters, None)
     borrowed = {c: s for c, s in match.signals.items() if c not in flash.signals}
@@ -57,7 +57,7 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
 
 
 def _coverage(flash: Log, telemetry: Log) -> Iterator[Note]:
-    """Said where runs may be missed because the steering is known for a part of the log only."""
+    """A warning when the steering is known for a part of the log only, so runs may be missed."""
     if flash.applet is not None or not telemetry.steering:
         return
     (a, b), (c, d) = extent(flash), extent(telemetry)
@@ -70,14 +70,14 @@ def _coverage(flash: Log, telemetry: Log) -> Iterator[Note]:
 
 
 def ranked_steering(flash: Log, telemetry: Log) -> tuple[Signal, ...]:
-    """The applet's own staircase first, then the others by their rate."""
+    """The steering outputs, best first: the applet's staircase, then the others by sampling rate."""
     own = [s for s in flash.steering if s.hold]
     sampled = [s for s in (*flash.steering, *telemetry.steering) if s not in own]
     return (*own, *sorted(sampled, key=lambda s: -s.rate))
 
 
 def overlap(one: Log, other: Log) -> float:
-    """Seconds of vehicle time that both logs cover."""
+    """Vehicle time [s] that both logs cover."""
     (a, b), (c, d) = extent(one), extent(other)
     return min(b, d) - max(a, c)
 
@@ -96,7 +96,7 @@ def _extent(log: Log) -> str:
 
 
 def _disagreement(flash: Log, telemetry: Log) -> tuple[float, float]:
-    """Rms difference [us] of the two logs' steering outputs where both have one, and its spread."""
+    """(rms difference, standard deviation) [us] of the steering outputs where both have one."""
     if not flash.steering or not telemetry.steering:
         return 0.0, 0.0
     coarse, fine = flash.steering[-1], telemetry.steering[0]

@@ -1,8 +1,8 @@
-"""Columns out of a telemetry log (.tlog), only for the MAVLink messages that are asked for.
+"""Columns of a telemetry log (.tlog), only for the requested MAVLink messages.
 
 A .tlog is a sequence of records: 8 bytes of arrival time (us, big-endian), then one MAVLink 1 or 2 frame
-(https://mavlink.io/en/guide/serialization.html). The frames are found in one walk, and the payloads of
-a message are decoded together; layouts and checksum seeds come from pymavlink's generated classes.
+(https://mavlink.io/en/guide/serialization.html). The frames are found in one pass, and the payloads of
+a message are decoded together; layouts and checksum seeds are those of pymavlink's generated classes.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Frames:
         return int(self.rows.size)
 
     def where(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Frames:
-        """The frames for which `keep` (n,) holds, or those of these numbers in their order."""
+        """The frames selected by a mask `keep` (n,), or by indices in their order."""
         return Frames(
             self.rows[keep],
             self.system[keep],
@@ -53,7 +53,7 @@ class Frames:
 
 @dataclass(frozen=True)
 class Tlog:
-    """The wanted messages of a .tlog by name, and what was lost.
+    """The requested messages of a .tlog by name, and counts of losses.
 
     frame_count: frames of all kinds. bad_bytes: bytes outside records. damaged: places where a frame was
     lost to wrong bytes. size: of the file, bytes.
@@ -107,10 +107,10 @@ def _dtype(name: str) -> np.dtype[np.void]:
 
 @dataclass(frozen=True)
 class Walk:
-    """Where the frames of a .tlog lie.
+    """The positions of the frames of a .tlog.
 
-    starts: byte offsets of the wanted frames by message id. frame_count: all frames. damaged: places where a
-    frame was lost to wrong bytes. bad_bytes: bytes outside of records.
+    starts: byte offsets of the requested frames by message id. frame_count: all frames. damaged: places where
+    a frame was lost to wrong bytes. bad_bytes: bytes outside of records.
     """
 
     starts: dict[int, list[int]]
@@ -120,10 +120,10 @@ class Walk:
 
 
 def walk(data: bytes, wanted: frozenset[int] | None = None) -> Walk:
-    """Find all frames of a .tlog whose checksum is right, or which are of a message without a known one.
+    """Finds all frames of a .tlog with a correct checksum, or of a message without a known one.
 
-    wanted: ids of messages, None for all. A damaged frame costs itself alone: the search goes on at the next
-    frame whose checksum is right, whatever was wrong (content, length, the stamp before it).
+    wanted: message ids, None for all. A damaged frame costs no other frame: the search continues at the next
+    frame with a correct checksum, also when the length or the time stamp is damaged.
     """
     found: defaultdict[int, list[int]] = defaultdict(list)
     at = count = damaged = bad = 0
@@ -150,7 +150,7 @@ def walk(data: bytes, wanted: frozenset[int] | None = None) -> Walk:
 
 
 def _header(data: bytes, start: int) -> tuple[int, int]:
-    """(end, message id) of the frame that seems to start there; end 0 where there can be no whole one."""
+    """(end, message id) of the frame that seems to start there; end 0 if it cannot be complete."""
     size = len(data)
     if start + 8 > size:
         return 0, 0
@@ -165,12 +165,12 @@ def _header(data: bytes, start: int) -> tuple[int, int]:
 
 
 def _goes_on(data: bytes, end: int) -> bool:
-    """Whether another record, or the end of the file, follows."""
+    """True when another record, or the end of the file, follows."""
     return end == len(data) or (end + STAMP < len(data) and data[end + STAMP] in (MAGIC_1, MAGIC_2))
 
 
 def _next_frame(data: bytes, start: int, stop: int) -> int:
-    """Where the next frame with a right checksum starts, `stop` where none does before."""
+    """Start of the next frame with a correct checksum, `stop` for none before."""
     for match in _MAGIC.finditer(data, start, stop):
         end, number = _header(data, match.start())
         if end > 0 and _checksum_right(data, match.start(), end, number):
@@ -179,7 +179,7 @@ def _next_frame(data: bytes, start: int, stop: int) -> int:
 
 
 def _checksum_right(data: bytes, start: int, end: int, number: int) -> bool | None:
-    """Whether the frame's checksum is right; None for a message that is not known."""
+    """True when the frame's checksum is correct; None for an unknown message."""
     seed = _seeds().get(number)
     if seed is None:
         return None
@@ -204,7 +204,7 @@ def _decode(raw: NDArray[np.uint8], starts: NDArray[np.int64], name: str) -> Fra
     shapes = np.stack((new.astype(np.int64), raw[starts + 1].astype(np.int64)))
     for version, length in np.unique(shapes, axis=1).T.tolist():
         k = np.flatnonzero((shapes[0] == version) & (shapes[1] == length))
-        body = min(length, layout.itemsize)  # a newer sender may add fields; zeros at the end are left out
+        body = min(length, layout.itemsize)  # a newer sender may add fields; trailing zeros are not sent
         payload[k, :body] = raw[starts[k, None] + (10 if version else 6) + np.arange(body)]
     sequence = starts + np.where(new, 4, 2)
     stamps = np.ascontiguousarray(raw[starts[:, None] - STAMP + np.arange(STAMP)]).view(">u8")[:, 0] * 1e-6

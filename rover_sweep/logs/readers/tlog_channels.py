@@ -1,8 +1,8 @@
-"""From the messages of a telemetry log to channels in SI units and ISO axes, on the vehicle's clock.
+"""Converts messages of a telemetry log to channels in SI units and ISO axes, on the vehicle's clock.
 
-A .tlog is stamped on arrival, so its stamps hold the link's delays (pymavlink issue 661); the messages'
-own time_boot_ms and time_usec are used. Field units: https://mavlink.io/en/messages/common.html; that
-ArduPilot counts both since boot, and time_usec of SERVO_OUTPUT_RAW in 32 bit, was seen in logs of 4.6.3.
+A .tlog is stamped on arrival, so its stamps include the link's delays (pymavlink issue 661); time_boot_ms and
+time_usec of the messages are used instead. Field units: https://mavlink.io/en/messages/common.html. In logs
+of 4.6.3 ArduPilot counts both since boot, and time_usec of SERVO_OUTPUT_RAW in 32 bit.
 """
 
 from __future__ import annotations
@@ -60,24 +60,26 @@ KINDS = {
     14: "copter",
     15: "copter",
 }
-EVERY_STEP_SEEN = 100.0  # Hz: a faster stream catches each step of the staircase (Lua runs at 84 Hz)
+EVERY_STEP = 100.0  # Hz; a faster stream records each step of the staircase (Lua runs at 84 Hz)
 MILLI_G = 9.80665e-3
 STEERING_FIRST = 1
-_PASSING = 2  # heartbeats of another vehicle that are no drive: a link records none after the first
+_PASSING = 2  # heartbeats of another vehicle that are ignored: a link records none after the first
 
 
 def read_telemetry(
     path: Path, filters: Mapping[str, float] | None = None, system: int | None = None
 ) -> tuple[Log, ...]:
-    """A .tlog as one `Log` for each start of the vehicle. system: its MAVLink id, None: the one heard most.
-    Raises DataRefused for a useless file."""
+    """A .tlog as one `Log` for each start of the vehicle. DataRefused for an unusable file.
+
+    system: MAVLink id of the vehicle, None for the one with most heartbeats.
+    """
     tlog = open_tlog(path, WANTED)
     _refuse_damage(path, tlog)
     kind, own, others = _of_vehicle(path, tlog, system)
     starts = list(sessions(own))
     if not starts:
         raise DataRefused(
-            f"{path.name} holds no ATTITUDE or IMU messages: ask the vehicle for them while recording"
+            f"{path.name} holds no ATTITUDE or IMU messages: request them from the vehicle while recording"
         )
     source, damage = source_of(path), (*others, *_reading_notes(tlog, len(starts)))
     names = [path.stem if len(starts) == 1 else f"{path.stem} start {i + 1}" for i in range(len(starts))]
@@ -88,11 +90,12 @@ def _refuse_damage(path: Path, tlog: Tlog) -> None:
     if tlog.size == 0:
         raise DataRefused(f"{path.name} is empty (0 bytes): record the telemetry again")
     if tlog.frame_count == 0:
-        raise DataRefused(f"{path.name} is no telemetry log: its {tlog.size} bytes hold no MAVLink frame")
+        raise DataRefused(f"{path.name} is not a telemetry log: its {tlog.size} bytes hold no MAVLink frame")
     if tlog.damaged > tlog.frame_count or 2 * tlog.bad_bytes > tlog.size:
         raise DataRefused(
-            f"{path.name} is damaged: {tlog.damaged} frames have wrong bytes, {tlog.frame_count} are whole, "
-            f"and {tlog.bad_bytes} of {tlog.size} bytes belong to no frame; use another copy or the .BIN"
+            f"{path.name} is damaged: {tlog.damaged} frames have wrong bytes, {tlog.frame_count} are "
+            f"complete, and {tlog.bad_bytes} of {tlog.size} bytes are outside frames; use another copy "
+            "or the .BIN"
         )
 
 
@@ -107,17 +110,16 @@ def _reading_notes(tlog: Tlog, starts: int) -> Iterator[Note]:
     elif tlog.bad_bytes:
         yield Note(
             "warning",
-            f"{tlog.bad_bytes} bytes of the telemetry log belong to no whole frame and were skipped",
+            f"{tlog.bad_bytes} bytes of the telemetry log are outside complete frames and were skipped",
         )
     if starts > 1:
-        yield Note("info", f"The vehicle restarted {starts - 1} times while this was recorded")
+        yield Note("info", f"The vehicle restarted {starts - 1} times during the recording")
 
 
 def _of_vehicle(
     path: Path, tlog: Tlog, wanted: int | None
 ) -> tuple[str, dict[str, Frames], tuple[Note, ...]]:
-    """The kind of the vehicle of that system id, else of the one whose heartbeats are most frequent; its
-    messages; and that others are in the file too."""
+    """(kind, messages, notes) of the vehicle of that system id, else of that with most heartbeats."""
     hearts = tlog.messages.get("HEARTBEAT")
     if hearts is None or not np.any(hearts.rows["autopilot"] == ARDUPILOT):
         raise DataRefused(
@@ -126,9 +128,11 @@ def _of_vehicle(
     hearts = hearts.where(hearts.rows["autopilot"] == ARDUPILOT)
     counts = np.bincount(hearts.system, minlength=256)
     system = int(counts.argmax()) if wanted is None else wanted
-    there = [int(number) for number in np.flatnonzero((counts > _PASSING) | (counts == counts.max()))]
+    recorded_systems = [
+        int(number) for number in np.flatnonzero((counts > _PASSING) | (counts == counts.max()))
+    ]
     if not counts[system]:
-        names = ", ".join(f"system {number}" for number in there)
+        names = ", ".join(f"system {number}" for number in recorded_systems)
         raise DataRefused(
             f"{path.name} holds no heartbeat of system {system}, only of {names}; give --system one of them"
         )
@@ -136,7 +140,7 @@ def _of_vehicle(
     component = np.bincount(hearts.component).argmax()
     kind = int(hearts.rows["type"][-1])
     own = {n: f.where((f.system == system) & (f.component == component)) for n, f in tlog.messages.items()}
-    notes = () if wanted is not None else tuple(_others(system, [n for n in there if n != system]))
+    notes = () if wanted is not None else tuple(_others(system, [n for n in recorded_systems if n != system]))
     return KINDS.get(kind, f"vehicle of MAV_TYPE {kind}"), {n: f for n, f in own.items() if len(f)}, notes
 
 
@@ -145,8 +149,8 @@ def _others(system: int, others: list[int]) -> Iterator[Note]:
         names = " and ".join(f"system {number}" for number in others)
         yield Note(
             "warning",
-            f"The telemetry log holds several vehicles: system {system}, which is read, and {names}, which "
-            "is left out; choose with --system N",
+            f"The telemetry log holds several vehicles: system {system}, which is used, and {names}, which "
+            "is ignored; choose with --system N",
         )
 
 
@@ -171,7 +175,7 @@ def _log(
         signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
     firmware = firmware_of(marks) or _version(session)
     if recorded is None and steering is not None:
-        notes += (Note("info", "The telemetry log does not tell which output steers: servo 1 is assumed"),)
+        notes += (Note("info", "The telemetry log does not show which output steers: servo 1 is assumed"),)
     return Log(
         name=name,
         signals=signals,
@@ -190,7 +194,7 @@ def _log(
 
 
 def _arrivals(session: BootMessages) -> tuple[Array, Array]:
-    """Vehicle's time and recorder's time [s] of the most frequent message that carries a time."""
+    """Vehicle's time (n,) [s] and recorder's time (n,) [s] of the most frequent message with a time."""
     name = max((n for n in CLOCKS if n in session.messages), key=lambda n: _count(session, n))
     t, (arrival,) = increasing(session.seconds(name), session.messages[name].arrival)
     return t, arrival
@@ -213,7 +217,7 @@ def _marks(session: BootMessages) -> tuple[tuple[float, str], ...]:
 
 
 def _version(session: BootMessages) -> str:
-    """Firmware version out of AUTOPILOT_VERSION, e.g. "V4.6.3"."""
+    """Firmware version from AUTOPILOT_VERSION, such as "V4.6.3"."""
     if "AUTOPILOT_VERSION" not in session.messages:
         return ""
     number = int(session.messages["AUTOPILOT_VERSION"].rows["flight_sw_version"][-1])
@@ -223,7 +227,7 @@ def _version(session: BootMessages) -> str:
 def _signals(
     session: BootMessages, name: str, channels: Mapping[str, tuple[str, float, str]]
 ) -> dict[str, Signal]:
-    """Channels out of one message: {channel: (field, factor, unit)}."""
+    """Channels from one message. channels: {channel: (field, factor, unit)}."""
     rows = session.messages[name].rows
     t, columns = increasing(
         session.seconds(name), *(rows[field].astype(float) * factor for field, factor, _ in channels.values())
@@ -239,7 +243,7 @@ def _count(session: BootMessages, name: str) -> int:
 
 
 def _imu(session: BootMessages) -> dict[str, Signal]:
-    """r, p [rad/s], ay [m/s^2] from the fastest IMU message; r and p from ATTITUDE if much faster."""
+    """r, p [rad/s], ay [m/s^2] from the most frequent IMU message; r, p from ATTITUDE if more frequent."""
     names = ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2")
     best = max(names, key=lambda n: _count(session, n))
     found: dict[str, Signal] = {}
@@ -268,7 +272,7 @@ def _attitude(session: BootMessages) -> dict[str, Signal]:
 
 
 def _velocity(session: BootMessages, psi: Signal | None) -> dict[str, Signal]:
-    """speed and vy [m/s] from the velocity north and east; speed alone from VFR_HUD."""
+    """speed and vy [m/s] from the velocity north and east; else speed from VFR_HUD."""
     local, world = _count(session, "LOCAL_POSITION_NED"), _count(session, "GLOBAL_POSITION_INT")
     if psi is not None and max(local, world) > 1:
         name, factor = ("LOCAL_POSITION_NED", 1.0) if local >= world else ("GLOBAL_POSITION_INT", 0.01)
@@ -285,9 +289,8 @@ def _velocity(session: BootMessages, psi: Signal | None) -> dict[str, Signal]:
 def _output(session: BootMessages, channel: int) -> Signal | None:
     """A servo output [us] from SERVO_OUTPUT_RAW.
 
-    The stream samples a staircase that may be as fine as itself (40 Hz out of a loop at 50 Hz), so the
-    samples are taken as those of a smooth wave; holding them would add half an interval of delay. Only
-    a stream that catches every step is a staircase itself.
+    The staircase may be as fine as the stream (40 Hz from a loop at 50 Hz), so samples are interpolated;
+    holding them would add half an interval of delay. Only a stream that records every step is held.
     """
     frames = session.messages.get("SERVO_OUTPUT_RAW")
     if frames is None:
@@ -301,4 +304,4 @@ def _output(session: BootMessages, channel: int) -> Signal | None:
     )
     t, (x,) = increasing(t[of_port], x[of_port])
     signal = Signal(t, x, "us", f"SERVO_OUTPUT_RAW.servo{channel}_raw")
-    return Signal(t, x, "us", signal.source, hold=signal.rate > EVERY_STEP_SEEN)
+    return Signal(t, x, "us", signal.source, hold=signal.rate > EVERY_STEP)

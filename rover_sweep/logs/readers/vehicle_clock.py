@@ -1,4 +1,4 @@
-"""The vehicle's own time for every message of a telemetry log, whatever the link did to the arrival times."""
+"""The vehicle's time for every message of a telemetry log, independent of the times of arrival."""
 
 from __future__ import annotations
 
@@ -22,21 +22,24 @@ CLOCKS = (
     "GLOBAL_POSITION_INT",
 )
 WRAP = 2.0**32 * 1e-6  # s after which SERVO_OUTPUT_RAW.time_usec starts again
-REBOOT = 1.0  # s: a clock that falls by more has started again
-STAYS = 5  # messages that show it
-REPEATED = 1 << 18  # bytes of a .tlog within which a frame of the same content and number is the same frame
+REBOOT = 1.0  # s; a clock that falls by more has restarted
+CONFIRMING = 5  # messages that must confirm a restart
+REPEATED = 1 << 18  # bytes of a .tlog, within which an identical frame is a repetition
 
 
 @dataclass(frozen=True, eq=False)
 class BootMessages:
-    """The vehicle's messages between two restarts, with a clock for those that carry no time."""
+    """The vehicle's messages between two restarts, with a clock for messages without time.
+
+    clock (n,) [s] at positions clock_order (n,) [bytes] of the file.
+    """
 
     messages: Mapping[str, Frames]
     clock_order: NDArray[np.int64]
     clock: Array
 
     def seconds(self, name: str) -> Array:
-        """Vehicle time (n,) s of each message of a name; that of the message before, where it has none."""
+        """Vehicle time (n,) [s] of each message of a name; without a time, that of the previous message."""
         frames = self.messages[name]
         fields = frames.rows.dtype.names or ()
         if "time_boot_ms" in fields:
@@ -50,9 +53,9 @@ class BootMessages:
 
 
 def sessions(messages: Mapping[str, Frames]) -> Iterator[BootMessages]:
-    """The vehicle's messages, cut where its clock starts again; none if no message carries its time.
+    """The vehicle's messages, split where its clock restarts; empty if no message has a time.
 
-    Frames that came twice are kept once, and those that overtook each other on the link are put in order.
+    Repeated frames are removed, and frames that arrived in a wrong order are sorted.
     """
     single = {name: _without_repeats(frames) for name, frames in messages.items()}
     clocks = [single[n] for n in CLOCKS if n in single]
@@ -66,16 +69,18 @@ def sessions(messages: Mapping[str, Frames]) -> Iterator[BootMessages]:
     for start, end in zip(edges[:-1], edges[1:], strict=True):
         inside = (order >= start) & (order < end)
         parts = {n: f.where((f.order >= start) & (f.order < end)) for n, f in single.items()}
-        clock = np.maximum.accumulate(times[inside])  # a message that comes late does not turn it back
+        clock = np.maximum.accumulate(times[inside])  # a late message does not move it back
         session = BootMessages({n: f for n, f in parts.items() if len(f)}, order[inside], clock)
         yield replace(session, messages={n: _in_order(session, n) for n in session.messages})
 
 
 def _restarts(times: Array) -> NDArray[np.int64]:
-    """Where (k,) stamps (n,) s fall by more than `REBOOT` and stay there: a message that was held up on the
-    link comes alone among newer ones."""
+    """Indices (k,) at which stamps (n,) [s] fall by more than `REBOOT` and stay low.
+
+    A message that the link delayed is low alone, among newer ones.
+    """
     falls = np.flatnonzero(np.diff(times) < -REBOOT) + 1
-    stays = [k for k in falls if np.max(times[k : k + STAYS]) < times[k - 1] - REBOOT]
+    stays = [k for k in falls if np.max(times[k : k + CONFIRMING]) < times[k - 1] - REBOOT]
     return np.array(stays, np.int64)
 
 
@@ -85,7 +90,7 @@ def _in_order(session: BootMessages, name: str) -> Frames:
 
 
 def _without_repeats(frames: Frames) -> Frames:
-    """Without frames equal in content and sequence number to one not long before, as a link repeats them."""
+    """Without frames that repeat an earlier one in content and sequence number, as links do."""
     seen: dict[tuple[int, int, int, bytes], int] = {}
     keep = np.ones(len(frames), bool)
     columns = (frames.system, frames.component, frames.sequence)

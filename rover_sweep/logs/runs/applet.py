@@ -1,4 +1,4 @@
-"""What the applet writes into a log: its states run by run, and its messages."""
+"""The applet's states, run by run, and its messages in a log."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ WAVE_STATES = {4, 5, 6, 7}  # fade-in, dwell, law or doublet, fade-out
 OVERRIDE_STATES = {3, 8} | WAVE_STATES
 STOPPED = 10
 OLD_STATE = 2  # the only state that the applet of 2025 logged
-TOLD_KINDS: Mapping[str, Kind] = {"start multisine": "multisine", "start bias sweep": "bias_sweep"}
+ANNOUNCED_KINDS: Mapping[str, Kind] = {"start multisine": "multisine", "start bias sweep": "bias_sweep"}
 START = re.compile(r"^SW[PX]\b.*\bstart\b", re.IGNORECASE)
 END = re.compile(r"^SW[PX]\b.*\b(done|stop|stopped|abort|aborted)\b", re.IGNORECASE)
 
 
 def applet_runs(rows: AppletRows) -> Iterator[AppletRows]:
-    """The applet's rows run by run; the old applet's clock T restarts with each run."""
+    """The applet's rows of each run; the old applet's clock T restarts with each run."""
     rows = _without_lone(rows)
     old = (rows.state == OLD_STATE) & (rows.clock >= 0)
     restarted = old[1:] & old[:-1] & (np.diff(rows.clock) < -0.5)
@@ -32,7 +32,7 @@ def applet_runs(rows: AppletRows) -> Iterator[AppletRows]:
 
 
 def _without_lone(rows: AppletRows) -> AppletRows:
-    """Without rows whose run or state is another than that of both neighbours, which agree: damage."""
+    """Without damaged rows, whose run or state differs from both neighbours, which are equal."""
     keep = np.ones(rows.t.size, bool)
     for x in (rows.run, rows.state):
         keep[1:-1] &= (x[1:-1] == x[:-2]) | (x[:-2] != x[2:])
@@ -40,7 +40,7 @@ def _without_lone(rows: AppletRows) -> AppletRows:
 
 
 def is_old(rows: AppletRows) -> bool:
-    """Whether the rows of a run come from the applet that logged no states."""
+    """True when the rows are from the old applet, which logged no states."""
     return set(np.unique(rows.state)) <= {OLD_STATE}
 
 
@@ -49,12 +49,14 @@ def starts(log: Log) -> list[float]:
     return [t for t, text in log.marks if START.match(text)]
 
 
-def told_kind(log: Log, start: float) -> Kind | None:
-    """What the applet called the run that is excited from `start` [s]; None where its wave must tell."""
-    said = [text for t, text in log.marks if t <= start + 1.0 and (START.match(text) or END.match(text))]
-    return next((kind for name, kind in TOLD_KINDS.items() if said and said[-1].endswith(name)), None)
+def announced_kind(log: Log, start: float) -> Kind | None:
+    """The kind that the applet announced for the run from `start` [s]; None if only the wave shows it."""
+    announced = [text for t, text in log.marks if t <= start + 1.0 and (START.match(text) or END.match(text))]
+    return next(
+        (kind for name, kind in ANNOUNCED_KINDS.items() if announced and announced[-1].endswith(name)), None
+    )
 
 
 def ends(log: Log) -> list[float]:
-    """Times [s] of its messages that a run is done, or stopped."""
+    """Times [s] of the applet's messages that a run is done or stopped."""
     return [t for t, text in log.marks if END.match(text)]

@@ -1,4 +1,4 @@
-"""What a log says of which vehicle made it."""
+"""The identity of the vehicle that made a log."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rover_sweep.logs.log import STEERING, Log, output_channel
 # ArduPilot's banner ends with the board's name and its processor's unique id (source: AP_HAL
 # Util::get_system_id, "CubeOrange 0028001F 3432510D 37343231"); the simulation has none.
 BOARD = re.compile(r"^(\S+ (?:[0-9A-F]{8} ){2}[0-9A-F]{8})$")
-SYSTEM = ("MAV_SYSID", "SYSID_THISMAV")  # after 4.6, and before
+SYSTEM = ("MAV_SYSID", "SYSID_THISMAV")  # after 4.6, before
 OF_BOARD = (
     "INS_GYR_ID",
     "INS_ACC_ID",
@@ -21,7 +21,7 @@ OF_BOARD = (
 
 
 def identity(log: Log) -> dict[str, str]:
-    """{"board", "system id", names of parameters: value}, as far as the log has them."""
+    """{"board", "system id" or parameter: value}, as far as logged."""
     boards = [board.group(1) for _, text in log.marks if (board := BOARD.match(text))]
     found = {"board": boards[-1]} if boards else {}
     system = next((log.parameters[name] for name in SYSTEM if name in log.parameters), log.system)

@@ -1,4 +1,4 @@
-"""Does a recording hold the whole run? By the applet's own words, else by where the steering stands."""
+"""Checks whether a recording holds the complete run: by the applet's messages, else by the steering."""
 
 from __future__ import annotations
 
@@ -13,43 +13,43 @@ from rover_sweep.logs.runs.applet import WAVE_STATES, applet_runs, ends, is_old,
 from rover_sweep.logs.runs.wave import CONSTANT, HALF_WAVES, active_threshold, half_waves
 
 HOLE = 1.0  # s without a sample
-TOLD = 3  # holes told one by one
+MAX_NOTES = 3  # holes with a note of their own
 
 
 def completeness_notes(log: Log, start: float, end: float) -> tuple[Note, ...]:
-    """Warnings where the recording begins after, or ends before, the run whose wave spans start..end [s]."""
+    """Warnings when the recording begins after, or ends before, the run with its wave in start..end [s]."""
     if log.whole:
         return ()
     steering = log.steering[0]
     rest = float(np.median(steering.between(start, end).x))
     notes = []
-    if seen := _cut_after(log, steering, rest, start, end):
-        notes.append(Note("warning", f"{seen} The run is judged and fitted up to there only; drive it again"))
-    if (seen := _cut_before(steering, rest, start)) and not _is_told_started(log, start, end):
-        notes.append(Note("warning", f"{seen} The run is judged and fitted from there only"))
+    if reason := _cut_after(log, steering, rest, start, end):
+        notes.append(Note("warning", f"{reason} Only the part before it is used; drive the run again"))
+    if (reason := _cut_before(steering, rest, start)) and not _start_was_announced(log, start, end):
+        notes.append(Note("warning", f"{reason} Only the part after it is used"))
     return tuple(notes)
 
 
-def _is_told_complete(log: Log, start: float, end: float) -> bool:
-    """Whether the applet said that it was done (or had stopped) between this run and the next."""
+def _end_was_announced(log: Log, start: float, end: float) -> bool:
+    """True when the applet announced the end (done or stopped) between this run and the next."""
     return any(start < t for t in ends(log) if not any(end < s < t for s in starts(log)))
 
 
-def _is_told_started(log: Log, start: float, end: float) -> bool:
+def _start_was_announced(log: Log, start: float, end: float) -> bool:
     begun = [s for s in starts(log) if s < end]
     return bool(begun) and not any(begun[-1] < t < start for t in ends(log))
 
 
 def _cut_after(log: Log, steering: Signal, rest: float, start: float, end: float) -> str:
-    """What tells that the run went on after `end`, "" where nothing does."""
+    """A sentence when the run continued after `end` [s], else ""."""
     last = min(s.t[-1] for s in (steering, log.signals["speed"], log.signals["r"]))
     if last < end - HOLE:
-        return f"The recording ends before the run did: speed or yaw rate stop at {last:.1f} s."
-    if _is_told_complete(log, start, end):
+        return f"The recording ends before the end of the run: speed or yaw rate end at {last:.1f} s."
+    if _end_was_announced(log, start, end):
         return ""
     state = _last_state(log, start, end)
     if state in WAVE_STATES:
-        return f"The recording ends before the run did: the applet's last state, at {end:.1f} s, is {state}."
+        return f"The recording ends before the end of the run: the last state is {state}, at {end:.1f} s."
     begun = any(s <= end for s in starts(log))
     stop = _edge(steering, end, 1)
     away = _is_away(steering, stop, rest)
@@ -57,10 +57,10 @@ def _cut_after(log: Log, steering: Signal, rest: float, start: float, end: float
         hole = float(steering.t[stop + 1] - steering.t[stop])
         if hole > HOLE and (away or _is_away(steering, stop + 1, rest)):
             at = f"{hole:.1f} s at {steering.t[stop]:.1f} s"
-            return f"The recording has a hole of {at}, before the run was over."
+            return f"The recording has a hole of {at}, before the end of the run."
     if end > last - HOLE and (begun or away):
-        unsaid = ", and the applet did not say that it was done" if begun else ""
-        return f"The recording ends before the run did: it stops at {last:.1f} s{unsaid}."
+        unannounced = ", and the applet did not announce the end of the run" if begun else ""
+        return f"The recording ends before the end of the run: it ends at {last:.1f} s{unannounced}."
     return ""
 
 
@@ -70,8 +70,8 @@ def _cut_before(steering: Signal, rest: float, start: float) -> str:
         return ""
     away = _is_away(steering, first, rest)
     if first == 0:
-        seen = f"The recording begins after the run did: it steers from the first sample, at {start:.1f} s."
-        return seen if away else ""
+        reason = f"The recording begins after the start of the run: it steers at its start, {start:.1f} s."
+        return reason if away else ""
     hole = float(steering.t[first] - steering.t[first - 1])
     if hole > HOLE and (away or _is_away(steering, first - 1, rest)):
         return f"The recording has a hole of {hole:.1f} s before {steering.t[first]:.1f} s, in the run."
@@ -79,7 +79,7 @@ def _cut_before(steering: Signal, rest: float, start: float) -> str:
 
 
 def _edge(steering: Signal, at: float, direction: int) -> int:
-    """The sample beyond `at` [s] that a hole or the end of the recording follows, or one after `HOLE` s."""
+    """Index of the last sample before a hole or the end, at most about `HOLE` s from `at` [s]."""
     t = steering.t
     k = int(np.clip(np.searchsorted(t, at, "left"), 0, t.size - 1))
     if direction > 0 and t[k] > at and k > 0:
@@ -94,29 +94,29 @@ def _is_away(steering: Signal, k: int, rest: float) -> bool:
 
 
 def _last_state(log: Log, start: float, end: float) -> int | None:
-    """The last state that the applet logged of the run, None where it logs none."""
+    """The last state that the applet logged in the run, None without states."""
     for rows in applet_runs(log.applet) if log.applet is not None else ():
         if not is_old(rows) and rows.t[0] <= end and rows.t[-1] >= start:
             return int(rows.state[-1])
     return None
 
 
-def refuse_stump(log: Log, name: str, kind: Kind, start: float, end: float) -> None:
-    """Raise DataRefused for a run of the applet that was cut so early that it holds hardly a frequency.
+def refuse_fragment(log: Log, name: str, kind: Kind, start: float, end: float) -> None:
+    """Raise DataRefused for an applet run that was cut too early to be useful.
 
-    Driving by hand is never whole, so a short piece of it is kept.
+    Short pieces of driving by hand are kept, as they are never complete.
     """
     waves = half_waves(log.steering[0].between(start, end))
     by_applet = log.applet is not None or bool(starts(log))
     if by_applet and kind == "other" and waves < HALF_WAVES and completeness_notes(log, start, end):
         raise DataRefused(
-            f"{name}: only {end - start:.0f} s of a run are there, with {waves} half waves of steering; "
-            "nothing can be identified from that, so drive it again and record it to its end"
+            f"{name}: only {end - start:.0f} s of the run were recorded, with {waves} half waves of "
+            "steering; this is too short to identify anything, so drive it again and record it to its end"
         )
 
 
 def hole_notes(run: Recording) -> Iterator[Note]:
-    """Where nothing was recorded for more than a second within the run, of the longest holes."""
+    """Warnings of holes of more than a second within the run, the longest first."""
     found: dict[tuple[float, float], list[str]] = {}
     for name in ("r", "ay", "p", "vy", "speed", "pwm", "delta"):
         if name in run and not (name == "pwm" and "delta" in run):
@@ -125,7 +125,7 @@ def hole_notes(run: Recording) -> Iterator[Note]:
             for k in np.flatnonzero(steps > max(HOLE, 3 * float(np.median(steps)) if steps.size else HOLE)):
                 found.setdefault((round(float(t[k]), 1), round(float(steps[k]), 1)), []).append(name)
     longest = sorted(found, key=lambda place: -place[1])
-    for at, length in longest[:TOLD]:
+    for at, length in longest[:MAX_NOTES]:
         yield Note("warning", f"A hole of {length:.1f} s at {at:.1f} s in {', '.join(found[at, length])}")
-    if len(longest) > TOLD:
-        yield Note("warning", f"{len(longest) - TOLD} further holes of more than {HOLE:.0f} s")
+    if len(longest) > MAX_NOTES:
+        yield Note("warning", f"{len(longest) - MAX_NOTES} further holes of more than {HOLE:.0f} s")

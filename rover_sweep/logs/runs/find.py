@@ -1,4 +1,4 @@
-"""The runs in a log: where they are, what wave they hold, and where the rover stood or drove straight."""
+"""Finds the runs in a log, their kind of wave, and intervals of standstill and straight driving."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from rover_sweep.logs.runs.applet import (
     OVERRIDE_STATES,
     STOPPED,
     WAVE_STATES,
+    announced_kind,
     applet_runs,
     ends,
     is_old,
     starts,
-    told_kind,
 )
 from rover_sweep.logs.runs.board import identity
-from rover_sweep.logs.runs.completeness import completeness_notes, refuse_stump
+from rover_sweep.logs.runs.completeness import completeness_notes, refuse_fragment
 from rover_sweep.logs.runs.wave import (
     CONSTANT,
     HALF_WAVES,
@@ -40,22 +40,22 @@ from rover_sweep.logs.runs.wave import (
 Bool = NDArray[np.bool_]
 Interval = tuple[float, float]
 
-LEAD = 3.0  # s of straight driving kept before and after the excitation, as far as there is any
-SETTLING = 1.0  # s after the excitation in which the rover still answers it
-TOUCHING = SETTLING + 0.5  # s between the excitation and the straight driving that belongs to it
-CELL = 0.05  # s: grid on which intervals are looked for
+LEAD = 3.0  # s, most straight driving kept before and after the excitation
+SETTLING = 1.0  # s after the excitation, in which the response decays
+TOUCHING = SETTLING + 0.5  # s, largest gap between the excitation and its straight driving
+CELL = 0.05  # s, grid of the search for intervals
 STILL_SPEED = 0.1  # m/s
-STILL_GYRO = 0.03  # rad/s rms about the mean within a second: above every gyro's noise, below any motion
-HOLE = 5.0  # s without a speed, within which it is not known that a condition held
-SHORTEST = 1.0  # s: a shorter interval is no use for a bias
+STILL_GYRO = 0.03  # rad/s rms within a second, about its mean: above the noise of any gyro, below any motion
+HOLE = 5.0  # s without a recorded speed; intervals end there
+SHORTEST = 1.0  # s, shortest interval for a bias
 SAME_SPEED = 0.15  # of the run's speed
 
-LONGEST_HOLE = 60.0  # s without steering samples: what lies behind is another run
+LONGEST_HOLE = 60.0  # s without steering samples; after it another run begins
 
 
 @dataclass(frozen=True)
 class Window:
-    """Where a run's excitation lies [s], and how far its recording may reach to both sides."""
+    """The excitation of a run, start..end [s], and the limits of its recording, earliest..latest [s]."""
 
     start: float
     end: float
@@ -66,9 +66,9 @@ class Window:
 
 
 def find_runs(log: Log) -> tuple[Recording, ...]:
-    """All runs of a log that holds steering, speed and yaw rate; empty without any excitation.
+    """All runs of a log with steering, speed and yaw rate; empty without excitation.
 
-    Raises DataRefused where there are runs and none of them can be used.
+    DataRefused when there are runs but none can be used.
     """
     windows = _windows(log)
     standstill = still_intervals(log)
@@ -77,7 +77,7 @@ def find_runs(log: Log) -> tuple[Recording, ...]:
     for window in windows:
         try:
             runs.append(without_dead_channels(_recording(log, window, standstill, len(windows))))
-        except DataRefused as refusal:  # of one run; others may do
+        except DataRefused as refusal:  # of one run; others may be usable
             refusals.append(refusal)
     if refusals and not runs:
         raise refusals[0]
@@ -86,21 +86,21 @@ def find_runs(log: Log) -> tuple[Recording, ...]:
 
 
 def _windows(log: Log) -> list[Window]:
-    """By the applet's own states, else by its messages, else by steering activity in motion."""
+    """Excitations by the applet's states, else by its messages, else by steering activity in motion."""
     if log.whole:
         return _whole(log)
     found = list(_by_applet(log)) or list(_by_marks(log)) or list(_by_activity(log))
     found = [part for w in found for part in _without_holes(log, w) if _is_excited(log, part)]
-    fenced = []
+    limited = []
     for i, w in enumerate(found):
         earliest = max(w.earliest, found[i - 1].end if i else -np.inf)
         latest = min(w.latest, found[i + 1].start if i + 1 < len(found) else np.inf)
-        fenced.append(replace(w, earliest=earliest, latest=latest))
-    return fenced
+        limited.append(replace(w, earliest=earliest, latest=latest))
+    return limited
 
 
 def _whole(log: Log) -> list[Window]:
-    """From the first to the last time at the speed of the drive."""
+    """One window, from the first to the last time at the median speed."""
     speed = log.signals["speed"]
     driving = speed.x > STILL_SPEED
     usual = float(np.median(speed.x[driving])) if driving.any() else np.inf
@@ -117,7 +117,7 @@ def _without_holes(log: Log, w: Window) -> list[Window]:
 
 
 def _is_excited(log: Log, w: Window) -> bool:
-    """Whether the rover moves and is steered within the window."""
+    """True when the rover moves and is steered within the window."""
     speed, steering = log.signals["speed"].between(w.start, w.end).x, log.steering[0].between(w.start, w.end)
     if speed.size == 0 or steering.t.size < 2 or float(np.median(speed)) < STILL_SPEED:
         return False
@@ -151,7 +151,7 @@ def _states_window(log: Log, rows: AppletRows, waving: Bool) -> Window:
 
 
 def _by_marks(log: Log) -> Iterator[Window]:
-    """From "start" to "done" or "stop" the steering activity in between; without an end, the first one."""
+    """The steering activity from "start" to "done" or "stop"; without an end, the first activity."""
     steering, begun = log.steering[0], starts(log)
     active = active_intervals(steering, log.signals["speed"]) if begun else []
     for i, start in enumerate(begun):
@@ -180,9 +180,9 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
     last = min(s.t[-1] for s in signals.values() if s.t.size)
     kind = kind_of(steering, window.start, window.end)
     if half_waves(steering.between(window.start, window.end)) >= HALF_WAVES:
-        kind = told_kind(log, window.start) or kind
+        kind = announced_kind(log, window.start) or kind
     name = f"{log.name} {window.label}" if count > 1 else log.name
-    refuse_stump(log, name, kind, window.start, window.end)
+    refuse_fragment(log, name, kind, window.start, window.end)
     straight = straight_intervals(log, window)
     start, end = _with_lead(window, straight)
     return Recording(
@@ -201,7 +201,7 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
 
 
 def _with_lead(window: Window, straight: tuple[Interval, ...]) -> Interval:
-    """The excitation and up to `LEAD` s of the straight driving right before and after it."""
+    """(start, end) [s]: the excitation and up to `LEAD` s of straight driving before and after it."""
     before = [a for a, b in straight if b <= window.start + CELL and b > window.start - TOUCHING]
     after = [b for a, b in straight if a >= window.end - CELL and a < window.end + TOUCHING]
     start = max(before[-1], window.start - LEAD) if before else window.start
@@ -210,7 +210,7 @@ def _with_lead(window: Window, straight: tuple[Interval, ...]) -> Interval:
 
 
 def still_intervals(log: Log) -> tuple[Interval, ...]:
-    """Where the speed is below 0.1 m/s and the gyros are quiet, anywhere in the log."""
+    """Intervals (start, end) [s] in the log with a speed below 0.1 m/s and quiet gyros."""
     grid, speed = _grid(log.signals["speed"])
     if grid.size == 0:
         return ()
@@ -221,22 +221,22 @@ def still_intervals(log: Log) -> tuple[Interval, ...]:
 
 
 def straight_intervals(log: Log, window: Window) -> tuple[Interval, ...]:
-    """Where the rover drives at the run's speed with constant steering, before and after the run."""
+    """Intervals (start, end) [s] with the run's speed and constant steering, before and after the run."""
     grid, speed = _grid(log.signals["speed"])
     steering = log.steering[0]
     run_speed = float(np.median(log.signals["speed"].between(window.start, window.end).x))
-    beside = (grid < window.start) | (grid > window.end + SETTLING)
-    beside &= (grid > window.earliest) & (grid < window.latest)
-    beside &= np.abs(speed - run_speed) < SAME_SPEED * abs(run_speed)
-    if not np.any(beside):
+    outside = (grid < window.start) | (grid > window.end + SETTLING)
+    outside &= (grid > window.earliest) & (grid < window.latest)
+    outside &= np.abs(speed - run_speed) < SAME_SPEED * abs(run_speed)
+    if not np.any(outside):
         return ()
     value = steering.x[np.clip(np.searchsorted(steering.t, grid, "right") - 1, 0, steering.t.size - 1)]
     tolerance = CONSTANT * active_threshold(steering)
-    return _intervals(grid, beside & (np.abs(value - np.median(value[beside])) <= tolerance))
+    return _intervals(grid, outside & (np.abs(value - np.median(value[outside])) <= tolerance))
 
 
 def _grid(speed: Signal) -> tuple[Array, Array]:
-    """Times every `CELL` where the speed was recorded, without its holes, and the speed there."""
+    """Times (n,) [s] every `CELL` where the speed was recorded, and the speed (n,) there."""
     if speed.t.size < 2:
         return np.empty(0), np.empty(0)
     cuts = np.flatnonzero(np.diff(speed.t) > HOLE) + 1
@@ -246,7 +246,7 @@ def _grid(speed: Signal) -> tuple[Array, Array]:
 
 
 def _rms(signal: Signal, grid: Array) -> Array:
-    """Root mean square about the mean in the second around each grid time; infinite without samples."""
+    """Rms (n,) about the mean in the second around each grid time; infinite without samples."""
     sums = [np.concatenate(([0.0], np.cumsum(signal.x**power))) for power in (1, 2)]
     lo, hi = np.searchsorted(signal.t, grid - 0.5), np.searchsorted(signal.t, grid + 0.5)
     n = np.maximum(hi - lo, 1)
@@ -255,7 +255,7 @@ def _rms(signal: Signal, grid: Array) -> Array:
 
 
 def _intervals(grid: Array, holds: Bool) -> tuple[Interval, ...]:
-    """Intervals of at least a second in which a condition holds all the time."""
+    """Intervals (start, end) [s] of at least a second in which the mask `holds` (n,) is true."""
     parts = np.split(np.arange(grid.size), np.flatnonzero(np.diff(grid) > HOLE) + 1)
     found = []
     for k in parts:

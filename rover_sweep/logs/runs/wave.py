@@ -1,4 +1,4 @@
-"""What a steering signal does: where it is active, and whether it is a sweep, a doublet or a multisine."""
+"""Steering signals: intervals of activity, and the kind of wave (sweep, doublet, multisine)."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Kind, Signal
 from rover_sweep.logs.log import Array
 
-ACTIVE_US, ACTIVE_RAD = 10.0, 0.01  # departure from straight that counts as steering
-CONSTANT = 0.2  # of that: the flicker of a receiver
-FADE = 3.0  # s that a wave may take to grow
+ACTIVE_US, ACTIVE_RAD = 10.0, 0.01  # us, rad: smallest deviation from straight that is steering
+CONSTANT = 0.2  # of that: noise of a receiver
+FADE = 3.0  # s, longest fade of a wave
 MOVING_SPEED = 0.3  # m/s
-PAUSE = 5.0  # s: longer without steering ends a run
+PAUSE = 5.0  # s without steering that end a run
 SHORTEST_RUN = 4.0  # s
-REVERSALS = 2  # a run steers to both sides and back
-HALT = 1.0  # s
-HALF_WAVES = 6  # fewer tell nothing of how a wave goes on
-TAIL = 8  # percent of a run at either end of its values
-BIASED = 0.25  # of the amplitude: farther from rest the middle of a sweep is a bias
+REVERSALS = 2  # fewest changes of side in a run
+HALT = 1.0  # s, shortest halt that separates runs
+HALF_WAVES = 6  # fewest half waves that show the kind of wave
+TAIL = 8  # percentile that is taken as the extreme on each side
+BIASED = 0.25  # of the amplitude: distance of the middle of a sweep from rest, above which it has a bias
 REPEAT_EDGE, REPEAT_SHARE = 0.1, 0.6  # of a run: left out at both ends; the longest period, of what is left
 REPEAT_STEP = 0.02  # s
-REPEAT_ALIKE = 0.98  # correlation with itself a period later; by hand it is far less
-ONE_LINE = 0.6  # of the power
+REPEAT_CORRELATION = 0.98  # autocorrelation at one period; much less for driving by hand
+ONE_LINE = 0.6  # of the power, in one spectral line of a sine
 PLATEAU = 7  # samples of 0.05 s in which a step signal keeps its value
 
 
 def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float]]:
-    """Intervals (start, end) s in which the rover moves and is steered to and fro."""
+    """Intervals (start, end) [s] in which the rover moves and is steered to both sides."""
     moving = np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > MOVING_SPEED
     if moving.sum() < 2:
         return []
@@ -45,9 +45,9 @@ def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float
 
 
 def excitation(steering: Signal, start: float, end: float, rest: float) -> tuple[float, float]:
-    """From the last time at `rest` before the steering departs from it to the first after it has returned.
+    """(start, end) [s] from the last time at `rest` before the steering to the first time at rest after it.
 
-    Looked for around start..end [s], and not further away than `FADE`.
+    start, end [s]: where to search; the result is at most `FADE` outside.
     """
     away = np.abs(steering.x - rest)
     far = np.flatnonzero((away > active_threshold(steering)) & (steering.t >= start) & (steering.t <= end))
@@ -61,18 +61,18 @@ def excitation(steering: Signal, start: float, end: float, rest: float) -> tuple
 
 
 def _halts(t: Array, moving: NDArray[np.bool_]) -> Array:
-    """Times (n,) s at which a halt of at least `HALT` begins; a shorter dip of the speed is none."""
+    """Times (n,) [s] at which a halt of at least `HALT` begins."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], ~moving, [False])).astype(int))).reshape(-1, 2)
     return np.array([t[a] for a, b in edges if t[min(b, t.size - 1)] - t[a] >= HALT])
 
 
 def active_threshold(steering: Signal) -> float:
-    """Departure from straight, in the signal's unit, that counts as steering."""
+    """Smallest deviation from straight that is steering, in the signal's unit."""
     return ACTIVE_RAD if steering.unit == "rad" else ACTIVE_US
 
 
 def _crossings(signal: Signal, level: float) -> Array:
-    """Times (n,) s at which the signal crosses a level, ignoring what stays it (a tenth of the amplitude)."""
+    """Times (n,) [s] at which the signal crosses a level, with a hysteresis of a tenth of the amplitude."""
     x = signal.x - level
     far = np.abs(x) > 0.1 * np.max(np.abs(x), initial=0.0)
     t, sign = signal.t[far], np.sign(x[far])
@@ -81,7 +81,7 @@ def _crossings(signal: Signal, level: float) -> Array:
 
 
 def half_waves(steering: Signal) -> int:
-    """How many whole half waves a steering signal makes about its middle."""
+    """Number of complete half waves of a steering signal about its middle."""
     if steering.x.size == 0:
         return 0
     middle = (np.min(steering.x) + np.max(steering.x)) / 2
@@ -89,16 +89,20 @@ def half_waves(steering: Signal) -> int:
 
 
 def kind_of(whole: Signal, start: float, end: float) -> Kind:
-    """What lies in start..end: a 'sweep' if the half periods shrink throughout, about the steering before it
-    or else a 'bias_sweep'; a 'doublet' if it goes in steps that leave no net steering; a 'multisine' if it
-    repeats itself and is no mere sine; else 'other'."""
+    """The kind of wave in start..end [s].
+
+    'sweep' if the half periods decrease, 'bias_sweep' if it is also not about the steering before it;
+    'doublet' for steps with zero mean; 'multisine' if it is periodic but not a sine; else 'other'.
+    """
     steering = whole.between(start, end)
     if steering.t.size < 8 or np.ptp(steering.x) <= active_threshold(steering):
         return "other"
     rest = whole.x[max(int(np.searchsorted(whole.t, start)) - 1, 0)]
-    if _goes_in_steps(steering):
+    if _is_stepwise(steering):
         return "doublet" if abs(_mean(steering) - rest) < 0.1 * np.ptp(steering.x) / 2 else "other"
-    low, high = np.percentile(steering.x, (TAIL, 100 - TAIL))  # without the way from rest to a bias and back
+    low, high = np.percentile(
+        steering.x, (TAIL, 100 - TAIL)
+    )  # excludes the fades from rest to a bias and back
     halves = np.diff(_crossings(steering, float(low + high) / 2))
     if halves.size < HALF_WAVES:
         return "other"
@@ -110,33 +114,35 @@ def kind_of(whole: Signal, start: float, end: float) -> Kind:
 
 
 def _repeats(steering: Signal) -> bool:
-    """Whether the signal repeats itself after a period that holds many half waves, as long as it is there.
+    """True when the signal is periodic with many half waves per period.
 
-    Of the middle of the run, without fades: the autocorrelation at the best period is next to 1.
+    In the middle of the run, without fades, the autocorrelation at the best period is close to 1.
     """
     fade = REPEAT_EDGE * (steering.t[-1] - steering.t[0])
     grid = np.arange(steering.t[0] + fade, steering.t[-1] - fade, REPEAT_STEP)
     x = steering.on(grid)
-    shortest = HALF_WAVES * (grid[-1] - grid[0]) / max(half_waves(steering), 1)  # a mere sine repeats sooner
+    shortest = (
+        HALF_WAVES * (grid[-1] - grid[0]) / max(half_waves(steering), 1)
+    )  # the period of a sine is shorter
     lags = np.arange(max(int(shortest / REPEAT_STEP), 1), int(REPEAT_SHARE * grid.size))
-    alike = [float(np.corrcoef(x[lag:], x[: x.size - lag])[0, 1]) for lag in lags]
-    return bool(alike) and max(alike) > REPEAT_ALIKE and _is_no_sine(x)
+    correlations = [float(np.corrcoef(x[lag:], x[: x.size - lag])[0, 1]) for lag in lags]
+    return bool(correlations) and max(correlations) > REPEAT_CORRELATION and _is_not_sine(x)
 
 
-def _is_no_sine(x: Array) -> bool:
-    """Whether no one line of the spectrum holds most of the power."""
+def _is_not_sine(x: Array) -> bool:
+    """True when no single line of the spectrum has most of the power."""
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) ** 2
     peak = int(np.argmax(power))
     return bool(np.sum(power[max(peak - 2, 0) : peak + 3]) < ONE_LINE * np.sum(power))
 
 
 def _mean(signal: Signal) -> float:
-    """Mean over time of a signal whose samples may be uneven."""
+    """Mean over time of a signal with uneven samples."""
     return float(np.sum(signal.x[:-1] * np.diff(signal.t)) / (signal.t[-1] - signal.t[0]))
 
 
-def _goes_in_steps(steering: Signal) -> bool:
-    """Whether the signal keeps a constant value most of the time, and goes to both sides of its middle."""
+def _is_stepwise(steering: Signal) -> bool:
+    """True when the signal is constant most of the time and on both sides of its middle."""
     grid = np.arange(steering.t[0], steering.t[-1], 0.05)
     if grid.size < 2 * PLATEAU:
         return False
