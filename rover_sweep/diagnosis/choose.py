@@ -11,7 +11,7 @@ from rover_sweep.diagnosis.search.bounds import ExceededBound, cost_of, exceeded
 from rover_sweep.diagnosis.search.candidate_fits import Trial, fit_candidate, tangent
 from rover_sweep.diagnosis.search.look_alikes import LookAlike, find_look_alikes
 from rover_sweep.diagnosis.search.rounds import Misfit, Options, Round, matters, round_of
-from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.unexplained.unexplained import unmodelled_gain
 
@@ -119,7 +119,7 @@ def _search(
             removed |= {*current.model.effects} - {*effects}
             fewer = replace(current.model, effects=effects)
             current = round_of(runs, fewer, current.fitted.x, options, near=True)
-        if named and best.effect not in WHOLE:
+        if named and best.effect not in DEGREES_OF_FREEDOM:
             further = _further_findings(current, named, removed)
             if _no_progress(first, current, further):
                 break
@@ -153,7 +153,7 @@ def _explained(first: Round, last: Round, named: Sequence[Named]) -> float:
 
 def _further_findings(current: Round, named: Sequence[Named], removed: Collection[str]) -> list[Trial]:
     """Effects that would be findings in addition to the named ones."""
-    doubtful = MODEL_ERROR * sum(n.trial.gain for n in named if n.trial.effect not in WHOLE)
+    doubtful = MODEL_ERROR * sum(n.trial.gain for n in named if n.trial.effect not in DEGREES_OF_FREEDOM)
     return [t for t in current.significant() if t.effect not in removed and t.gain > doubtful]
 
 
@@ -189,14 +189,16 @@ def _excess_remains(now: float, then: float, share: float) -> bool:
 
 def _competes(trial: Trial, best: Trial) -> bool:
     """An added degree of freedom does not compete with a term."""
-    return trial.effect != best.effect and (trial.effect in WHOLE) == (best.effect in WHOLE)
+    return trial.effect != best.effect and (trial.effect in DEGREES_OF_FREEDOM) == (
+        best.effect in DEGREES_OF_FREEDOM
+    )
 
 
 def _still_needed(named: Sequence[Named], current: Round, options: Options) -> list[Named]:
     """The named effects that are still significant together, with the look-alikes that still are such."""
     out = list(named)
     for one in named:
-        if options.stop() or one.trial.effect in WHOLE:
+        if options.stop() or one.trial.effect in DEGREES_OF_FREEDOM:
             continue
         rest = current.model.without(one.trial.effect)
         less = fit(current.problem, rest.structure, rest.free, current.fitted.x, known=current.fitted)

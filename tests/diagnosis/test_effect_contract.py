@@ -9,7 +9,7 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.effects.kinds import SpeedEffect
-from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.manoeuvre.sweep import Sweep
@@ -17,7 +17,7 @@ from rover_sweep.manoeuvre.sweep import Sweep
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.07, 0.02, 0.03)
 MODEL = Model("roll-yaw", ROVER, Tolerances())
 NOMINAL = {c.name: c.start for c in MODEL.free}
-TERMS = [e for e in library().values() if e.id not in WHOLE and not isinstance(e, SpeedEffect)]
+TERMS = [e for e in library().values() if e.id not in DEGREES_OF_FREEDOM and not isinstance(e, SpeedEffect)]
 
 
 def driven() -> Experiment:

@@ -28,7 +28,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.diagnosis.simulation.simulator import Structure
 
 
@@ -63,7 +63,7 @@ def signatures(
     wanted = [
         w
         for e in effects
-        if e.id not in WHOLE
+        if e.id not in DEGREES_OF_FREEDOM
         for w in _wanted(problem, base, model, e, at or {}, tolerances)
     ]
     rows = [problem.model(structure, x) - now for _, _, _, structure, x in wanted]

@@ -17,7 +17,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.simulation.candidates import WHOLE, Model, own
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 
 SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
 INSTANTS = 7  # at which a change of ground is tried in each run
@@ -100,7 +100,7 @@ def linear_prediction(
         predicted = amount * amount * power
         if (amount > 0 or effect.signed) and (best is None or predicted > best[0]):
             best = predicted, amount, start
-    if best is None or (best[0] < NO_GAIN and own(effect)):
+    if best is None or (best[0] < NO_GAIN and added_coordinates(effect)):
         return None
     predicted, amount, start = best
     factor = float(np.sign(amount) * np.clip(abs(amount), 0.5, 2.0))
@@ -139,7 +139,7 @@ class Screened:
 
 def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect) -> Screened | None:
     """The linear prediction of an effect, in the run that shows it best; None where there is no gain."""
-    if effect.id in WHOLE:
+    if effect.id in DEGREES_OF_FREEDOM:
         return Screened(effect.id, model.with_effect(effect.id), np.inf, {})
     runs = [r.name for r in problem.runs] if effect.in_one_run else [""]
     extended = [model.with_effect(effect.id, run) for run in runs]
@@ -151,7 +151,7 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
 def fit_from(problem: Problem, base: Fitted, one: Screened) -> Trial:
     """The model with the effect, fitted from its linear prediction."""
     free, structure = one.model.free, one.model.structure
-    known = None if one.effect in WHOLE else base
+    known = None if one.effect in DEGREES_OF_FREEDOM else base
     found = fit(problem, structure, free, {**base.x, **one.start}, known=known)
     if known is not None and base.cost - found.cost < ASTRAY * one.predicted:
         nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in one.start.items()}
@@ -200,7 +200,9 @@ def fit_candidates(
     for k, one in enumerate(promising):
         if stop():
             out += [
-                Trial(x.effect, x.model, base, x.predicted) for x in promising[k:] if x.effect not in WHOLE
+                Trial(x.effect, x.model, base, x.predicted)
+                for x in promising[k:]
+                if x.effect not in DEGREES_OF_FREEDOM
             ]
             break
         progress(f"fitting {one.effect}", 0.5 + 0.5 * k / len(promising))
@@ -234,7 +236,7 @@ def _restarted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
     """The trial fitted from its own size: where the nominal fit is far off, the path from zero may fail."""
     plain = {
         c.name: c.scale if c.start == 0.0 else c.start
-        for c in own(library()[trial.effect])
+        for c in added_coordinates(library()[trial.effect])
         if not c.name.endswith(".t")
     }
     restart = Trial(

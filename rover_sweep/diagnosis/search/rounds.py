@@ -25,7 +25,7 @@ from rover_sweep.diagnosis.search.candidate_fits import (
 )
 from rover_sweep.diagnosis.search.material import EARLIER, counts
 from rover_sweep.diagnosis.search.threshold import NullDistribution, null_distribution
-from rover_sweep.diagnosis.simulation.candidates import Model, own, possible
+from rover_sweep.diagnosis.simulation.candidates import Model, added_coordinates, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
@@ -135,7 +135,7 @@ def matters(trial: Trial) -> bool:
     """False where the fitted size is below the material size, or implausibly near its bound."""
     x, spread = trial.fitted.x, trial.model.spread
     effect = library()[trial.effect]
-    limits = {c.name: max(abs(c.low), abs(c.high)) for c in own(effect)}
+    limits = {c.name: max(abs(c.low), abs(c.high)) for c in added_coordinates(effect)}
     if any(abs(x[name]) > IMPLAUSIBLE * limit for name, limit in limits.items() if not name.endswith(".t")):
         return False
     if trial.effect in LAGS:

@@ -15,7 +15,7 @@ from rover_sweep.diagnosis.simulation.nominal import Coordinate, coordinates
 from rover_sweep.diagnosis.simulation.simulator import Structure
 
 SAME_SPEED = 0.12  # relative
-WHOLE = frozenset(e.id for e in library().values() if isinstance(e, DegreeOfFreedom))
+DEGREES_OF_FREEDOM = frozenset(e.id for e in library().values() if isinstance(e, DegreeOfFreedom))
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Model:
     @property
     def structure(self) -> Structure:
         """The structure that is simulated."""
-        found = tuple(library()[e] for e in self.effects if e not in WHOLE)
+        found = tuple(library()[e] for e in self.effects if e not in DEGREES_OF_FREEDOM)
         # the V_y of the derivatives is the measured one, at the IMU
         rover = replace(self.rover, imu_x=0.0, imu_z=0.0) if self.lumped else self.rover
         return Structure(rover, self.slip, self.roll, found, self.happened_in, self.lumped)
@@ -70,7 +70,7 @@ class Model:
             for c in nominal
         ]
         for name in self.effects:
-            out += own(library()[name])
+            out += added_coordinates(library()[name])
         return tuple(out)
 
     def _nominal(self) -> tuple[Coordinate, ...]:
@@ -95,7 +95,7 @@ class Model:
         return replace(self, effects=tuple(e for e in self.effects if e != effect))
 
 
-def own(effect: Effect) -> list[Coordinate]:
+def added_coordinates(effect: Effect) -> list[Coordinate]:
     """The coordinates that an effect adds, without those that it releases."""
     return [
         Coordinate(effect.key(p.name), 0.0, p.low, p.high, p.size) for p in effect.parameters if not p.nominal
@@ -128,7 +128,7 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
     recorded = {c for run in runs for c in run.measured}
     has = "roll-yaw" if model.slip and model.roll else "bicycle" if model.slip else "kinematic"
     has = "lumped" if model.lumped else has
-    if effect.id in WHOLE:
+    if effect.id in DEGREES_OF_FREEDOM:
         if model.baseline not in effect.baselines:
             return "the lumped derivatives include it" if model.lumped else "the baseline includes it"
     elif has not in effect.baselines:
