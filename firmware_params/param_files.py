@@ -1,4 +1,4 @@
-"""Parameter files with a reason on every line, and how far a vehicle is from them."""
+"""Parameter files with a reason on every line, and the differences of a vehicle from them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SEPARATORS = re.compile(r"[,=\s]+")  # those of ArduPilot's AP_Param::parse_par
 
 @dataclass(frozen=True)
 class WantedParameter:
-    """One line of a parameter file; at_least: a larger value on the vehicle is as good."""
+    """One line of a parameter file; at_least: a larger value on the vehicle is accepted."""
 
     name: str
     value: float
@@ -24,7 +24,7 @@ class WantedParameter:
     at_least: bool = False
 
     def met_by(self, found: float | None) -> bool:
-        """Whether the vehicle's value will do, both as float32 (what MAVLink carries)."""
+        """Whether the vehicle's value is accepted, compared as float32 as MAVLink carries it."""
         if found is None:
             return False
         wanted, has = _single(self.value), _single(found)
@@ -33,7 +33,7 @@ class WantedParameter:
 
 @dataclass(frozen=True)
 class Difference:
-    """A parameter that is not as wanted; found is None where the vehicle does not have it."""
+    """A parameter with a wrong value; found is None if the vehicle does not have it."""
 
     name: str
     wanted: float
@@ -57,7 +57,7 @@ def parse(text: str, source: str = "parameter file") -> tuple[WantedParameter, .
     """Lines `NAME value` or `NAME,value`, with `# reason` behind; ArduPilot's own files can be read too.
 
     Raises ValueError with file and line number for a line that is neither a comment nor a parameter,
-    and for a parameter that stands there twice.
+    and for a parameter that occurs twice.
     """
     wanted: dict[str, WantedParameter] = {}
     for number, line in enumerate(text.splitlines(), 1):
@@ -88,7 +88,7 @@ def read(path: Path) -> tuple[WantedParameter, ...]:
 
 
 def compare(vehicle: Mapping[str, float], wanted: Iterable[WantedParameter]) -> tuple[Difference, ...]:
-    """Those parameters whose value on the vehicle (name -> value) will not do."""
+    """The parameters whose value on the vehicle (name -> value) is not accepted."""
     return tuple(
         _difference(parameter, vehicle.get(parameter.name))
         for parameter in wanted

@@ -1,4 +1,4 @@
-"""An embedded ArduRover: a simulated rover that a ground station talks MAVLink 2 to, without the firmware.
+"""An embedded ArduRover: a simulated rover that speaks MAVLink 2 to a ground station, without the firmware.
 
     python -m sitl.embedded --tcp 127.0.0.1:0 --variant nominal --applet --parameter SCR_ENABLE=1
 
@@ -271,7 +271,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def listening_address(options: argparse.Namespace) -> tuple[str, int] | None:
-    """Where TCP clients are waited for: nothing beyond loopback unless it was asked for."""
+    """TCP address to listen on: loopback unless another was requested."""
     if options.tcp is not None:
         return (str(options.tcp[0]), int(options.tcp[1]))
     return None if options.udp else (LOOPBACK, 0)

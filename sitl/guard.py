@@ -1,4 +1,4 @@
-"""Runs a program that must not outlive whoever asked for it: `python -m sitl.guard PROGRAM [ARGUMENT ...]`.
+"""Runs a program that must not outlive its caller: `python -m sitl.guard PROGRAM [ARGUMENT ...]`.
 
 The program is stopped when the guard's standard input closes, which the operating system sees to even when
 the process at the other end of the pipe is killed. (ArduRover looks for its parent only while its physics
@@ -43,7 +43,7 @@ def main(command: Sequence[str]) -> int:
 
 
 def _end_group() -> None:
-    """Ask whatever the program left behind in our process group to end, when the group is ours alone."""
+    """Ask the program's remaining children to end, if the process group is ours alone."""
     if hasattr(os, "getpgrp") and os.getpgrp() == os.getpid():
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         os.killpg(0, signal.SIGTERM)

@@ -40,7 +40,7 @@ class ServoFrame:
 
 
 def parse_request(datagram: bytes) -> ServoFrame | None:
-    """The servo frame in a datagram, None when it is none."""
+    """The servo frame in a datagram, None for other datagrams."""
     layout = _LAYOUTS.get(int.from_bytes(datagram[:2], "little"))
     if layout is None or len(datagram) != layout.size:
         return None
@@ -121,16 +121,16 @@ def reply_line(t: float, sensors: Sensors) -> bytes:
 
 
 def serve(physics: Physics, link: socket.socket) -> None:
-    """Answer servo frames on a bound UDP socket for ever; anything else is ignored, and said once."""
-    told = False
+    """Answer servo frames on a bound UDP socket for ever; other datagrams are ignored and reported once."""
+    reported = False
     while True:
         datagram, sender = link.recvfrom(256)
         frame = parse_request(datagram)
         if frame is not None:
             link.sendto(physics.answer(frame), sender)
-        elif not told:
-            print(f"ignored {len(datagram)} bytes that are no servo frame of ArduPilot", file=sys.stderr)
-            told = True
+        elif not reported:
+            print(f"ignored {len(datagram)} bytes that are not a servo frame of ArduPilot", file=sys.stderr)
+            reported = True
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:

@@ -1,4 +1,4 @@
-"""Starts a simulated rover, real firmware or embedded, and surely stops it again.
+"""Starts a simulated rover, real firmware or embedded, and stops it reliably.
 
 with start_embedded(directory) as rover: connect(rover.connection)
 with start_ardurover(find_ardurover(), directory, scripts=[applet]) as rover: ...
@@ -42,7 +42,7 @@ class Running:
     """A simulated rover that runs: where to connect (pymavlink's notation) and where its files are.
 
     Firmware: `directory` holds logs/, scripts/, eeprom.bin and the programs' output (*.out).
-    radio: UDP port of a simulated transmitter (`sitl.transmitter`), None where there is none.
+    radio: UDP port of a simulated transmitter (`sitl.transmitter`), None without one.
     """
 
     connection: str
@@ -52,10 +52,10 @@ class Running:
     radio: int | None = None
 
     def last_words(self) -> str:
-        """Last line of output of a program that has ended by itself, '' while all run."""
+        """Last line of output of a program that has ended on its own, '' while all run."""
         for program, output in zip(self._programs, self._outputs, strict=True):
             with contextlib.suppress(subprocess.TimeoutExpired):
-                program.wait(_POLL)  # a connection that broke tells before the process is gone
+                program.wait(_POLL)  # a connection breaks before its process has ended
             if program.poll() is not None:
                 return _last_line(output.read_text(encoding="utf-8", errors="replace"))
         return ""
@@ -83,7 +83,7 @@ def find_ardurover(option: str | Path | None = None) -> Path:
             found = shutil.which(Path(name).expanduser())
             if found is None:
                 raise LaunchError(
-                    f"{name} (from {origin}) is no program that can be run: give the path of ardurover"
+                    f"{name} (from {origin}) is not an executable program: give the path of ardurover"
                 )
             return Path(found).resolve()
     found = shutil.which("ardurover")
@@ -200,7 +200,7 @@ def _start(command: Sequence[str], output: Path, cwd: Path | None = None) -> sub
 
 
 def _stop(program: subprocess.Popen[bytes]) -> None:
-    """Close the guard's standard input, then kill whatever is left of its process group."""
+    """Close the guard's standard input, then kill the rest of its process group."""
     if program.poll() is not None and (program.stdin is None or program.stdin.closed):
         return
     if program.stdin is not None:
@@ -257,7 +257,7 @@ def _free_instance() -> int:
             _free(port, socket.SOCK_DGRAM) for port in udp
         ):
             return number
-    raise LaunchError(f"no free instance of ArduRover among the first {_INSTANCES}: stop some that run")
+    raise LaunchError(f"no free instance of ArduRover among the first {_INSTANCES}: stop some of them")
 
 
 def _free(port: int, kind: socket.SocketKind) -> bool:

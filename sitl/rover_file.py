@@ -1,4 +1,4 @@
-"""The vehicle file of a simulated rover: what its owner would have measured with scales and a ruler."""
+"""The vehicle file of a simulated rover, with the numbers that scales and a ruler give."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the embedded rover logs while it runs, at the rates of ArduRover.
+"""Log records of the embedded rover, at the rates of ArduRover.
 
 IMU, ATT, XKF1 every main loop; RCIN, RCOU, STER, THR at 10 Hz; GPS with each fix; DSF at 1 Hz; GYR and ACC
 with every IMU sample where bit 19 of LOG_BITMASK is set. The bits are those of Rover/defines.h.

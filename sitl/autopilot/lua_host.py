@@ -21,7 +21,7 @@ Vector = tuple[float, float, float]
 
 
 class Autopilot(Protocol):
-    """What an applet can ask of the vehicle and do to it. Axes are FRD and NED, units SI and us."""
+    """Functions of the vehicle that an applet can call. Axes are FRD and NED, units SI and us."""
 
     def micros(self) -> int:
         """Vehicle time since boot, us; need not wrap (the host wraps it at 32 bits)."""
@@ -50,7 +50,7 @@ class Autopilot(Protocol):
         """Custom mode number, 0 is MANUAL."""
 
     def servo_channel(self, function: int) -> int | None:
-        """First servo output with SERVOn_FUNCTION == function, 0-based; None where there is none."""
+        """First servo output with SERVOn_FUNCTION == function, 0-based; None without one."""
 
     def override_servo(self, channel: int, pwm: int, timeout_ms: int) -> None:
         """Put `pwm` on output `channel` (0-based) for ceil(timeout / loop period) main loops.

@@ -1,4 +1,4 @@
-"""Those of ArduRover's parameters that have an effect in the embedded rover, with the firmware's defaults.
+"""ArduRover's parameters that have an effect in the embedded rover, with the firmware's defaults.
 
 Types and defaults are those of the sources of Rover-4.6.3 (Rover/Parameters.cpp and the libraries'
 var_info tables). SIM_RC_FAIL is the simulator's: 0 the transmitter works, 1 no pulses, 2 throttle 950.

@@ -22,7 +22,7 @@ NO_PULSES, THROTTLE_LOST = 1, 2  # SIM_RC_FAIL
 
 
 class Debounce:
-    """A switch position counts once it has stood for 200 ms."""
+    """A switch position counts after 200 ms without change."""
 
     def __init__(self) -> None:
         self.position = -1
@@ -107,7 +107,7 @@ class Radio:
         return 0
 
     def neutral(self, channel: int) -> bool:
-        """Whether the stick of channel 1..16 stands within its dead zone."""
+        """Whether the stick of channel 1..16 is within its dead zone."""
         p = self.parameters
         return abs(self.pwm[channel - 1] - p[f"RC{channel}_TRIM"]) <= max(p[f"RC{channel}_DZ"], 1)
 

@@ -109,7 +109,7 @@ class Rover:
         return self.ticks % max(1, int(self.loop_rate / rate_hz)) == 0
 
     def _advance(self) -> None:
-        """Plant, sensors and scripts over one loop period; scripts run beside the main loop."""
+        """Plant, sensors and scripts over one loop period; scripts run concurrently with the main loop."""
         steering, throttle = self._actuators()
         start = self.now_us
         for k in range(1, self._substeps + 1):
@@ -128,7 +128,7 @@ class Rover:
 
     @property
     def origin_set(self) -> bool:
-        """Whether the estimator has an origin, so position and velocity."""
+        """Whether the estimator has an origin, and with it position and velocity."""
         return self.now_ms >= ORIGIN_MS
 
     # ---- driving
@@ -145,7 +145,7 @@ class Rover:
         return steering, throttle
 
     def set_mode(self, mode: int, reason: int) -> bool:
-        """Another mode; False where this rover does not have it."""
+        """Change the mode; False if this rover does not have it."""
         if mode not in MODE_NAMES:
             self.text(
                 NOTICE, f"Flight mode change to mode {mode} failed: the embedded rover has MANUAL and HOLD"
@@ -183,7 +183,7 @@ class Rover:
     # ---- arming
 
     def refusal(self) -> str | None:
-        """Why arming is refused now, as ArduRover says it; None where nothing speaks against it."""
+        """Why arming is refused now, in ArduRover's words; None if it is allowed."""
         p = self.parameters
         if self.now_ms < READY_MS:
             return "PreArm: System not initialised"
@@ -200,7 +200,7 @@ class Rover:
         return None
 
     def arm(self, forced: bool = False) -> bool:
-        """Arms, or says why not and returns False."""
+        """Arms, or reports the reason and returns False."""
         if self.armed:
             return True
         refusal = None if forced and self.now_ms >= READY_MS else self.refusal()
@@ -216,7 +216,7 @@ class Rover:
         return True
 
     def disarm(self, forced: bool = False) -> None:
-        """Disarms: the motor stands; steering still moves."""
+        """Disarms: the motor stops; steering still moves."""
         if not self.armed:
             return
         self.armed = False

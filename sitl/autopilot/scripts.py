@@ -16,7 +16,7 @@ Vector = tuple[float, float, float]
 
 
 class ScriptedRover(Protocol):
-    """What scripts read and command of a rover."""
+    """Interface of a rover to its scripts."""
 
     parameters: ParameterStore
     radio: Radio

@@ -1,7 +1,7 @@
 """The rover's servo outputs: pilot's steering and throttle in us, and overrides by scripts.
 
 Rules of Rover-4.6.3 (SRV_Channel.cpp, AP_MotorsUGV.cpp): an output computed from the pilot stays within
-SERVOn_MIN..MAX; steering moves disarmed too, throttle then stands at its trim; throttle is slew limited.
+SERVOn_MIN..MAX; steering moves disarmed too, throttle then stays at its trim; throttle is slew limited.
 A script's override goes out as it is, for a number of main loops, armed or not, and is NOT limited to
 SERVOn_MIN..MAX (SRV_Channels::set_output_pwm_chan_timeout), so the applet has to limit itself.
 """
@@ -67,7 +67,7 @@ class ServoOutputs:
         return trim - int(-value * (trim - p[f"SERVO{number}_MIN"]))
 
     def channel_of(self, function: int) -> int | None:
-        """First output (0-based) with that SERVOn_FUNCTION, None where there is none."""
+        """First output (0-based) with that SERVOn_FUNCTION, None without one."""
         return self._functions.index(function) if function in self._functions else None
 
     def _assign(self) -> None:

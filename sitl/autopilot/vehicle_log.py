@@ -47,7 +47,7 @@ class VehicleLog:
         return sorted(self.directory.glob("*.BIN"))
 
     def erase(self) -> None:
-        """Deletes every log, the open one too."""
+        """Deletes every log, also the open one."""
         self.close()
         for path in self.files():
             path.unlink()

@@ -33,7 +33,7 @@ class Parameter:
 
 
 def stored(value: float, kind: Kind) -> float:
-    """What the vehicle keeps of a value: float32; integers cut towards zero after +-.01."""
+    """The stored form of a value: float32; integers cut towards zero after +-.01."""
     single = float(struct.unpack("<f", struct.pack("<f", value))[0])
     if kind == "float":
         return single
@@ -60,11 +60,11 @@ class ParameterStore:
         return self._all[name].value
 
     def find(self, name: str) -> Parameter | None:
-        """The parameter of that name, listed or not; None where there is none."""
+        """The parameter of that name, listed or not; None for an unknown name."""
         return self._all.get(name)
 
     def listed(self) -> list[Parameter]:
-        """What a list request goes through, in order; the index in it is the parameter's index."""
+        """Parameters of a list request in order; the position is the parameter's index."""
         scripting = self["SCR_ENABLE"] != 0
         return [p for p in self._all.values() if p.listed and (scripting or not _scripting_detail(p.name))]
 
@@ -110,7 +110,7 @@ def _scripting_detail(name: str) -> bool:
 
 
 def read_saved(file: Path) -> dict[str, float]:
-    """The saved values; {} where there is no file. Raises ValueError naming a line that is none."""
+    """The saved values; {} without a file. Raises ValueError naming a line that is not "NAME value"."""
     values: dict[str, float] = {}
     if not file.exists():
         return values

@@ -1,4 +1,4 @@
-"""What the embedded rover says it is: its rules are those of this version of ArduRover."""
+"""Version that the embedded rover reports: its rules are those of this ArduRover."""
 
 VERSION = (4, 6, 3)
 FIRMWARE = "ArduRover V4.6.3 (embedded)"

@@ -19,7 +19,7 @@ Numbers = Sequence[float]
 
 
 class AnsweringLink(Protocol):
-    """What a command asks of the link that it came by."""
+    """How a command changes the message rates of the link it came from."""
 
     def schedule_of(self, message_id: int) -> StreamSchedule:
         """How often a message goes out."""

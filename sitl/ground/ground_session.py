@@ -180,7 +180,7 @@ class GroundLink:
             self.send_message(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender))
 
     def _on_request_data_stream(self, message: Any) -> None:
-        """The old way to ask for rates: by groups, of which only 'all' is heard."""
+        """REQUEST_DATA_STREAM: rates by groups, of which only 'all' is handled."""
         if message.req_stream_id != mavlink.MAV_DATA_STREAM_ALL:
             return
         rate = message.req_message_rate if message.start_stop else 0

@@ -19,7 +19,7 @@ Send = Callable[[Any], None]
 
 
 class LogTransfer:
-    """The one transfer of a vehicle. A link is told from another by its `send`."""
+    """The vehicle's log transfer: one at a time. A link is identified by its `send`."""
 
     def __init__(self, rover: Rover) -> None:
         self.rover = rover
@@ -80,7 +80,7 @@ class LogTransfer:
         self._offset, self._end = offset, min(len(self._data), offset + count)
 
     def pump(self, loop_period_us: int) -> None:
-        """Sends what one main loop may; call while the link takes more."""
+        """Sends the packets of one main loop; call while the link accepts more."""
         for _ in range(max(1, PACKETS_PER_MS * loop_period_us // 1000)):
             if self._send is None or self.rover.armed:
                 return
@@ -92,7 +92,7 @@ class LogTransfer:
                 self._end_of_request()
 
     def forget(self, send: Send) -> None:
-        """The link of `send` is gone."""
+        """Ends the transfer of a closed link."""
         if self._send == send:
             self._finish()
 

@@ -191,7 +191,7 @@ BUILDERS: dict[int, Callable[[Rover], Message | None]] = {
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
 }
-"""A message of each id that the vehicle has; one that returns None has nothing to say now."""
+"""Maker of each message id; it returns None when no message is due."""
 
 STREAM_GROUPS: dict[int, str] = {
     mavlink.MAVLINK_MSG_ID_RAW_IMU: "RAW_SENS",

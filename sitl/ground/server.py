@@ -1,4 +1,4 @@
-"""Byte streams between the embedded rover and ground stations, and the brake that keeps it with them.
+"""Byte streams between the embedded rover and ground stations; they slow the rover down to its readers' pace.
 
 TCP: any number of clients on one listening port; UDP: sends to one address and takes in its replies. The
 simulation is stopped (`hold`) while a peer is more than LEAD_US of vehicle time behind in reading: on one
@@ -24,7 +24,7 @@ MAY_HOLD_S = 20.0  # a UDP peer that reads nothing for so long is taken as gone
 
 
 class _Backlog:
-    """Vehicle time at which each byte was sent, to tell time from a number of unread bytes."""
+    """Vehicle time at which each byte was sent; converts a number of unread bytes into a time."""
 
     def __init__(self) -> None:
         self._sent = 0
@@ -58,7 +58,7 @@ class TcpPeer:
         return self.connection.fileno()
 
     def receive(self) -> bytes | None:
-        """What has come in, b'' for nothing, None when the client has closed."""
+        """Received bytes, b'' for none, None after the client has closed."""
         try:
             return self.connection.recv(CHUNK) or None
         except BlockingIOError:
@@ -77,7 +77,7 @@ class TcpPeer:
                 sent = self.connection.send(self._pending)
             except BlockingIOError:
                 return
-            except OSError:  # closed there: `receive` will tell
+            except OSError:  # closed by the peer: `receive` reports it
                 self._pending.clear()
                 return
             del self._pending[:sent]
@@ -185,14 +185,14 @@ class MavlinkServer:
             self.remove(peer)
 
     def wait(self, seconds: float) -> None:
-        """Sleeps until something comes in, at most so long."""
+        """Sleeps until data arrive, at most for this time."""
         sources: list[socket.socket | Peer] = [*self.peers]
         if self._listener is not None:
             sources.append(self._listener)
         select.select(sources, [], [], seconds)
 
     def flush(self, now_us: int) -> bool:
-        """Sends what is queued. True while a peer is too far behind: do not let vehicle time go on."""
+        """Sends the queue. True while a peer is too far behind: vehicle time must wait."""
         for peer in self.peers:
             peer.flush(now_us)
         if self._checked_us <= now_us < self._checked_us + CHECK_US:

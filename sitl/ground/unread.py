@@ -1,6 +1,6 @@
 """How many bytes the program at the other end of a loopback connection has not read yet.
 
-Linux tells it over netlink (sock_diag(7)) in some 10 us; elsewhere, and for a peer on another machine, it
+Linux reports it over netlink (sock_diag(7)) in some 10 us; elsewhere, and for a peer on another machine, it
 is unknown and only the sockets' own buffers hold the sender back.
 """
 
@@ -47,7 +47,7 @@ class PeerQueue:
             self._netlink = None
 
     def unread(self) -> int | None:
-        """Bytes that wait there (UDP: of buffers, more than was sent); None where it cannot be known."""
+        """Unread bytes there (UDP: of buffers, more than was sent); None where unknown."""
         for request in self._requests:
             count = self._ask(request)
             if count is not None:

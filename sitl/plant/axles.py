@@ -1,4 +1,4 @@
-"""What the road does to the body: forces of both axles, the drive, rolling resistance."""
+"""Forces of the road on the body: both axles, drive, rolling resistance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Axles:
 
     wanted_speed [m/s] is set by the throttle; steady: the side forces [N] that relaxing tyres tend to, where
     they relax. `forces` gives (ahead [N], left [N], yaw moment [N m] to the
-    left, roll moment [N m] of the road and the suspension beside its spring and damper).
+    left, roll moment [N m] of the road and the suspension without its spring and damper).
     """
 
     wanted_speed = 0.0
@@ -57,7 +57,7 @@ def direction(speed: float) -> float:
 
 
 def _constants(q: PlantParameters) -> tuple[float, ...]:
-    """What `forces` needs, in its order, worked out once."""
+    """Arguments of `forces` in its order, computed once."""
     wheelbase = q.cg_to_front_axle + q.cg_to_rear_axle
     front_load = q.mass * GRAVITY * q.cg_to_rear_axle / wheelbase
     rear_load = q.mass * GRAVITY * q.cg_to_front_axle / wheelbase

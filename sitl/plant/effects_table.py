@@ -27,7 +27,7 @@ tyre_slip             C [N/rad] of each axle, Izz [kg m2]
 roll_dof              k_phi [N m/rad], b_phi [N m s/rad]
 roll_steer            e [rad/rad]: d + e phi at the front wheels
 suspension_friction   T [N m]: T sgn p against roll
-speed_variation       D [s/m]: D a_y2 off V', beside the drag that turned wheels have anyway
+speed_variation       D [s/m]: D a_y2 off V', in addition to the drag of turned wheels
 imu_offset            x, z [m]: the IMU further forward, further up than imu_position
 imu_tilt              roll, pitch, yaw [rad]: mounting angles, yaw first; roll gives a_y = g sin(roll) at rest
 sensor_filter         gyro_hz, accel_hz [Hz]: second-order Butterworth low-pass before the autopilot's own
@@ -131,7 +131,7 @@ def checked(table: object, where: str) -> Effects:
 
 
 def merged(inherited: Effects, own: Effects) -> Effects:
-    """Effects of a base and those of the file that names it; of the same effect the file's stand."""
+    """Effects of a base variant, replaced by those of the file where both have one."""
     return {**inherited, **own}
 
 
@@ -161,7 +161,7 @@ def _effect(name: str, entries: object, where: str) -> Mapping[str, float | str]
 
 
 def _together(name: str, entries: Mapping[str, object], place: str) -> None:
-    """What one parameter alone cannot tell."""
+    """Checks that need several parameters."""
     if not entries:
         raise ValueError(f"{place} is empty: give at least one of {', '.join(PARAMETERS[name])}")
     if name == "surface_change" and ("t" in entries) == ("distance" in entries):

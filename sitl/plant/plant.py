@@ -4,7 +4,7 @@ Axes are ISO: x forward, y left, z up; the earth frame is x north, y west, so ps
 that turns or points left is positive. The reference point lies on the roll axis below the CG.
 
 Equations of motion (Lagrange; phi the roll of the sprung mass, p = phi', s, c = sin, cos phi,
-M = m, S = m_s; the sprung CG stands at (0, -h s, h c) from the reference point):
+M = m, S = m_s; the sprung CG is at (0, -h s, h c) from the reference point):
 
     M (vx' - r vy) + S h (r' s + 2 r p c)                 = Fx
     M (vy' + r vx) + S h (-p' c + p^2 s + r^2 s)          = Fy
@@ -211,7 +211,7 @@ class Plant:
         self._axles.wanted_speed = 0.0 if idle else offset * parameters.speed_per_us
 
     def _parked(self) -> bool:
-        """Standing on four wheels with less drive than it takes to break loose."""
+        """Whether the rover is at rest with less drive than static friction."""
         state, parameters = self.state, self.parameters
         if abs(state.vx) > STICTION_SPEED or abs(state.vy) > STICTION_SPEED or abs(state.r) > STICTION_SPEED:
             return False
@@ -233,7 +233,7 @@ class Plant:
 
 
 def _constants(q: PlantParameters) -> tuple[float, ...]:
-    """What `derivatives` needs, in its order, worked out once."""
+    """Arguments of `derivatives` in its order, computed once."""
     sh = q.sprung_mass * q.cg_height_above_roll_centre
     shh = sh * q.cg_height_above_roll_centre
     return (
@@ -265,7 +265,7 @@ def _fast_poles(q: PlantParameters) -> tuple[float, float]:
 
 
 def _refuse_stiff(q: PlantParameters, tyre_pole: float, roll_pole: float) -> None:
-    """ValueError for a rover so stiff that stepping through its motion would take for ever."""
+    """ValueError for a rover too stiff for the time step."""
     pole = tyre_pole / 1.0 + roll_pole  # at 1 m/s
     if pole <= _STIFFEST:
         return

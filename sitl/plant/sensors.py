@@ -1,4 +1,4 @@
-"""What the autopilot sees of the plant, in ArduPilot's axes: FRD body, NED earth.
+"""Sensor signals of the plant in ArduPilot's axes: FRD body, NED earth.
 
 Discretisation: the plant's step is the IMU's sampling (400 Hz is meant; real hardware samples at about
 1 kHz, which is out of reach in Python). Noise is given as a spectral density, so what is left after

@@ -10,7 +10,7 @@ from sitl.plant.variant import PlantParameters
 
 
 class Servo:
-    """Delay, first-order lag with a rate limit, end stops; solved exactly, whatever the step.
+    """Delay, first-order lag with a rate limit, end stops; solved exactly for any step.
 
     `angle` is the road-wheel angle [rad], left positive, 0 at the trim. What a variant's effects put before
     and behind the servo is in `sitl.plant.effects.steering_effects`.
@@ -45,7 +45,7 @@ class Servo:
         self._target = self._servo = self.angle = self._linkage.wanted(0.0) if self._linkage else 0.0
 
     def command(self, pwm_us: float, t: float) -> None:
-        """A PWM [us] on the wire from time t [s]. No pulse (0) leaves the servo where it was told to be."""
+        """A PWM [us] on the wire from time t [s]. Without pulse (0) the servo keeps its last target."""
         if pwm_us != self._newest and pwm_us > 0:
             self._newest = pwm_us
             wanted = -(pwm_us - self._trim) * self._rad_per_us

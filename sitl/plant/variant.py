@@ -160,7 +160,7 @@ def _locate(name_or_path: str | Path, directory: Path) -> Path:
 
 def _numbers(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     if path in seen:
-        raise ValueError(f"variant {path.name}: its base leads back to itself")
+        raise ValueError(f"variant {path.name}: its base refers back to itself")
     try:
         entries = read_toml(path.read_text(encoding="utf-8"))
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""TOML of anybody's making: a hostile or damaged text is a ValueError with a sentence."""
+"""Untrusted TOML: a hostile or damaged text raises ValueError with a sentence."""
 
 from __future__ import annotations
 
@@ -16,4 +16,4 @@ def read_toml(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise ValueError("too many brackets lie within each other") from None
+        raise ValueError("brackets are nested too deeply") from None

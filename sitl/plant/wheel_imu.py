@@ -1,4 +1,4 @@
-"""An IMU on the front wheel: what the bench of the steering is tried with, as a CSV file that grows.
+"""An IMU on the front wheel, written as a growing CSV file, to test the steering bench.
 
 Columns t [s, the vehicle's clock] and angle [rad, left positive]: heading and road-wheel angle together,
 since the IMU turns with the rover too.

@@ -1,1 +1,1 @@
-"""Drives a recorded drive's own steering and speed through a simulated rover, and records that."""
+"""Repeats a recorded drive's steering and speed on a simulated rover and records the result."""

@@ -1,4 +1,4 @@
-"""What a recorded drive asked of the rover, loop by loop: the input of every way to drive it again."""
+"""Steering and speed of a recorded drive at every main loop: the input of every redrive."""
 
 from __future__ import annotations
 

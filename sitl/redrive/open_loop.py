@@ -27,22 +27,22 @@ def redrive(
     parameters: PlantParameters,
     out: Path,
     seed: int = 1,
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Array:
     """Drives the course and writes the log to `out`, on the clock of the course.
 
-    Returns the simulated speed (n,) m/s at the loops. `told` hears of the progress, 0 to 1. ValueError where
-    the rover overturns.
+    Returns the simulated speed (n,) m/s at the loops. `progress` receives the share done, 0 to 1.
+    ValueError where the rover overturns.
     """
     with tempfile.TemporaryDirectory() as folder:
         log = FlightLog(Path(folder), course.parameters, parameters.effects)
-        speeds = _drive(course, parameters, log, seed, told)
+        speeds = _drive(course, parameters, log, seed, progress)
         out.write_bytes(log.close().read_bytes())
     return speeds
 
 
 def _drive(
-    course: Course, parameters: PlantParameters, log: FlightLog, seed: int, told: Callable[[float], None]
+    course: Course, parameters: PlantParameters, log: FlightLog, seed: int, progress: Callable[[float], None]
 ) -> Array:
     plant = Plant(parameters, seed)
     plant.state.t, plant.state.psi = float(course.t[0]), course.heading
@@ -55,7 +55,7 @@ def _drive(
     rows, marks = _applet_rows(course), iter(course.marks)
     row, mark = next(rows, None), next(marks, None)
     outputs_due, speeds = float(course.t[0]), np.zeros(course.t.size)
-    # without the applet nothing else tells the steering: at the rate of the loop, stamped in the middle of
+    # without the applet only this message has the steering: at the rate of the loop, stamped in the middle of
     # what is held, as readers take RCOU for samples of something finer
     dense, half = course.applet is None, 0.5 * course.loop_s
     for k, (t, end) in enumerate(zip(course.t[:-1].tolist(), course.t[1:].tolist(), strict=True)):
@@ -77,12 +77,12 @@ def _drive(
         log.loop(end, sensors)
         speeds[k + 1] = plant.state.vx
         if k % 1000 == 0:
-            told(k / course.t.size)
+            progress(k / course.t.size)
     return speeds
 
 
 def _refuse_overturned(plant: Plant, after: float) -> None:
-    """ValueError where the physics asked for are no longer those of a rover on its wheels."""
+    """ValueError where the simulated rover overturns or spins."""
     roll, yaw_rate = plant.state.phi, plant.state.r
     if not (abs(roll) < LARGEST_ROLL and abs(yaw_rate) < FASTEST_YAW):
         raise ValueError(

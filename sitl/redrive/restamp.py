@@ -1,4 +1,4 @@
-"""A DataFlash log on another clock: every time stamp moved, what nobody needs of it left out."""
+"""A DataFlash log on another clock: all time stamps shifted, unneeded records left out."""
 
 from __future__ import annotations
 

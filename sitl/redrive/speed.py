@@ -22,7 +22,7 @@ class SpeedFollower:
         self._integral = 0.0
 
     def throttle(self, wanted: float, rate: float, speed: float) -> float:
-        """For a wanted speed and its rate of change [m/s2]; the trim where the rover is to stand."""
+        """For a wanted speed and its rate of change [m/s2]; the trim for a rover at rest."""
         q = self._parameters
         if wanted < STANDING:
             self._integral = 0.0

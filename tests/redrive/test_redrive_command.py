@@ -47,7 +47,7 @@ RUN = "ardurover-4.6.3/applet/run2.BIN"
         (
             ("{log}", "--out", "{tmp}/again.BIN", "--vehicle", "ardurover", "--ardurover", "{tmp}/no"),
             4,
-            "is no program that can be run",
+            "is not an executable program",
         ),
     ],
 )

@@ -52,7 +52,7 @@ def test_a_file_on_a_base_needs_only_what_differs(tmp_path: Path) -> None:
         ('base = "nominal"\ntyre_shape = 3', r"tyre_shape = 3.0 must lie in 1\.\.2"),
         ('base = "nominal"\nimu_position = [0, 1]', r"imu_position = \[0, 1\] must be three numbers"),
         ('base = "nominell"', r"no variant nominell: give one of .*nominal"),
-        ('base = "wrong.toml"', r"leads back to itself"),
+        ('base = "wrong.toml"', r"refers back to itself"),
         ("base = 3", r"base = 3 must be the name or path"),
         ("mass 3", r"not a TOML file"),
     ],

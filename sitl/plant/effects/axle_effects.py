@@ -18,7 +18,7 @@ _ROUNDS = 2  # of the loop from stiffness over lateral acceleration back to stif
 
 
 class EffectAxles(Axles):
-    """As `Axles`, with effects; plain again where all of them are absent."""
+    """As `Axles`, with effects; equal to it without any."""
 
     def __init__(self, parameters: PlantParameters, road: Road) -> None:
         super().__init__(parameters, road)

@@ -1,4 +1,4 @@
-"""An IMU that is mounted askew, and a low-pass in it that nobody has written down."""
+"""A tilted IMU, and an undocumented low-pass in it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Mounting:
 
 
 def hidden_cutoffs(effects: Effects) -> tuple[float, float]:
-    """(gyro, accelerometer) cut-offs [Hz] of filters that nobody knows of; infinite where there is none."""
+    """(gyro, accelerometer) cut-offs [Hz] of unknown filters; infinite without one."""
     return (
         number(effects, "sensor_filter", "gyro_hz", inf),
         number(effects, "sensor_filter", "accel_hz", inf),

@@ -1,4 +1,4 @@
-"""Effects that are numbers which every plant has: they take the place of those numbers."""
+"""Effects that replace a number of the plant."""
 
 from __future__ import annotations
 
@@ -50,6 +50,6 @@ def _shared(parameters: PlantParameters, changes: dict[str, Any], ratio: float) 
 
 
 def _left(effects: Effects) -> Effects:
-    """Without those that have become numbers; tyre_saturation still chooses the law."""
+    """The effects that do not replace a number; tyre_saturation still selects the tyre law."""
     done = {effect for effect, _ in _SAME} | {"front_rear_stiffness", "imu_offset"}
     return {name: values for name, values in effects.items() if name not in done - {"tyre_saturation"}}

@@ -1,4 +1,4 @@
-"""What lies between a commanded and a true road-wheel angle besides delay, lag and rate limit."""
+"""Steering effects in addition to delay, lag and rate limit: static curve, dead zone, play."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class Linkage:
         self._played = self.wanted(0.0)
 
     def wanted(self, u: float) -> float:
-        """The angle [rad] that the servo is to reach for a commanded one."""
+        """Target angle [rad] of the servo for a commanded angle [rad]."""
         if self._command > 0.0:
             u -= min(max(u, -self._command), self._command)
         u *= self._left if u > 0.0 else self._right
         return u * (1.0 + self._cubic * u * u) - self._trim
 
     def goal(self, target: float, angle: float) -> float:
-        """Where a servo at `angle` stops on its way to `target`: as near as its dead zone lets it."""
+        """Angle [rad] at which a servo at `angle` stops before `target`: at the edge of its dead zone."""
         error = target - angle
         if abs(error) <= self.deadband:
             return angle

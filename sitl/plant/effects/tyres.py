@@ -27,7 +27,7 @@ def tyre_law(effects: Effects) -> Law:
 
 
 class Stiffness:
-    """The share of the cornering stiffness that is there now."""
+    """Present share of the cornering stiffness."""
 
     __slots__ = ("_at", "_by_distance", "_driven", "_ratio", "_transfer", "surface")
 
