@@ -24,6 +24,6 @@ def material_sizes(effect: Effect, spread: Tolerances) -> dict[str, float]:
     }
 
 
-def counts(effect: Effect, x: Mapping[str, float], spread: Tolerances) -> bool:
+def exceeds_material_size(effect: Effect, x: Mapping[str, float], spread: Tolerances) -> bool:
     """True where any parameter of the effect at the coordinates x exceeds its material size."""
     return effect.exceeds(x, material_sizes(effect, spread))

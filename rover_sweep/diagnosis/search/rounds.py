@@ -23,7 +23,7 @@ from rover_sweep.diagnosis.search.candidate_fits import (
     refit_candidates,
     tangent,
 )
-from rover_sweep.diagnosis.search.material import EARLIER, counts
+from rover_sweep.diagnosis.search.material import EARLIER, exceeds_material_size
 from rover_sweep.diagnosis.search.threshold import NullDistribution, null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model, added_coordinates, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -117,16 +117,16 @@ class Round:
 
     def significant(self) -> list[Trial]:
         """Trials above their thresholds and their material sizes, the largest gain first."""
-        return [t for t in self.trials if self.passes(t)]
+        return [t for t in self.trials if self.is_finding(t)]
 
-    def passes(self, trial: Trial) -> bool:
+    def is_finding(self, trial: Trial) -> bool:
         """True for a trial that is a finding: fitted, above its threshold and its material size."""
         if trial.fitted is self.fitted:
             return False  # a linear prediction only
-        over = self.after(trial)
+        over = self.relative_variance(trial)
         return trial.gain > over * self.null.thresholds.get(trial.effect, 0.0) and matters(trial)
 
-    def after(self, trial: Trial) -> float:
+    def relative_variance(self, trial: Trial) -> float:
         """Variance of a row in the trial over that in the round's bootstrap, at least 1."""
         return max(1.0, trial.fitted.overdispersion / self.fitted.overdispersion)
 
@@ -142,7 +142,7 @@ def matters(trial: Trial) -> bool:
         return x["lag"] + x["delay"] > spread.together
     if trial.effect == "clock_offset" and not trial.model.two_clocks:
         return x["delay"] < -EARLIER
-    return counts(effect, x, spread)
+    return exceeds_material_size(effect, x, spread)
 
 
 def fit_with_floor(

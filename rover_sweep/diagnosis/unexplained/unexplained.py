@@ -112,7 +112,7 @@ def unknown_place(places: Sequence[Mismatch]) -> Unknown | None:
 def _notable(last: Round, tested: _TestedLaws, notable: dict[str, float]) -> Unknown:
     channel = max(notable, key=lambda c: notable[c])
     ratio = float(np.sqrt(notable[channel]))
-    still = f"{CHANNELS[channel]} still differs by {ratio:.1f} times the noise"
+    still = f"{CHANNELS[channel]} still differs from the simulation by {ratio:.1f} times the noise"
     chosen, gain = _regression(last, tested)
     if gain < PREDICTS:
         return Unknown(
@@ -122,7 +122,7 @@ def _notable(last: Round, tested: _TestedLaws, notable: dict[str, float]) -> Unk
             f"{still}; no candidate explains it, and no simple function of the state predicts it",
         )
     on = ", ".join(dict.fromkeys(law.on for law in chosen))
-    sentence = f"{still}; it follows {on}, and no candidate explains it"
+    sentence = f"{still}; it depends on {on}, and no candidate explains it"
     return Unknown(channel, on, ratio, sentence, " + ".join(law.term for law in chosen), gain)
 
 
@@ -132,14 +132,12 @@ def _follows_one_law(last: Round, tested: _TestedLaws, best: int) -> Unknown:
     power = {c: float(np.sum(last.problem.part(row, channel=c) ** 2)) for c in CHANNELS}
     channel = max(power, key=lambda c: power[c])
     ratio = over_noise(float(tested.gains[best]), row)
-    times = (
-        f"{tested.over_chance[best]:.1f} times"
-        if tested.over_chance[best] < 10
-        else f"{tested.over_chance[best]:.0f} times"
-    )
+    over = float(tested.over_chance[best])
+    times = f"{over:.1f}" if over < 10 else f"{over:.0f}"
     sentence = (
-        f"{CHANNELS[channel]} differs by {ratio:.1f} times the noise, as if a term {law.on} acted on the "
-        f"{law.place}; its gain is {times} the threshold, and no candidate explains it"
+        f"{CHANNELS[channel]} differs from the simulation by {ratio:.1f} times the noise, as if a term "
+        f"{law.on} acted on the {law.place}; its gain is {times} times the threshold, and "
+        "no candidate explains it"
     )
     share = _share_predicted(last, tested, [best])
     return Unknown(channel, law.on, ratio, sentence, law.term, share)
