@@ -34,7 +34,7 @@ def answer(
     if not added:
         return (first, "no run was found that adds to this", *_open(given)) if given.open else (first,)
     more = count.replace("run", "more run")
-    return (first, f"with {more} it is {separated(asked, best)}", *_open(best))
+    return (first, f"with {more} they detect and separate {separated(asked, best)}", *_open(best))
 
 
 def separated(asked: int, result: SetResult) -> int:
