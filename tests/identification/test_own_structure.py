@@ -82,7 +82,7 @@ def test_conditioning_takes_the_throttle_out(pulled):
     cleaned = identify([pulled], GEOMETRY, settings=Settings(models=models, condition_on=("throttle",)))
     response = cleaned.groups[0].responses["r"]
     assert response.conditioned_on == ("throttle",)
-    assert "partial coherence (throttle taken out)" in cleaned.coherence[0].sentence
+    assert "partial coherence (effect of throttle removed)" in cleaned.coherence[0].sentence
     truth = bicycle(GEOMETRY).with_values(BIKE).response(response.w, pulled.mean_speed, "r")
     inside = (response.w >= 0.6) & (response.w <= 20)
     ratio, spoilt = (g.groups[0].responses["r"].h[inside] / truth[inside] for g in (cleaned, plain))
