@@ -68,10 +68,10 @@ def test_absent_binary_says_what_to_do(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.delenv(launcher.ENVIRONMENT, raising=False)
     with pytest.raises(LaunchError, match="set ROVER_SWEEP_ARDUROVER, or put ardurover on PATH"):
         find_ardurover()
-    with pytest.raises(LaunchError, match=r"nowhere \(from the option\) is no program"):
+    with pytest.raises(LaunchError, match=r"nowhere \(from the option\) is not an executable program"):
         find_ardurover(tmp_path / "nowhere")
     monkeypatch.setenv(launcher.ENVIRONMENT, str(tmp_path))
-    with pytest.raises(LaunchError, match=r"\(from ROVER_SWEEP_ARDUROVER\) is no program"):
+    with pytest.raises(LaunchError, match=r"\(from ROVER_SWEEP_ARDUROVER\) is not an executable program"):
         find_ardurover()
 
 
