@@ -4,8 +4,8 @@
 
 prints one line of JSON on stdout when it is ready, e.g. {"tcp": 40123, "directory": "..."}; the rest goes to
 stderr. It runs in simulated time in steps of SCHED_LOOP_RATE. It boots when the first ground station has
-connected, as ArduPilot's SITL; while none is connected later, it goes on in real time, so that losing the
-laptop can be tried. A ground station that reads slowly is waited for.
+connected, like ArduPilot's SITL. While none is connected later, it goes on in real time, so that the loss of
+the laptop can be tested. It waits for a ground station that reads slowly.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Runs an ArduPilot applet under a desktop Lua 5.3, on any object that behaves as an autopilot.
 
 The applet sees the names, arguments and return values that ArduPilot's bindings give it (libraries/
-AP_Scripting/generator/description/bindings.desc of Rover-4.6.3); `lua_api.lua` makes them. What a
-desktop Lua cannot give: ArduPilot's numbers are 32-bit integers and single floats, here they are 64-bit
+AP_Scripting/generator/description/bindings.desc of Rover-4.6.3); `lua_api.lua` makes them. A desktop Lua
+differs in its types: ArduPilot's numbers are 32-bit integers and single floats, here they are 64-bit
 and double, and its userdata are tables here. uint32_t wraps, compares and divides as on the vehicle.
 """
 

@@ -1,4 +1,4 @@
-"""When the embedded rover logs, into which file, and the head that every log begins with.
+"""Log files of the embedded rover: when it logs, into which file, and the head of every log.
 
 Rules of AP_Logger (Rover-4.6.3): a log opens on arming (at boot with LOG_DISARMED = 1) and runs on for 15 s
 after disarming. With LOG_FILE_DSRMROT = 0 it then only pauses, and the next arming goes on in the same

@@ -1,6 +1,6 @@
-"""How the rooms lie: which room may import which, deferred imports counted; no circle; nothing loose.
+"""Which room may import which, deferred imports included; no circles; no loose files at the root.
 
-ROOMS goes from the ground up. A room imports what stands in its own line, and nothing else of this project.
+ROOMS goes from the ground up. A room imports the rooms of its own line, and nothing else of this project.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ OUTSIDE = {
     "report": {"pymavlink", "click", "textual"},
     "api": {"pymavlink", "click", "textual"},
     "tui": {"pymavlink", "click", "matplotlib", "numpy"},
-}  # libraries that a room must do without
+}  # libraries that a room must not import
 
 FILES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
@@ -113,7 +113,7 @@ def imported(path: Path) -> Iterator[str]:
 
 
 def module_of(name: str) -> str | None:
-    """The module of this project that an imported name lies in."""
+    """The module of this project that holds an imported name."""
     while name not in FILES:
         if "." not in name:
             return None
@@ -133,7 +133,7 @@ def room_of(module: str) -> str:
 
 
 def within(module: str, depth: int) -> str:
-    """The room at that depth: the folder, or the file itself where it stands higher."""
+    """The room at that depth: the folder, or the file itself where it lies higher."""
     return ".".join(module.split(".")[: depth + 1])
 
 
@@ -150,7 +150,7 @@ def test_a_room_imports_what_it_may(room: str) -> None:
     ]
     assert not wrong
     used = {room_of(target) for module in modules for target in ARROWS[module]} - {room, *SHARED}
-    assert used == ROOMS[room], "an arrow that nobody uses any longer"
+    assert used == ROOMS[room], "an allowed import that is no longer used"
 
 
 @pytest.mark.parametrize("room", OUTSIDE)
@@ -170,7 +170,7 @@ def test_no_circle_between_rooms_of_any_depth(depth: int) -> None:
     graph: dict[str, set[str]] = {}
     for module, targets in ARROWS.items():
         if module == "rover_sweep":
-            continue  # the package's face hands names on
+            continue  # it only re-exports names
         own = within(module, depth)
         graph.setdefault(own, set()).update(within(t, depth) for t in targets if t != "rover_sweep")
     for room, targets in graph.items():
