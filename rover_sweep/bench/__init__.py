@@ -1,1 +1,2 @@
-"""Servo on blocks: the steering is moved standing still, the road wheel's angle is read, numbers come out."""
+"""Bench test with the front wheels off the ground: moves the steering, reads the road wheel's angle, and fits
+the servo and the linkage."""

@@ -1,6 +1,6 @@
-"""What lies in a bench's folder: bench.json, bench.tlog, readings.csv, and wheel.csv or wheel.tlog.
+"""The files of a bench: bench.json, bench.tlog, readings.csv, and wheel.csv or wheel.tlog.
 
-All is on disk before it is looked at, so that a bench that was broken off can be evaluated as far as it came.
+All data are on disk before they are used, so that an interrupted bench can be evaluated.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class BenchFolder:
     path: Path
 
     def describe(self, content: Mapping[str, Any]) -> None:
-        """bench.json, whole or not at all."""
+        """Write bench.json, as a whole or not at all."""
         target = self.path / DESCRIPTION
         part = target.with_suffix(".json.part")
         with writing(target):
@@ -66,24 +66,22 @@ class BenchFolder:
             os.fsync(file.fileno())
 
     def description(self) -> dict[str, Any]:
-        """What bench.json says. UsageError where there is none, DataRefused where it is not one."""
+        """The content of bench.json. UsageError if it is missing, DataRefused if it is damaged."""
         target = self.path / DESCRIPTION
         try:
             content = read_json(target.read_text(encoding="utf-8"))
         except FileNotFoundError:
-            raise UsageError(
-                f"{self.path} is no folder of a bench: there is no {DESCRIPTION} in it"
-            ) from None
+            raise UsageError(f"{self.path} is not a bench's folder: it has no {DESCRIPTION}") from None
         except (OSError, ValueError) as error:
             raise DataRefused(f"{target} cannot be read: {error}") from error
         if not isinstance(content, dict) or content.get("format") != FORMAT:
-            raise DataRefused(f"{target} is no {FORMAT!r}: it was written by another program or version")
+            raise DataRefused(f"{target} is not {FORMAT!r}: it was written by another program or version")
         if wrong := _wrong(content):
-            raise DataRefused(f"{target} is damaged: {wrong}; put that right in it and evaluate again")
+            raise DataRefused(f"{target} is damaged: {wrong}; correct it and evaluate again")
         return content
 
     def readings(self) -> tuple[AngleReading, ...]:
-        """The angles that were read; a last line that was cut off is left out."""
+        """The angles that were read, without a truncated last line."""
         target = self.path / READINGS
         if not target.is_file():
             return ()
@@ -97,27 +95,25 @@ class BenchFolder:
         except OSError as error:
             raise DataRefused(f"{target} cannot be read: {error}") from error
         except (ValueError, csv.Error) as error:
-            raise DataRefused(
-                f"{target} is damaged: {error}; take the line out and evaluate again"
-            ) from error
+            raise DataRefused(f"{target} is damaged: {error}; remove the line and evaluate again") from error
 
 
 def _finite(text: str) -> float:
     if not isfinite(value := float(text)):
-        raise ValueError(f"a time or PWM in it is {text}")
+        raise ValueError(f"it has {text} as a time or PWM")
     return value
 
 
 def _wrong(content: Mapping[str, Any]) -> str:
-    """What no bench writes, among the values that are evaluated; "" where all is well."""
+    """The first invalid value of those that are evaluated, in a phrase; "" if all are valid."""
     output, wheel = content.get("steering_output"), content.get("wheel")
     if not isinstance(output, dict):
-        return f"steering_output is {output!r}, no object with the servo and its trim"
+        return f"steering_output is {output!r}, not an object with the servo and its trim"
     trim, servo = output.get("trim"), output.get("servo")
     if not isinstance(trim, int | float) or not LEAST_TRIM <= trim <= MOST_TRIM:
-        return f"steering_output.trim is {trim!r}, no PWM of {LEAST_TRIM} to {MOST_TRIM} us"
+        return f"steering_output.trim is {trim!r}, not a PWM of {LEAST_TRIM} to {MOST_TRIM} us"
     if type(servo) is not int or servo not in CHANNELS:
-        return f"steering_output.servo is {servo!r}, no output of {CHANNELS[0]} to {CHANNELS[-1]}"
+        return f"steering_output.servo is {servo!r}, not an output from {CHANNELS[0]} to {CHANNELS[-1]}"
     if wheel is not None and not isinstance(wheel, dict):
         return f"wheel is {wheel!r}, neither null nor an object"
     if wheel and not isinstance(same := wheel.get("same_clock", False), bool):

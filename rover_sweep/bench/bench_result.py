@@ -1,4 +1,4 @@
-"""What a bench found: numbers with intervals, or a word on why one cannot be told."""
+"""The result of a bench: numbers with intervals, and the reasons for missing ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ LEVEL = 0.90  # of every interval
 
 @dataclass(frozen=True)
 class Number:
-    """A number with its standard deviation and interval. key: that of the vehicle file, '' for none of it."""
+    """A number with its standard deviation and interval. key: in the vehicle file, '' if it has none."""
 
     name: str
     unit: str
@@ -23,7 +23,7 @@ class Number:
 
     @property
     def determined(self) -> bool:
-        """False where the data do not hold it (a rate limit that no step reached, say)."""
+        """Whether the data determine it (not, for example, a rate limit that no step reached)."""
         return isfinite(self.value) and isfinite(self.sd)
 
     def __str__(self) -> str:
@@ -32,7 +32,8 @@ class Number:
 
 @dataclass(frozen=True)
 class BenchResult:
-    """All of it. untold: what was not measured, and why; remarks: what to know; residual [rad] rms."""
+    """untold: sentences on numbers not measured, and why; remarks: sentences; residual: rms [rad]; samples:
+    number of angles."""
 
     source: str
     numbers: tuple[Number, ...]
@@ -56,14 +57,14 @@ def interval(
     key: str = "",
     least: float = -inf,
 ) -> Number:
-    """value +- factor sd; least: what it cannot be below (neither can its value be then)."""
+    """The number value +- factor sd; least: lower bound of the value and of the interval."""
     value, sd = float(value), float(sd)  # plain, as files and JSON take them
     low, high = value - factor * sd, value + factor * sd
     return Number(name, unit, max(value, least), sd, max(low, least), max(high, least), meaning, key)
 
 
 def rate_limit(slowness: float, sd: float, factor: float) -> Number:
-    """The rate out of its inverse [s/rad]; NaN with a lower end alone where no step reached it."""
+    """The rate limit [rad/s] from its inverse [s/rad]; NaN with only a lower bound if no step reached it."""
     slowness, sd = float(slowness), float(sd)
     least, most = slowness - factor * sd, slowness + factor * sd
     meaning = "fastest rate of the road wheel"

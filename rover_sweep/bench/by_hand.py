@@ -13,12 +13,12 @@ from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused
 
 LEAST_READINGS = 5
-LEVELS_FOR_CURVE = 3  # of a side, for a band without an answer and a curvature
-# Standard deviations of what any steering has: hardly a bound, and without them a few noisy angles at small
-# steps bend the curve beyond anything that is built.
+LEVELS_FOR_CURVE = 3  # levels on each side that a deadband and a curvature need
+# Standard deviations (priors) wider than any steering has. Without them a few noisy angles at small steps
+# would bend the curve more than any linkage does.
 USUAL = {"e": 0.15, "c3": 6.0, "w": 0.02}
-HAND = 0.009  # rad, of one angle, where the priors' weight begins
-NOT_BY_HAND = "servo_lag, servo_delay and servo_rate_limit cannot be read by hand: they take --wheel-imu"
+HAND = 0.009  # rad, first guess of the noise of one angle, for the weight of the priors
+NOT_BY_HAND = "servo_lag, servo_delay and servo_rate_limit cannot be read by hand: they need --wheel-imu"
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Readings:
 
 
 def by_hand(readings: Readings, trim: float) -> BenchResult:
-    """The numbers; trim: SERVOn_TRIM [us], where the search begins. DataRefused for too few readings."""
+    """Fit the numbers; trim: SERVOn_TRIM [us], the starting value. DataRefused for too few readings."""
     from scipy.optimize import least_squares
     from scipy.stats import t as student
 
@@ -44,8 +44,8 @@ def by_hand(readings: Readings, trim: float) -> BenchResult:
         names += ["c3", "w"]
     if read.sum() < max(LEAST_READINGS, len(names) + 1) or np.ptp(pwm[read]) < 1:
         raise DataRefused(
-            f"{read.sum()} angles were read, at {left} levels to the left and {right} to the right; it takes "
-            f"{max(LEAST_READINGS, len(names) + 1)} at the least, on both sides"
+            f"{read.sum()} angles were read, at {left} levels to the left and {right} to the right; at least "
+            f"{max(LEAST_READINGS, len(names) + 1)} are needed, on both sides"
         )
     slope = float(np.polyfit(pwm[read] - trim, angle[read], 1)[0])
     scale = {"k": abs(slope), "trim": 10.0, "b": 0.01, "e": 0.05, "c3": 1.0, "w": 0.01}
@@ -78,17 +78,17 @@ def by_hand(readings: Readings, trim: float) -> BenchResult:
     untold = [NOT_BY_HAND]
     if "w" not in names:
         untold.append(
-            f"deadband and nonlinearity take {LEVELS_FOR_CURVE} steps on either side, as --steps 50,100,150"
+            f"deadband and nonlinearity need {LEVELS_FOR_CURVE} steps on each side, as --steps 50,100,150"
         )
     if "e" not in names:
-        untold.append("asymmetry takes angles on both sides")
+        untold.append("asymmetry needs angles on both sides")
     remarks = (
-        f"angles were read to {np.degrees(noise):.2g} deg (scatter about the curve)",
-        "backlash holds a servo's stopping short too: standing still the two look alike",
+        f"reading error of an angle: {np.degrees(noise):.2g} deg (scatter about the curve)",
+        "backlash includes the error with which the servo stops short: at rest the two cannot be separated",
     )
     return BenchResult("by hand", numbers, tuple(untold), remarks, noise, int(read.sum()))
 
 
 def _levels(offset: Array) -> int:
-    """How many different levels beyond 0."""
+    """Number of different levels above 0; offset (n,) us."""
     return len({round(x / 5.0) for x in offset.tolist() if x > 5.0})

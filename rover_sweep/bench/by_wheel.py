@@ -1,7 +1,6 @@
-"""An IMU on the road wheel, beside the PWM: curve, play, lag, delay and rate limit in one fit. Pure.
+"""Fits curve, play, lag, delay and rate limit to the PWM and an IMU on the road wheel. Pure.
 
-The model of `linkage` is driven with the PWM that was put out and compared with the wheel's angle, or with
-its rate.
+The model of `linkage` gets the recorded PWM; its angle, or rate, is compared with the wheel's.
 """
 
 from __future__ import annotations
@@ -21,25 +20,25 @@ from rover_sweep.bench.wheel_problem import STRIDE, Command, Wheel, WheelProblem
 from rover_sweep.errors import DataRefused
 
 LEAST_STEPS = 4
-SCALE = 0.005  # share by which a gyro's scale and its axis, some degrees off the kingpin's, may be wrong
+SCALE = 0.005  # relative error from a gyro's scale and from its axis, some degrees off the kingpin's
 SLOPES = ("rad_per_us", "centre", "left", "right")
 
 
 def by_wheel(command: Command, wheel: Wheel, sign: float | None) -> BenchResult:
-    """The numbers. sign: that of rad_per_us, None where not known (then it is taken as positive).
+    """Fit the numbers. sign: of rad_per_us, None if unknown (then taken as positive).
 
-    DataRefused for a wheel that hardly turned, or for clocks that cannot be brought together.
+    DataRefused for a wheel that hardly turned, or for clocks that cannot be aligned.
     """
     from scipy.stats import norm
 
     offset, slope = first_offset(command.t, command.pwm, wheel.t, wheel.value, wheel.is_rate, wheel.clock)
-    turned = slope * (sign or 1.0) > 0  # the angle grew with the PWM: it is counted to the right
+    turned = slope * (sign or 1.0) > 0  # the angle grows with the PWM: it is positive to the right
     if turned:
         wheel = replace(wheel, value=-wheel.value)
     problem = problem_of(command, wheel, offset, abs(slope))
     if problem.step.max() + 1 < LEAST_STEPS and not isfinite(wheel.clock):
         raise DataRefused(
-            "without steps the wheel's clock cannot be brought to the rover's; bench with steps"
+            "the wheel's clock cannot be aligned with the rover's without steps; bench with steps"
         )
     best = fitted(problem, abs(slope) * (sign or 1.0))
     return _result(problem, best, float(norm.ppf(0.5 + LEVEL / 2)), sign, turned)
@@ -60,24 +59,24 @@ def _result(problem: WheelProblem, done: Any, factor: float, sign: float | None,
         )
     ]
     numbers = [_with_scale(number, factor) if number.name in SLOPES else number for number in numbers]
-    untold = ["trim_us: an IMU on the wheel does not know straight ahead; read it by hand (--hand)"]
+    untold = ["trim_us: an IMU on the wheel cannot measure straight ahead; read it by hand (--hand)"]
     enough = problem.step.max() + 1 >= LEAST_STEPS
     if enough:
         numbers += _timing(problem, q, sd, factor, untold)
     else:
-        untold.append(f"servo_lag, servo_delay and servo_rate_limit take {LEAST_STEPS} steps or more")
+        untold.append(f"servo_lag, servo_delay and servo_rate_limit need at least {LEAST_STEPS} steps")
     unit = f"rad in {STRIDE:g} s" if problem.wheel.is_rate else "rad"
     remarks = [
-        f"what the model leaves of the wheel: {noise * problem.noise:.2g} {unit} rms",
-        f"slopes carry {SCALE:.1%} for the IMU's scale and for an axis that is not quite the kingpin's",
-        "backlash holds a servo's stopping short too: standing still the two look alike",
+        f"residual of the wheel's angle: {noise * problem.noise:.2g} {unit} rms",
+        f"slopes include an error of {SCALE:.1%} for the IMU's scale and its angle to the kingpin axis",
+        "backlash includes the error with which the servo stops short: at rest the two cannot be separated",
     ]
     if sign is None:
         remarks.append(
             "rad_per_us is taken as positive (a larger PWM turns right): the vehicle file has none"
         )
     if turned:
-        remarks.append("the wheel's angle is counted to the right, as by an IMU with its z axis down")
+        remarks.append("the wheel's angle is positive to the right, as from an IMU with its z axis down")
     return BenchResult(
         "IMU on the wheel",
         tuple(numbers),
@@ -89,7 +88,7 @@ def _result(problem: WheelProblem, done: Any, factor: float, sign: float | None,
 
 
 def _limit(problem: WheelProblem, q: dict[str, float], sd: dict[str, float], factor: float) -> Number:
-    """The rate limit; where no step came up to it, what the steps asked for is its lower end."""
+    """The rate limit; if no step reached it, the rate that the steps asked for is its lower bound."""
     largest = float(np.max(np.abs(np.diff(problem.command.pwm)))) * abs(q["k"])
     asked = largest / max(q["lag"] + factor * sd["lag"], 1e-3)
     least, most = (q["slowness"] + side * factor * sd["slowness"] for side in (-1, 1))
@@ -112,19 +111,19 @@ def _timing(
     found = [lag, _limit(problem, q, sd, factor)]
     if not found[1].determined:
         untold.append(
-            f"servo_rate_limit: no step reached it, it is above {found[1].low:.3g} rad/s; take larger steps"
+            f"servo_rate_limit: no step reached it, it is above {found[1].low:.3g} rad/s; use larger steps"
         )
     if isfinite(problem.wheel.clock):
-        unseen = problem.jitter  # of all alike: outputs and their messages may keep step
+        unseen = problem.jitter  # common to all steps: outputs and their messages may be in step
         deviation = float(np.sqrt(sd["delay"] ** 2 + unseen**2 + problem.wheel.clock**2))
         delay = q["delay"] + problem.offset
-        meaning = "from SERVO_OUTPUT_RAW to the first movement, up to a main loop of it the autopilot's"
+        meaning = "from SERVO_OUTPUT_RAW to the first movement; up to a main loop of it is the autopilot's"
         found.append(
             interval("servo_delay", "s", delay, deviation, factor, meaning, "steering.servo_delay", 0.0)
         )
     else:
         untold.append(
-            "servo_delay: the wheel's clock is its own, and a delay looks as a clock that differs does "
-            "(--wheel-clock vehicle where it is the rover's)"
+            "servo_delay: the wheel has its own clock, and a delay cannot be separated from a clock offset "
+            "(--wheel-clock vehicle if it uses the rover's clock)"
         )
     return found

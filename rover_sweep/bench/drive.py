@@ -1,4 +1,4 @@
-"""A bench on a vehicle: look, ask, move, read, let go. What is measured is on disk before it is looked at."""
+"""A bench on a vehicle: check, ask, move, read, release. Measured data are on disk before they are used."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ RATES = {
     "LOCAL_POSITION_NED": 5.0,
     "SYSTEM_TIME": 1.0,
 }
-FAST = 200.0  # Hz of SERVO_OUTPUT_RAW where the line takes it: a delay is told to its interval
+FAST = 200.0  # Hz of SERVO_OUTPUT_RAW on a fast line: its interval limits the accuracy of a delay
 WHEEL_RATES = {"ATTITUDE": 50.0}
-LOOK = 1.5  # s to see the rover before anything moves
-UNDER_WAY = 60.0  # us that it may be behind on a ramp, over a slow link
-FOLLOWS = 1.0  # s within which the output must be where it was asked to be
+LOOK = 1.5  # s to check the rover before anything moves
+UNDER_WAY = 60.0  # us that the output may lag on a ramp, over a slow link
+FOLLOWS = 1.0  # s within which the output must reach its target
 Keep = Callable[[], None]
 
 
 class Operator(Protocol):
-    """Who stands beside the rover. keep: to be called again and again while waiting for an answer."""
+    """The person beside the rover. keep: to be called repeatedly while waiting for an answer."""
 
     def allow(self, movement: Movement, stops: str, keep: Keep) -> bool: ...
 
     def angle(self, number: int, of: int, offset: float, keep: Keep) -> tuple[float, str]:
-        """(rad, left positive, NaN for none; what was typed)."""
+        """(angle [rad], left positive, NaN for none; the typed text)."""
         ...
 
     def tell(self, text: str) -> None: ...
@@ -55,7 +55,7 @@ class Operator(Protocol):
 
 @dataclass(frozen=True)
 class WheelSource:
-    """What tells the road wheel's angle: a CSV file that is copied at the end, or the URL of a vehicle on it.
+    """The source of the road wheel's angle: a CSV file, copied at the end, or the URL of a vehicle on it.
 
     same_clock: the file's times are those of the rover's clock.
     """
@@ -67,7 +67,7 @@ class WheelSource:
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """What a bench does; unasked: nobody is asked, which only a simulated rover allows."""
+    """The plan of a bench; unasked: move without asking, which only a simulated rover allows."""
 
     movements: tuple[Movement, ...]
     wheel: WheelSource | None = None
@@ -77,9 +77,9 @@ class BenchPlan:
 def drive_bench(
     url: str, folder: BenchFolder, plan: BenchPlan, operator: Operator, access: Access | None = None
 ) -> bool:
-    """Carry it out, recording into the folder; True where all was done. access: see `Link.open`.
+    """Carry out the plan, recording into the folder. Returns whether all was done. access: see `Link.open`.
 
-    NotAtStandstill and other LinkErrors where the rover does not allow it; the steering is then let go.
+    NotAtStandstill and other LinkErrors if the rover does not allow it; the steering is then released.
     """
     with ExitStack() as stack:
         link = stack.enter_context(Link.open(url, folder.path / TELEMETRY, access=access))
@@ -103,7 +103,9 @@ def drive_bench(
                 bench.wait(LOOK)
                 bench.standstill.require()
                 if isnan(bench.standstill.speed):
-                    operator.tell("no GPS: that the rover stands is yours to see; disarmed, its motor is off")
+                    operator.tell(
+                        "no GPS: check yourself that the rover is at rest; disarmed, its motor is off"
+                    )
                 for movement in plan.movements:
                     folder.describe(_content(url, vehicle, output, plan, done))
                     if operator.allow(movement, output.stops, bench.keep):
@@ -131,7 +133,7 @@ def _streams(link: Link) -> tuple[Stream, ...]:
 
 
 def _refuse(plan: BenchPlan, output: SteeringOutput, url: str) -> None:
-    """Before anything moves: what is asked for must be in reach, and nobody unasked but a simulation."""
+    """UsageError, before anything moves, for steps that are too large, or for a real rover without asking."""
     largest = max(movement.largest for movement in plan.movements)
     if largest > output.reach:
         why = (
@@ -143,13 +145,13 @@ def _refuse(plan: BenchPlan, output: SteeringOutput, url: str) -> None:
             )
         )
         raise UsageError(
-            f"steps of {largest:g} us are out of reach: SERVO{output.servo}_MIN {output.low:g}, _TRIM "
+            f"steps of {largest:g} us are too large: SERVO{output.servo}_MIN {output.low:g}, _TRIM "
             f"{output.trim:g}, _MAX {output.high:g} allow {output.reach:.0f} us on both sides{why}"
         )
     if plan.unasked and not (output.simulated and "127.0.0.1" in url):
         raise UsageError(
             "--yes is for a simulated rover on this machine (it has SIM_ parameters and a link to "
-            "127.0.0.1); a real one is moved only after somebody beside it has said so at the terminal"
+            "127.0.0.1); a real one moves only after somebody beside it has agreed at the terminal"
         )
 
 
@@ -164,13 +166,13 @@ class _Bench:
         self.standstill = Standstill(link, output)
 
     def wait(self, seconds: float, until: float | None = None) -> None:
-        """Until the vehicle's clock is `seconds` on (or at `until`)."""
+        """Wait for `seconds` of the vehicle's clock (or until it is at `until` [s])."""
         end = self.link.clock.now + seconds if until is None else until
         while self.link.clock.now < end:
             self.keep()
 
     def keep(self) -> None:
-        """A little while on both links; nothing is asked for that a rover on its way could not bear."""
+        """Pump both links for a short time."""
         self.link.receive(0.05)
         while self.wheel is not None and self.wheel.receive(0.0) is not None:
             pass
@@ -180,7 +182,7 @@ class _Bench:
         self.standstill.require()
 
     def carry_out(self, movement: Movement) -> None:
-        """One movement from the trim and back to it, let go at its end."""
+        """One movement from the trim and back to it, released at its end."""
         self.standstill.require()
         reads, number = sum(target.read for target in movement.targets), 0
         with SteeringOverride(self.link, self.output) as steering:
@@ -208,20 +210,20 @@ class _Bench:
         self.folder.add(AngleReading(now, movement.name, target.offset, pwm, angle, typed))
 
     def _follows(self, offset: float, astray: float = ASTRAY) -> None:
-        """NotAtStandstill where the output is not within `astray` us of where it was asked to be."""
+        """NotAtStandstill if the output does not come within `astray` us of its target."""
         wanted, end = self.output.trim + offset, self.link.clock.now + FOLLOWS
         while not abs(self.standstill.pwm - wanted) <= astray:
             if self.link.clock.now > end:
-                seen = f"{self.standstill.pwm:.0f}" if isfinite(self.standstill.pwm) else "nothing"
+                is_at = f"{self.standstill.pwm:.0f}" if isfinite(self.standstill.pwm) else "nothing"
                 raise NotAtStandstill(
-                    f"the steering output does not follow: {seen} us, asked for {wanted:.0f}; is the radio "
-                    "on (without one MANUAL holds the steering at its trim), and does nothing else steer?"
+                    f"the steering output does not follow: {is_at} us, asked for {wanted:.0f}; is the radio "
+                    "on (without it MANUAL holds the steering at its trim), and does nothing else steer?"
                 )
             self._watched()
 
 
 def _copy(wheel: WheelSource | None, folder: BenchFolder) -> None:
-    """The wheel's file as it is now; where it comes later, `bench --from` takes it."""
+    """Copy the wheel's file, if it exists already; `bench --from` takes one that comes later."""
     if wheel and wheel.file and wheel.file.is_file():
         try:
             shutil.copyfile(wheel.file, folder.path / WHEEL_CSV)

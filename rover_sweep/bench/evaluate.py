@@ -1,4 +1,4 @@
-"""A bench's folder in, its result out: the same after the bench and long afterwards."""
+"""Evaluates a bench's folder, right after the bench or later."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def evaluate(
 def _in_order(readings: tuple[AngleReading, ...]) -> Readings:
     """As they were taken; an angle is beside the PWM that was seen, or where none was, asked for."""
     if not readings:
-        raise DataRefused("no angle was read in this bench; there is nothing to evaluate")
+        raise DataRefused("no angle was read in this bench, so there is nothing to evaluate")
     pwm = np.array([r.pwm for r in readings])
     return Readings(pwm, np.array([r.angle for r in readings]), readings[0].pwm - readings[0].offset)
 
@@ -59,7 +59,7 @@ def _command(folder: BenchFolder, content: dict[str, Any], trim: float) -> tuple
 
     path = folder.path / TELEMETRY
     if not path.is_file():
-        raise DataRefused(f"{folder.path} has no {TELEMETRY}: nothing of the steering was recorded")
+        raise DataRefused(f"{folder.path} has no {TELEMETRY}: the steering was not recorded")
     log = open_tlog(path, frozenset({"SERVO_OUTPUT_RAW", *CLOCKS}))
     held = [s for s in sessions(log.messages) if "SERVO_OUTPUT_RAW" in s.messages]
     if not held:
@@ -72,7 +72,7 @@ def _command(folder: BenchFolder, content: dict[str, Any], trim: float) -> tuple
     ahead = float(np.min(arrivals(path, frames.order) - t))
     keep = np.concatenate(([True], np.diff(t) > 0)) & (pwm > 0)
     if keep.sum() < 2:
-        raise DataRefused(f"{path} holds no PWM of SERVO{servo}, which steers by {DESCRIPTION}; is it so?")
+        raise DataRefused(f"{path} holds no PWM of SERVO{servo}, which steers according to {DESCRIPTION}")
     return Command(t[keep], pwm[keep], trim), ahead
 
 

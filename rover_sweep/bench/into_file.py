@@ -1,4 +1,4 @@
-"""What a bench found, into the vehicle file: which numbers, and with which uncertainty."""
+"""Writes the numbers of a bench, with their uncertainty, into the vehicle file."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from rover_sweep.bench.swing_test import rounded
 from rover_sweep.data.vehicle_file import Measured, set_numbers
 from rover_sweep.data.vehicle_rules import KEYS
 
-LEAST_SURE = 0.1  # of rad_per_us, as a standard deviation
+LEAST_SURE = 0.1  # largest relative standard deviation of rad_per_us that is written
 CURVE = ("nonlinearity", "deadband")
 
 
 def bent(result: BenchResult) -> bool:
-    """Whether a curve or a band was found: they go with the slope at the centre, else the mean one counts."""
+    """Whether a curve or a deadband was found: then the slope at the centre counts, else the mean slope."""
     found = (result.get(name) for name in CURVE)
     return result.get("centre") is not None and any(n is not None and not _holds_0(n) for n in found)
 
 
 def slope_of(result: BenchResult) -> Number | None:
-    """rad_per_us: the mean slope, or that at the centre where a curve that goes with it was found."""
+    """rad_per_us: the mean slope, or the slope at the centre if a curve was found."""
     return result.get("centre" if bent(result) else "rad_per_us")
 
 
 def numbers_for_file(result: BenchResult) -> dict[str, Measured]:
-    """{key of the vehicle file: number}; without what was not told, or a slope hardly known.
+    """{key of the vehicle file: number}; without undetermined numbers and without an uncertain slope.
 
-    Whoever reads the file uses what stands there, and must not bend the steering by noise: 0 stands where
-    the interval holds 0, with what it might be as the uncertainty. Curve, band and centre were fitted to the
-    same angles: they are taken or left together.
+    The file must not contain noise as a property of the steering: a number whose interval includes 0 is
+    written as 0, with its possible size as the uncertainty. Curve, deadband and slope at the centre were
+    fitted to the same angles, so they are written together or not at all.
     """
     out, together = {}, CURVE if bent(result) else ()
     slope = slope_of(result)

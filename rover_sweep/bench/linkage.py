@@ -1,7 +1,7 @@
 """From a servo's PWM to the road wheel's angle: curve, lag with a rate limit, play. Pure.
 
-The same order and signs as the effects of the diagnosis: u = -k (pwm - trim) [rad, left positive], a band w
-without an answer, (1 +- e) left and right, 1 + c3 u^2, then the servo, then play of half gap b.
+The same order and signs as the effects of the diagnosis: u = -k (pwm - trim) [rad, left positive], a deadband
+of half width w, (1 +- e) left and right, 1 + c3 u^2, then the servo, then play of half gap b.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rover_sweep.data.recording import Array
 
 
 def curve(u: Array, e: float, c3: float, w: float) -> Array:
-    """The angle [rad] that the servo is to reach; u (n,) rad. A negative w goes on through 0, for the fit."""
+    """Target angle of the servo (n,) rad; u (n,) rad. A negative w is allowed: the fit may cross 0."""
     sign = 1.0 if w >= 0 else -1.0
     inside = u - sign * np.clip(u, -abs(w), abs(w))
     uneven = inside + e * np.abs(inside)

@@ -1,7 +1,7 @@
-"""How a bench moves the steering: staircases to read off, slow ramps, steps. Pure.
+"""The movements of a bench: staircases for reading by hand, slow ramps, steps. Pure.
 
-Offsets are us of the steering output from SERVOn_TRIM. Every staircase and ramp begins at its lower end, so
-that play in the linkage is taken up before the first angle counts.
+Offsets of the steering output from SERVOn_TRIM are in us. Every staircase and ramp begins at its lower end,
+so that play in the linkage is taken up before the first angle.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Movement:
-    """What is asked for, and done, in one go."""
+    """A movement that is allowed and carried out as a whole."""
 
     name: str
     kind: Kind
@@ -55,7 +55,7 @@ class Movement:
 
     @property
     def words(self) -> str:
-        """What will be seen to move."""
+        """A sentence on what will move."""
         size = f"to {self.largest:g} us on either side"
         if self.kind == "steps":
             return f"the front wheels JUMP {size}, {len(self.targets)} times, {self.duration:.0f} s in all"
@@ -92,7 +92,7 @@ def programme(levels: tuple[float, ...], by_hand: bool, with_ramp: bool) -> tupl
     levels = tuple(sorted(set(levels)))
     if not levels or levels[0] < LEAST_STEP or len(levels) > MOST_LEVELS:
         raise UsageError(
-            f"steps {', '.join(f'{x:g}' for x in levels) or 'none'} us: give 1 to {MOST_LEVELS} different "
+            f"--steps {', '.join(f'{x:g}' for x in levels) or 'none'}: give 1 to {MOST_LEVELS} different "
             f"sizes of {LEAST_STEP:g} us or more, as in --steps 50,100,150"
         )
     if by_hand:

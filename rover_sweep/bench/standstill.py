@@ -1,4 +1,4 @@
-"""Whether the rover stands, disarmed, in MANUAL, the throttle at rest: looked at in every message."""
+"""Checks with every message that the rover is at rest, disarmed, in MANUAL, with the throttle at rest."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, kind
 
-MOVING = 0.5  # m/s; a GPS that stands shows up to some 0.2
+MOVING = 0.5  # m/s; a GPS at rest shows up to about 0.2
 FIX_3D = 3  # GPS_FIX_TYPE
 MANUAL = 0  # custom_mode of Rover
 ASTRAY = 12.0  # us that the output may differ from what was asked for
 
 
 class NotAtStandstill(LinkError):
-    """The steering is let go: what was the case, in words."""
+    """The steering must not move, and is released; the sentence says why."""
 
 
 @dataclass
 class Standstill:
-    """A listener of the link. pwm: steering output [us]; speed [m/s], throttle stick [us]; NaN: not told."""
+    """A listener of the link. pwm: steering output [us]; speed [m/s]; throttle: stick [us]; NaN: unknown."""
 
     link: Link
     output: SteeringOutput
@@ -44,25 +44,25 @@ class Standstill:
 
     @property
     def why_not(self) -> str:
-        """What forbids to move the steering, '' if nothing."""
+        """Why the steering must not move, in a sentence; '' if it may."""
         if self.link.armed:
-            return "the rover is armed; the steering is benched on a disarmed rover, whose motor cannot turn"
+            return "the rover is armed; disarm it for the bench, so that its motor cannot turn"
         if self.link.mode != MANUAL:
             return f"the rover is not in MANUAL (mode {self.link.mode})"
         if self.speed > MOVING:
-            return f"the rover moves ({self.speed:.1f} m/s); it must stand, its front wheels off the ground"
+            return f"the rover moves ({self.speed:.1f} m/s); it must be at rest, front wheels off the ground"
         if isnan(self.pwm) or isnan(self.throttle):
             return "the rover does not send SERVO_OUTPUT_RAW and RC_CHANNELS; is the link too slow?"
         if self.throttle == 0:
-            return "the rover has no radio; its pilot's mode switch must be able to stop this"
+            return "the rover has no radio; the pilot must be able to stop the bench with the mode switch"
         if abs(self.throttle - self.output.throttle_trim) > self.output.throttle_zone:
             return (
                 f"the throttle stick is not at rest ({self.throttle:.0f} us, rest "
-                f"{self.output.throttle_trim:.0f}); this program leaves it to the radio"
+                f"{self.output.throttle_trim:.0f}); this program does not touch it, center it on the radio"
             )
         return ""
 
     def require(self) -> None:
-        """NotAtStandstill where the steering must not move (on)."""
+        """NotAtStandstill if the steering must not move, or must stop."""
         if why := self.why_not:
             raise NotAtStandstill(why)

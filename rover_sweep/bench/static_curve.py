@@ -1,4 +1,4 @@
-"""Fitted numbers of the static curve as what a vehicle file takes. Pure."""
+"""From the fitted static curve to the numbers of a vehicle file. Pure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MEANINGS = {
     "trim": ("trim_us", "us", "PWM at which the wheels point straight ahead"),
     "e": ("asymmetry", "-", "gain (1 + e) to the left, (1 - e) to the right"),
     "c3": ("nonlinearity", "1/rad^2", "gain 1 + c3 u^2"),
-    "w": ("deadband", "rad", "half width of the band about the trim without an answer"),
+    "w": ("deadband", "rad", "half width of the band about the trim in which the wheels do not move"),
     "b": ("backlash", "rad", "half of the gap, at the road wheel"),
 }
 NOT_NEGATIVE = ("w", "b")

@@ -1,9 +1,9 @@
-"""How the steering is reached at a standstill, and what forbids it. Pure: parameters in, a value out.
+"""How to move the steering at a standstill, and what forbids it. Pure.
 
 The steering is moved by RC_CHANNELS_OVERRIDE of the steering channel alone, in MANUAL, DISARMED. Facts of
 Rover-4.6.3, read there and seen on the program: AP_MotorsUGV::output_regular always lets the steering move,
-and holds the throttle at its trim or off while disarmed; GCS_MAVLINK::handle_rc_channels_override hears
-the rover's own ground station alone (`vehicle.ground_station`), and 65535 leaves a channel to the radio; an
+and holds the throttle at its trim or off while disarmed; GCS_MAVLINK::handle_rc_channels_override accepts
+only the rover's own ground station (`link.ground_station`), and 65535 leaves a channel to the radio; an
 override lapses RC_OVERRIDE_TIME after the last one (0: none works, below 0: it never lapses).
 
 Rover::rudder_arm_disarm_check ARMS a rover whose steering stick is further right than 4000 of 4500 for 2 s
@@ -90,11 +90,11 @@ class SteeringOutput:
 
     @property
     def stops(self) -> str:
-        """How it is stopped without the laptop."""
+        """A sentence on how to stop it without the laptop."""
         switch = f"RC{self.switch} (overrides off), " if self.switch else ""
         return (
             f"stop it with {switch}the mode switch (HOLD), the rover's power, or Ctrl-C; without this "
-            f"program the wheels are the radio's again after {self.lapse:g} s (RC_OVERRIDE_TIME)"
+            f"program the radio steers again after {self.lapse:g} s (RC_OVERRIDE_TIME)"
         )
 
 
@@ -128,7 +128,7 @@ def _servo(have: Mapping[str, float]) -> int:
     steering = [n for n in CHANNELS if have.get(f"SERVO{n}_FUNCTION") == STEERING]
     if any(have.get(f"SERVO{n}_FUNCTION") in SKID for n in CHANNELS):
         raise UsageError(
-            "this rover steers by its drive (SERVOn_FUNCTION 73 or 74): there is nothing to bench"
+            "this rover steers by its drive motors (SERVOn_FUNCTION 73 or 74): it has no steering to bench"
         )
     if len(steering) != 1:
         seen = " and ".join(f"SERVO{n}" for n in steering) or "none"
@@ -142,7 +142,7 @@ def steering_output(have: Mapping[str, float]) -> SteeringOutput:
     servo, roll, throttle = _servo(have), int(have.get("RCMAP_ROLL", 1)), int(have.get("RCMAP_THROTTLE", 3))
     lacking = [name for name in names_of(have) if name not in have]
     if lacking:
-        raise UsageError(f"the rover did not tell {', '.join(lacking)}; is the link too slow?")
+        raise UsageError(f"the rover did not report {', '.join(lacking)}; is the link too slow?")
     return SteeringOutput(
         servo,
         have[f"SERVO{servo}_TRIM"],
@@ -169,10 +169,10 @@ def steering_output(have: Mapping[str, float]) -> SteeringOutput:
 def _refuse(have: Mapping[str, float]) -> None:
     lapse = have.get("RC_OVERRIDE_TIME")
     if lapse is None or not 0 < lapse <= LONGEST_LAPSE:
-        seen = "is not told" if lapse is None else f"is {lapse:g} s"
+        setting = "is unknown" if lapse is None else f"is {lapse:g} s"
         raise UsageError(
-            f"RC_OVERRIDE_TIME {seen}; it must be above 0 and at most {LONGEST_LAPSE:g} s, so that the "
-            "steering is let go by itself when this program or its link ends; set it to 3"
+            f"RC_OVERRIDE_TIME {setting}; it must be above 0 and at most {LONGEST_LAPSE:g} s, so that the "
+            "override lapses when this program or its link ends; set it to 3"
         )
     if int(have.get("RC_OPTIONS", 0)) & IGNORE_OVERRIDES:
         raise UsageError("RC_OPTIONS has bit 1 set (ignore MAVLink overrides): the steering would not move")

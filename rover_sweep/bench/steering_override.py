@@ -1,4 +1,4 @@
-"""The override of the steering channel: begun, moved, kept up, and however it ends given back."""
+"""The override of the steering channel: repeated while it is active, and always released at its end."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class SteeringOverride:
             self._send()
 
     def release(self) -> None:
-        """Back to the radio. Never raises for a lost link: there the override lapses by itself."""
+        """Return the channel to the radio. Never raises for a lost link: then the override lapses."""
         if self._periodic is None:
             return
         self._link.cancel(self._periodic)

@@ -1,4 +1,4 @@
-"""A wheel's IMU: a CSV file with a time and an angle or a rate, or telemetry of a vehicle on the wheel."""
+"""Reads a wheel's IMU: a CSV file with time and angle or rate, or telemetry of a vehicle on the wheel."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _RATES = {
     "yaw_rate_deg_s": _DEGREE,
     "gyro_z_deg_s": _DEGREE,
 }
-ARRIVAL = 0.02  # s, of two clocks that only the arrival of their messages brings together
+ARRIVAL = 0.02  # s, uncertainty of two clocks aligned by the arrival of their messages
 
 
 def read_wheel(path: Path, same_clock: bool) -> Wheel:
@@ -84,9 +84,9 @@ def read_wheel(path: Path, same_clock: bool) -> Wheel:
 
 
 def wheel_of_telemetry(path: Path, arrival_less_clock: float) -> Wheel:
-    """ATTITUDE.yaw of a vehicle on the wheel. arrival_less_clock [s]: what the rover's clock is behind ours.
+    """ATTITUDE.yaw of a vehicle on the wheel. arrival_less_clock: our clock minus the rover's [s].
 
-    The yaw of ArduPilot's EKF comes from the gyro before its low-pass; yawspeed comes from behind it.
+    The yaw of ArduPilot's EKF comes from the gyro before its low-pass filter, yawspeed from behind it.
     """
     from rover_sweep.logs.readers.tlog import open_tlog
 
@@ -114,7 +114,7 @@ def _checked(path: Path, t: Array, value: Array, is_rate: bool, clock: float) ->
         raise DataRefused(f"{path} has only {t.size} samples of the wheel in order of time")
     if float(np.median(np.diff(t))) > 0.05:
         raise DataRefused(
-            f"{path} has a sample every {np.median(np.diff(t)):.2g} s; a servo takes 0.02 s at most (50 Hz)"
+            f"{path} has a sample every {np.median(np.diff(t)):.2g} s; a servo needs one every 0.02 s (50 Hz)"
         )
     if not is_rate:
         value = np.unwrap(value)

@@ -1,4 +1,4 @@
-"""The fit of a bench with an IMU on the wheel, and how sure it is. Pure."""
+"""The fit of a bench with an IMU on the wheel, and its covariance. Pure."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from rover_sweep.bench.wheel_problem import STRIDE, USUAL, WheelProblem
 from rover_sweep.data.recording import Array
 
-BLOCK = 0.25  # s over which what the model leaves may hang together
-# Play [rad] and slowness [s/rad]. A limit that no step reaches has no slope: begin where it acts.
+BLOCK = 0.25  # s over which the residuals may be correlated
+# Play [rad] and slowness [s/rad]. A limit that no step reaches has no gradient: start where it acts.
 STARTS = ((0.003, 0.5), (0.02, 0.15))
 
 
@@ -37,12 +37,12 @@ def fitted(problem: WheelProblem, k: float) -> Any:
 
 
 def _as_angle(problem: WheelProblem) -> WheelProblem:
-    """The same by the angle itself, whose noise then wanders."""
+    """The same problem with the integrated angle, whose noise grows as a random walk."""
     t = problem.wheel.t
-    wander = problem.noise * ((t[-1] - t[0]) / STRIDE) ** 0.5
+    growth = problem.noise * ((t[-1] - t[0]) / STRIDE) ** 0.5
     wheel = replace(problem.wheel, is_rate=False)
     return replace(
-        problem, wheel=wheel, names=(*problem.names, "drift"), noise=wander, spread=np.full(t.size, wander)
+        problem, wheel=wheel, names=(*problem.names, "drift"), noise=growth, spread=np.full(t.size, growth)
     )
 
 

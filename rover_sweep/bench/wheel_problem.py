@@ -1,7 +1,7 @@
-"""A bench with an IMU on the wheel as a problem of least squares: what was put out, what was seen. Pure.
+"""A bench with an IMU on the wheel as a least-squares problem: recorded PWM and measured wheel. Pure.
 
-When exactly a PWM changed is known to the interval of SERVO_OUTPUT_RAW, so each step has a shift of its own,
-with that much freedom. A zero and a drift of the angle (a bias of the rate) are fitted too.
+The time of a PWM's change is known to the interval of SERVO_OUTPUT_RAW, so each step has its own time shift
+with that uncertainty. A zero and a drift of the angle (a bias of the rate) are fitted too.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused
 
 JUMP = 25.0  # us between two outputs, from which they are a step
-STRIDE = 0.1  # s over which a rate is summed up
-NEAR = 10  # outputs about a rung that belong to a ramp
+STRIDE = 0.1  # s over which a rate is integrated
+NEAR = 10  # outputs around a small step that belong to a ramp
 USUAL = {"e": 0.15, "c3": 6.0, "w": 0.02}  # standard deviations, as in `by_hand`
 BEGIN = 0.02  # rad, likewise, of the wheel in its gap before it is moved
 
@@ -70,10 +70,10 @@ class WheelProblem:
         return driven(due, target, self.wheel.t, q["lag"], q["slowness"], q["b"], q["begin"])
 
     def residual(self, x: Array) -> Array:
-        """What is left of the wheel, in standard deviations of its noise; then what the priors say.
+        """Residuals of the wheel, in standard deviations of its noise; then those of the priors.
 
-        A rate has been summed up, and is taken by what the angle grew in every STRIDE: noise that is
-        independent, and edges sharper than a gyro's own bandwidth do not count.
+        A rate is compared by the growth of its integral over every STRIDE, so that the noise is independent
+        and edges sharper than the gyro's bandwidth do not count.
         """
         q, model, t = self.unpack(x), self.angle(x), self.wheel.t
         if self.wheel.is_rate:
@@ -114,23 +114,23 @@ def problem_of(command: Command, wheel: Wheel, offset: float, slope: float) -> W
 
 
 def _summed(wheel: Wheel) -> Array:
-    """The angle of a rate (n,) rad, without its usual value, which is hardly more than a bias."""
+    """The integral of a rate (n,) rad, without its median, which is mostly a bias."""
     rate = wheel.value - np.median(wheel.value)
     return np.concatenate(([0.0], np.cumsum(np.diff(wheel.t) * 0.5 * (rate[1:] + rate[:-1]))))
 
 
 def _noise(wheel: Wheel, stride: int) -> float:
-    """Standard deviation of an angle, or of what a summed-up rate grows by, from neighbours."""
+    """Standard deviation [rad] of an angle, or of an integrated rate's growth, from neighbouring samples."""
     if wheel.is_rate:
         return 1.4826 * float(np.median(np.abs(np.diff(wheel.value[::stride], 2)))) / 2.0**0.5
     return 1.4826 * float(np.median(np.abs(np.diff(wheel.value, 2)))) / 6.0**0.5
 
 
 def _ramp_steps(command: Command, t: Array) -> Array:
-    """Standard deviation [us] of what a ramp had put out at t (n,): it climbs in rungs, each at some moment
-    between two outputs that are recorded."""
+    """Standard deviation [us] of a ramp's output at t (n,) s: it climbs in small steps, each at an unknown
+    time between two recorded outputs."""
     change = np.abs(np.diff(command.pwm))
     climbing = (change > 0) & (change <= JUMP)
-    rung = float(np.median(change[climbing])) if climbing.any() else 0.0
+    size = float(np.median(change[climbing])) if climbing.any() else 0.0
     near = np.convolve(climbing, np.ones(2 * NEAR + 1), "same") > 0
-    return rung / 12**0.5 * np.interp(t, command.t[1:], near.astype(float))
+    return size / 12**0.5 * np.interp(t, command.t[1:], near.astype(float))

@@ -66,7 +66,7 @@ def test_an_imu_upside_down_is_turned_by_the_sign_in_the_vehicle_file():
     command, wheel = seen_by_imu(PARAMETERS, LEVELS, np.random.default_rng(5))
     result = by_wheel(command, Wheel(wheel.t, -wheel.value, False, 0.0), 1.0)
     assert values(result)["asymmetry"] == pytest.approx(0.05, abs=0.005)
-    assert any("counted to the right" in text for text in result.remarks)
+    assert any("positive to the right" in text for text in result.remarks)
 
 
 def test_a_rate_limit_that_no_step_reaches_is_not_told():

@@ -109,7 +109,7 @@ def test_a_wheel_imu_finds_what_the_rover_was_made_with(
     described = (out / "bench.json").read_text()
     (out / "bench.json").write_text(described.replace('"servo": 1,', '"servo": 12,'))
     assert run(["bench", "--from", str(out), "--no-write", *common]) == 3
-    assert "holds no PWM of SERVO12, which steers by bench.json" in capsys.readouterr().err
+    assert "holds no PWM of SERVO12, which steers according to bench.json" in capsys.readouterr().err
 
 
 def test_angles_by_hand_are_kept_one_by_one_and_evaluated_after_a_stop(
@@ -166,7 +166,7 @@ def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: On
         ("RC_OPTIONS", 34.0, "ignore MAVLink overrides"),
         ("SERVO1_FUNCTION", 73.0, "steers by its drive"),
         ("SERVO1_FUNCTION", 0.0, "one output must steer"),
-        ("SERVO1_MAX", 1600.0, "out of reach"),
+        ("SERVO1_MAX", 1600.0, "too large"),
     ],
 )
 def test_what_makes_it_unsafe_is_refused_before_anything_moves(

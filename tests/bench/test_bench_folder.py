@@ -38,13 +38,16 @@ def test_what_a_bench_wrote_is_evaluated(folder: BenchFolder, vehicle_toml: Path
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"steering_output": None}, "steering_output is None, no object"),
-        ({"steering_output": {"servo": 1}}, "steering_output.trim is None, no PWM of 500 to 2500 us"),
+        ({"steering_output": None}, "steering_output is None, not an object"),
+        ({"steering_output": {"servo": 1}}, "steering_output.trim is None, not a PWM of 500 to 2500 us"),
         ({"steering_output": OUTPUT | {"trim": float("nan")}}, "steering_output.trim is nan"),
         ({"steering_output": OUTPUT | {"trim": float("inf")}}, "steering_output.trim is inf"),
         ({"steering_output": OUTPUT | {"trim": "1500"}}, "steering_output.trim is '1500'"),
         ({"steering_output": OUTPUT | {"trim": [1500]}}, "steering_output.trim is [1500]"),
-        ({"steering_output": OUTPUT | {"servo": 1.5}}, "steering_output.servo is 1.5, no output of 1 to 16"),
+        (
+            {"steering_output": OUTPUT | {"servo": 1.5}},
+            "steering_output.servo is 1.5, not an output from 1 to 16",
+        ),
         ({"steering_output": OUTPUT | {"servo": True}}, "steering_output.servo is True"),
         ({"steering_output": OUTPUT | {"servo": 99}}, "steering_output.servo is 99"),
         ({"wheel": "imu.csv"}, "wheel is 'imu.csv', neither null nor an object"),
@@ -70,8 +73,8 @@ def test_a_value_that_no_bench_writes_is_named(
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        (b"1.0,steps,nan,1500,0.1,\n", "a time or PWM in it is nan"),
-        (b"1.0,steps,0,inf,0.1,\n", "a time or PWM in it is inf"),
+        (b"1.0,steps,nan,1500,0.1,\n", "it has nan as a time or PWM"),
+        (b"1.0,steps,0,inf,0.1,\n", "it has inf as a time or PWM"),
         (b"1.0,steps,0,x,0.1,\n", "could not convert string to float: 'x'"),
         (b"\xff\xfe\n", "can't decode"),
     ],

@@ -33,5 +33,5 @@ def test_a_rover_of_4_7_is_benched_where_it_hears_us() -> None:
 
 
 def test_a_rover_that_tells_neither_name_is_refused() -> None:
-    with pytest.raises(UsageError, match="did not tell MAV_GCS_SYSID, MAV_GCS_SYSID_HI"):
+    with pytest.raises(UsageError, match="did not report MAV_GCS_SYSID, MAV_GCS_SYSID_HI"):
         steering_output(COMMON)
