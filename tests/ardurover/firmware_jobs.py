@@ -17,7 +17,7 @@ from typing import Any
 
 from firmware_params.applet_parameters import applet_path
 from firmware_params.param_files import read, shipped
-from rover_sweep.cli.driving.rover_numbers import firmware_rover_text, rover_text
+from rover_sweep.cli.driving.simulated_vehicle import firmware_rover_text, rover_text
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.session import SessionPlan, drive

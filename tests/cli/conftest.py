@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from program_calls import Tell, Told
+from program_calls import ProgramResult, RunProgram
 
 from rover_sweep.cli import main
 from sitl import launcher
 
 
 @pytest.fixture
-def told(capsys: pytest.CaptureFixture[str]) -> Tell:
+def run_program(capsys: pytest.CaptureFixture[str]) -> RunProgram:
     """Calls the program in this process."""
 
-    def call(*arguments: str) -> Told:
+    def call(*arguments: str) -> ProgramResult:
         capsys.readouterr()
         code = main.run(arguments)
         out, err = capsys.readouterr()
-        return Told(code, out, err)
+        return ProgramResult(code, out, err)
 
     return call
 

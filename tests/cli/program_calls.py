@@ -1,4 +1,4 @@
-"""What the tests of the commands share."""
+"""Shared by the tests of the commands."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ SHORT = ("--sweep", "120,2,20,10", "--sweep", "amplitude=240,wmin=2,wmax=20,trec
 DRIVEN = ("--arm", "--throttle", "1710", "--throw-switch", "--limit", "v_max=5")
 
 
-class Told(NamedTuple):
-    """What a call of the program gave."""
+class ProgramResult(NamedTuple):
+    """Exit code, stdout and stderr of a call of the program."""
 
     code: int
     out: str
     err: str
 
 
-Tell = Callable[..., Told]
+RunProgram = Callable[..., ProgramResult]

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from program_calls import Tell
+from program_calls import RunProgram
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 
@@ -20,28 +20,28 @@ def half(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_half_a_run_is_warned_of(told: Tell, half: str) -> None:
-    found = told("coherence", half)
+def test_half_a_run_is_warned_of(run_program: RunProgram, half: str) -> None:
+    found = run_program("coherence", half)
     assert found.code == 0
     assert "warning: The recording ends before the end of the run: it ends at 86." in found.out
     assert "applet did not announce the end of the run" in found.out
 
 
-def test_the_notes_are_in_the_json(told: Tell, half: str) -> None:
-    (verdict,) = json.loads(told("coherence", "--json", half).out)
+def test_the_notes_are_in_the_json(run_program: RunProgram, half: str) -> None:
+    (verdict,) = json.loads(run_program("coherence", "--json", half).out)
     assert verdict["run"] == "run1"
     assert {"warning", "info"} == {note["level"] for note in verdict["notes"]}
     assert any("ends before the end of the run" in note["text"] for note in verdict["notes"])
-    (whole,) = json.loads(told("coherence", "--json", str(NOMINAL / "run1.BIN")).out)
+    (whole,) = json.loads(run_program("coherence", "--json", str(NOMINAL / "run1.BIN")).out)
     assert whole["notes"] == []
 
 
-def test_a_whole_run_has_no_warning(told: Tell) -> None:
-    found = told("coherence", str(NOMINAL / "run1.BIN"))
+def test_a_whole_run_has_no_warning(run_program: RunProgram) -> None:
+    found = run_program("coherence", str(NOMINAL / "run1.BIN"))
     assert "run1: keep" in found.out and "warning" not in found.out
 
 
-def test_the_end_of_a_sweep_alone_is_judged(told: Tell, tmp_path: Path) -> None:
+def test_the_end_of_a_sweep_alone_is_judged(run_program: RunProgram, tmp_path: Path) -> None:
     from rover_sweep.logs import read_runs
 
     (run,) = read_runs(str(NOMINAL / "run1.BIN"))
@@ -54,10 +54,10 @@ def test_the_end_of_a_sweep_alone_is_judged(told: Tell, tmp_path: Path) -> None:
     ]
     path = tmp_path / "late.csv"
     path.write_text("\n".join([",".join(("t", *names)), *lines]))
-    found = told("coherence", str(path))
+    found = run_program("coherence", str(path))
     assert found.code == 0 and "The recording begins after the start of the run" in found.out
 
 
-def test_runs_of_equal_names_are_told_apart(told: Tell, half: str) -> None:
-    found = told("coherence", half, str(NOMINAL / "run1.BIN"))
+def test_runs_of_equal_names_are_told_apart(run_program: RunProgram, half: str) -> None:
+    found = run_program("coherence", half, str(NOMINAL / "run1.BIN"))
     assert "nominal/run1: keep" in found.out and f"{Path(half).parent.name}/run1: " in found.out

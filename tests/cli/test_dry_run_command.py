@@ -10,19 +10,21 @@ import time
 from pathlib import Path
 
 import pytest
-from program_calls import Tell
+from program_calls import RunProgram
 
 SHORT = ("--wmin", "2", "--wmax", "20", "--trec", "10")
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_results_to_stdout_narration_in_order_and_the_truth(
-    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "dry-run").mkdir()
     (tmp_path / "dry-run" / "notes.txt").write_text("mine")
-    done = told("dry-run", *SHORT, "--amplitude", "160")  # the second sweep is past SWP_PWM_MAX as it comes
+    done = run_program(
+        "dry-run", *SHORT, "--amplitude", "160"
+    )  # the second sweep is past SWP_PWM_MAX as it comes
     assert done.code == 0, done.err
     assert done.out.rstrip().endswith("report: dry-run-2/report/report.html")
     lines = done.err.splitlines()
@@ -36,7 +38,7 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     written = json.loads((tmp_path / "dry-run-2/report/identification.json").read_text())
     assert found == pytest.approx(written["models"]["roll-yaw"]["parameters"]["Izz"]["value"], rel=1e-3)
     assert [p.name for p in (tmp_path / "dry-run").iterdir()] == ["notes.txt"]
-    again = told("dry-run", "--out", "dry-run-2")
+    again = run_program("dry-run", "--out", "dry-run-2")
     assert again.code == 2 and "already contains a session" in again.err and again.err.count("\n") == 1
 
 
@@ -55,11 +57,15 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     ],
 )
 def test_mistakes_are_told_at_once_and_leave_nothing(
-    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], said: str
+    run_program: RunProgram,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    said: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
-    done = told("dry-run", *arguments)
+    done = run_program("dry-run", *arguments)
     assert done.code == 2 and said in done.err and done.err.count("\n") == 1
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
@@ -90,7 +96,7 @@ def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(
 
 
 def test_a_simulated_rover_that_dies_says_why(
-    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It dies when the first ground station connects, after it said that it was ready."""
     broken = tmp_path / "broken.py"
@@ -105,5 +111,5 @@ def test_a_simulated_rover_that_dies_says_why(
 
     start = launcher._start
     monkeypatch.setattr(launcher, "_start", lambda _, *rest: start([sys.executable, str(broken)], *rest))
-    done = told("dry-run", "--out", str(tmp_path / "x"))
+    done = run_program("dry-run", "--out", str(tmp_path / "x"))
     assert done.code == 4 and "the simulated rover ended: the tyres fell off" in done.err

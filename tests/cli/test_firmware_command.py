@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from program_calls import Tell
+from program_calls import RunProgram
 
 from firmware_params.applet_parameters import applet_source
 from firmware_params.param_files import shipped
@@ -13,22 +13,24 @@ from rover_sweep.vehicle.setup import applet_upload as applet_module
 from sitl import launcher
 
 
-def test_applet_and_parameters_are_written(told: Tell, tmp_path: Path) -> None:
-    assert told("firmware", "applet").out == applet_source()
+def test_applet_and_parameters_are_written(run_program: RunProgram, tmp_path: Path) -> None:
+    assert run_program("firmware", "applet").out == applet_source()
     file = tmp_path / "a.lua"
-    done = told("firmware", "applet", "-o", str(file))
+    done = run_program("firmware", "applet", "-o", str(file))
     assert (done.code, done.out) == (0, "") and file.read_text() == applet_source()
-    assert told("firmware", "params").out == shipped("identification").read_text()
-    assert told("firmware", "params", "raw_imu").out == shipped("raw_imu").read_text()
-    slip = told("firmware", "applet", "-o", str(tmp_path / "scirpts" / "a.lua"))
+    assert run_program("firmware", "params").out == shipped("identification").read_text()
+    assert run_program("firmware", "params", "raw_imu").out == shipped("raw_imu").read_text()
+    slip = run_program("firmware", "applet", "-o", str(tmp_path / "scirpts" / "a.lua"))
     assert slip.code == 2 and "there is no folder" in slip.err and not (tmp_path / "scirpts").exists()
-    wrong = told("firmware", "params", "nonsense")
+    wrong = run_program("firmware", "params", "nonsense")
     assert wrong.code == 2 and "identification" in wrong.err
 
 
-def test_a_fresh_rover_is_checked_and_nothing_changed(told: Tell, fresh: launcher.Running) -> None:
+def test_a_fresh_rover_is_checked_and_nothing_changed(
+    run_program: RunProgram, fresh: launcher.Running
+) -> None:
     before = (fresh.directory / "parameters.txt").read_text()
-    done = told("firmware", "check", "--connect", fresh.connection)
+    done = run_program("firmware", "check", "--connect", fresh.connection)
     rows = {line.split()[0]: line for line in done.out.splitlines() if line.strip()}
     assert done.code == 1 and done.err == ""
     assert "differs" in rows["SCHED_LOOP_RATE"] and ">= 100" in rows["SCHED_LOOP_RATE"]
@@ -39,18 +41,20 @@ def test_a_fresh_rover_is_checked_and_nothing_changed(told: Tell, fresh: launche
 
 
 def test_install_asks_before_it_changes_anything(
-    told: Tell, fresh: launcher.Running, monkeypatch: pytest.MonkeyPatch
+    run_program: RunProgram, fresh: launcher.Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = (fresh.directory / "parameters.txt").read_text()
-    done = told("firmware", "install", "--connect", fresh.connection)  # nobody to ask
+    done = run_program("firmware", "install", "--connect", fresh.connection)  # nobody to ask
     assert done.code == 2 and "give --yes" in done.err
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("click.confirm", lambda *_, **__: False)
-    assert told("firmware", "install", "--connect", fresh.connection).code == 1
+    assert run_program("firmware", "install", "--connect", fresh.connection).code == 1
     assert (fresh.directory / "parameters.txt").read_text() == before
 
 
-def test_no_reboot_without_consent(told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_reboot_without_consent(
+    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked = []
 
     def confirm(question: str, **_: object) -> bool:
@@ -61,7 +65,7 @@ def test_no_reboot_without_consent(told: Tell, tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr("click.confirm", confirm)
     options = ("--parameter", "SCR_ENABLE=1")
     with launcher.start_embedded(tmp_path, options=options, speedup=8) as rover:
-        done = told("firmware", "install", "--connect", rover.connection)
+        done = run_program("firmware", "install", "--connect", rover.connection)
         saved = (tmp_path / "parameters.txt").read_text()
     assert "Reboot the rover to apply SCHED_LOOP_RATE?" in asked
     assert "SCHED_LOOP_RATE will take effect after a reboot" in done.err
@@ -69,14 +73,14 @@ def test_no_reboot_without_consent(told: Tell, tmp_path: Path, monkeypatch: pyte
 
 
 def test_an_installed_rover_fits_and_another_applet_does_not(
-    told: Tell, ready: launcher.Running, monkeypatch: pytest.MonkeyPatch
+    run_program: RunProgram, ready: launcher.Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = told("firmware", "check", "--connect", ready.connection)
+    done = run_program("firmware", "check", "--connect", ready.connection)
     assert done.code == 0 and "has everything" in done.out
     assert f"applet {applet_module.version_of(applet_source())} runs" in done.out
     file = ready.directory / "scripts" / "rover_sweep.lua"
     file.write_text(applet_source().replace('VERSION = "', 'VERSION = "0.'))
-    done = told("firmware", "check", "--connect", ready.connection)
+    done = run_program("firmware", "check", "--connect", ready.connection)
     assert done.code == 1 and "another applet" in done.out and "version 0." in done.out
-    assert told("firmware", "install", "--yes", "--connect", ready.connection).code == 0
+    assert run_program("firmware", "install", "--yes", "--connect", ready.connection).code == 0
     assert file.read_text() == applet_source()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from hostile import OURS, hostile_copy, hostile_link, raw
-from program_calls import DRIVEN, ROVER, Tell
+from program_calls import DRIVEN, ROVER, RunProgram
 from rich.console import Console
 from rich.table import Table
 
@@ -51,21 +51,25 @@ def test_a_colour_terminal_gets_only_what_rich_itself_writes(monkeypatch: pytest
     [("preflight",), ("logs", "list"), ("params", "diff", "identification"), ("firmware", "check")],
     ids=" ".join,
 )
-def test_a_hostile_vehicle_in_commands(command: tuple[str, ...], hostile: str, told: Tell) -> None:
-    done = told(*command, "--connect", hostile)
+def test_a_hostile_vehicle_in_commands(
+    command: tuple[str, ...], hostile: str, run_program: RunProgram
+) -> None:
+    done = run_program(*command, "--connect", hostile)
     assert done.code in (0, 1) and not raw(done.out + done.err), done
 
 
-def test_a_hostile_vehicle_s_parameters_in_a_file(hostile: str, told: Tell, tmp_path: Path) -> None:
+def test_a_hostile_vehicle_s_parameters_in_a_file(
+    hostile: str, run_program: RunProgram, tmp_path: Path
+) -> None:
     file = tmp_path / "all.param"
-    done = told("params", "pull", str(file), "--connect", hostile)
+    done = run_program("params", "pull", str(file), "--connect", hostile)
     assert done.code == 0 and not raw(done.out + done.err)
     text = file.read_text(encoding="utf-8")
     assert not raw(text) and "A\\x1b]0;x\\x07\\x0a" in text and OURS not in text
 
 
-def test_a_hostile_vehicle_that_is_driven(hostile: str, told: Tell, tmp_path: Path) -> None:
-    done = told(
+def test_a_hostile_vehicle_that_is_driven(hostile: str, run_program: RunProgram, tmp_path: Path) -> None:
+    done = run_program(
         "run",
         "--connect",
         hostile,
@@ -82,23 +86,23 @@ def test_a_hostile_vehicle_that_is_driven(hostile: str, told: Tell, tmp_path: Pa
     assert not raw(said) and "SWP \\x1b[2J\\x1b]52;c;aGk=\\x07" in said and "[red]" in said
     written = [path for kind in ("*.json", "*.html") for path in (tmp_path / "out").rglob(kind)]
     assert len(written) >= 3 and not any(raw(path.read_text(encoding="utf-8")) for path in written)
-    status = told("status", str(tmp_path / "out"))
+    status = run_program("status", str(tmp_path / "out"))
     assert status.code == 0 and not raw(status.out + status.err)
 
 
 @pytest.mark.parametrize("log", ["applet/run2.BIN", "defaults/run2.tlog"])
-def test_hostile_logs_in_commands(log: str, told: Tell, tmp_path: Path) -> None:
+def test_hostile_logs_in_commands(log: str, run_program: RunProgram, tmp_path: Path) -> None:
     copy = hostile_copy(DATA / "ardurover-4.6.3" / log, tmp_path)
-    replayed = told("replay", "--text", str(copy))
-    judged = told("coherence", str(copy))
-    as_json = told("coherence", str(copy), "--json")
+    replayed = run_program("replay", "--text", str(copy))
+    judged = run_program("coherence", str(copy))
+    as_json = run_program("coherence", str(copy), "--json")
     for done in (replayed, judged, as_json):
         assert done.code == 0 and not raw(done.out + done.err), done
     assert "\\x1b[31m[red]\\u202e" in replayed.out
     assert json.loads(as_json.out)
 
 
-def test_mistakes_quote_what_is_wrong_without_obeying_it(told: Tell, tmp_path: Path) -> None:
+def test_mistakes_quote_what_is_wrong_without_obeying_it(run_program: RunProgram, tmp_path: Path) -> None:
     table = tmp_path / "a.csv"
     table.write_text(f"time,{EVIL.replace(chr(13), '')}\n0,1\n", encoding="utf-8")
     vehicle = tmp_path / "rover.toml"
@@ -116,13 +120,15 @@ def test_mistakes_quote_what_is_wrong_without_obeying_it(told: Tell, tmp_path: P
         ("status", str(tmp_path / EVIL.replace("/", ""))),
         ("preflight", "--connect", EVIL),
     ):
-        done = told(*command)
+        done = run_program(*command)
         assert done.code in (2, 3) and done.err.startswith("rover-sweep: "), (command, done)
         assert not raw(done.out + done.err), (command, done)
 
 
-def test_a_file_that_quotes_a_megabyte_of_itself_is_one_short_error(told: Tell, tmp_path: Path) -> None:
+def test_a_file_that_quotes_a_megabyte_of_itself_is_one_short_error(
+    run_program: RunProgram, tmp_path: Path
+) -> None:
     vehicle = tmp_path / "rover.toml"
     vehicle.write_text(f'[vehicle]\nmass = "{"x" * 900_000}"\n')
-    done = told("vehicle", "check", str(vehicle))
+    done = run_program("vehicle", "check", str(vehicle))
     assert done.code == 2 and len(done.err) < 7000 and "characters left out" in done.err

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from program_calls import Tell
+from program_calls import RunProgram
 
 from rover_sweep.vehicle.link.link import Link
 from sitl import launcher
@@ -45,39 +45,41 @@ def on_card(rover: launcher.Running) -> list[Path]:
 
 @pytest.mark.parametrize("via", ["mavlink", "mavsdk"])
 def test_listed_and_fetched_byte_by_byte(
-    told: Tell, rover: launcher.Running, tmp_path: Path, via: str
+    run_program: RunProgram, rover: launcher.Running, tmp_path: Path, via: str
 ) -> None:
     where = ("--connect", rover.connection, "--via", via)
-    listed = json.loads(told("logs", "list", "--json", *where).out)["logs"]
+    listed = json.loads(run_program("logs", "list", "--json", *where).out)["logs"]
     cards = on_card(rover)
     assert [(log["number"], log["size"]) for log in listed] == [
         (n, card.stat().st_size) for n, card in enumerate(cards, 1)
     ]
-    assert " MB " in told("logs", "list", *where).out
-    done = told("logs", "fetch", "all", "--json", "--out", str(tmp_path), *where)
+    assert " MB " in run_program("logs", "list", *where).out
+    done = run_program("logs", "fetch", "all", "--json", "--out", str(tmp_path), *where)
     assert done.code == 0, done.err
     fetched = json.loads(done.out)["logs"]
     for log, card in zip(fetched, cards, strict=True):
         assert Path(log["path"]).read_bytes() == card.read_bytes()
         assert log["sha256"] == hashlib.sha256(card.read_bytes()).hexdigest()
         assert log["checked"] and log["seconds"] > 0
-    again = told("logs", "fetch", "latest", "--out", str(tmp_path), *where)
+    again = run_program("logs", "fetch", "latest", "--out", str(tmp_path), *where)
     assert again.code == 0 and "log2.BIN is already here (checksum matches the card)" in again.out
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_an_interrupted_download_goes_on(told: Tell, rover: launcher.Running, tmp_path: Path) -> None:
+def test_an_interrupted_download_goes_on(
+    run_program: RunProgram, rover: launcher.Running, tmp_path: Path
+) -> None:
     whole = on_card(rover)[0].read_bytes()
     (tmp_path / "log1.BIN.part").write_bytes(whole[: len(whole) // 2])
-    done = told("logs", "fetch", "1", "--out", str(tmp_path), "--connect", rover.connection)
+    done = run_program("logs", "fetch", "1", "--out", str(tmp_path), "--connect", rover.connection)
     assert done.code == 0 and (tmp_path / "log1.BIN").read_bytes() == whole
     (tmp_path / "log2.BIN").write_bytes(b"somebody else's")
-    done = told("logs", "fetch", "2", "--out", str(tmp_path), "--connect", rover.connection)
+    done = run_program("logs", "fetch", "2", "--out", str(tmp_path), "--connect", rover.connection)
     assert (tmp_path / "log2.BIN").read_bytes() == b"somebody else's" and "log2-2.BIN" in done.out
 
 
 def test_mistakes_are_one_sentence(
-    told: Tell, rover: launcher.Running, fresh: launcher.Running, tmp_path: Path
+    run_program: RunProgram, rover: launcher.Running, fresh: launcher.Running, tmp_path: Path
 ) -> None:
     for arguments, code, said in (
         (("fetch", "7", "--connect", rover.connection), 2, "no log 7 on the vehicle; there are 1 to 2"),
@@ -85,18 +87,18 @@ def test_mistakes_are_one_sentence(
         (("fetch", "--connect", rover.connection, "--out", "/dev/null/x"), 2, "/dev/null/x cannot be"),
         (("list", "--connect", "tcp:127.0.0.1:1"), 4, "cannot open tcp:127.0.0.1:1"),
     ):
-        done = told("logs", *arguments)
+        done = run_program("logs", *arguments)
         assert (done.code, done.out) == (code, "") and said in done.err and done.err.count("\n") == 1
-    assert "no log on the card" in told("logs", "list", "--connect", fresh.connection).out
+    assert "no log on the card" in run_program("logs", "list", "--connect", fresh.connection).out
 
 
 @pytest.mark.parametrize("via", ["mavlink", "mavsdk"])
 def test_an_armed_rover_gives_no_logs_and_takes_no_parameters(
-    told: Tell, fresh: launcher.Running, tmp_path: Path, via: str
+    run_program: RunProgram, fresh: launcher.Running, tmp_path: Path, via: str
 ) -> None:
     armed_for_a_while(fresh.connection, tmp_path / "x.tlog", disarm=False)
     where = ("--connect", fresh.connection, "--via", via)
     for arguments in (("logs", "list"), ("logs", "fetch"), ("params", "push", "--yes")):
-        done = told(*arguments, *where)
+        done = run_program(*arguments, *where)
         assert done.code == 4 and "armed; disarm" in done.err.splitlines()[-1]
     armed_for_a_while(fresh.connection, tmp_path / "x.tlog")

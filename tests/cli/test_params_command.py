@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from program_calls import Tell
+from program_calls import RunProgram
 
 from firmware_params.param_files import read, shipped
 from sitl import launcher
@@ -35,51 +35,55 @@ def saved(rover: launcher.Running) -> str:
 
 
 @pytest.mark.parametrize("via", ["mavlink", "mavsdk"])
-def test_compared_set_booted_and_the_same(told: Tell, rover: launcher.Running, via: str) -> None:
+def test_compared_set_booted_and_the_same(run_program: RunProgram, rover: launcher.Running, via: str) -> None:
     where = ("--connect", rover.connection, "--via", via)
     before = saved(rover)
-    done = told("params", "diff", *where)
+    done = run_program("params", "diff", *where)
     assert done.code == 1 and saved(rover) == before
     rows = {line.split()[0]: line for line in done.out.splitlines() if line.strip()}
     assert rows["SCHED_LOOP_RATE"].split()[1:4] == ["50", "100", "yes"]
     assert "SCR_HEAP_SIZE" not in rows  # behind a switch that is off, and right there
-    done = told("params", "push", "--json", "--yes", *where)
+    done = run_program("params", "push", "--json", "--yes", *where)
     assert done.code == 0, done.err
     found = json.loads(done.out)
     assert {"name": "SCHED_LOOP_RATE", "old": 50.0, "value": 100.0, "reboot": True} in found["set"]
     assert found["differences"] == found["reboot_due"] == []
     assert "rebooting the rover to apply SCR_ENABLE, SCHED_LOOP_RATE" in done.err
-    assert told("params", "diff", *where).out == "all parameters of identification are set on the rover\n"
-    assert json.loads(told("params", "diff", "--json", *where).out)["differences"] == []
+    assert (
+        run_program("params", "diff", *where).out == "all parameters of identification are set on the rover\n"
+    )
+    assert json.loads(run_program("params", "diff", "--json", *where).out)["differences"] == []
 
 
-def test_a_value_that_float32_rounds_is_no_difference(told: Tell, rover: launcher.Running, own: str) -> None:
+def test_a_value_that_float32_rounds_is_no_difference(
+    run_program: RunProgram, rover: launcher.Running, own: str
+) -> None:
     where = ("--connect", rover.connection)
-    done = told("params", "push", own, "--yes", *where)
+    done = run_program("params", "push", own, "--yes", *where)
     assert done.code == 0 and "ATC_STR_RAT_FF 0.2 -> 0.3" in done.err and "rebooting" not in done.err
-    done = told("params", "diff", own, "--json", *where)
+    done = run_program("params", "diff", own, "--json", *where)
     assert done.code == 0 and json.loads(done.out) == {"file": own, "differences": []}
 
 
 @pytest.mark.parametrize("via", ["mavlink", "mavsdk"])
-def test_all_of_them_into_a_file_and_back(told: Tell, rover: launcher.Running, via: str) -> None:
+def test_all_of_them_into_a_file_and_back(run_program: RunProgram, rover: launcher.Running, via: str) -> None:
     where = ("--connect", rover.connection, "--via", via)
-    done = told("params", "pull", "all.param", *where)
+    done = run_program("params", "pull", "all.param", *where)
     assert done.code == 0 and done.out == "" and "parameters of ArduRover 4.6.3" in done.err
     kept = {p.name: p.value for p in read(Path("all.param"))}
     assert kept["SCHED_LOOP_RATE"] == 50 and len(kept) > 200
-    assert told("params", "diff", "all.param", *where).code == 0
-    found = json.loads(told("params", "pull", "--json", *where).out)
+    assert run_program("params", "diff", "all.param", *where).code == 0
+    found = json.loads(run_program("params", "pull", "--json", *where).out)
     assert found["parameters"] == pytest.approx(kept, rel=1e-7)
-    assert told("params", "pull", *where).out == Path("all.param").read_text()
+    assert run_program("params", "pull", *where).out == Path("all.param").read_text()
 
 
 def test_asked_before_it_is_set_and_before_the_reboot(
-    told: Tell, rover: launcher.Running, monkeypatch: pytest.MonkeyPatch
+    run_program: RunProgram, rover: launcher.Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     push = ("params", "push", "--connect", rover.connection)
     before = saved(rover)
-    done = told(*push)
+    done = run_program(*push)
     assert done.code == 2 and "give --yes" in done.err and saved(rover) == before
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     questions: list[str] = []
@@ -90,24 +94,24 @@ def test_asked_before_it_is_set_and_before_the_reboot(
         monkeypatch.setattr("click.confirm", lambda words, **_: (questions.append(words), left.pop(0))[1])
 
     answer(False)
-    done = told(*push, "--json")
+    done = run_program(*push, "--json")
     found = json.loads(done.out)  # also where nothing was done; what is asked about stands on stderr
     assert done.code == 1 and found["set"] == [] and len(found["differences"]) == 5
     assert "SCHED_LOOP_RATE" in done.err and questions == ["Set 5 parameters?"]
     assert saved(rover) == before
     answer(True, False)
-    done = told(*push, "--json")
+    done = run_program(*push, "--json")
     assert done.code == 1 and json.loads(done.out)["reboot_due"] == ["SCR_ENABLE", "SCHED_LOOP_RATE"]
     assert questions[1] == "Reboot the rover to apply SCR_ENABLE, SCHED_LOOP_RATE?"
     answer(True)
-    done = told(*push)
+    done = run_program(*push)
     assert done.code == 0 and questions == ["Reboot the rover to apply SCR_ENABLE, SCHED_LOOP_RATE?"]
-    assert told(*push).code == 0 and len(questions) == 1
+    assert run_program(*push).code == 0 and len(questions) == 1
 
 
-def test_what_the_rover_does_not_have_is_told(told: Tell, rover: launcher.Running) -> None:
+def test_what_the_rover_does_not_have_is_told(run_program: RunProgram, rover: launcher.Running) -> None:
     Path("odd.param").write_text("NO_SUCH_ONE 3\nATC_STR_RAT_FF 0.25\n")
-    done = told("params", "push", "odd.param", "--yes", "--json", "--connect", rover.connection)
+    done = run_program("params", "push", "odd.param", "--yes", "--json", "--connect", rover.connection)
     found = json.loads(done.out)
     assert done.code == 1 and [p["name"] for p in found["set"]] == ["ATC_STR_RAT_FF"]
     assert [(d["name"], d["found"]) for d in found["differences"]] == [("NO_SUCH_ONE", None)]
@@ -135,7 +139,7 @@ NOBODY = ("--connect", "tcp:127.0.0.1:1")
     ],
 )
 def test_mistakes_are_one_sentence(
-    told: Tell,
+    run_program: RunProgram,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     arguments: tuple[str, ...],
@@ -146,7 +150,7 @@ def test_mistakes_are_one_sentence(
     monkeypatch.chdir(tmp_path)
     if content is not None:
         Path("f.param").write_bytes(content)
-    done = told("params", *arguments)
+    done = run_program("params", *arguments)
     assert done.code == code and said in done.err and done.err.count("\n") == 1 and done.out == ""
 
 

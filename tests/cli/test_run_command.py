@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from program_calls import DRIVEN, ROVER, SHORT, Tell
+from program_calls import DRIVEN, ROVER, SHORT, RunProgram
 
 from rover_sweep.cli.views.display import PlainDisplay, live_line
 from rover_sweep.vehicle.events import Event, Sample, StateChanged
@@ -15,11 +15,11 @@ from sitl import launcher
 
 @pytest.mark.usefixtures("undrawn")
 def test_runs_are_driven_judged_fetched_and_identified(
-    told: Tell, ready: launcher.Running, tmp_path: Path
+    run_program: RunProgram, ready: launcher.Running, tmp_path: Path
 ) -> None:
     out = tmp_path / "today"
     command = ("run", "--connect", ready.connection, "--vehicle", ROVER, "--out", str(out), *SHORT, *DRIVEN)
-    done = told(*command)
+    done = run_program(*command)
     assert done.code == 0, done.err
     lines = done.err.splitlines()
     order = [
@@ -44,15 +44,15 @@ def test_runs_are_driven_judged_fetched_and_identified(
     assert done.out.rstrip().endswith(f"report: {out / 'report' / 'report.html'}")
     written = json.loads((out / "report" / "identification.json").read_text())
     assert [run["kind"] for run in written["runs"]] == ["sweep", "sweep"]
-    again = told(*command)
+    again = run_program(*command)
     assert again.code == 2 and "already contains a session (session.json)" in again.err
-    exported = told("export", str(out), "--model", "roll-yaw")  # of a session as well as of its report
+    exported = run_program("export", str(out), "--model", "roll-yaw")  # of a session as well as of its report
     assert exported.code == 0 and json.loads(exported.out)["model"] == "roll-yaw"
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
-    told: Tell, ready: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run_program: RunProgram, ready: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The interrupt comes while the second sweep is shown, that is, outside of the session itself."""
     seen = []
@@ -66,7 +66,7 @@ def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
                 raise KeyboardInterrupt
 
     monkeypatch.setattr(PlainDisplay, "show", interrupted)
-    done = told(
+    done = run_program(
         "run",
         "--connect",
         ready.connection,
@@ -86,22 +86,22 @@ def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
 
 
 def test_a_rover_without_the_applet_is_told_how_to_get_it(
-    told: Tell, fresh: launcher.Running, tmp_path: Path
+    run_program: RunProgram, fresh: launcher.Running, tmp_path: Path
 ) -> None:
-    done = told("run", "--connect", fresh.connection, "--vehicle", ROVER, "--out", str(tmp_path / "x"))
+    done = run_program("run", "--connect", fresh.connection, "--vehicle", ROVER, "--out", str(tmp_path / "x"))
     assert done.code == 4 and "rover-sweep firmware install" in done.err and "the pilot arms" in done.err
 
 
 def test_a_wrong_port_is_one_sentence_and_leaves_the_folder_usable(
-    told: Tell, fresh: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run_program: RunProgram, fresh: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     command = ("run", "--vehicle", ROVER, "--connect")
     for out in (("--out", "today"), ()):
-        done = told(*command, "tcp:127.0.0.1:1", *out)
+        done = run_program(*command, "tcp:127.0.0.1:1", *out)
         assert done.code == 4 and "cannot open tcp:127.0.0.1:1" in done.err
         assert "recorded" not in done.err and done.err.count("\n") == 2
-        again = told(*command, fresh.connection, *out)  # taken up: nothing was driven there
+        again = run_program(*command, fresh.connection, *out)  # taken up: nothing was driven there
         assert again.code == 4 and "rover-sweep firmware install" in again.err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run", "today"]
     assert (tmp_path / "run" / "connect.tlog").stat().st_size > 0
@@ -123,21 +123,25 @@ def test_a_wrong_port_is_one_sentence_and_leaves_the_folder_usable(
     ],
 )
 def test_mistakes_are_told_before_anything_is_connected(
-    told: Tell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], said: str
+    run_program: RunProgram,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    said: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    done = told("run", "--connect", "tcp:127.0.0.1:1", "--vehicle", ROVER, *arguments)
+    done = run_program("run", "--connect", "tcp:127.0.0.1:1", "--vehicle", ROVER, *arguments)
     assert done.code == 2 and said in done.err and done.err.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 
 def test_amplitudes_and_frequencies_beyond_the_rover_are_refused_before_it_arms(
-    told: Tell, ready: launcher.Running, tmp_path: Path
+    run_program: RunProgram, ready: launcher.Running, tmp_path: Path
 ) -> None:
     base = ("run", "--connect", ready.connection, "--vehicle", ROVER, *DRIVEN)
-    done = told(*base, "--sweep", "300", "--out", str(tmp_path / "a"))
+    done = run_program(*base, "--sweep", "300", "--out", str(tmp_path / "a"))
     assert done.code == 2 and "SWP_PWM_MAX allows 250 us" in done.err
-    done = told(*base, "--sweep", "100,wmax=80", "--out", str(tmp_path / "b"))
+    done = run_program(*base, "--sweep", "100,wmax=80", "--out", str(tmp_path / "b"))
     assert done.code == 2 and "samples per period at the loop rate of 100 Hz" in done.err
 
 

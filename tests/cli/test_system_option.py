@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import click
 import pytest
-from program_calls import Tell
+from program_calls import RunProgram
 from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.cli.main import cli
@@ -58,20 +58,20 @@ def test_each_command_that_connects_has_them() -> None:
 
 
 def test_two_rovers_are_named_and_one_is_taken_by_its_id(
-    told: Tell, fresh: Running, stranger: None, monkeypatch: pytest.MonkeyPatch
+    run_program: RunProgram, fresh: Running, stranger: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     where = ("firmware", "check", "--connect", fresh.connection)
-    done = told(*where)
+    done = run_program(*where)
     assert done.code == 2
     names = f"system 1 (ground rover), system {STRANGER} (ground rover); choose one with --system N"
     assert f"2 vehicles are heard on {fresh.connection}: {names}" in done.err
-    done = told(*where, "--system", "1")
+    done = run_program(*where, "--system", "1")
     assert done.code == 1 and "does not run" in done.out
-    done = told("preflight", "--connect", fresh.connection, "--system", str(STRANGER))
+    done = run_program("preflight", "--connect", fresh.connection, "--system", str(STRANGER))
     assert done.code == 1 and "does not report its version" in done.out
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("click.termui.visible_prompt_func", lambda words: "1")
-    done = told(*where)
+    done = run_program(*where)
     assert done.code == 1 and "2 vehicles are heard:\n  system 1 (ground rover)" in done.err
 
 
@@ -95,6 +95,6 @@ def test_the_question_takes_only_one_that_is_heard(
         (("preflight", "--connect", "tcp:127.0.0.1:1", "--system", "256"), "256 is not in the range"),
     ],
 )
-def test_a_wrong_one_is_a_sentence(told: Tell, command: tuple[str, ...], words: str) -> None:
-    done = told(*command)
+def test_a_wrong_one_is_a_sentence(run_program: RunProgram, command: tuple[str, ...], words: str) -> None:
+    done = run_program(*command)
     assert done.code == 2 and words in done.err

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from types import ModuleType
 
 import pytest
-from fabricated_engine import Engine, Told
+from fabricated_engine import Engine, ProgramResult
 
 from rover_sweep.cli import main
 
@@ -26,12 +26,12 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
 
 
 @pytest.fixture
-def told(capsys: pytest.CaptureFixture[str]) -> Callable[..., Told]:
+def run_program(capsys: pytest.CaptureFixture[str]) -> Callable[..., ProgramResult]:
     """Calls the program in this process."""
 
-    def call(*arguments: object) -> Told:
+    def call(*arguments: object) -> ProgramResult:
         capsys.readouterr()
         code = main.run([str(a) for a in arguments])
-        return Told(code, *capsys.readouterr())
+        return ProgramResult(code, *capsys.readouterr())
 
     return call

@@ -15,7 +15,7 @@ from rover_sweep.diagnosis.result import Diagnosis
 PLAIN = replace(EXPLAINED, overlays=(), mismatch=(), scores={})  # without pictures, which take their time
 
 
-class Told(NamedTuple):
+class ProgramResult(NamedTuple):
     """What a call of the program gave."""
 
     code: int

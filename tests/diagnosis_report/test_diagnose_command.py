@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from fabricated_diagnoses import EXPLAINED, NONE, REFUSED
-from fabricated_engine import Engine, Told
+from fabricated_engine import Engine, ProgramResult
 
 from rover_sweep.api.run_roles import same_recording
 from rover_sweep.errors import DataRefused
@@ -21,20 +21,24 @@ from rover_sweep.logs.read import read_runs
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
 SWEEP, DOUBLET = NOMINAL / "run1.BIN", NOMINAL / "run4.BIN"
-Tell = Callable[..., Told]
+RunProgram = Callable[..., ProgramResult]
 
 
 @pytest.fixture
-def asked(told: Tell, tmp_path: Path) -> Tell:
+def asked(run_program: RunProgram, tmp_path: Path) -> RunProgram:
     """`diagnose` with the vehicle file, into the test's folder."""
 
-    def call(*arguments: object) -> Told:
-        return told("diagnose", *arguments, "--vehicle", DATA / "rover.toml", "--out", tmp_path / "out")
+    def call(*arguments: object) -> ProgramResult:
+        return run_program(
+            "diagnose", *arguments, "--vehicle", DATA / "rover.toml", "--out", tmp_path / "out"
+        )
 
     return call
 
 
-def test_the_report_is_written_and_the_summary_printed(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+def test_the_report_is_written_and_the_summary_printed(
+    engine: Engine, asked: RunProgram, tmp_path: Path
+) -> None:
     code, out, _ = asked(SWEEP, DOUBLET)
     assert code == 0
     assert out.startswith("EXPLAINED\nPlay in the steering")
@@ -45,7 +49,7 @@ def test_the_report_is_written_and_the_summary_printed(engine: Engine, asked: Te
     assert document["vehicle"]["file"] == "rover.toml" and document["settings"]["baseline"] == "roll-yaw"
 
 
-def test_doublets_are_held_out_unless_other_runs_are(engine: Engine, asked: Tell) -> None:
+def test_doublets_are_held_out_unless_other_runs_are(engine: Engine, asked: RunProgram) -> None:
     asked(SWEEP, DOUBLET)
     assert [r.name for r in engine.given["runs"]] == ["run1"]
     assert [r.name for r in engine.given["held_out"]] == ["run4"]
@@ -55,12 +59,12 @@ def test_doublets_are_held_out_unless_other_runs_are(engine: Engine, asked: Tell
     assert all("delta" in r for r in (*engine.given["runs"], *engine.given["held_out"]))
 
 
-def test_what_is_missing_is_said_where_nothing_was_held_out(engine: Engine, asked: Tell) -> None:
+def test_what_is_missing_is_said_where_nothing_was_held_out(engine: Engine, asked: RunProgram) -> None:
     assert "- No run was held out" in asked(SWEEP).out
     assert "No run was held out" not in asked(SWEEP, DOUBLET).out
 
 
-def test_options_become_settings(engine: Engine, asked: Tell) -> None:
+def test_options_become_settings(engine: Engine, asked: RunProgram) -> None:
     asked(
         SWEEP,
         "--baseline",
@@ -80,13 +84,13 @@ def test_options_become_settings(engine: Engine, asked: Tell) -> None:
     assert engine.given["rover"].mass == pytest.approx(2.66)
 
 
-def test_json_leaves_stdout_to_the_document(engine: Engine, asked: Tell) -> None:
+def test_json_leaves_stdout_to_the_document(engine: Engine, asked: RunProgram) -> None:
     code, out, err = asked(SWEEP, DOUBLET, "--json")
     assert code == 0 and json.loads(out)["findings"][0]["effect"] == "steering_backlash"
     assert "EXPLAINED" in err
 
 
-def test_a_simulation_stands_beside_the_recording(engine: Engine, asked: Tell) -> None:
+def test_a_simulation_stands_beside_the_recording(engine: Engine, asked: RunProgram) -> None:
     asked(SWEEP, "--simulation", DATA / "ardurover-4.6.3" / "stock" / "run1.BIN")
     assert [r.name for r in engine.given["simulated"]] == ["stock/run1"]
     code, _, err = asked(SWEEP, "--simulation", SWEEP)
@@ -101,7 +105,7 @@ def identification(path: Path, **changes: Any) -> Path:
     return path
 
 
-def test_an_identified_model_is_the_baseline(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+def test_an_identified_model_is_the_baseline(engine: Engine, asked: RunProgram, tmp_path: Path) -> None:
     asked(SWEEP, "--model", identification(tmp_path / "identification.json"))
     assert engine.given["settings"].baseline == "roll-yaw"
     assert engine.given["settings"].parameters == {"C": 32.0, "Izz": 0.071, "V": 2.4}
@@ -118,7 +122,12 @@ def test_an_identified_model_is_the_baseline(engine: Engine, asked: Tell, tmp_pa
     ],
 )
 def test_a_model_that_cannot_be_used_ends_with_a_sentence(
-    changes: dict[str, Any], more: tuple[str, ...], words: str, engine: Engine, asked: Tell, tmp_path: Path
+    changes: dict[str, Any],
+    more: tuple[str, ...],
+    words: str,
+    engine: Engine,
+    asked: RunProgram,
+    tmp_path: Path,
 ) -> None:
     code, _, err = asked(SWEEP, "--model", identification(tmp_path / "i.json", **changes), *more)
     assert code == 2 and words in err and not engine.given
@@ -142,13 +151,13 @@ def test_a_model_that_cannot_be_used_ends_with_a_sentence(
     ],
 )
 def test_mistakes_end_with_a_sentence(
-    arguments: tuple[Any, ...], words: str, engine: Engine, asked: Tell
+    arguments: tuple[Any, ...], words: str, engine: Engine, asked: RunProgram
 ) -> None:
     code, out, err = asked(SWEEP, *arguments)
     assert code == 2 and words in err and not out and not engine.given
 
 
-def test_a_copy_of_a_recording_is_that_recording(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+def test_a_copy_of_a_recording_is_that_recording(engine: Engine, asked: RunProgram, tmp_path: Path) -> None:
     copy, doublet = tmp_path / "other.BIN", tmp_path / "judge.BIN"
     copy.write_bytes(SWEEP.read_bytes())
     doublet.write_bytes(DOUBLET.read_bytes())
@@ -170,7 +179,7 @@ def test_runs_of_one_file_stand_apart_and_a_pair_is_each_of_its_logs() -> None:
     assert not same_recording(pair, later) and not same_recording(run, replace(run, sources=()))
 
 
-def test_ctrl_c_once_ends_with_what_is_there(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+def test_ctrl_c_once_ends_with_what_is_there(engine: Engine, asked: RunProgram, tmp_path: Path) -> None:
     seen: list[bool] = []
 
     def pressed(stop: Callable[[], bool]) -> None:
@@ -186,7 +195,7 @@ def test_ctrl_c_once_ends_with_what_is_there(engine: Engine, asked: Tell, tmp_pa
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_ctrl_c_twice_gives_up(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+def test_ctrl_c_twice_gives_up(engine: Engine, asked: RunProgram, tmp_path: Path) -> None:
     def pressed(stop: Callable[[], bool]) -> None:
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
@@ -198,7 +207,7 @@ def test_ctrl_c_twice_gives_up(engine: Engine, asked: Tell, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("answer", [REFUSED, DataRefused("run1 has no steering to speak of: 3 us")])
 def test_refused_data_leave_a_report_and_say_so(
-    answer: Any, engine: Engine, asked: Tell, tmp_path: Path
+    answer: Any, engine: Engine, asked: RunProgram, tmp_path: Path
 ) -> None:
     engine.answer = answer
     code, out, err = asked(SWEEP)
@@ -207,7 +216,9 @@ def test_refused_data_leave_a_report_and_say_so(
     assert document["verdict"] == "refused" and "no steering" in document["sentence"]
 
 
-def test_an_older_report_does_not_outlive_a_new_one(engine: Engine, asked: Tell, tmp_path: Path) -> None:
+def test_an_older_report_does_not_outlive_a_new_one(
+    engine: Engine, asked: RunProgram, tmp_path: Path
+) -> None:
     asked(SWEEP, DOUBLET)
     engine.answer = NONE
     asked(SWEEP, DOUBLET)

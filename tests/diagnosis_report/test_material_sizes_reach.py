@@ -6,13 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fabricated_engine import Engine, Told
+from fabricated_engine import Engine, ProgramResult
 
 from rover_sweep.data.tolerances import Tolerances
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
-Tell = Callable[..., Told]
+RunProgram = Callable[..., ProgramResult]
 
 
 @pytest.fixture
@@ -23,13 +23,15 @@ def vehicle(tmp_path: Path) -> Path:
     return path
 
 
-def test_diagnosis_is_made_with_them(engine: Engine, told: Tell, vehicle: Path, tmp_path: Path) -> None:
+def test_diagnosis_is_made_with_them(
+    engine: Engine, run_program: RunProgram, vehicle: Path, tmp_path: Path
+) -> None:
     runs = (NOMINAL / "run1.BIN", NOMINAL / "run4.BIN")
-    code, _, err = told("diagnose", *runs, "--vehicle", vehicle, "--out", tmp_path / "report")
+    code, _, err = run_program("diagnose", *runs, "--vehicle", vehicle, "--out", tmp_path / "report")
     assert code == 0, err
     assert engine.given["settings"].spread == Tolerances(lag=0.015)
 
 
-def test_plan_is_made_with_them(engine: Engine, told: Tell, vehicle: Path) -> None:
-    assert told("plan", "--vehicle", vehicle, "--sweep", "150@2.4").code == 0
+def test_plan_is_made_with_them(engine: Engine, run_program: RunProgram, vehicle: Path) -> None:
+    assert run_program("plan", "--vehicle", vehicle, "--sweep", "150@2.4").code == 0
     assert engine.given["spread"] == Tolerances(lag=0.015)

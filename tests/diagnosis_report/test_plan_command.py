@@ -7,17 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fabricated_engine import Engine, Told
+from fabricated_engine import Engine, ProgramResult
 
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
 VEHICLE = ("--vehicle", DATA / "rover.toml")
-Tell = Callable[..., Told]
+RunProgram = Callable[..., ProgramResult]
 
 
-def test_runs_thought_of_are_asked_about(engine: Engine, told: Tell) -> None:
+def test_runs_thought_of_are_asked_about(engine: Engine, run_program: RunProgram) -> None:
     sweeps = ("--sweep", "150@2.4", "--sweep", "150@2.4", "--sweep", "240@2.4@450")
     others = (
         "--doublet",
@@ -29,7 +29,7 @@ def test_runs_thought_of_are_asked_about(engine: Engine, told: Tell) -> None:
         "--servo-test",
         "90",
     )
-    code, out, _ = told("plan", *VEHICLE, *sweeps, *others)
+    code, out, _ = run_program("plan", *VEHICLE, *sweeps, *others)
     assert code == 0 and out.startswith("These runs cannot tell tyre relaxation from a delay")
     assert engine.given["runs"] == (
         PlannedRun("sweep", 150.0, 2.4, repeat=2),
@@ -43,10 +43,10 @@ def test_runs_thought_of_are_asked_about(engine: Engine, told: Tell) -> None:
     assert engine.given["limits"].ay == pytest.approx(0.8 * 0.9 * 9.81)
 
 
-def test_runs_driven_are_measured(engine: Engine, told: Tell) -> None:
+def test_runs_driven_are_measured(engine: Engine, run_program: RunProgram) -> None:
     """As the README of the recordings has them: 120 us at 2.5 m/s, 150 us at 1.65 m/s, a doublet of 150."""
     files = ("run1.BIN", "run3.BIN", "run4.BIN")
-    told("plan", *VEHICLE, *(a for name in files for a in ("--have", NOMINAL / name)))
+    run_program("plan", *VEHICLE, *(a for name in files for a in ("--have", NOMINAL / name)))
     first, slow, doublet = engine.given["runs"]
     assert (first.kind, first.name) == ("sweep", "run1") and doublet.kind == "doublet"
     assert [r.amplitude_us for r in (first, slow, doublet)] == pytest.approx([120, 150, 150], abs=2)
@@ -56,15 +56,17 @@ def test_runs_driven_are_measured(engine: Engine, told: Tell) -> None:
     assert engine.given["driven"]["run3"].mean_speed == pytest.approx(1.65, abs=0.1)
 
 
-def test_what_each_proposed_run_settles_stands_below_it(engine: Engine, told: Tell) -> None:
-    words = told("plan", *VEHICLE, "--sweep", "150@2.4").out.split()
+def test_what_each_proposed_run_settles_stands_below_it(engine: Engine, run_program: RunProgram) -> None:
+    words = run_program("plan", *VEHICLE, "--sweep", "150@2.4").out.split()
     text = " ".join(words)
     assert "Sweep of 240 us at 2.4 m/s: tells tyre_relaxation from transport_delay, because" in text
     assert text.endswith("No run is proposed beyond 3.9 m/s^2 of lateral acceleration.")
 
 
-def test_json_has_everything(engine: Engine, told: Tell) -> None:
-    document = json.loads(told("plan", *VEHICLE, "--sweep", "150@2.4", "--want", "servo_lag", "--json").out)
+def test_json_has_everything(engine: Engine, run_program: RunProgram) -> None:
+    document = json.loads(
+        run_program("plan", *VEHICLE, "--sweep", "150@2.4", "--want", "servo_lag", "--json").out
+    )
     assert engine.given["wanted"] == ("servo_lag",)
     assert document["detectable"]["steering_backlash"] == {
         "parameter": "b",
@@ -104,7 +106,7 @@ def test_json_has_everything(engine: Engine, told: Tell) -> None:
     ],
 )
 def test_mistakes_end_with_a_sentence(
-    arguments: tuple[str, ...], words: str, engine: Engine, told: Tell
+    arguments: tuple[str, ...], words: str, engine: Engine, run_program: RunProgram
 ) -> None:
-    code, out, err = told("plan", *VEHICLE, *arguments)
+    code, out, err = run_program("plan", *VEHICLE, *arguments)
     assert code == 2 and words in err and not out and not engine.given

@@ -10,7 +10,7 @@ from rover_sweep.report.wording.effect_names import title
 
 README = Path(__file__).parents[2] / "README.md"
 REPORTED = {
-    "cross_slope": ("b", "psi0"),  # fitted as a cosine and a sine, told as size and direction
+    "cross_slope": ("b", "psi0"),  # fitted as a cosine and a sine, reported as size and direction
     "suspension_friction": ("T",),  # how sharply it turns over is the simulation's
 }
 

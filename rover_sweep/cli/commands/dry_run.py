@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.driving.rover_numbers import SIMULATORS, rover_text, truth_view, variants, vehicle_in
+from rover_sweep.cli.driving.simulated_vehicle import SIMULATORS, rover_text, truth_view, variants, vehicle_in
 from rover_sweep.cli.types.manoeuvres import ManoeuvreType
 from rover_sweep.cli.types.options import NumberRange, output_options
 from rover_sweep.cli.types.which_vehicle import access_options

@@ -114,9 +114,9 @@ def _write(output: str, content: str | bytes, what: str) -> None:
 def _by_suffix(output: str) -> str:
     suffix = Path(output).suffix.lower()
     if output != "-" and suffix not in FORMATS:
-        said = suffix or "no suffix"
+        ending = suffix or "no suffix"
         raise UsageError(
-            f"{output}: no format is known for {said}; give --format, or use .json, .m, .mat or .py"
+            f"{output}: no format is known for {ending}; give --format, or use .json, .m, .mat or .py"
         )
     return FORMATS.get(suffix, "json")
 
@@ -145,22 +145,24 @@ def _load(directory: Path, name: str | None) -> dict[str, Any]:
     missing = f"{directory} holds no report; give the --out folder of identify, run or dry-run"
     document = _read(directory / "identification.json", missing)
     wanted = name or document.get("recommended")
-    there = sorted(p.stem for p in (directory / "models").glob("*.json"))
+    available = sorted(p.stem for p in (directory / "models").glob("*.json"))
     if wanted is None:
-        raise DataRefused(f"{directory}: no model is recommended; choose one with --model {'|'.join(there)}")
-    if wanted not in there:
-        raise _absent(directory, wanted, there, document)
+        raise DataRefused(
+            f"{directory}: no model is recommended; choose one with --model {'|'.join(available)}"
+        )
+    if wanted not in available:
+        raise _absent(directory, wanted, available, document)
     return _read(directory / "models" / f"{wanted}.json", f"{wanted}.json cannot be read; run identify again")
 
 
-def _absent(directory: Path, wanted: str, there: list[str], document: dict[str, Any]) -> Exception:
+def _absent(directory: Path, wanted: str, available: list[str], document: dict[str, Any]) -> Exception:
     """The error for a model that the report lacks: refused, rejected, or not requested."""
     reasons = dict(document.get("refused", {}))
     for model, entry in document.get("models", {}).items():
         reasons.setdefault(model, "; ".join(entry.get("verdict", {}).get("sentences", [])[:1]))
     if reasons.get(wanted):
         return DataRefused(f"there is no {wanted} model to export: {reasons[wanted]}")
-    return UsageError(f"{directory} holds no model {wanted!r}; there are {', '.join(there) or 'none'}")
+    return UsageError(f"{directory} holds no model {wanted!r}; there are {', '.join(available) or 'none'}")
 
 
 def _read(path: Path, missing: str) -> dict[str, Any]:
@@ -179,8 +181,8 @@ def _moved(model: dict[str, Any], speed: float) -> dict[str, Any]:
     from rover_sweep.report.export.exported_model import at_speed
 
     if model["model"] == "lumped":
-        there = f"{model['speed_m_s']:.3g} m/s"
+        speed_text = f"{model['speed_m_s']:.3g} m/s"
         raise UsageError(
-            f"the lumped model is valid only at {there}; use the roll-yaw or bicycle model with --speed"
+            f"the lumped model is valid only at {speed_text}; use the roll-yaw or bicycle model with --speed"
         )
     return at_speed(model, speed)

@@ -126,13 +126,13 @@ def inertia(
     swing = Swings(check_times, check_swings or swings, timer_sd).period if check_times else None
     check = gravity_check(length, swing) if swing else None
     gyration = _gyration(result, rover)
-    said = (
+    notes = (
         remarks(test, result, check, swing) + _against(axis, hung, rover) + ([gyration] if gyration else [])
     )
     if as_json:
-        _print_json(axis, test, result, check, said)
+        _print_json(axis, test, result, check, notes)
     else:
-        _print(axis, test, result, check, said, len(times), swings)
+        _print(axis, test, result, check, notes, len(times), swings)
     if write:
         faults = _faults(check, gyration)
         if faults and not force:
@@ -166,16 +166,16 @@ def _against(axis: Axis, hung: Measured, rover: Vehicle | None) -> list[str]:
     )
     if rover is None:
         return [f"{whole_body} if the whole vehicle was on the wires"] if axis == "roll" else []
-    said = []
+    notes = []
     expected = rover.mass if axis == "yaw" else rover.sprung_mass
     if expected and abs(hung.value / expected.value - 1) > 0.02:
         what = "mass" if axis == "yaw" else "sprung_mass"
-        said.append(
+        notes.append(
             f"the mass on the wires is {hung.value:g} kg; the vehicle file has {what} = {expected.value:g} kg"
         )
         if axis == "roll":
-            said.append(whole_body)
-    return said
+            notes.append(whole_body)
+    return notes
 
 
 def _gyration(result: Inertia, rover: Vehicle | None) -> str:
@@ -204,7 +204,7 @@ def _print(
     test: SwingTest,
     result: Inertia,
     check: GravityCheck | None,
-    said: list[str],
+    notes: list[str],
     times: int,
     swings: int,
 ) -> None:
@@ -219,7 +219,7 @@ def _print(
     echo(f"  radius of gyration   {result.radius_of_gyration:.3f} m")
     shares = sorted(result.shares.items(), key=lambda item: -item[1])
     echo(f"  uncertainty from     {', '.join(f'{n} {100 * s:.0f} %' for n, s in shares if s >= 0.005)}\n")
-    for text in said:
+    for text in notes:
         echo(bullet("!", text))
     echo("\nValid for")
     for text in CAVEATS:
@@ -227,7 +227,7 @@ def _print(
 
 
 def _print_json(
-    axis: Axis, test: SwingTest, result: Inertia, check: GravityCheck | None, said: list[str]
+    axis: Axis, test: SwingTest, result: Inertia, check: GravityCheck | None, notes: list[str]
 ) -> None:
     data = {
         "axis": axis,
@@ -243,7 +243,7 @@ def _print_json(
             "sigmas": check.sigmas,
             "passed": check.passed,
         },
-        "remarks": said,
+        "remarks": notes,
         "caveats": CAVEATS,
     }
     echo_json(json.dumps(data, indent=2))

@@ -47,7 +47,7 @@ _PILOT_PATIENCE = 900.0  # s, as `run` waits for the pilot
     flag_value="override",
     type=click.Choice(TRIGGERS),
     default="pilot",
-    help="Allow this program to operate the applet's switch, as in `run`.",
+    help="Allow this program to throw the applet's switch, as in `run`.",
 )
 @click.option("--no-log", is_flag=True, help="Do not download the rover's log.")
 @output_options
@@ -66,7 +66,7 @@ def resume(
     """Drive the remaining runs of the session in FOLDER, and identify models from all its runs.
 
     The applet's limits stay as at the start of the session. Permissions are not kept: without --arm,
-    --throttle and --throw-switch the pilot arms, drives and operates the switch. Switch low ends a run at
+    --throttle and --throw-switch the pilot arms, drives and throws the switch. Switch low ends a run at
     once, without the laptop; so does Ctrl-C.
     """
     from rover_sweep.cli.driving.session_display import identify_session, show_session

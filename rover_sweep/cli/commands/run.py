@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.driving.job import TRIGGERS, Job, announce, diagnose_session, folder_for
-from rover_sweep.cli.driving.rover_numbers import SIMULATORS
 from rover_sweep.cli.driving.simulated import (
     on_simulated,
     refuse_on_simulated,
     refuse_without_simulation,
     simulation_options,
 )
+from rover_sweep.cli.driving.simulated_vehicle import SIMULATORS
 from rover_sweep.cli.types.manoeuvres import LimitType, ManoeuvreType
 from rover_sweep.cli.types.options import output_options, vehicle_path
 from rover_sweep.cli.types.vehicle_link import URL_HELP
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.run.controls import Trigger
     from rover_sweep.vehicle.run.settings import RunSettings
 
-_PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm, operate the switch, or disarm at the end
+_PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm, throw the switch, or disarm at the end
 
 
 @click.command()
@@ -92,7 +92,7 @@ _PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm, operate the switch, o
     is_flag=False,
     flag_value="override",
     type=click.Choice(TRIGGERS),
-    help="Allow this program to operate the applet's switch: by RC override (default) or by "
+    help="Allow this program to throw the applet's switch: by RC override (default) or by "
     "MAV_CMD_DO_AUX_FUNCTION (aux); pilot: not allowed.",
 )
 @click.option("--no-log", is_flag=True, help="Do not download the rover's log; identify from telemetry.")
@@ -126,7 +126,7 @@ def run(
 ) -> None:
     """Drive sweeps and doublets on a rover, record them, check their quality, and identify models.
 
-    The pilot arms, drives and operates the switch (RC6_OPTION 300). This program sets the applet's
+    The pilot arms, drives and throws the switch (RC6_OPTION 300). This program sets the applet's
     parameters and records; it moves nothing without --arm, --throttle or --throw-switch. Switch low ends a
     run at once, without the laptop. Ctrl-C also ends it, and continues to log and report with the complete
     runs. Without any manoeuvre given: two sweeps and a doublet of 150 us.

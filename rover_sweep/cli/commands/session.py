@@ -13,7 +13,7 @@ from rover_sweep.cli.types.which_vehicle import access_options
 if TYPE_CHECKING:
     from rover_sweep.vehicle.link.access import Access
 
-_PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm and operate the switch, as in `rover-sweep run`
+_PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm and throw the switch, as in `rover-sweep run`
 
 
 @click.command()
@@ -51,7 +51,7 @@ _PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm and operate the switch
     help="With --arm: allow this program to drive, with this throttle PWM.",
 )
 @click.option(
-    "--throw-switch", is_flag=True, help="Allow this program to operate the applet's switch; it asks first."
+    "--throw-switch", is_flag=True, help="Allow this program to throw the applet's switch; it asks first."
 )
 def session(
     url: str,
@@ -65,7 +65,7 @@ def session(
 ) -> None:
     """Connect, check, plan, drive, judge, identify and diagnose on one screen, by single keys.
 
-    The pilot arms, drives and operates the switch, unless --arm, --throttle or --throw-switch allow this
+    The pilot arms, drives and throws the switch, unless --arm, --throttle or --throw-switch allow this
     program to do it; it then asks before each run. SPACE or ESC ends a run at once. Without the laptop,
     switch low, disarming or a mode change ends it.
     """

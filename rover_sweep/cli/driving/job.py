@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.run.controls import Trigger
 
 TRIGGERS = ("override", "aux", "pilot")
-_SWITCHING = {"override": "operates the switch", "aux": "operates the switch by command"}
+_SWITCHING = {"override": "throws the switch", "aux": "throws the switch by command"}
 
 
 @dataclass(frozen=True)
 class Job:
-    """The runs to drive. limits: of the applet; trigger: who operates the switch, None for the default of the
+    """The runs to drive. limits: of the applet; trigger: who throws the switch, None for the default of the
     rover's kind; logs: download the rover's log."""
 
     runs: tuple[SessionRun, ...]
@@ -55,7 +55,7 @@ def announce(plan: SessionPlan, folder: Path) -> None:
     own = ["arms the rover"] if plan.settings.arm else []
     own += [f"drives with throttle {throttle} us"] if throttle is not None else []
     own += [_SWITCHING[trigger]] if trigger in _SWITCHING else []
-    words = f"this program {', '.join(own)}" if own else "the pilot arms, drives and operates the switch"
+    words = f"this program {', '.join(own)}" if own else "the pilot arms, drives and throws the switch"
     seconds = sum(planned.manoeuvre.duration for planned in plan.runs)
     console = narration()
     console.print(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.driving.job import Job, announce
-from rover_sweep.cli.driving.rover_numbers import (
+from rover_sweep.cli.driving.simulated_vehicle import (
     firmware_rover_text,
     rover_text,
     truth_view,

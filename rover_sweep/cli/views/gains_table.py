@@ -43,10 +43,10 @@ def _table(proposal: Proposal):  # type: ignore[no-untyped-def]
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("", no_wrap=True)
     pairs = (("now", proposal.now), ("proposed", proposal.proposed))
-    there = [(heading, judged) for heading, judged in pairs if judged is not None]
-    for heading, _ in there:
+    shown = [(heading, judged) for heading, judged in pairs if judged is not None]
+    for heading, _ in shown:
         table.add_column(heading, justify="right", no_wrap=True)
-    columns = [_column(judged) for _, judged in there]
+    columns = [_column(judged) for _, judged in shown]
     for label in columns[0]:
         table.add_row(label, *(column[label] for column in columns))
     return table

@@ -25,7 +25,7 @@ from rover_sweep.report.identification.page import Drawn, by_section
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.effect_names import channel, sentence
 
-WITHOUT_EFFECT = "The whole model, before: without this effect"
+WITHOUT_EFFECT = "The whole model, compared with it without this effect"
 TONES = {
     "none": "good",
     "explained": "good",
@@ -51,7 +51,7 @@ def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Drawn) -
             mismatches=[(sentence(m.sentence), mismatch_section(k)) for k, m in enumerate(found.mismatch)],
             mismatch_table=mismatch_table(found),
             findings=[_finding(f) for f in found.findings],
-            held_out=held_out_table(found.held_out, "All findings together, before: the baseline"),
+            held_out=held_out_table(found.held_out, "All findings, compared with the baseline"),
             costs=cost_table(found.held_out),
             falsified=falsified_table(found),
             law=sentence(law_words(found.unknown)) if found.unknown else "",

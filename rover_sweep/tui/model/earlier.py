@@ -55,22 +55,22 @@ def _reason(run: DrivenRun, outcome: Outcome) -> str:
     return "" if run.verdict else "no verdict: the program ended first; 7 can still identify it"
 
 
-def _verdict(said: Mapping[str, Any] | None) -> Verdict | None:
+def _verdict(saved: Mapping[str, Any] | None) -> Verdict | None:
     """The saved verdict; None if missing, or written by another version."""
-    if said is None:
+    if saved is None:
         return None
     try:
-        amplitude = said.get("amplitude")
-        if said["advice"] not in get_args(Advice) or not isfinite(amplitude or 0.0):
+        amplitude = saved.get("amplitude")
+        if saved["advice"] not in get_args(Advice) or not isfinite(amplitude or 0.0):
             return None
         return Verdict(
-            str(said["run"]),
-            said["advice"],
-            str(said["sentence"]),
-            tuple(_band(**band) for band in said.get("bands") or ()),
+            str(saved["run"]),
+            saved["advice"],
+            str(saved["sentence"]),
+            tuple(_band(**band) for band in saved.get("bands") or ()),
             amplitude,
-            tuple((float(a), float(b), float(c)) for a, b, c in said.get("per_band") or ()),
-            remarks=tuple(str(remark) for remark in said.get("remarks") or ()),
+            tuple((float(a), float(b), float(c)) for a, b, c in saved.get("per_band") or ()),
+            remarks=tuple(str(remark) for remark in saved.get("remarks") or ()),
         )
     except (KeyError, TypeError, ValueError, OverflowError):
         return None
