@@ -82,10 +82,11 @@ def study(name: str, draw: Callable[[np.random.Generator], Draw], count: int) ->
                 half[number.name].append(0.5 * (number.high - number.low) if number.determined else np.nan)
     print(f"{name}, {count} rovers")
     for name_of, these in held.items():
-        told, width = 100 * np.mean(np.isfinite(half[name_of])), np.nanmedian(half[name_of])
+        measured, width = 100 * np.mean(np.isfinite(half[name_of])), np.nanmedian(half[name_of])
         share = 100 * np.mean(these)
         print(
-            f"  {name_of:17} held by {share:3.0f} %, usually +-{width:.2g}, told in {told:.0f} %", flush=True
+            f"  {name_of:17} held by {share:3.0f} %, usually +-{width:.2g}, measured in {measured:.0f} %",
+            flush=True,
         )
 
 

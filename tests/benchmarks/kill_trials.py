@@ -179,7 +179,7 @@ def _state(out: Path) -> str:
     if not out.is_dir():
         return "no folder yet"
     with suppress(Exception):
-        told = subprocess.run(
+        finished = subprocess.run(
             command("status", str(out)),
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             capture_output=True,
@@ -187,9 +187,9 @@ def _state(out: Path) -> str:
             timeout=60,
         )
         states = ",".join(run.state for run in read_folder(out).runs)
-        if told.returncode == 0:
+        if finished.returncode == 0:
             return states or "nothing driven"
-        return "" if "Traceback" in told.stderr else f"refused: {told.stderr.strip()[:80]}"
+        return "" if "Traceback" in finished.stderr else f"refused: {finished.stderr.strip()[:80]}"
     return ""
 
 
@@ -212,7 +212,7 @@ def _resumed(number: int, folder: Path) -> str:
 
 
 def trials(name: str, count: int, start: Callable, seed: int) -> list[Trial]:  # type: ignore[type-arg]
-    """So many, each told as it ends."""
+    """So many, each reported when it ends."""
     chance, found = random.Random(f"{seed}/{name}"), list[Trial]()
     for number in range(count):
         t = trial(number, start, chance)

@@ -77,8 +77,8 @@ def case(kind: Kind, folder: Path, seed: str) -> str:
 def quiet() -> Iterator[None]:
     """Nothing is printed, nobody is warned."""
     nowhere = io.StringIO()
-    told = contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere)
-    with told[0], told[1], warnings.catch_warnings():
+    silenced = contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere)
+    with silenced[0], silenced[1], warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
 
