@@ -56,9 +56,9 @@ def test_mistakes_end_with_a_sentence(engine: Engine, runs: rs.Runs, tmp_path: P
         rs.diagnose(5)  # type: ignore[arg-type]
     with pytest.raises(rs.UsageError, match=r"held_out \(Recording\) must be a sequence of runs"):
         rs.diagnose(runs[:1], held_out=runs[1])
-    with pytest.raises(rs.UsageError, match=r"the first argument \(int\) is no model"):
+    with pytest.raises(rs.UsageError, match=r"the first argument \(int\) is not a model"):
         rs.simulate(5, runs[0])  # type: ignore[arg-type]
-    with pytest.raises(rs.UsageError, match=r"the first argument \(Recording\) is no model"):
+    with pytest.raises(rs.UsageError, match=r"the first argument \(Recording\) is not a model"):
         rs.simulate(runs[0], 5)  # type: ignore[arg-type]
     with pytest.raises(rs.UsageError, match="no baseline 'tricycle'"):
         rs.diagnose(runs, baseline="tricycle")
