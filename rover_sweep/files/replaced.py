@@ -32,4 +32,4 @@ def remove_file(path: Path) -> None:
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
-        raise UsageError(f"{path} cannot be removed: {error.strerror}") from error
+        raise UsageError(f"{path} cannot be written: {error.strerror}; choose another place") from error

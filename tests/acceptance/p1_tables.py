@@ -12,7 +12,7 @@ import numpy as np
 from scipy.io import loadmat
 
 NAMES = ("time", "delta", "r", "p", "ay", "beta")
-STARTS = 14.0  # s, until which the car of the second file stands
+STARTS = 14.0  # s, until which the car of the second file is at standstill
 
 
 def tables(source: Path, target: Path) -> tuple[Path, Path]:

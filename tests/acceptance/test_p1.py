@@ -1,6 +1,6 @@
 """Acceptance against CIFER v6.3.00 on the Stanford P1 steer-by-wire car: one sweep of 20 s at 33 ft/s.
 
-CIFER's bands begin at .4189 rad/s = 2 pi/15 s, so a window of 15 s stands beside the five of 2 to 10 s
+CIFER's bands begin at .4189 rad/s = 2 pi/15 s, so a window of 15 s is added to the five of 2 to 10 s
 that suit a record of 20 s. Its a_y comes out at 173, not 51, with the plain equation a_y = v' + V r; an
 accelerometer 1.05 ft above the point of v brings it to 44 without touching another parameter.
 """
@@ -142,8 +142,8 @@ def test_verification_on_the_other_file(foreign_recordings: Path):
     """Decimated to 25 Hz: 2.92 and .175 before, 2.46 and .144 after constant biases are solved.
 
     CIFER printed 2.45 and .143 before its bias solve, so where we end it began: offsets of the outputs
-    alone bring us there. Its 1.80 and .101 are out of reach of any constant bias: the car stands until
-    t = 14 s and then drives at a_y/r = 14-19 ft/s in place of the model's 33.
+    alone bring us there. Its 1.80 and .101 are out of reach of any constant bias: the car is at standstill
+    until t = 14 s and then drives at a_y/r = 14-19 ft/s in place of the model's 33.
     """
     path = foreign_recordings / "p1" / "P1_Final_Verify.mat"
     if not path.is_file():

@@ -1,7 +1,7 @@
 """The Stanford P1 car: what the plain a_y = v' + V r leaves out is named by `diagnose` from the sweep alone.
 
 CIFER's a_y row comes out at J = 173 with the plain equation and at 44 with an accelerometer 1.05 ft above the
-point of v (test_p1). Here nothing is told but a vehicle file with the accelerometer at that point; all
+point of v (test_p1). Here only a vehicle file is given, with the accelerometer at that point; all
 effects are candidates, and the second file is held out. That file cannot show the finding: it hardly excites
 x r' - z p', and its a_y/r of 13-20 ft/s belongs to no speed that its r/delta allows.
 """

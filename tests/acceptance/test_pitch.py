@@ -1,6 +1,6 @@
 """Acceptance against CIFER v6.3.00 on a fixed-wing pitch sweep: elevator to pitch rate, 1-30 rad/s.
 
-290 s on uneven stamps (20-50 ms apart), at the 8762 frequencies of the benchmark beside it.
+290 s on uneven stamps (20-50 ms apart), at the 8762 frequencies of the benchmark.
 """
 
 from collections.abc import Mapping
@@ -70,7 +70,7 @@ def test_the_whole_band_is_usable(response: FrequencyResponse):
 
 @pytest.mark.parametrize("points", [20, 100])
 def test_zero_damping_and_frequency(response: FrequencyResponse, points: int):
-    """Reduction drops the third pole, which the responses hardly see; the others stand within 2 %."""
+    """Reduction drops the third pole, which the responses hardly show; the others are within 2 %."""
     conditions = [Condition(0.0, (sampled(response, BAND, points),), {})]
     full = fit(PITCH, conditions, [{"z": 4.0, "wn": 5.0}, {"K": -1.0}])
     found, steps = reduce_model(full, conditions)

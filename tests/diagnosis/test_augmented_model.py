@@ -195,6 +195,6 @@ def test_a_run_without_a_vehicle_file_is_simulated_by_the_numbers_of_the_diagnos
     assert first.error("r") < 0.15 * np.sqrt(np.mean(first.measured["r"] ** 2))
     with pytest.raises(rs.DataRefused, match="has no steering angle"):
         rs.simulate(replace(whole, steering=None), bare)
-    with pytest.raises(rs.UsageError, match=r"the second argument \(int\) is no recorded run"):
+    with pytest.raises(rs.UsageError, match=r"the second argument \(int\) is not a recorded run"):
         rs.simulate(whole, 5)  # type: ignore[arg-type]
     assert set(MODEL_NAMES.values()) >= {"m", "a", "b"} and VEHICLE.mass.value == whole.numbers["m"]

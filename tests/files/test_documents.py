@@ -56,6 +56,6 @@ def test_what_people_write_is_read_as_ever() -> None:
 
 
 def test_the_vehicle_file_says_what_is_wrong_without_advice_to_programmers() -> None:
-    with pytest.raises(UsageError) as told:
+    with pytest.raises(UsageError) as raised:
         parse(f"[vehicle]\nmass = {LONG}")
-    assert "has 5000 digits" in str(told.value) and "sys." not in str(told.value)
+    assert "has 5000 digits" in str(raised.value) and "sys." not in str(raised.value)

@@ -37,7 +37,7 @@ def test_accelerations_count_in_feet():
 
 @pytest.mark.parametrize("channel", ["r", "p", "ay"])
 def test_an_output_bias_is_solved_for_each_channel(channel: str):
-    """A doublet's span is short against the roll mode, so state biases cannot stand in for the output's."""
+    """A doublet is short compared with the roll mode, so state biases cannot replace those of the output."""
     run = driven(TRUTH, Sweep(amplitude=120, t_rec=20))
     signal = run[channel]
     biased = replace(run, channels={**run.channels, channel: replace(signal, x=signal.x + 0.2)})

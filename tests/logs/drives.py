@@ -26,7 +26,7 @@ def log_of(t: Array, pwm: Array, speed: Array, **more: object) -> Log:
 
 
 def drive(manoeuvres: list[Manoeuvre], speed: float = 2.0, pause: float = 20.0) -> tuple[Log, list[float]]:
-    """Stand, drive all manoeuvres with stretches in between, stand; and where each override starts [s]."""
+    """Standstill, all manoeuvres with straight driving in between, standstill; start [s] of each."""
     starts, at = [], 5.0 + pause
     for manoeuvre in manoeuvres:
         starts.append(at)

@@ -1,4 +1,4 @@
-"""Where the recordings are: committed ones in tests/data, foreign ones beside the repository."""
+"""Where the recordings are: committed ones in tests/data, those of others next to the repository."""
 
 from __future__ import annotations
 

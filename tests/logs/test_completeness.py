@@ -1,4 +1,4 @@
-"""Half a run, a hole, a late start: told as warnings, or refused where next to nothing is left."""
+"""Half a run, a hole, a late start: warnings, or a refusal when almost nothing was recorded."""
 
 from __future__ import annotations
 
@@ -102,8 +102,8 @@ def test_states_that_end_in_the_wave() -> None:
     rows = applet_rows(log.steering[0].t, 3, states)
     (run,) = find_runs(replace(log, applet=rows))
     assert "the last state is 6, at 50.0 s" in warnings(run)
-    (told,) = find_runs(replace(log, applet=rows, marks=((start + 25, "SWP: run 3 done"),)))
-    assert told.notes == ()
+    (found,) = find_runs(replace(log, applet=rows, marks=((start + 25, "SWP: run 3 done"),)))
+    assert found.notes == ()
 
 
 def test_a_start_without_an_end_is_found_beside_a_whole_run() -> None:

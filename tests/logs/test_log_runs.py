@@ -39,13 +39,13 @@ def test_runs_by_hand_are_found_from_the_steering_alone() -> None:
 @pytest.mark.parametrize("source", [NOMINAL / "run1.BIN", NOMINAL / "run4.BIN", DEFAULTS / "run1.BIN"])
 def test_recordings_need_neither_applet_nor_messages(source: object) -> None:
     (log,) = read_logs(str(source))
-    (told,) = find_runs(log)
+    (by_states,) = find_runs(log)
     (by_messages,) = find_runs(replace(log, applet=None))
     (alone,) = find_runs(replace(log, applet=None, marks=()))
-    assert told.kind == by_messages.kind == alone.kind != "other"
+    assert by_states.kind == by_messages.kind == alone.kind != "other"
     for other in (by_messages, alone):  # the old applet's rows hold some straight driving too
-        assert told.span[0] - 0.1 <= other.span[0] <= told.span[0] + 1.2
-        assert told.span[1] - 4.0 <= other.span[1] <= told.span[1] + 0.1
+        assert by_states.span[0] - 0.1 <= other.span[0] <= by_states.span[0] + 1.2
+        assert by_states.span[1] - 4.0 <= other.span[1] <= by_states.span[1] + 0.1
 
 
 STATES = [

@@ -1,4 +1,4 @@
-"""Commands stand where the servo got them: at the main loop after they were set."""
+"""Commands are time-stamped at the main loop that applied them."""
 
 from __future__ import annotations
 

@@ -57,8 +57,8 @@ def test_corrupted_frames_are_judged_as_lost_ones(
         assert run["r"].t.size > 0.94 * sound_run["r"].t.size, what
         same = np.isin(run["r"].t, sound_run["r"].t)
         assert same.all(), what
-        told = any("frames of the telemetry log" in n.text and "skipped" in n.text for n in run.notes)
-        assert told == (what != "lost"), what
+        noted = any("frames of the telemetry log" in n.text and "skipped" in n.text for n in run.notes)
+        assert noted == (what != "lost"), what
 
 
 @pytest.mark.parametrize("twice", [0.0, 0.05])

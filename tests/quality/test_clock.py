@@ -37,8 +37,8 @@ def test_angles_and_rates_tell(sweep: Recording, factor: float, roll: bool) -> N
     run = sweep if roll else sweep.without({"p", "phi"})
     (fault,) = faults_of(stretched(run, factor if roll else factor**2))
     assert fault.fault == STRETCHED and {"r", "ay", "p"} <= set(fault.spoils)
-    told = float(fault.text.partition("stretched by ")[2].partition(":")[0])
-    assert told == pytest.approx(factor if roll else factor**2, rel=0.02)
+    reported = float(fault.text.partition("stretched by ")[2].partition(":")[0])
+    assert reported == pytest.approx(factor if roll else factor**2, rel=0.02)
 
 
 @pytest.mark.parametrize("factor", [0.98, 1.02, 3.0])

@@ -37,14 +37,14 @@ def moved(run: Recording, x: float, z: float) -> Recording:
     return replace(run, channels={**run.channels, "ay": replace(ay, x=ay.x + shift)})
 
 
-def identified(runs: rs.Runs, true: tuple[float, float], told: tuple[float, float]) -> Identification:
+def identified(runs: rs.Runs, true: tuple[float, float], stated: tuple[float, float]) -> Identification:
     assert runs.vehicle is not None
-    geometry: Geometry = replace(geometry_of(runs.vehicle), imu_x=told[0], imu_z=told[1])
+    geometry: Geometry = replace(geometry_of(runs.vehicle), imu_x=stated[0], imu_z=stated[1])
     return identify([moved(run, *true) for run in runs], geometry, (), Settings(models=("roll-yaw",)))
 
 
 @pytest.mark.parametrize(
-    ("true", "told", "axis"),
+    ("true", "stated", "axis"),
     [
         ((0.1, 0.0), (-0.1, 0.0), "forward"),
         ((0.05, 0.0), (-0.05, 0.0), "forward"),
@@ -53,9 +53,9 @@ def identified(runs: rs.Runs, true: tuple[float, float], told: tuple[float, floa
     ],
 )
 def test_a_wrong_sign_is_named(
-    runs: rs.Runs, true: tuple[float, float], told: tuple[float, float], axis: str
+    runs: rs.Runs, true: tuple[float, float], stated: tuple[float, float], axis: str
 ) -> None:
-    found = identified(runs, true, told)
+    found = identified(runs, true, stated)
     sentence = found.models["roll-yaw"].verdict.sentences[0]
     assert sentence.startswith(f"{NAMED}: with {axis} of imu.position reversed, J_ave falls from")
     assert found.models["roll-yaw"].verdict.level in ("poor", "not identifiable")

@@ -1,4 +1,4 @@
-"""Runs of equal file names are told apart, wherever they are named."""
+"""Runs of equal file names get different names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The vehicle file: what is read, every mistake told at once, comments kept when it is written."""
+"""The vehicle file: what is read, every mistake reported at once, comments kept when it is written."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ def test_the_random_error_is_the_scatter_of_the_estimates():
 
 
 def test_no_seam_leaks(runs):
-    """A run whose steering, throttle and yaw rate stand elsewhere: the step between runs shows in nothing."""
+    """A run with other means of steering, throttle and yaw rate: the step between runs has no effect."""
     moved = {
         k: replace(s, x=s.x + 7.0 * (100 if k == "throttle" else 1)) for k, s in runs[1].channels.items()
     }
