@@ -14,6 +14,7 @@ PIXEL = base64.b64decode(
 )
 
 
+@pytest.hookimpl(optionalhook=True)  # pytest without xdist does not know it
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """A third of the tests waits for a simulated rover's time: half as many workers again as cores."""
     return -(-3 * (os.cpu_count() or 2) // 2)
