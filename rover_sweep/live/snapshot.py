@@ -1,4 +1,4 @@
-"""What is known of a rover at an instant, and the verdict on a run, as values for a screen."""
+"""The state of a rover at an instant, and the verdict on a run, as values for a screen."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Advice = Literal["keep", "repeat", "discard"]
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The rover now, about ten times a second. ISO axes: positive to the left. NaN: not known.
+    """The present state of the rover, about ten times a second. ISO axes: positive to the left. NaN: unknown.
 
     t: s, the vehicle's clock. armed, mode (custom_mode). pwm: steering output [us]; r, p [rad/s]; ay
     [m/s^2]; phi [rad]; speed [m/s]. state, state_name: of the applet; frequency: of the sweep [rad/s];
     progress: of the manoeuvre, 0..1. switch: PWM of the applet's channel [us]. battery: volts, and
     remaining 0..1. satellites, fix: GPS_FIX_TYPE. ekf: uses GPS. received: messages a second;
-    recorded: bytes of the .tlog on disk. link: what is wrong with it, in words, '' where it is good.
+    recorded: bytes of the .tlog on disk. link: its fault as a sentence, '' if it is good.
     """
 
     t: float

@@ -1,4 +1,4 @@
-"""The one interface between a screen and what it shows: requests go in, events come out.
+"""The interface between a screen and a vehicle or recording: requests go in, updates come out.
 
 A `Source` works in a thread of its own and never waits for the screen; the screen never waits for it.
 There are two: a vehicle on a link (`live.vehicle`) and a recording that is played (`live.played`).
@@ -17,12 +17,12 @@ from rover_sweep.vehicle.link.access import Heard
 from rover_sweep.vehicle.preflight.item import Check
 from rover_sweep.vehicle.run.settings import RunSettings
 
-# ---- what a screen asks -------------------------------------------------------------------------
+# ---- requests of a screen -----------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Connect:
-    """Open the link, find the rover. system: its MAVLink id, None where the one that is heard is meant."""
+    """Open the link, find the rover. system: its MAVLink id, None: the only one that is heard."""
 
     url: str
     system: int | None = None
@@ -30,12 +30,12 @@ class Connect:
 
 @dataclass(frozen=True)
 class Preflight:
-    """Read everything that must be right before a run; changes nothing."""
+    """Run all checks before a run; changes nothing."""
 
 
 @dataclass(frozen=True)
 class Fix:
-    """Do what the check `name` offers as its remedy; reboots only where `reboot` is true."""
+    """Carry out the remedy of the check `name`; reboots only if `reboot` is true."""
 
     name: str
     reboot: bool = False
@@ -43,7 +43,7 @@ class Fix:
 
 @dataclass(frozen=True)
 class DriveRequest:
-    """One run, with what the settings allow. Nothing moves that they do not name."""
+    """Drive one run; nothing moves that the settings do not allow."""
 
     planned: SessionRun
     settings: RunSettings = field(default_factory=RunSettings)
@@ -64,7 +64,7 @@ class Play:
 
 Request = Connect | Preflight | Fix | DriveRequest | FetchLogs | Play
 
-# ---- what a source tells beside the events of a session -----------------------------------------
+# ---- updates of a source, in addition to the events of a session ----------------------------------
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Began:
 
 @dataclass(frozen=True)
 class Ended:
-    """A request is done; failure: in words, '' where it went well."""
+    """A request is done; failure: a sentence, '' if it succeeded."""
 
     request: Request
     failure: str = ""
@@ -84,7 +84,7 @@ class Ended:
 
 @dataclass(frozen=True)
 class Several:
-    """More than one vehicle is heard on `url`; connecting there needs the system id of one."""
+    """More than one vehicle is heard on `url`; give the system id of one to connect."""
 
     url: str
     heard: tuple[Heard, ...]
@@ -92,7 +92,7 @@ class Several:
 
 @dataclass(frozen=True)
 class Checked:
-    """What a preflight found, in the order in which it is to be put right."""
+    """The checks of a preflight, in the order in which to correct them."""
 
     checks: tuple[Check, ...]
 
@@ -106,14 +106,14 @@ class Judged:
 
 @dataclass(frozen=True)
 class Lost:
-    """The link is gone, in words; the source tries to get it back until it is closed."""
+    """The link is lost; reason: a sentence. The source tries to reconnect until it is closed."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Played:
-    """Where a recording stands: t of length s, at `rate` times real time."""
+    """Position in a recording: `t` of `length` [s], at `rate` times real time."""
 
     t: float
     length: float
@@ -131,13 +131,13 @@ class Source(Protocol):
         ...
 
     def ask(self, request: Request) -> None:
-        """Carried out in turn; returns at once."""
+        """Queue a request; returns at once."""
         ...
 
     def abort(self) -> None:
-        """Ahead of everything that was asked: the run under way is ended, the rover is let go."""
+        """At once, before all queued requests: end the present run and release the rover."""
         ...
 
     def close(self) -> None:
-        """End the run under way as `abort` does, close the link, end the thread."""
+        """End the present run as `abort` does, close the link, end the thread."""
         ...

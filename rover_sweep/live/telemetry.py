@@ -1,7 +1,7 @@
-"""From a vehicle's MAVLink messages, one after the other, to what a screen shows of it.
+"""Turns a vehicle's MAVLink messages into the state that a screen shows.
 
-The same for a vehicle on a link and for a telemetry log that is played: whoever has a message gives it
-with the time of the vehicle's clock. Units and fields: https://mavlink.io/en/messages/common.html.
+Used for a vehicle on a link and for a telemetry log that is played: each message is passed with the time of
+the vehicle's clock. Units and fields: https://mavlink.io/en/messages/common.html.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.vehicle.estimator import has_position
 from rover_sweep.vehicle.link.mavlink import Message, kind
 
-STALE = 3.0  # s after which a fast signal that no longer comes is not known any more
+STALE = 3.0  # s after which a fast signal that no longer comes counts as unknown
 STALE_SLOW = 10.0  # s, for the battery, the satellites and the EKF's state
 RATE_OVER = 1.0  # s of the vehicle's clock over which messages are counted
-_MOST_TIMES = 20_000  # messages in RATE_OVER; a clock that stands still must not fill the memory
+_MOST_TIMES = 20_000  # messages in RATE_OVER, so that a clock that stopped cannot fill the memory
 _MOST_PARAMETERS = 5000  # names; ArduRover 4.6 has 1,300
 _MILLI_G = 9.80665e-3
 _SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
@@ -32,11 +32,11 @@ _STRAIGHT, _STEERED, _DONE, _STOPPED = 3, range(3, 9), 9, 10  # states of the ap
 
 
 class Telemetry:
-    """What is known of one vehicle. Give it that vehicle's messages alone, in the order they came.
+    """The state of one vehicle. Pass only that vehicle's messages, in the order they came.
 
-    steering: servo output that steers (1-based); switch: RC channel of the applet's switch. Both are
-    learnt from PARAM_VALUE messages where those tell. parameters: all that were heard. manoeuvre: what
-    the progress is measured by; by the SWP_ parameters that were heard, unless it is set.
+    steering: servo output that steers (1-based); switch: RC channel of the applet's switch; PARAM_VALUE
+    messages update both. parameters: all that were received. manoeuvre: for the progress; if not set, the one
+    in the SWP_ parameters received.
     """
 
     def __init__(self, steering: int = 1, switch: int = 6) -> None:
@@ -70,14 +70,14 @@ class Telemetry:
             reader(message)
 
     def heard(self, t: float) -> None:
-        """Some message came that nothing is read from."""
-        if t < self.t - RATE_OVER:  # rebooted: nothing of before holds
+        """A message came whose content is not used, at `t` [s]."""
+        if t < self.t - RATE_OVER:  # rebooted: all earlier values are invalid
             self._forget()
         self.t = t
         self._came.append(t)
 
     def snapshot(self, recorded: int = 0, link: str = "") -> Snapshot:
-        """The rover now. recorded: bytes of its .tlog on disk. link: what is wrong with the link."""
+        """The present state. recorded: bytes of the .tlog on disk. link: fault of the link as a sentence."""
         while self._came and self._came[0] <= self.t - RATE_OVER:
             self._came.popleft()
         fast = {name: self._known(name, STALE) for name in ("pwm", "r", "p", "ay", "phi", "speed")}
@@ -111,7 +111,7 @@ class Telemetry:
         return value if self.t - when <= stale else otherwise
 
     def _keep(self, **values: float) -> None:
-        """What is no finite number is not known."""
+        """Keep values; one that is not finite counts as unknown."""
         known = {name: float(value) if math.isfinite(value) else math.nan for name, value in values.items()}
         self._values |= {name: (value, self.t) for name, value in known.items()}
 
@@ -135,7 +135,7 @@ class Telemetry:
         self._keep(ay=-m.yacc * _MILLI_G)
 
     def _velocity(self, m: Message) -> None:
-        """Forward speed; along the track where the heading is not known."""
+        """Forward speed; the speed over ground if the heading is unknown."""
         yaw = self._known("yaw", STALE)
         if math.isfinite(yaw):
             self._keep(speed=m.vx * math.cos(yaw) + m.vy * math.sin(yaw))

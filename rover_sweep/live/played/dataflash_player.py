@@ -1,8 +1,8 @@
-"""A DataFlash log, played: what it holds at any time, as the vehicle's telemetry would have shown it.
+"""Plays a DataFlash log: the state at any time, as the vehicle's telemetry would have shown it.
 
-The signals are those of `rover_sweep.logs`; what a screen wants beside them (armed, mode, battery, GPS, the
-switch) is read here. Message names and units: ArduPilot, libraries/AP_Logger/LogStructure.h, as seen in
-logs of ArduRover 4.5.7 and 4.6.3.
+The signals come from `rover_sweep.logs`; the other values of a screen (armed, mode, battery, GPS, switch) are
+read here. Message names and units: ArduPilot, libraries/AP_Logger/LogStructure.h, as seen in logs of
+ArduRover 4.5.7 and 4.6.3.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class FlashPart:
         return {name: value for _, name, value in self._set[:count]}
 
     def planned(self, t: float) -> Manoeuvre | None:
-        """The manoeuvre that stood in the parameters at a time."""
+        """The manoeuvre configured in the parameters at a time [s]."""
         count = int(np.searchsorted(self._set_at, t, "right"))
         if count not in self._planned:
             self._planned[count] = configured_manoeuvre(self.parameters(t))

@@ -58,7 +58,7 @@ class PlayedSource:
             self._asked.notify()
 
     def abort(self) -> None:
-        """Pause: there is nothing that moves."""
+        """Pause; nothing moves in a recording."""
         with self._asked:
             self._requests.appendleft(Play(rate=0.0))
             self._asked.notify()
@@ -116,7 +116,7 @@ class PlayedSource:
     def _answer(self, request: Request) -> None:
         self._tell(Began(request))
         if not isinstance(request, Play):
-            self._tell(Ended(request, f"{self.path.name} is a recording: nothing can be asked of its rover"))
+            self._tell(Ended(request, f"{self.path.name} is a recording; its rover accepts no requests"))
             return
         if request.rate is not None:
             self.rate = request.rate if request.rate > 0 else 0.0
@@ -127,7 +127,7 @@ class PlayedSource:
         self._tell(Ended(request))
 
     def _jump(self, at: float) -> None:
-        """Tells what is the case where it lands, no more; and of a run that it leaves, how it ended."""
+        """Jump, and report the state there; for a run that it leaves, also how it ended."""
         left = self._place()
         self.at = min(max(at, 0.0), self.track.length)
         self.track.seek(self.at)

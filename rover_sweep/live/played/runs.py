@@ -1,4 +1,4 @@
-"""The runs in a recording, as the events that a session would have told of them."""
+"""The runs in a recording, with the events that a session would have reported."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class PlayedRun:
         return renamed(verdict_on_log(self.recording, self.log), self.recording.name, self.path)
 
     def _outcome(self) -> tuple[bool, str]:
-        """By the applet's words, else by what the reading of the recording says."""
+        """(completed, reason) by the applet's status text, else by the notes on the recording."""
         for t, text in self.log.marks:
             if self.begin < t <= self.end + 1.0 and (match := _SAID.match(text)):
                 return match[2] == "done", printable(match[3] or "") or ("" if match[2] != "done" else _ENDED)
@@ -124,7 +124,7 @@ def _extent(recording: Recording, states: Sequence[Entry]) -> tuple[float, float
 
 
 def _as_driven(recording: Recording) -> Manoeuvre:
-    """About what was driven, for a run that no parameters tell of."""
+    """An approximate manoeuvre from the recording, for a run without known parameters."""
     x = recording.manoeuvre("pwm" if "pwm" in recording else "delta").x
     amplitude, length = max(float(np.ptp(x)) / 2, 1e-3), recording.span[1] - recording.span[0]
     if recording.kind == "doublet":

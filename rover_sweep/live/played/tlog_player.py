@@ -1,4 +1,4 @@
-"""A telemetry log, played: its frames through the same code that listens to a vehicle on a link."""
+"""Plays a telemetry log: its frames go through the same code as those of a vehicle on a link."""
 
 from __future__ import annotations
 

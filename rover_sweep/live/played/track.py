@@ -1,4 +1,4 @@
-"""A recording that is played, whatever its kind: where it stands, and what happens on the way."""
+"""The interface of a recording that is played, .tlog or .BIN: its position, and the events on the way."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Track(Protocol):
     log: Log
 
     def seek(self, at: float) -> None:
-        """Go to a position: what would be known there after playing up to it is known."""
+        """Go to a position; the state is as after playing up to it."""
         ...
 
     def play(self, at: float) -> Iterator[Event]:
-        """Go on to a position, with what happens on the way."""
+        """Continue to a position, with the events on the way."""
         ...
 
     def snapshot(self) -> Snapshot:

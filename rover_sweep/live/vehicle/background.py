@@ -1,4 +1,4 @@
-"""What takes a while to compute is done beside the link: verdicts on runs, and what a fetched log holds."""
+"""Slow computations in a thread beside the link: verdicts on runs, and the runs in a fetched log."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Given:
 
 
 class Background:
-    """One thread; a run is judged in it within a second, because what that needs is loaded beforehand."""
+    """One thread, which judges a run within a second, because the imports are loaded beforehand."""
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="beside the link")
@@ -47,7 +47,7 @@ class Background:
                 return
 
     def work(self, work: Callable[[], None]) -> Future[None]:
-        """Anything else."""
+        """Run any other work in the thread."""
         return self._pool.submit(work)
 
     def close(self) -> None:
@@ -67,7 +67,7 @@ def _judged(tlog: Path, span: Span, name: str, vehicle_file: Path | None) -> Ver
         return judge(tlog, span, name, load(vehicle_file) if vehicle_file else None)
     except UsageError as error:  # a vehicle file that was written into meanwhile
         return replace(judge(tlog, span, name), remarks=(str(error),))
-    except Exception as error:  # a verdict is not worth the session
+    except Exception as error:  # a failed verdict must not end the session
         return Verdict(
             name, "repeat", f"it could not be judged ({error!r}); its recording is kept", source=tlog
         )

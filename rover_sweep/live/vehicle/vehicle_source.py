@@ -152,7 +152,7 @@ class VehicleSource:
         except RoverSweepError as error:
             failure = "; ".join([str(error), *getattr(error, "__notes__", ())])
         except Exception as error:  # a mistake of ours must not leave a screen without a rover to stop
-            failure = f"this went wrong inside rover-sweep: {error!r}"
+            failure = f"internal error of rover-sweep: {error!r}"
         if self._stopping:
             self._stopped()
         self._tell(Ended(request, failure))
@@ -234,7 +234,7 @@ class VehicleSource:
     # ---- stopping --------------------------------------------------------------------------------
 
     def _stop_if_asked(self) -> None:
-        """Once: whoever keeps pressing must not interrupt the letting go."""
+        """Raise once only: another press must not interrupt the release of the rover."""
         if self._stop.is_set() and not self._stopping:
             self._stopping = True
             raise Aborted
@@ -244,7 +244,7 @@ class VehicleSource:
         self._stopping = False
 
     def _stop_all(self) -> None:
-        """While no run is under way: stop whatever the applet does (it may be the pilot's run)."""
+        """While no run of ours is active: stop the applet (it may be in the pilot's run)."""
         self._stopping = True
         try:
             self._tell_forgotten()

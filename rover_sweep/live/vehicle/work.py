@@ -1,4 +1,4 @@
-"""What a vehicle is asked for, carried out on a link as generators of what is to be told."""
+"""Carries out the requests on a vehicle's link, as generators of updates."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class VehicleWork:
         self._checks: dict[str, Check] = {}
 
     def greet(self, link: Link) -> Iterator[Update]:
-        """Who it is, what a run before left undone, and the streams."""
+        """Identify the vehicle, disarm it if the last run left it armed, and start the streams."""
         vehicle = identify_vehicle(link)
         self.session.on(asdict(vehicle))
         yield from disarm_left_armed(link, self.session.content)
@@ -66,17 +66,17 @@ class VehicleWork:
         yield from self._streams(link)
 
     def preflight(self, link: Link) -> Iterator[Update]:
-        """Everything that must be right."""
+        """Run all checks."""
         tops = [m.w_max for run in self.session.to_drive if isinstance(m := run.manoeuvre, Sweep | Multisine)]
         checks = preflight(link, self.session.folder, max(tops, default=None))
         self._checks = {check.name: check for check in checks}
         yield Checked(checks)
 
     def fix(self, link: Link, request: Fix) -> Iterator[Update]:
-        """What the check of that name offers."""
+        """Carry out the remedy of the check of that name."""
         check = self._checks.get(request.name)
         if check is None or check.remedy is None:
-            raise UsageError(f"there is nothing to put right with {request.name!r}; look again first")
+            raise UsageError(f"there is no remedy for {request.name!r}; run the checks again first")
         rebooted = False
         for event in remedy(link, check, request.reboot, self.session.folder):
             rebooted |= isinstance(event, Rebooting)
@@ -109,7 +109,7 @@ class VehicleWork:
         """The logs that are new."""
         logs = MavlinkLogs(link)
         if self.session.content.logs_before is None:
-            yield Notice("warning", "which logs are new is not known: the last one is fetched")
+            yield Notice("warning", "it is unknown which logs are new, so the last one is fetched")
             self.session.logs_before(listed(logs.logs()[:-1]))
         link.record_to(self.session.tlog("fetch"))
         try:
@@ -120,20 +120,20 @@ class VehicleWork:
                     self._look_into(link, event.path)
         finally:
             link.record_to(self.session.between())
-            with contextlib.suppress(LinkError):  # told by whoever waits on the link next
+            with contextlib.suppress(LinkError):  # the next wait on the link raises it again
                 request_all(link, self._loop_rate(link))
 
     def _look_into(self, link: Link, log: Path) -> None:
-        """Find which runs a log holds, beside the link, which goes on meanwhile."""
+        """Find which runs a log holds, in the background, while the link is pumped."""
         looking = self._background.work(partial(note_runs, self.session, log.name))
         while not looking.done():
             link.receive(0.05)
         looking.result()
 
     def _remember_logs(self, link: Link) -> None:
-        """Which logs are older than the session; an armed rover does not tell."""
+        """Store which logs are older than the session; an armed rover does not list its logs."""
         if self.session.content.logs_before is None and not link.armed:
-            with contextlib.suppress(LinkError):  # no card in it, which the preflight tells
+            with contextlib.suppress(LinkError):  # no card in it, which the preflight reports
                 self.session.logs_before(listed(MavlinkLogs(link).logs()))
 
     def _streams(self, link: Link) -> Iterator[Update]:

@@ -1,1 +1,1 @@
-"""The verdict on a run right after it: keep, repeat with what, or discard."""
+"""The verdict on a run right after it: keep, repeat (with which amplitude), or discard."""

@@ -15,12 +15,10 @@ from rover_sweep.quality.faults import advice_on
 from rover_sweep.spectra.amplitude import AmplitudeProposal
 from rover_sweep.spectra.response import COHERENCE_GOOD, FrequencyResponse
 
-NO_ANSWER = (
-    0.3  # coherence of the yaw rate, median over the range, up to which it does not follow the steering
-)
-CURVING = 0.3  # mean yaw rate over its standard deviation, from which a run is not about straight driving
+NO_ANSWER = 0.3  # median coherence of the yaw rate below which it does not follow the steering
+CURVING = 0.3  # mean yaw rate over its standard deviation above which a run is not straight
 UNSTEADY = 0.25  # standard deviation of the speed over its mean
-# What the reading of a recording says of a run that has to be driven again (logs.completeness, logs.judge).
+# How notes on a recording begin if its run must be repeated (from `logs.completeness` and `logs.judge`).
 NOT_WHOLE = (
     "The recording ends before",
     "The recording has a hole",
@@ -53,7 +51,7 @@ def advice(
 
 
 def _of_mounting(run: Recording, found: Responses, vehicle: Vehicle | None) -> Iterator[Said]:
-    """What no other amplitude heals."""
+    """Faults that no other amplitude removes."""
     r = found["r"]
     if np.median(r.coherence) < NO_ANSWER:
         yield (
@@ -65,15 +63,15 @@ def _of_mounting(run: Recording, found: Responses, vehicle: Vehicle | None) -> I
     if "ay" in found and _low_end(r, found["ay"]) < 0:
         yield (
             "discard",
-            "discard: a_y and the yaw rate point to opposite sides: the autopilot is mounted otherwise than "
+            "discard: a_y and the yaw rate point to opposite sides: the autopilot is not mounted as "
             "AHRS_ORIENTATION says, or the rover drove backwards",
         )
     scale = vehicle.rad_per_us.value if vehicle and vehicle.rad_per_us else None
     if scale is not None and sign_is_wrong(_per_rad(r, scale)):
         yield (
             "discard",
-            "discard: the rover yaws to the other side than the steering: rad_per_us of the vehicle file "
-            "has the wrong sign, or the autopilot is mounted otherwise than AHRS_ORIENTATION says",
+            "discard: the rover yaws to the opposite side of the steering: rad_per_us of the vehicle file "
+            "has the wrong sign, or the autopilot is not mounted as AHRS_ORIENTATION says",
         )
 
 
@@ -89,14 +87,14 @@ def _per_rad(r: FrequencyResponse, rad_per_us: float) -> FrequencyResponse:
 
 
 def side_remark(found: Responses) -> Iterator[str]:
-    """Said where the linkage is the other way round than usual, which only the vehicle file has to know."""
+    """A remark if the linkage is reversed, so that rad_per_us of the vehicle file must be negative."""
     r = found["r"]
     if r.input == "pwm" and not sign_is_wrong(r):
         yield "a larger PWM turns this rover left: rad_per_us of its vehicle file is negative"
 
 
 def _of_driving(run: Recording) -> Iterator[Said]:
-    """What driving it again heals."""
+    """Faults that a repeat removes."""
     for note in run.notes:
         if note.text.startswith(NOT_WHOLE):
             yield "repeat", f"repeat: {note.text[0].lower()}{note.text[1:]}"
@@ -115,7 +113,7 @@ def _of_driving(run: Recording) -> Iterator[Said]:
 
 
 def _repeat(judged: Responses, measured: CoherenceVerdict, proposal: AmplitudeProposal) -> str:
-    """More amplitude, or less frequency where there is no more to be had."""
+    """The sentence to repeat with more amplitude, or with a lower w_max if no more is possible."""
     poor = min((o for o in measured.outputs if o.output in judged), key=lambda o: o.covered)
     unit = measured.amplitude_unit
     why = (

@@ -1,4 +1,4 @@
-"""What bounds the steering amplitude of a rover: the applet, the servo, the tyres, each in words."""
+"""The limits of the steering amplitude of a rover: applet, servo and tyres, each with its name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rover_sweep.quality.coherence import SERVO_TRAVEL, WHEEL_LOCK
 from rover_sweep.spectra.amplitude import Limit
 from rover_sweep.spectra.response import FrequencyResponse
 
-MARGIN = 0.9  # of what the applet stops a run at
+MARGIN = 0.9  # share of the rate at which the applet stops a run
 
 
 def limits_of(
@@ -87,7 +87,7 @@ def _servo(w: Array, own: float | None) -> Iterator[tuple[str, Array]]:
 def _tyres(
     found: Mapping[str, FrequencyResponse], speed: float, scale: float, vehicle: Vehicle | None
 ) -> Iterator[tuple[str, Array]]:
-    """The side force that V r asks for, up to the share of the friction from which runs are warned of."""
+    """The side force that V r needs, up to the share of the friction above which runs get a warning."""
     stated = vehicle.friction.value if vehicle and vehicle.friction else None
     friction = stated or FRICTION
     if "r" in found and np.isfinite(speed) and speed > 0:
@@ -105,5 +105,5 @@ def _applet(
 
 
 def _answer(f: FrequencyResponse, scale: float) -> Array:
-    """Output per us (n_w,), without what is noise."""
+    """Coherent output per us (n_w,)."""
     return np.asarray(np.maximum(np.abs(f.h) * np.sqrt(f.coherence) * abs(scale), 1e-9))

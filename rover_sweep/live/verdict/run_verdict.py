@@ -1,4 +1,4 @@
-"""The verdict on a run within a second of its end: keep it, repeat it with what, or discard it."""
+"""The verdict on a run within a second of its end: keep it, repeat it, or discard it."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ Span = tuple[float, float]
 def judge(tlog: Path, span: Span, name: str, vehicle: Vehicle | None = None) -> Verdict:
     """The verdict on the run within `span` [s of the vehicle's clock] of a recording, .tlog or .BIN.
 
-    vehicle: its file, for the friction and the sign of the steering. Never raises for bad data: what is
-    wrong with them is the verdict.
+    vehicle: its file, for the friction and the sign of the steering. Never raises for bad data: the verdict
+    names their fault.
     """
     try:
         logs = read_logs(str(tlog))
     except RoverSweepError as error:
         said = f"this recording cannot be judged: {error}"
-        return Verdict(name, "repeat", f"{said}; the vehicle's own log may still do", source=tlog)
+        return Verdict(name, "repeat", f"{said}; the vehicle's log may still be good", source=tlog)
     refusal = (
         f"no run was found between {span[0]:.0f} and {span[1]:.0f} s: was the rover steered and driving?"
     )
