@@ -81,6 +81,6 @@ def test_an_installed_rover_fits_and_another_applet_does_not(
     file = ready.directory / "scripts" / "rover_sweep.lua"
     file.write_text(applet_source().replace('VERSION = "', 'VERSION = "0.'))
     done = run_program("firmware", "check", "--connect", ready.connection)
-    assert done.code == 1 and "another applet" in done.out and "version 0." in done.out
+    assert done.code == 1 and "not this program's applet" in done.out and "version 0." in done.out
     assert run_program("firmware", "install", "--yes", "--connect", ready.connection).code == 0
     assert file.read_text() == applet_source()
