@@ -133,7 +133,7 @@ def _logged(path: Path) -> dict[str, float]:
     from rover_sweep.logs.readers.dataflash_channels import read_dataflash
 
     if path.suffix.lower() == ".tlog":
-        raise UsageError(f"{path}: a telemetry log may lack parameters; give the .BIN, or --connect")
+        raise UsageError(f"{path}: a .tlog does not always hold all parameters; give the .BIN, or --connect")
     found = dict(read_dataflash(path)[-1].parameters)
     if "ATC_STR_RAT_FF" not in found:
         raise UsageError(f"{path} has no ATC_STR_RAT_FF: give a rover's log that includes its parameters")

@@ -62,7 +62,7 @@ MOVED = {
     "identify.soundness.length": "quality.length",
     "identify.soundness.relations": "quality.relations",
     "identify.soundness.rovers": "quality.rovers",
-    "identify.spectra": "spectra.spectra",
+    "identify.spectra": "spectra.windowed",
     "identify.structure": "identification.structure.state_space",
     "identify.structure_text": "identification.structure.toml_form",
     "identify.sweep": "manoeuvre.sweep",

@@ -219,7 +219,7 @@ def _rates(design: Design) -> list[Note]:
         text = (
             f"at SCHED_LOOP_RATE {rates.loop:g} telemetry reaches {rates.stream:.0f} Hz, or "
             f"{rates.stream / hertz:.0f} samples in a period of {hertz:.1f} Hz; {rates.good:.0f} Hz are "
-            f"good: {remedy}. The vehicle answers DENIED to a faster request."
+            f"good: {remedy}. The vehicle answers DENIED to a request for a higher rate."
         )
         notes.append(Note("warning" if rates.stream < rates.least else "info", text))
     if hertz * LEAST_SAMPLES > SERVO_FRAMES:

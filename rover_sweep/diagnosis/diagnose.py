@@ -145,7 +145,8 @@ def _refuse_without_floor(used: Sequence[Experiment]) -> None:
         longest = max(float(run.t[-1]) for run in used)
         raise DataRefused(
             f"the runs are too short to find their noise floor: the longest has {longest:.1f} s, and the "
-            f"noise at a frequency is measured in {WINDOW:g} s without steering at it; drive a whole sweep"
+            f"noise at a frequency is measured in {WINDOW:g} s without steering at that frequency; drive a "
+            "whole sweep"
         )
 
 

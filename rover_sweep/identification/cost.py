@@ -22,7 +22,7 @@ import numpy as np
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.spectra.response import Band, FrequencyResponse
-from rover_sweep.spectra.spectra import Complex
+from rover_sweep.spectra.windowed import Complex
 
 PHASE_WEIGHT = 0.01745  # W_p: 7.57 deg weigh as much as 1 dB (W_g = 1)
 POINTS = 20  # log-spaced points a response

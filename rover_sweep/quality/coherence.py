@@ -23,7 +23,7 @@ from rover_sweep.spectra.response import (
     frequency_grid,
     frequency_responses,
 )
-from rover_sweep.spectra.spectra import Transformer
+from rover_sweep.spectra.windowed import Transformer
 
 COVERED = 0.8  # of the swept range, in log w
 VYDOT_FROM = 3.0  # rad/s: below it the EKF's lateral velocity is GPS correction (the paper used 3-25 rad/s)

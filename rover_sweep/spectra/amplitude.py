@@ -19,7 +19,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array
 from rover_sweep.spectra.response import COHERENCE_GOOD, RISING, FrequencyResponse
-from rover_sweep.spectra.spectra import OVERLAP_CONSTANT
+from rover_sweep.spectra.windowed import OVERLAP_CONSTANT
 
 WANTED_COHERENCE = 0.8  # a margin above the .6 that is usable
 WANTED_ERROR = 0.10  # normalised random error of |h|

@@ -15,7 +15,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.spectra.response import Band, FrequencyResponse, composite_response, transformed
-from rover_sweep.spectra.spectra import (
+from rover_sweep.spectra.windowed import (
     OVERLAP_CONSTANT,
     Complex,
     Transformer,

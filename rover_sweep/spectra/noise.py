@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array, Signal
-from rover_sweep.spectra.spectra import Complex, Transformer, hann
+from rover_sweep.spectra.windowed import Complex, Transformer, hann
 
 RESOLUTION = 10.0  # s, window of the residuals' spectra; resolution 4 pi/10 rad/s
 HANN_POWER = 0.375  # mean square of a Hann window

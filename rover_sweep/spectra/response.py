@@ -23,7 +23,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
-from rover_sweep.spectra.spectra import Complex, WindowSpectra, window_spectra
+from rover_sweep.spectra.windowed import Complex, WindowSpectra, window_spectra
 
 COHERENCE_GOOD = 0.6  # guideline of Tischler & Remple 2012
 Band = tuple[float, float]

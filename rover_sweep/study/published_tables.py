@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rover_sweep.identification.acceptance import TITLES
 from rover_sweep.identification.structure.state_space import OUTPUTS
 from rover_sweep.report.identification.comparison import Cell, Table
-from rover_sweep.report.wording.acceptance import TITLES
 from rover_sweep.report.wording.number_format import OUTPUT_NAMES, number, percent, symbol, unit
 from rover_sweep.study import published
 from rover_sweep.study.conditions import CHECKS

@@ -11,10 +11,10 @@ from rover_sweep.report.identification.pictures import Picture
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.provenance import versions
 from rover_sweep.report.wording.strict_json import strict_json
-from rover_sweep.study.conclusions import outcome_counts, rover_sentences
 from rover_sweep.study.conditions import Progress
 from rover_sweep.study.figures import figures
 from rover_sweep.study.findings import StudyFinding
+from rover_sweep.study.overview import outcome_counts, rover_sentences
 from rover_sweep.study.published import PAPER
 from rover_sweep.study.published_tables import (
     cost_comparison,

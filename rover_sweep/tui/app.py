@@ -21,7 +21,6 @@ from rover_sweep.live.source import Play, Played, Source
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.model.setup import Memory, Setup, remember
 from rover_sweep.tui.model.state import AbortAsked, reduce
-from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.connect import ConnectScreen
 from rover_sweep.tui.screens.edit import EditRow
 from rover_sweep.tui.screens.frame import VIEWS
@@ -30,6 +29,7 @@ from rover_sweep.tui.screens.plan import PlanScreen
 from rover_sweep.tui.screens.preflight import PreflightScreen
 from rover_sweep.tui.screens.results import ResultsScreen
 from rover_sweep.tui.screens.run import RunScreen
+from rover_sweep.tui.screens.session_screen import SessionScreen
 from rover_sweep.tui.screens.verdict import VerdictScreen
 from rover_sweep.tui.session_app import SessionApp
 from rover_sweep.vehicle.events import Notice

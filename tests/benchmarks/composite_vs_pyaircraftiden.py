@@ -26,7 +26,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.spectra.response import FrequencyResponse, composite, frequency_responses
-from rover_sweep.spectra.spectra import window_spectra
+from rover_sweep.spectra.windowed import window_spectra
 
 BAND = (1.0, 30.0)  # rad/s
 REPEATS = 5

@@ -77,7 +77,7 @@ def test_moves_a_channel_that_it_names(effect):
 
 @pytest.mark.parametrize("effect", library().values(), ids=lambda e: e.id)
 def test_says_what_it_is(effect):
-    for text in (effect.title, effect.equation, effect.source, effect.shows, effect.apart, effect.next_run):
+    for text in (effect.title, effect.equation, effect.source, effect.apart, effect.next_run):
         assert text.strip()
     for p in effect.parameters:
         assert p.unit and p.convention and p.low <= 0 <= p.high

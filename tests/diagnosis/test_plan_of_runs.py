@@ -18,7 +18,6 @@ import pytest
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.plans.detectable import Stacked
 from rover_sweep.diagnosis.plans.evidence import NOISE, evidence
 from rover_sweep.diagnosis.plans.plan import plan
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
@@ -29,6 +28,7 @@ from rover_sweep.diagnosis.plans.proposals import (
     first_set,
     lateral_acceleration,
 )
+from rover_sweep.diagnosis.plans.set_result import Stacked
 from rover_sweep.diagnosis.plans.sets import Planner
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 

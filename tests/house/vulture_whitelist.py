@@ -16,8 +16,6 @@ _ = [
     it.nonlinearity,
     it.own_effects,
     it.own_tolerances,
-    # sentence of an effect for readers of the library
-    it.shows,
     # read or called by pymavlink
     it.link_id,
     it.sign_outgoing,

@@ -23,7 +23,7 @@ from rover_sweep.spectra.amplitude import (
     signal_to_noise,
 )
 from rover_sweep.spectra.response import FrequencyResponse
-from rover_sweep.spectra.spectra import OVERLAP_CONSTANT
+from rover_sweep.spectra.windowed import OVERLAP_CONSTANT
 
 W = np.geomspace(0.4, 25.6, 121)
 MANY = 40.0  # averages

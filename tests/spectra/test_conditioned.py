@@ -10,7 +10,7 @@ from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.spectra.conditioned import conditioned_responses, correlated_inputs, input_spectra, moving
 from rover_sweep.spectra.response import frequency_responses
-from rover_sweep.spectra.spectra import effective_averages
+from rover_sweep.spectra.windowed import effective_averages
 
 STEP = 0.005
 W = np.geomspace(0.7, 20, 60)

@@ -7,7 +7,7 @@ from rover_sweep.data.recording import Signal
 from rover_sweep.spectra.averages import hann_correlation, independent_averages
 from rover_sweep.spectra.band_limited import even_grid, sinc_interpolated
 from rover_sweep.spectra.exponentials import EvenExponentials, Exponentials
-from rover_sweep.spectra.spectra import MANY, Transformer, hann, window_spectra, window_starts
+from rover_sweep.spectra.windowed import MANY, Transformer, hann, window_spectra, window_starts
 
 
 def uneven(seed: int = 0, n: int = 2500) -> dict[str, Signal]:

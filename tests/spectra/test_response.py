@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.spectra.response import composite, frequency_responses, usable_band
-from rover_sweep.spectra.spectra import WindowSpectra, window_spectra, window_starts
+from rover_sweep.spectra.windowed import WindowSpectra, window_spectra, window_starts
 
 W = np.geomspace(1.3, 20, 40)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rover_sweep.study import findings, parameter_findings
-from rover_sweep.study.conclusions import all_findings, outcome_counts
+from rover_sweep.study.overview import all_findings, outcome_counts
 from rover_sweep.study.virtual_study import Study
 
 

@@ -11,8 +11,8 @@ import pytest
 from rover_sweep.cli.main import run as command
 from rover_sweep.report.wording.strict_json import strict_json
 from rover_sweep.study import published
-from rover_sweep.study.conclusions import all_findings
 from rover_sweep.study.conditions import drive_all
+from rover_sweep.study.overview import all_findings
 from rover_sweep.study.published_tables import tables
 from rover_sweep.study.study_json import study_document
 from rover_sweep.study.virtual_study import Study

@@ -42,7 +42,7 @@ async def played(person: Person) -> None:
     await person.until("x8")
     await person.press("+", "+", "+")
     await person.until("x64")
-    await person.until("[5 VERDICT]", "✓ whole", "KEEP", "yaw rate", "roll rate")
+    await person.until("[5 VERDICT]", "✓ complete", "KEEP", "yaw rate", "roll rate")
 
     await person.press("1", "enter", "3", "g", "6", "l")  # nothing of it can be asked of a recording
     assert not person.app.state.busy and not person.app.state.failure and person.app.is_running

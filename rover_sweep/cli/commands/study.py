@@ -34,7 +34,7 @@ def study(out: str, seed: int, as_json: bool) -> None:
     from rover_sweep.cli.types.folders import check_writable
     from rover_sweep.cli.views.output import echo_json, narration, results
     from rover_sweep.report.identification.terminal import rich_table
-    from rover_sweep.study.conclusions import all_findings, outcome_counts
+    from rover_sweep.study.overview import all_findings, outcome_counts
     from rover_sweep.study.published_tables import tables
     from rover_sweep.study.study_folder import write_study
     from rover_sweep.study.virtual_study import study as run

@@ -61,7 +61,7 @@ class Terminal:
             if angle is not None:
                 return angle, typed
             self._say(
-                f"{typed!r} is not an angle; type up to {LARGEST:g} deg, as 12.5l, 3 r or -4 (left positive)"
+                f"{typed!r} is not an angle; type up to {LARGEST:g} deg, as '12.5 l', '3 r' or '-4' (right)"
             )
 
     def _forget(self) -> None:

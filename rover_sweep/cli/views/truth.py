@@ -14,8 +14,8 @@ _PHYSICAL = ("roll-yaw", "bicycle")  # models with physical parameters, whose tr
 
 def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
     """True and identified values of the recommended physical model, else the largest; None without one."""
+    from rover_sweep.identification.acceptance import TITLES, usable
     from rover_sweep.report.identification.comparison import Cell, Table
-    from rover_sweep.report.wording.acceptance import TITLES, usable
     from rover_sweep.report.wording.number_format import change, number, symbol, unit
 
     models = usable(result)

@@ -37,7 +37,6 @@ EFFECT = NominalEffect(
             nominal="delay",
         ),
     ),
-    shows="like a transport delay, which may also be negative",
     apart="possible only with two clocks in the data; it may change from run to run, a delay does not",
     next_run="read the DataFlash log of the same run, in which one clock stamps everything",
     releases={"delay": (-0.5, 0.5)},

@@ -41,7 +41,6 @@ EFFECT = ForceEffect(
         EffectParameter("b_cos", "rad", 0.04, -0.4, 0.4, "b cos(psi0)", tolerance=0.008, matters=0.02),
         EffectParameter("b_sin", "rad", 0.04, -0.4, 0.4, "b sin(psi0)", tolerance=0.008, matters=0.02),
     ),
-    shows="the means of r and a_y change with the heading",
     apart="a tilted IMU and a trim do not change with the heading",
     next_run="the same run in the opposite direction",
     act=weight_across,

@@ -62,7 +62,7 @@ class Effect:
     """A left-out effect; every module of this package that has an `EFFECT` is in the library.
 
     id: name in files and on the command line. title, equation: for reports, in the field's symbols, SI
-    units, ISO axes. source: a reference. shows: how it appears in the data. apart: how it differs from
+    units, ISO axes. source: a reference. apart: how it differs from
     similar effects. next_run: what to drive or measure to confirm it.
     baselines: the models that can lack it. channels: at least one of these must be recorded.
     signed: both signs of the parameters are possible.
@@ -78,7 +78,6 @@ class Effect:
     equation: str
     source: str
     parameters: tuple[EffectParameter, ...]
-    shows: str
     apart: str
     next_run: str
     baselines: tuple[str, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")

@@ -30,7 +30,6 @@ EFFECT = NominalEffect(
             nominal="ln_ratio",
         ),
     ),
-    shows="at one speed C, Izz and the gain absorb it",
     apart="the steady gain changes with the speed (understeer gradient)",
     next_run="steady circles at two speeds",
     releases={"ln_ratio": (-1.6, 1.6)},

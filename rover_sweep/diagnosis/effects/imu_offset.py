@@ -44,7 +44,6 @@ EFFECT = NominalEffect(
             nominal="imu_z",
         ),
     ),
-    shows="in a_y alone; x grows as w relative to r, z as w^2 relative to phi",
     apart="r and p are correct; a filter changes the phase and does not raise the gain",
     next_run="measure from the CG to the autopilot with a ruler",
     releases={"imu_x": (-1.0, 1.0), "imu_z": (-1.0, 1.0)},

@@ -64,7 +64,6 @@ EFFECT = SensorEffect(
             "yaw", "rad", 0.08, -0.6, 0.6, "IMU turned to the left", tolerance=0.01, matters=0.05
         ),
     ),
-    shows="a constant a_y at every heading, and mixing of p and r and of a_x and a_y",
     apart="a slope changes with the heading; a trim changes r as well",
     next_run="a_y at standstill on a level floor at two headings",
     act=rotated,

@@ -21,7 +21,6 @@ EFFECT = VehicleEffect(
             "k", "-", 0.6, 0.0, 6.0, "loss of stiffness of both axles at a_y = g", tolerance=0.08
         ),
     ),
-    shows="the gain falls with a_y",
     apart="similar to tyre saturation, but depends on a_y alone and not on the slip angle",
     next_run="steady circles at rising speed: side force against slip angle",
     fills={"k": "k_load"},

@@ -21,7 +21,6 @@ EFFECT = DegreeOfFreedom(
         EffectParameter("k_phi", "N m/rad", 0.1, -9, 9, "roll stiffness", form="ratio", nominal="ln_k_phi"),
         EffectParameter("b_phi", "N m s/rad", 0.1, -9, 9, "roll damping", form="ratio", nominal="ln_b_phi"),
     ),
-    shows="in a_y, V_y' and p together, never in r alone",
     apart="a wrong IMU position changes a_y alone",
     next_run="a sweep across the roll mode with p recorded",
     baselines=("kinematic", "bicycle"),

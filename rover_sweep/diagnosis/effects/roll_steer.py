@@ -19,7 +19,6 @@ EFFECT = VehicleEffect(
     parameters=(
         EffectParameter("e", "-", 0.3, -3.0, 3.0, "front steering angle per roll angle", tolerance=0.02),
     ),
-    shows="follows the phase of the roll angle",
     apart="changes the steady gain with the speed, as understeer does, but follows the roll mode",
     next_run="a sweep at a second speed across the roll mode",
     fills={"e": "e_roll"},

@@ -52,7 +52,6 @@ EFFECT = FilterEffect(
         _cutoff("gyro_hz", "cut-off of the low-pass on r and p"),
         _cutoff("accel_hz", "cut-off of the low-pass on a_y"),
     ),
-    shows="r and p lag by another time than a_y and V_y'",
     apart="a steering lag delays all channels equally",
     next_run="read INS_GYRO_FILTER and INS_ACCEL_FILTER, or log raw IMU",
     response=hidden_low_passes,

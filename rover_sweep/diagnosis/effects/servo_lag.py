@@ -22,7 +22,6 @@ EFFECT = NominalEffect(
             "T", "s", 0.06, 0.0, 0.5, "time constant of the whole first-order lag", nominal="lag"
         ),
     ),
-    shows="in all channels equally, the gain falls with the phase",
     apart="a delay changes the phase but not the gain; a rate limit grows with the amplitude",
     next_run="rover on blocks: a step of 100 us, angle of the wheel over time",
     releases={"lag": (0.0, 0.5)},

@@ -30,7 +30,6 @@ EFFECT = ServoEffect(
             matters=0.25,  # s/rad, slower than 4 rad/s
         ),
     ),
-    shows="third harmonic at high frequency; residual power grows about 17 times when the amplitude doubles",
     apart="grows with amplitude and frequency; a lag does not, a cubic gain does not depend on frequency",
     next_run="a second sweep at half the amplitude, or a large step with the rover on blocks",
     fills={"R": "inv_rate"},

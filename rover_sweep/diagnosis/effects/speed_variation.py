@@ -22,7 +22,6 @@ EFFECT = SpeedEffect(
             "D", "s^2/m", 0.02, 0.0, 2.0, "loss of speed per a_y squared", tolerance=0.002, matters=0.01
         ),
     ),
-    shows="in the measured speed: even in the steering, at low frequency",
     apart="no other effect changes the speed with the square of a_y",
     next_run="the same sweep with the throttle held by hand, and with the speed controller",
     signed=False,

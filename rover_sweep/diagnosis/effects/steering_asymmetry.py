@@ -36,7 +36,6 @@ EFFECT = LinkageEffect(
             tolerance=0.01,
         ),
     ),
-    shows="second harmonic, and a mean that grows with the amplitude",
     apart="second harmonic only; the mean that a trim causes does not change with the amplitude",
     next_run="turning circles to the left and to the right at the same command",
     act=uneven,

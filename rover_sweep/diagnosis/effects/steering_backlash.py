@@ -44,7 +44,6 @@ EFFECT = LinkageEffect(
     parameters=(
         EffectParameter("b", "rad", 0.01, 0.0, 0.15, "half of the gap, road-wheel angle", tolerance=0.0015),
     ),
-    shows="third harmonic and phase lag at all frequencies; grows only 1.6 times with twice the amplitude",
     apart="the wheel lags by the gap at every reversal; with a deadband it does not",
     next_run="rover on blocks: a slow ramp up and down, angle of the wheel over command",
     act=backlash,

@@ -31,7 +31,6 @@ EFFECT = CommandEffect(
             "w", "rad", 0.01, 0.0, 0.15, "half width of the band, road-wheel angle", tolerance=0.001
         ),
     ),
-    shows="third harmonic at low frequency, no memory",
     apart="adds no phase lag, a backlash does; its share grows as the amplitude falls",
     next_run="rover on blocks: a slow ramp up and down, angle of the wheel over command",
     act=outside_band,

@@ -29,7 +29,6 @@ EFFECT = LinkageEffect(
     parameters=(
         EffectParameter("c3", "1/rad^2", 3.0, -25.0, 25.0, "cubic term of the steering gain", tolerance=0.3),
     ),
-    shows="third harmonic at every frequency; residual power grows 23 times when the amplitude doubles",
     apart="does not depend on frequency, a rate limit does; tyre saturation depends on a_y",
     next_run="rover on blocks: angle of the wheel at five commands from lock to lock",
     act=cubic,

@@ -28,7 +28,6 @@ EFFECT = NominalEffect(
             nominal="trim",
         ),
     ),
-    shows="means of r and a_y in the ratio V",
     apart="a tilted IMU changes a_y alone, at standstill too; a slope changes with the heading",
     next_run="drive straight without steering and measure the drift",
     releases={"trim": (-0.3, 0.3)},

@@ -31,7 +31,6 @@ EFFECT = GripEffect(
         ),
         EffectParameter("t", "s", 2.0, 0.0, 1e4, "instant, from the start of the run's manoeuvre"),
     ),
-    shows="the residual begins at an instant, in one run",
     apart="all other effects act during the whole run",
     next_run="repeat the run on one ground",
     act=stiffness_factor,

@@ -28,7 +28,6 @@ EFFECT = VehicleEffect(
         EffectParameter("T", "N m", 0.03, 0.0, 1.5, "friction torque against the roll rate", tolerance=0.002),
         EffectParameter("width", "-", 0.7, -2.0, 2.0, "ln of the roll rate of the smoothing over 0.01 rad/s"),
     ),
-    shows="in p and what follows from p; inflates b_phi",
     apart="its share falls as the amplitude grows; the share of a damper does not",
     next_run="a sweep at half the amplitude across the roll mode",
     fills={"T": "T_roll", "width": "ln_width"},

@@ -18,7 +18,6 @@ EFFECT = NominalEffect(
     equation="d(t) = u(t - T)",
     source="pure delay; a finding above 40 ms alone or 70 ms with the servo lag",
     parameters=(EffectParameter("T", "s", 0.06, 0.0, 0.5, "the whole pure delay", nominal="delay"),),
-    shows="phase proportional to frequency, gain flat, all channels equally",
     apart="a servo lag lowers the gain as well as the phase",
     next_run="rover on blocks: a step of 100 us, time until the wheel moves",
     releases={"delay": (0.0, 0.5)},

@@ -20,7 +20,6 @@ EFFECT = VehicleEffect(
     parameters=(
         EffectParameter("sigma", "m", 0.15, 0.0, 1.5, "relaxation length of both axles", tolerance=0.01),
     ),
-    shows="a lag proportional to 1/V, which adds to the yaw damping",
     apart="the lag of a servo or a delay does not change with the speed",
     next_run="the same sweep at half the speed",
     fills={"sigma": "sigma"},

@@ -29,7 +29,6 @@ EFFECT = VehicleEffect(
             tolerance=0.25,
         ),
     ),
-    shows="the gain falls with a_y; residual power grows 16 times when the amplitude doubles",
     apart="depends on the side force; load transfer depends on a_y squared, a cubic gain on the angle",
     next_run="a sweep of double amplitude, and one at a second speed",
     fills={"mu": "inv_mu"},

@@ -32,7 +32,6 @@ EFFECT = DegreeOfFreedom(
             "Izz", "kg m^2", 0.1, -9, 9, "yaw inertia about the CG", form="ratio", nominal="ln_Izz"
         ),
     ),
-    shows="r lags and V_y is not zero, more with speed",
     apart="a servo has the same lag at every speed; with slip the lag and the steady gain change with V",
     next_run="the same sweep at a second speed",
     baselines=("kinematic",),

@@ -28,7 +28,6 @@ EFFECT = NominalEffect(
             nominal="vy_lag",
         ),
     ),
-    shows="in V_y' and beta only",
     apart="r and a_y are correct",
     next_run="read EK3_VEL_DELAY or the GPS delay; compare with a_y integrated",
     releases={"vy_lag": (0.0, 1.0)},

@@ -15,7 +15,7 @@ from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.identification.cost import PHASE_WEIGHT, ResponseData, sampled
 from rover_sweep.quality.coherence import responses
 from rover_sweep.spectra.response import FrequencyResponse
-from rover_sweep.spectra.spectra import Complex
+from rover_sweep.spectra.windowed import Complex
 
 SWEPT = ("sweep", "bias_sweep", "multisine")  # a doublet excites too little for a frequency response
 UNITS = {"r": "rad/s", "p": "rad/s", "ay": "m/s^2", "vy": "m/s", "delta": "rad", "speed": "m/s"}

@@ -58,7 +58,8 @@ def settles(
     if without is None:
         asked = len(with_run.undetectable | with_run.stacked.sizes.keys())
         return (
-            f"{run_text(run)}: alone it detects and separates {separated(asked, with_run)} of {asked} effects"
+            f"{run_text(run)}: as the only run, it detects and separates {separated(asked, with_run)} "
+            f"of {asked} effects"
         )
     left = {(p.first, p.second) for p in with_run.look_alikes}
     pairs = [(p.first, p.second) for p in without.look_alikes if (p.first, p.second) not in left]

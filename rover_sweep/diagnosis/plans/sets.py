@@ -10,11 +10,11 @@ from itertools import combinations
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.plans.detectable import LATE, Stacked
+from rover_sweep.diagnosis.plans.detectable_sizes import detectable
 from rover_sweep.diagnosis.plans.evidence import NOISE, Evidence, evidence
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize, PlannedRun, SimilarPair
 from rover_sweep.diagnosis.plans.proposals import as_experiment, run_text
-from rover_sweep.diagnosis.plans.sizes import detectable
+from rover_sweep.diagnosis.plans.set_result import LATE, Stacked
 from rover_sweep.diagnosis.result import Unseen
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment

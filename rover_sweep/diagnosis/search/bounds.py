@@ -58,8 +58,8 @@ def unknown_at_bound(exceeded: ExceededBound, withdrawn: tuple[str, ...]) -> Unk
         exceeded.channel,
         parameter,
         exceeded.ratio,
-        f"{parameter} fits best beyond its tolerance, which explains more than "
-        f"{' and '.join(withdrawn)} would; no candidate explains it",
+        f"{parameter} outside its normal tolerance fits the runs better than {' and '.join(withdrawn)}, "
+        "so these are not reported; no effect of the library explains such a value",
     )
 
 

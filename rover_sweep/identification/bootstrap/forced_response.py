@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array, LowPass, Signal
 from rover_sweep.identification.structure.state_space import ModelStructure
-from rover_sweep.spectra.spectra import Complex
+from rover_sweep.spectra.windowed import Complex
 
 RATE = 1000.0  # Hz, of the output; other times are interpolated
 TOP = 8.0  # of w_max: higher frequencies do not affect the band

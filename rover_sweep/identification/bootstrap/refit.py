@@ -18,7 +18,7 @@ from rover_sweep.identification.bootstrap.replicates import Replicates
 from rover_sweep.identification.cost import PHASE_WEIGHT, POINTS, Condition
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.spectra.response import Band
-from rover_sweep.spectra.spectra import Complex
+from rover_sweep.spectra.windowed import Complex
 
 MAX_STEPS = 8  # most Gauss-Newton steps of a replicate
 CONVERGED = 1e-6  # of the cost: converged when the predicted gain of a step is smaller

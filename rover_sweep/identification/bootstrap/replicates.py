@@ -18,7 +18,7 @@ from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.spectra.noise import CoarseTransformer, ResidualSpectra, fresh_noise
 from rover_sweep.spectra.response import RISING, Band, FrequencyResponse, composite, transformed, usable_band
-from rover_sweep.spectra.spectra import Complex, Transformer, WindowSpectra, effective_averages
+from rover_sweep.spectra.windowed import Complex, Transformer, WindowSpectra, effective_averages
 
 NOISE_MARGIN = 1.15  # noise reaches to this times the highest frequency, plus 4 bins of the shortest window
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
 from rover_sweep.data.recording import Array, LowPass
-from rover_sweep.spectra.spectra import Complex
+from rover_sweep.spectra.windowed import Complex
 
 OUTPUTS = ("r", "ay", "vydot", "p")
 

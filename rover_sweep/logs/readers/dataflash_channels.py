@@ -107,7 +107,7 @@ def _refuse_damage(path: Path, parts: tuple[DataFlash, ...]) -> None:
     if lost > DAMAGE_LIMIT * size:
         raise DataRefused(
             f"{path.name} is damaged: {lost} of {size} bytes "
-            f"({100 * lost / size:.1f} %) are outside messages; copy it from the vehicle again"
+            f"({100 * lost / size:.1f} %) belong to no message; copy it from the vehicle again"
         )
     breaks, count = sum(part.breaks for part in parts), sum(part.message_count for part in parts)
     if breaks > 1 + BREAK_LIMIT * count:

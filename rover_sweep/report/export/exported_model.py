@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.recording import LowPass
+from rover_sweep.identification.acceptance import known_filters
 from rover_sweep.identification.models import bicycle, kinematic, lumped, roll_yaw
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.structure.toml_form import structure_from_text
 from rover_sweep.report.export.system_document import NOTE, matrices_of, system_document
-from rover_sweep.report.wording.acceptance import known_filters
 from rover_sweep.report.wording.strict_json import plain
 
 BUILDERS = {

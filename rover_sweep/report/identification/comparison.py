@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from rover_sweep.identification.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
 from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.identification.reduction import ReductionStep
 from rover_sweep.identification.structure.state_space import OUTPUTS
 from rover_sweep.identification.verdicts import CR_GUIDE, I_GUIDE, J_ACCEPTABLE, J_GOOD
 from rover_sweep.identification.verify import Overlay
-from rover_sweep.report.wording.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
 from rover_sweep.report.wording.number_format import (
     OUTPUT_NAMES,
     SHORT_NAMES,

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rover_sweep.data.recording import Note, Recording
+from rover_sweep.identification.acceptance import TITLES, identified_runs
 from rover_sweep.identification.handling import UNITS, Handling, warnings
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.report.identification.comparison import Cell, Table
-from rover_sweep.report.wording.acceptance import TITLES, identified_runs
 from rover_sweep.report.wording.number_format import number, unit
 
 LABELS = {

@@ -10,12 +10,12 @@ import numpy as np
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
+from rover_sweep.identification.acceptance import inertia_of, judged_runs, ordered, rejection
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.quality.coherence import CoherenceVerdict
 from rover_sweep.report.identification.handling_table import handling_document
 from rover_sweep.report.identification.model_json import model_document
-from rover_sweep.report.wording.acceptance import inertia_of, judged_runs, ordered, rejection
 from rover_sweep.report.wording.provenance import Provenance
 from rover_sweep.report.wording.strict_json import plain
 from rover_sweep.spectra.response import FrequencyResponse

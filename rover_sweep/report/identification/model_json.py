@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.intervals import Intervals
+from rover_sweep.identification.acceptance import rejection
 from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.identification.structure.state_space import OUTPUTS
 from rover_sweep.identification.verify import Verification
-from rover_sweep.report.wording.acceptance import rejection
 
 
 def model_document(result: Identification, name: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rover_sweep.data.recording import Recording
+from rover_sweep.identification.acceptance import TITLES, judged_runs, ordered, rejection
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.report.identification.comparison import (
     Table,
@@ -30,7 +31,6 @@ from rover_sweep.report.identification.remarks import (
     to_do,
 )
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording.acceptance import TITLES, judged_runs, ordered, rejection
 from rover_sweep.report.wording.number_format import SHORT_NAMES, number
 from rover_sweep.report.wording.provenance import Provenance
 

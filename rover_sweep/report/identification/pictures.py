@@ -10,13 +10,13 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from rover_sweep.data.recording import Recording
+from rover_sweep.identification.acceptance import identified_runs, usable
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.report.pictures.frequency_response import measured_responses, modelled_responses
 from rover_sweep.report.pictures.history import history
 from rover_sweep.report.pictures.style import png, styled
 from rover_sweep.report.pictures.verification import verification
-from rover_sweep.report.wording.acceptance import identified_runs, usable
 from rover_sweep.report.wording.provenance import Provenance
 
 HISTORY = (

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from rover_sweep.identification.acceptance import identified_runs, known_filters, usable
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.verdicts import J_ACCEPTABLE, J_GOOD
 from rover_sweep.report.identification.comparison import IGNORED, TIC_GUIDE
 from rover_sweep.report.identification.handling_table import handling_notes
-from rover_sweep.report.wording.acceptance import identified_runs, known_filters, usable
 from rover_sweep.report.wording.number_format import SHORT_NAMES, number, percent, symbol, unit
 from rover_sweep.report.wording.provenance import Provenance
 

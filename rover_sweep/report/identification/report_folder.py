@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_sweep.files.replaced import remove_file, write_file
+from rover_sweep.identification.acceptance import usable
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.report.export.exported_model import exported_model
 from rover_sweep.report.identification.identification_json import identification_document
-from rover_sweep.report.wording.acceptance import usable
 from rover_sweep.report.wording.provenance import Provenance
 from rover_sweep.report.wording.strict_json import strict_json
 

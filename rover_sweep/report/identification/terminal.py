@@ -10,6 +10,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from rover_sweep.identification.acceptance import TITLES, ordered
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.report.identification.comparison import (
     Table,
@@ -31,7 +32,6 @@ from rover_sweep.report.identification.remarks import (
     finding,
     to_do,
 )
-from rover_sweep.report.wording.acceptance import TITLES, ordered
 from rover_sweep.report.wording.provenance import Provenance
 
 STYLES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "muted": "dim", "strong": "bold"}

@@ -25,7 +25,7 @@ from rover_sweep.report.pictures.style import (
 )
 from rover_sweep.report.wording.number_format import band
 from rover_sweep.spectra.response import COHERENCE_GOOD, FrequencyResponse
-from rover_sweep.spectra.spectra import Complex
+from rover_sweep.spectra.windowed import Complex
 
 Models = Mapping[str, ModelResult]
 ROOM = 48  # characters of the models' names and costs that fit above a panel

@@ -29,7 +29,7 @@ def task(state: State, speed: float = float("nan")) -> Task:
             "REPLAY", f"A recording: nothing moves. The applet: {APPLET.get(state.applet, 'unknown')}.", False
         )
     if state.lost:
-        return Task("NO LINK", f"{state.lost} Switch low stops the rover without this laptop.")
+        return Task("NO LINK", f"{state.lost} Set the switch low: it stops the rover without this laptop.")
     drive = state.driving
     if drive is None:
         return _without_run(state)
@@ -53,12 +53,12 @@ def task(state: State, speed: float = float("nan")) -> Task:
         if settings.throttle_us is not None:
             return Task(
                 "HANDS OFF",
-                "The applet steers, this program drives. Switch low stops it without this laptop.",
+                "The applet steers, this program drives. Set the switch low to stop it without this laptop.",
                 False,
             )
         return Task(
             "HOLD THROTTLE",
-            "The applet steers: release the stick, hold the throttle. Switch low stops it.",
+            "The applet steers: release the stick, keep the throttle. Set the switch low to stop.",
             False,
         )
     if applet == 9:

@@ -7,7 +7,7 @@ from textual.binding import Binding
 
 from rover_sweep.tui.drawn.drawing import ScreenRows, window
 from rover_sweep.tui.model.setup import Setup
-from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.session_screen import SessionScreen
 from rover_sweep.tui.screens.typing import Typing
 
 

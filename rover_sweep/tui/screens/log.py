@@ -10,8 +10,8 @@ from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows, cells, wrapped
 from rover_sweep.tui.drawn.gauges import bar
 from rover_sweep.tui.model.state import RunRecord
-from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.frame import LEVELS
+from rover_sweep.tui.screens.session_screen import SessionScreen
 from rover_sweep.tui.screens.verdict import verdict_sentence
 
 

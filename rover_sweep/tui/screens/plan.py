@@ -12,8 +12,8 @@ from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows, cells, window
 from rover_sweep.tui.model.plan_rows import SPEED, Row, largest, needs, new
 from rover_sweep.tui.model.state import RunRecord
-from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.edit import EditRow
+from rover_sweep.tui.screens.session_screen import SessionScreen
 
 
 class PlanScreen(SessionScreen):

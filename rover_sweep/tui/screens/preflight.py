@@ -10,7 +10,7 @@ from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows, cells, window
 from rover_sweep.tui.drawn.palette import Palette
 from rover_sweep.tui.drawn.question import Question
-from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.session_screen import SessionScreen
 from rover_sweep.vehicle.preflight.item import Check
 
 _BELOW = 6  # rows for the text on the chosen check

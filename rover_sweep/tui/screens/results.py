@@ -9,7 +9,7 @@ from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows, window, wrapped
 from rover_sweep.tui.drawn.palette import Palette
 from rover_sweep.tui.jobs.analysis import AnalysisJob
-from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.session_screen import SessionScreen
 
 _SIGNS = {"running": "▶ working", "done": "✓ done", "failed": "✗ failed"}
 

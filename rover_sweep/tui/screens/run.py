@@ -15,8 +15,8 @@ from rover_sweep.tui.drawn.large_text import big, huge
 from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.model.state import RunRecord, State
 from rover_sweep.tui.screens import signals
-from rover_sweep.tui.screens.base import SessionScreen
 from rover_sweep.tui.screens.frame import ABORT_WORDS
+from rover_sweep.tui.screens.session_screen import SessionScreen
 
 
 class RunScreen(SessionScreen):

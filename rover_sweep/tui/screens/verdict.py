@@ -12,7 +12,7 @@ from rover_sweep.tui.drawn.gauges import bar, fixed_width
 from rover_sweep.tui.drawn.large_text import big, huge
 from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.model.state import RunRecord
-from rover_sweep.tui.screens.base import SessionScreen
+from rover_sweep.tui.screens.session_screen import SessionScreen
 
 _NONE = "This run has no verdict."
 _WAITING = {

@@ -80,7 +80,7 @@ def filters(observed: Observation) -> Check:
     ]
     if folded:
         sentence = (
-            f"{folded[0]} lets vibration through, which is aliased at the loop rate of "
+            f"{folded[0]} lets vibration through, which appears as slow motion (aliasing) at a loop rate of "
             f"{observed.parameter('SCHED_LOOP_RATE'):.0f} Hz"
         )
         lower = Remedy(f"set {folded[0]} to {wanted:g} Hz", sets=((folded[0], wanted),))
@@ -147,7 +147,7 @@ def clock(observed: Observation) -> Check:
         )
         return Check("clock", "good", f"{c.rate:.3g} x", sentence)
     measured = f"drift {1e6 * c.drift:+.0f} ppm" if abs(c.drift) > c.bound else "no drift measured"
-    drift = f"{measured}, known to {1e6 * c.bound:.0f} ppm after {c.span:.0f} s"
+    drift = f"{measured}, uncertain by {1e6 * c.bound:.0f} ppm after {c.span:.0f} s"
     off = f"{c.behind_utc:+.1f} s" if abs(c.behind_utc) < _HOUR else f"{c.behind_utc / _HOUR:+.0f} h"
     utc = "" if isnan(c.behind_utc) else f"; this computer is {off} from GPS time"
     sentence = f"{drift}{utc}"

@@ -8,8 +8,8 @@ from math import log
 import numpy as np
 
 from rover_sweep.diagnosis.effects import Effect, EffectParameter, library
-from rover_sweep.diagnosis.plans.detectable import Size, Stacked
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize
+from rover_sweep.diagnosis.plans.set_result import Size, Stacked
 from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
 
 STEEPNESS = (0.5, 4.0)  # bounds of the exponent of a signature's length in its size
