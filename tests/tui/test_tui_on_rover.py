@@ -27,7 +27,7 @@ def rover(tmp_path: Path) -> Iterator[launcher.Running]:
 
     A run ends when nothing is heard for 0.8 s of the rover's clock, so a busy machine needs a slow rover.
     """
-    with launcher.start_embedded(tmp_path / "vehicle", options=PARAMETERS, speedup=5) as running:
+    with launcher.start_embedded(tmp_path / "vehicle", options=PARAMETERS, speedup=2) as running:
         yield running
 
 

@@ -156,7 +156,9 @@ def test_a_short_write_is_carried_on(tmp_path: Path) -> None:
 def test_a_full_disk_is_told_once(tmp_path: Path) -> None:
     writer, frame, file = TlogWriter(tmp_path / "a.tlog"), _heartbeat(Codec()), _PartFile(1000, 50)
     writer._file = file  # type: ignore[assignment]
-    with pytest.raises(UsageError, match="a.tlog cannot be written .No space left on device.*free some space"):
+    with pytest.raises(
+        UsageError, match="a.tlog cannot be written .No space left on device.*free some space"
+    ):
         writer.write([(frame, True), (frame, True)])
     writer.write([(frame, True)])
     assert len(file.data) == 50

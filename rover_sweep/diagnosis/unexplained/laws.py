@@ -70,7 +70,6 @@ def _law(place: str, on: str, kind: Callable[..., Effect], act: Callable[..., An
             equation=on,
             source="model-error model",
             parameters=(amount,),
-            shows="",
             apart="",
             next_run="",
             act=act,
