@@ -12,8 +12,8 @@ from rover_sweep.data.recording import Note, Recording
 from rover_sweep.errors import UsageError
 
 LEFT_OUT = (
-    "is not fitted: a sweep about a steering offset is linear about a turn, the other runs about straight "
-    "driving; identify it alone, or use it in diagnose"
+    "is not fitted: a sweep about a steering offset shows the rover near a steady turn, and the other "
+    "runs show it near straight driving; identify it alone, or use it in diagnose"
 )
 
 

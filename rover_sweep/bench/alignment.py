@@ -46,8 +46,8 @@ def first_offset(
     strength = abs(float(ours @ theirs)) / max(float(np.linalg.norm(ours) * np.linalg.norm(theirs)), 1e-12)
     if strength < LEAST:
         raise DataRefused(
-            f"the wheel does not follow the steering (correlation {strength:.2f}): is the record of this "
-            "bench, is the IMU on the wheel, is the clock the rover's (--wheel-clock)?"
+            f"the wheel does not follow the steering (correlation {strength:.2f}): check that the "
+            "wheel's record is from this bench, that the IMU is on the wheel, and that --wheel-clock is right"
         )
     return float(ahead[k]), float(ours @ theirs) / float(ours @ ours)
 

@@ -78,7 +78,8 @@ def by_hand(readings: Readings, trim: float) -> BenchResult:
     untold = [NOT_BY_HAND]
     if "w" not in names:
         untold.append(
-            f"deadband and nonlinearity need {LEVELS_FOR_CURVE} steps on each side, as --steps 50,100,150"
+            f"deadband and nonlinearity need {LEVELS_FOR_CURVE} sizes of steps, read on both sides; for "
+            "example --steps 50,100,150"
         )
     if "e" not in names:
         untold.append("asymmetry needs angles on both sides")

@@ -68,7 +68,8 @@ def _result(problem: WheelProblem, done: Any, factor: float, sign: float | None,
     unit = f"rad in {STRIDE:g} s" if problem.wheel.is_rate else "rad"
     remarks = [
         f"residual of the wheel's angle: {noise * problem.noise:.2g} {unit} rms",
-        f"slopes include an error of {SCALE:.1%} for the IMU's scale and its angle to the kingpin axis",
+        f"the intervals of rad per us allow for an error of {SCALE:.1%} from the IMU's scale and its angle "
+        "to the kingpin axis",
         "backlash includes the error with which the servo stops short: at rest the two cannot be separated",
     ]
     if sign is None:

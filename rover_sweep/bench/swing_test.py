@@ -162,8 +162,8 @@ def remarks(
         )
     if swing is not None and abs(test.period.value / swing.value - 1) < 0.05:
         said.append(
-            "the turning and the to-and-fro periods nearly agree, so one motion feeds the other: "
-            f"choose a spacing away from {test.spacing.value:g} m"
+            "the periods of turning and of swinging to and fro are nearly equal, so one motion excites the "
+            f"other: choose a wire spacing clearly different from {test.spacing.value:g} m"
         )
     if exact := [name for name, x in _inputs(test) if x.sd is None]:
         said.append(f"no uncertainty was given for {', '.join(exact)}: counted as exact")

@@ -267,8 +267,8 @@ def _repeat_sentence(
     if wanted > travel:
         most = f"{travel:.0f} us" if unit == "us" else f"{travel:.2g} {unit}"
         return (
-            f"repeat faster, with a longer T_rec or a lower w_max: {why}; {value} would be needed, but the "
-            f"steering reaches only {most}"
+            f"repeat at a higher speed, with a longer T_rec or with a lower w_max: {why}; an amplitude of "
+            f"{value} would be needed, but the steering reaches only {most}"
         )
     sentence = f"repeat with {factor:.1f} times the amplitude ({value} instead of {amplitude:.3g}): {why}"
     if peak > LATERAL_LIMIT:

@@ -91,8 +91,9 @@ def _by_responses(one: Fingerprint, two: Fingerprint) -> str:
     gain = gain_ratio(one.yaw, two.yaw) if same else None
     if _exceeds(gain, GAIN):
         return (
-            f"at {one.speed:.3g} and {two.speed:.3g} m/s and one amplitude the yaw rate at low frequency for "
-            f"the same steering differs by {_percent(gain)}, which needs another wheelbase or linkage"
+            f"at {one.speed:.3g} and {two.speed:.3g} m/s and the same amplitude their yaw rate at low "
+            f"frequency for the same steering differs by {_percent(gain)}, which only another wheelbase or "
+            "linkage explains"
         )
     return ""
 

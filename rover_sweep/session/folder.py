@@ -184,7 +184,7 @@ def kept_vehicle_file(sources: Sequence[str]) -> Path | None:
     kept = [path for source in sources if (path := Path(source) / VEHICLE_FILE).is_file()]
     if len({path.read_bytes() for path in kept}) > 1:
         raise UsageError(
-            f"{kept[0]} differs from that of another session; choose one with --vehicle rover.toml"
+            f"the sessions have different vehicle files, {kept[0]} and others; choose one with --vehicle FILE"
         )
     return kept[0] if kept else None
 

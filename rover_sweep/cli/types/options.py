@@ -165,7 +165,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--verbose",
             is_flag=True,
-            help="Also show the steps of the structure reduction and the fits without filters.",
+            help="Also show the steps of the structure reduction and the fits without sensor filters.",
         ),
         click.option(
             "--json",

@@ -238,7 +238,7 @@ def _not_started(link: Link, controls: Controls, trigger: Trigger, patience: flo
             f"{sentence}: the radio holds that channel at {pwm} us, but the applet waits until it is low "
             f"(below {_SWITCH_LOW} us); throw switch {number} low and start again"
         )
-    return f"{sentence} and sent no message; does it run (SCR_ENABLE 1)?"
+    return f"{sentence} and sent no message; is scripting on (SCR_ENABLE 1)?"
 
 
 def _follow(
