@@ -128,8 +128,8 @@ def test_remarks_name_what_is_wrong() -> None:
     said = " ".join(remarks(test, moment_of_inertia(test), bad, Measured(2.0)))
     assert "off 9.81 m/s^2" in said and "exact" in said and "mass" in said
     said = " ".join(remarks(test, moment_of_inertia(test), None, None))
-    assert "--check-times" in said and "feeds the other" not in said
-    assert "feeds the other" in " ".join(remarks(test, moment_of_inertia(test), None, Measured(2.4)))
+    assert "--check-times" in said and "one motion excites" not in said
+    assert "excites the other" in " ".join(remarks(test, moment_of_inertia(test), None, Measured(2.4)))
 
 
 def test_rounded_to_the_second_digit_of_the_sd() -> None:
