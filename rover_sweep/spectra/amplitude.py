@@ -49,7 +49,7 @@ class BandAmplitude:
     coherence: median in the band, as estimated; noise_to_signal: power ratio at the driven amplitude, free
     of bias. wanted [us]: for a median coherence of .8 and a random error of 10 %. amplitude [us]: the
     wanted one within the limits; cap: the limit that applies, '' for none; reached: expected median coherence
-    at `amplitude`. below_noise: the response was lost in the noise, so wanted is a lower bound.
+    at `amplitude`. drowned: the response was lost in the noise, so wanted is a lower bound.
     """
 
     low: float
@@ -61,7 +61,7 @@ class BandAmplitude:
     amplitude: float
     reached: float
     cap: str = ""
-    below_noise: bool = False
+    drowned: bool = False
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _band(
         amplitude,
         _reached(noise, driven, amplitude),
         cap=tightest.words if tightest and wanted > most else "",
-        below_noise=factor >= MOST,
+        drowned=factor >= MOST,
     )
 
 
@@ -197,7 +197,7 @@ def _proposal(
         )
     neighbours = [b for b in bands if b.response == neediest.response and b.wanted > 0.9 * neediest.wanted]
     where = f"at {neighbours[0].low:.2g}-{neighbours[-1].high:.3g} rad/s"
-    asked = f"{'at least ' if neediest.below_noise else ''}{_with_unit(neediest.wanted, unit)}"
+    asked = f"{'at least ' if neediest.drowned else ''}{_with_unit(neediest.wanted, unit)}"
     if tightest is None or neediest.wanted <= most:
         sentence = f"{asked}: needed for {neediest.response} {where}"
         return AmplitudeProposal(driven, bands, neediest.wanted, None, sentence + _less(driven, bands, unit))

@@ -61,3 +61,22 @@ def test_the_end_of_a_sweep_alone_is_judged(run_program: RunProgram, tmp_path: P
 def test_runs_of_equal_names_are_told_apart(run_program: RunProgram, half: str) -> None:
     found = run_program("coherence", half, str(NOMINAL / "run1.BIN"))
     assert "nominal/run1: keep" in found.out and f"{Path(half).parent.name}/run1: " in found.out
+
+
+def test_the_keys_of_the_json_stay(run_program: RunProgram) -> None:
+    """Other programs read them: a field that is renamed keeps its key."""
+    (verdict,) = json.loads(run_program("coherence", "--json", str(NOMINAL / "run1.BIN")).out)
+    bands = verdict["next"]["bands"]
+    assert set(verdict["next"]) == {"bands", "amplitude", "w_max", "sentence"}
+    assert set(bands[0]) == {
+        "low",
+        "high",
+        "response",
+        "coherence",
+        "noise_to_signal",
+        "wanted",
+        "amplitude",
+        "reached",
+        "cap",
+        "drowned",
+    }

@@ -102,7 +102,7 @@ def test_where_nothing_answers_the_proposal_is_a_lower_bound() -> None:
     rng = np.random.default_rng(3)
     w = np.zeros(W.size) + 1e-9 * rng.random(W.size)
     proposal = propose_amplitude({"r": made(w)}, 20.0)
-    assert all(band.below_noise for band in proposal.bands)
+    assert all(band.drowned for band in proposal.bands)
     assert proposal.sentence.startswith("at least ")
 
 

@@ -150,7 +150,7 @@ def _show_amplitudes(unit: str, proposal: AmplitudeProposal) -> None:
             f"{b.low:.2g} - {b.high:.3g}",
             b.response,
             f"{b.coherence:.2f}",
-            f"{'>= ' if b.below_noise else ''}{b.amplitude:{form}}",
+            f"{'>= ' if b.drowned else ''}{b.amplitude:{form}}",
             f"{b.reached:.2f}",
             b.cap,
         )
