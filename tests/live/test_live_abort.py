@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -114,11 +115,18 @@ def test_an_abort_stops_the_applet_while_the_pilot_holds_the_switch(
     assert (run.state, run.left_armed) == ("stopped", False)
 
 
+def aborted(asked: Asked) -> None:
+    """Abort, and wait until it was taken: it also ends what was asked meanwhile and has not begun."""
+    asked.source.abort()
+    while asked.source._stop.is_set():
+        time.sleep(0.01)
+
+
 def test_an_abort_while_nothing_is_driven_harms_nothing(rover: launcher.Running, tmp_path: Path) -> None:
     with Asked(tmp_path / "s") as asked:
-        asked.source.abort()
+        aborted(asked)
         asked.connect(rover.connection)
-        asked.source.abort()
+        aborted(asked)
         asked.wait(Snapshot)
         assert asked.do(FetchLogs()) == ""
         assert asked.do(DriveRequest(PLAN[1], SETTINGS)) == ""
