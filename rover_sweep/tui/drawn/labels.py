@@ -6,24 +6,9 @@ import math
 
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
+from rover_sweep.vehicle import modes as vehicle_modes
 
-# custom_mode of ArduRover (modes.h, Mode::Number, 4.5 and 4.6)
-MODES = {
-    0: "MANUAL",
-    1: "ACRO",
-    3: "STEERING",
-    4: "HOLD",
-    5: "LOITER",
-    6: "FOLLOW",
-    7: "SIMPLE",
-    8: "DOCK",
-    9: "CIRCLE",
-    10: "AUTO",
-    11: "RTL",
-    12: "SMART_RTL",
-    15: "GUIDED",
-    16: "STARTING",
-}
+MODES = {**vehicle_modes.MODES, 16: "STARTING"}  # short enough for the head of a screen
 # GPS_FIX_TYPE (MAVLink common)
 FIXES = {0: "no GPS", 1: "no fix", 2: "2D fix", 3: "3D fix", 4: "DGPS", 5: "RTK float", 6: "RTK fixed"}
 # state of a check: (sign, word)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import isnan
 
+from rover_sweep.vehicle.modes import mode_name
 from rover_sweep.vehicle.preflight.item import Check, Remedy, State
 from rover_sweep.vehicle.preflight.observed import Battery, Observation
 
@@ -13,27 +14,6 @@ _WAIT = Remedy("wait under open sky, then check again", by_hand=True)
 _FIX = {0: "no GPS", 1: "no fix", 2: "2D", 3: "3D", 4: "DGPS", 5: "RTK float", 6: "RTK fixed"}
 _SATELLITES, _HDOP = 6, 2.0
 _LOW, _EMPTY = 0.3, 0.15  # share of the battery, if the vehicle has no voltage limit
-_MODES = {
-    0: "MANUAL",
-    1: "ACRO",
-    3: "STEERING",
-    4: "HOLD",
-    5: "LOITER",
-    6: "FOLLOW",
-    7: "SIMPLE",
-    8: "DOCK",
-    9: "CIRCLE",
-    10: "AUTO",
-    11: "RTL",
-    12: "SMART_RTL",
-    15: "GUIDED",
-    16: "INITIALISING",
-}
-
-
-def mode_name(mode: int) -> str:
-    """Rover's custom_mode as a word (Rover/mode.h, 4.6.3)."""
-    return _MODES.get(mode, f"mode {mode}")
 
 
 def gps(observed: Observation) -> Check:
