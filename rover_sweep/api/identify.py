@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from rover_sweep.api.identify_settings import check_settings, parameter_names
 from rover_sweep.api.read import Location, Runs
-from rover_sweep.api.run_roles import divided, refuse_overlap
+from rover_sweep.api.run_roles import fitted_and_verified
 from rover_sweep.api.structure_files import load_structures
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
@@ -100,9 +100,7 @@ def identify(
         raise UsageError('the vehicle is not known: read the runs with rs.read(..., vehicle="rover.toml")')
     if not len(runs):
         raise UsageError("there is no run to identify from")
-    sweeps, doublets = divided(runs)
-    checks = tuple(verify) or doublets
-    refuse_overlap(sweeps, checks)
+    sweeps, checks = fitted_and_verified(runs, verify)
     settings = Settings(
         _known(models, MODELS, "model"),
         _known(fit, ("r", "ay", "vydot", "p"), "response"),

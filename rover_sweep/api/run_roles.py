@@ -32,6 +32,16 @@ def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Rec
     return (replace(straight[0], notes=(*straight[0].notes, note)), *straight[1:]), doublets
 
 
+def fitted_and_verified(
+    runs: Sequence[Recording], verify: Sequence[Recording] = ()
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """(runs to fit, runs to verify on); by default verified on the doublets. UsageError for a run in both."""
+    fitted, doublets = divided(runs)
+    checks = tuple(verify) or doublets
+    refuse_overlap(fitted, checks)
+    return fitted, checks
+
+
 def doublets_apart(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
     """(other runs, doublets); (doublets, ()) if there are no other runs."""
     doublets = tuple(r for r in runs if r.kind == "doublet")

@@ -142,7 +142,7 @@ def identify(
     """
     from rover_sweep.api.identify_settings import parameter_names
     from rover_sweep.api.read import Reading, load_steered
-    from rover_sweep.api.run_roles import divided, refuse_overlap
+    from rover_sweep.api.run_roles import fitted_and_verified
     from rover_sweep.api.structure_files import load_structures
     from rover_sweep.cli.driving.show_identified import show_identified
     from rover_sweep.data.vehicle_file import load as load_vehicle
@@ -153,9 +153,9 @@ def identify(
     path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
-    sweeps, doublets = divided(load_steered(runs, vehicle, reading, verify_runs))
-    checks = load_steered(verify_runs, vehicle, reading, runs) if verify_runs else doublets
-    refuse_overlap(sweeps, checks)
+    given = load_steered(runs, vehicle, reading, verify_runs)
+    verify = load_steered(verify_runs, vehicle, reading, runs) if verify_runs else ()
+    sweeps, checks = fitted_and_verified(given, verify)
     settings = Settings(
         models,
         fitted,

@@ -1,4 +1,4 @@
-"""Slow computations in a thread beside the link: verdicts on runs, and the runs in a fetched log."""
+"""Slow computations in a thread of their own: verdicts on runs, and the runs in a fetched log."""
 
 from __future__ import annotations
 
