@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rover_sweep.cli.views.display import PlainDisplay, display
+from rover_sweep.cli.views.display import PlainDisplay, display, interrupted_words
 from rover_sweep.cli.views.interruption import let_go_on_signals
 from rover_sweep.cli.views.output import narration
 from rover_sweep.errors import DataRefused, RoverSweepError
@@ -55,9 +55,9 @@ def show_session(
                     if not go_on:
                         raise KeyboardInterrupt
     except (KeyboardInterrupt, RoverSweepError) as stop:
-        events.close()
         if isinstance(stop, KeyboardInterrupt) and not interrupted:
-            console.print("no run was in progress: nothing moves", markup=False)
+            console.print(_interrupted_words(events, stop), markup=False, soft_wrap=True)
+        events.close()
         kept = _kept(folder, finished)
         if kept != _NOTHING or isinstance(stop, KeyboardInterrupt):  # an error explains itself
             console.print(kept, markup=False, soft_wrap=True)
@@ -81,6 +81,17 @@ def _shown(events: Events, display: PlainDisplay, answer: AfterEvent | None) -> 
         except KeyboardInterrupt as stop:
             caught = stop
         yield event
+
+
+def _interrupted_words(events: Events, stop: KeyboardInterrupt) -> str:
+    """A sentence on a Ctrl-C that came between two events. In a run, the session releases the rover."""
+    try:
+        event: Event | None = events.throw(stop)
+    except (KeyboardInterrupt, StopIteration):
+        event = None
+    if isinstance(event, Interrupted):
+        return interrupted_words(event)
+    return "no run was in progress: nothing moves"
 
 
 def _telemetry(event: Event, granted: dict[str, float], logs: bool) -> str:
