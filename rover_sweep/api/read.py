@@ -1,6 +1,7 @@
 """Reads runs from files: `rs.read`, and functions for the command line with several groups of files.
 
-A source is a .BIN, .tlog or .csv, a pair "log.BIN+log.tlog", or the folder of a session.
+A source is a .BIN, .tlog or .csv, one trial of it as "runs.csv:3", a pair "log.BIN+log.tlog", or the folder
+of a session.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.api.known_steering import through_linkage
+from rover_sweep.api.trial_source import trial_source
 from rover_sweep.data.recording import Recording, steered
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.data.run_names import named, source_names
@@ -101,9 +103,11 @@ def read(
     gyro_hz: float | None = None,
     accel_hz: float | None = None,
     system: int | None = None,
+    without: Location | Sequence[Location] = (),
 ) -> Runs:
     """All runs of .BIN, .tlog or .csv files, of pairs "log.BIN+log.tlog", or of the folder of a session.
 
+    "runs.csv:3" reads only trial 3 of a file; without=["runs.csv:3"] leaves it out, to hold it out.
     vehicle: a vehicle file (rover.toml) or a `Vehicle`, needed to convert the PWM to a road-wheel angle; for
     the folder of a session, default its own file. columns: the column map of a .csv. gyro_hz, accel_hz:
     low-passes of the sensors [Hz, 0 = off] that replace the recorded ones. system: MAVLink id of the vehicle
@@ -116,7 +120,8 @@ def read(
     rover = load_vehicle(vehicle) if isinstance(vehicle, str | PathLike) else vehicle
     filters = {k: v for k, v in (("gyro_hz", gyro_hz), ("accel_hz", accel_hz)) if v is not None}
     column_map = columns if columns is None or isinstance(columns, Mapping) else str(columns)
-    runs = load_runs([str(source) for source in sources], column_map, filters or None, system=system)
+    apart = [str(s) for s in ((without,) if isinstance(without, str | PathLike) else without)]
+    runs = load_runs([str(source) for source in sources], column_map, filters or None, apart, system)
     if rover is not None:
         runs = tuple(with_delta(run, rover) for run in runs)
     return Runs(runs, rover, Path(vehicle) if isinstance(vehicle, str | PathLike) else None)
@@ -139,17 +144,21 @@ def load_runs(
 ) -> tuple[Recording, ...]:
     """All runs of the sources as recorded, with unique names.
 
-    A source is a file or pair for `read_runs`, or the folder of a session. other_sources: further sources in
-    use, whose names must differ too.
+    A source is a file, a trial of it or a pair for `read_runs`, or the folder of a session. other_sources:
+    further sources in use, whose names must differ too; a trial among them is left out of its whole file.
     """
-    names = source_names((*sources, *other_sources))
+    parts, others = ([trial_source(s) for s in some] for some in (sources, other_sources))
+    names = source_names([part.source for part in (*parts, *others)])
     found: list[Recording] = []
-    for source in sources:
-        if is_session(Path(source)):
-            found += _of_session(source, filters, names)
+    for part in parts:
+        if is_session(Path(part.source)):
+            found += _of_session(part.source, filters, names)
         else:
-            runs = read_runs(source, column_map=columns, filters=filters, system=system)
-            found += [named(run, source, names[source]) for run in runs]
+            runs = read_runs(part.source, column_map=columns, filters=filters, system=system)
+            kept = part.without(others, part.chosen(runs))
+            found += [named(run, part.source, names[part.source]) for run in kept]
+    if others and not found:
+        raise UsageError(f"every run of {sources[0]} is used elsewhere; leave some to fit")
     return with_rovers(found)
 
 
