@@ -45,6 +45,7 @@ from rover_sweep.diagnosis.search.parameter_intervals import (
 )
 from rover_sweep.diagnosis.search.rounds import Options
 from rover_sweep.diagnosis.search.simulated_baseline import baseline_of
+from rover_sweep.diagnosis.search.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
@@ -172,7 +173,9 @@ def _answer(
     places = mismatches(first.problem.plain, first.closest.rows)
     left = _unknown(choice, findings, speed.unknown, places, settings.seed)
     variance = last.fitted.data_cost / last.problem.size
-    cannot_see = {**last.cannot_see, **speed.cannot_see}
+    cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
+    if not choice.stopped:
+        cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     withdrawn = () if choice.exceeded else choice.withdrawn
     return Diagnosis(
         verdict=verdict_of(findings, left, variance, choice.stopped),
@@ -181,7 +184,7 @@ def _answer(
         mismatch=places,
         findings=findings,
         unknown=left,
-        cannot_see=tuple(Unseen(e, why) for e, why in cannot_see.items()),
+        cannot_see=cannot_see,
         falsified=_falsified(choice) if findings else (),
         parameters=nominal_values(last, drawn),
         scores={**{t.effect: max(t.gain, 0.0) for t in first.trials}, **speed.gains},

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import log
 from typing import Literal
 
 import numpy as np
@@ -121,11 +122,51 @@ class Unknown:
 
 
 @dataclass(frozen=True)
+class UpperBound:
+    """What a parameter of an effect that was not found may still be, at 95 %, in `unit`.
+
+    low, high: its range, None where there is no such limit. matters: sizes below it are a normal tolerance,
+    None if any size counts.
+    """
+
+    unit: str
+    low: float | None
+    high: float | None
+    matters: float | None = None
+
+    @property
+    def value(self) -> float | None:
+        """The end that is farthest from no effect; of a range of ratios, the one farthest from 1."""
+        if self.low is None or self.high is None:
+            return self.high if self.low is None else self.low
+        if self.low > 0.0:
+            return max(self.low, self.high, key=lambda v: abs(log(v)))
+        return max(self.low, self.high, key=abs)
+
+
+@dataclass(frozen=True)
 class Unseen:
-    """An effect that these runs cannot show, or cannot separate from another, and why."""
+    """An effect that these runs cannot show, or cannot separate from another, and why.
+
+    up_to: {parameter: range that these runs do not exclude}; empty where they exclude nothing. change: by
+    an effect at that bound in these runs, of r or a_y, whichever is larger: rms of the change over rms of
+    the simulated signal, without noise. material: the bound is above the size that matters.
+    """
 
     effect: str
     why: str
+    up_to: Mapping[str, UpperBound] = field(default_factory=dict)
+    change: float | None = None
+    material: bool = True
+
+
+def largest_hidden(unseen: Sequence[Unseen], number: int = 5) -> list[Unseen]:
+    """The bounded effects that would change r or a_y most at their bounds, the largest change first.
+
+    Those whose bound is within the normal tolerance are left out.
+    """
+    bounded = [u for u in unseen if u.up_to and u.material and u.change is not None]
+    return sorted(bounded, key=lambda u: -(u.change or 0.0))[:number]
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 
-from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.diagnosis.result import Diagnosis, Unseen, UpperBound
 from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
+from rover_sweep.report.diagnosis.read_json import diagnosis_from
 from rover_sweep.report.wording.strict_json import strict_json
 
 NUMBER = (int, float)
@@ -113,3 +115,27 @@ def test_held_out_is_that_of_the_run_with_the_most_data() -> None:
 def test_nothing_to_remove_is_null() -> None:
     assert written(NONE)["held_out"][0]["share_removed"] is None
     assert written(NONE)["unknown"] is None and written(NONE)["findings"] == []
+
+
+BOUNDED = Unseen(
+    "front_rear_stiffness",
+    "a smaller one may not show in these runs",
+    {"ratio": UpperBound("-", 0.71, 1.21, 1.16)},
+    0.1,
+)
+
+
+def test_bounds_are_read_as_they_were_written() -> None:
+    found = replace(NONE, cannot_see=(*NONE.cannot_see, BOUNDED))
+    document = written(found)
+    last = document["cannot_see"][-1]
+    assert last["up_to"] == {
+        "ratio": {"value": 0.71, "unit": "-", "low": 0.71, "high": 1.21, "matters": 1.16}
+    }
+    assert diagnosis_from(document, "it").cannot_see == found.cannot_see
+
+
+def test_a_file_without_bounds_is_read() -> None:
+    document = written(EXPLAINED)
+    document["cannot_see"] = [{"effect": u.effect, "why": u.why} for u in EXPLAINED.cannot_see]
+    assert diagnosis_from(document, "it").cannot_see == EXPLAINED.cannot_see

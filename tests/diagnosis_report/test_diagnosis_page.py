@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 
-from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.diagnosis.result import Diagnosis, Unseen, UpperBound
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.diagnosis.page import diagnosis_page
 from rover_sweep.report.diagnosis.pictures import planned
@@ -108,3 +108,13 @@ def test_gaps_and_missing_spectra_draw_as_well() -> None:
     assert all(data.startswith(b"\x89PNG") for data in drawn)
     shaded = replace(EXPLAINED, mismatch=(replace(low, channel="r"),))
     assert planned(shaded)[0].png().startswith(b"\x89PNG")
+
+
+def test_all_bounds_are_in_a_table() -> None:
+    bounded = (
+        Unseen("roll_steer", "", {"e": UpperBound("-", -0.42, 0.30, 0.04)}, 0.08),
+        Unseen("servo_rate_limit", "", {"R": UpperBound("rad/s", 38.0, None, 4.0)}, 0.001, material=False),
+    )
+    body = page(replace(EXPLAINED, cannot_see=bounded))
+    assert "Could still hide (95 %): roll_steer -0.42 to 0.30." in body
+    assert "-0.42 to 0.30</td>" in body and "from 38 up</td>" in body and "8.0 %" in body

@@ -10,6 +10,7 @@ from fabricated_diagnoses import ALL, EXPLAINED, PARTLY
 from fabricated_plans import PLAN
 from rich.console import Console, RenderableType
 
+from rover_sweep.diagnosis.result import Unseen, UpperBound
 from rover_sweep.report.diagnosis.plan_table import plan_summary
 from rover_sweep.report.diagnosis.terminal import summary
 from rover_sweep.report.wording.effect_names import sentence
@@ -138,3 +139,19 @@ def test_a_long_name_leaves_the_numbers_whole() -> None:
     text = shown(summary(replace(EXPLAINED, held_out=(replace(EXPLAINED.held_out[0], run=name),))))
     assert "J_rms before  after  TIC before  after  share removed" in text
     assert "…n4_doublet_150us_gravel" in text and "87 %" in text
+
+
+def test_what_could_still_hide_is_in_the_answer() -> None:
+    bounded = (
+        Unseen("roll_steer", "", {"e": UpperBound("-", -0.42, 0.30, 0.04)}, 0.08),
+        Unseen("imu_offset", "", {k: UpperBound("m", -0.03, 0.03, 0.012) for k in ("x", "z")}, 0.04),
+        Unseen("servo_rate_limit", "", {"R": UpperBound("rad/s", 38.0, None, 4.0)}, 0.01, material=False),
+        Unseen("sensor_filter", "", {"gyro_hz": UpperBound("Hz", 23.0, None, 29.0)}, 0.09),
+    )
+    text = shown(summary(replace(EXPLAINED, cannot_see=bounded)))
+    answer = " ".join(text.split())
+    assert (
+        "Could still hide (95 %): sensor_filter from 23 Hz up, roll_steer -0.42 to 0.30, "
+        "imu_offset x ±0.030 m, z ±0.030 m." in answer
+    )
+    assert "servo_rate_limit" not in answer and "cannot detect" not in answer

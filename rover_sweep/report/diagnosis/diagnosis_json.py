@@ -14,6 +14,7 @@ from rover_sweep.diagnosis.result import (
     Mismatch,
     Overlay,
     Unknown,
+    Unseen,
 )
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.export.augmented_model_json import augmented_document
@@ -43,7 +44,7 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
             "mismatch": [_mismatch(m) for m in found.mismatch],
             "findings": [_finding(f, found.overlays) for f in found.findings],
             "unknown": _unknown(found.unknown),
-            "cannot_see": [{"effect": u.effect, "why": u.why} for u in found.cannot_see],
+            "cannot_see": [_unseen(u) for u in found.cannot_see],
             "held_out": [_held_out(h) for h in found.held_out],
             "falsified": [
                 {"parameter": f.name, "unit": f.unit, "before": f.before, "after": f.after}
@@ -131,6 +132,21 @@ def _unknown(u: Unknown | None) -> dict[str, Any] | None:
         "sentence": u.sentence,
         "law": u.law or None,
         "law_gain": u.law_gain,
+    }
+
+
+def _unseen(u: Unseen) -> dict[str, Any]:
+    """up_to: null where these runs exclude no size."""
+    bounds = {
+        name: {"value": b.value, "unit": b.unit, "low": b.low, "high": b.high, "matters": b.matters}
+        for name, b in u.up_to.items()
+    }
+    return {
+        "effect": u.effect,
+        "why": u.why,
+        "up_to": bounds or None,
+        "change": u.change,
+        "material": u.material,
     }
 
 

@@ -8,6 +8,7 @@ from rover_sweep.diagnosis.result import Diagnosis, Finding
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.diagnosis.pictures import mismatch_section
 from rover_sweep.report.diagnosis.tables import (
+    bound_table,
     cost_table,
     evidence_words,
     falsified_table,
@@ -23,6 +24,7 @@ from rover_sweep.report.diagnosis.terminal import law_words
 from rover_sweep.report.identification.identification_json import AXES
 from rover_sweep.report.identification.page import Drawn, by_section
 from rover_sweep.report.templates import environment
+from rover_sweep.report.wording.bound_words import hiding_words
 from rover_sweep.report.wording.effect_names import channel, sentence
 
 WITHOUT_EFFECT = "The whole model, compared with it without this effect"
@@ -58,6 +60,8 @@ def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Drawn) -
             unknown=sentence(found.unknown.sentence) if found.unknown else "",
             unknown_channel=channel(found.unknown.channel) if found.unknown else "",
             unseen=unseen_table(found),
+            bounds=bound_table(found),
+            hiding=hiding_words(found.cannot_see),
             parameters=value_table(found.parameters, "The model, refitted with the effects")
             if found.parameters
             else None,

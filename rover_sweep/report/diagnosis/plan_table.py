@@ -38,7 +38,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "runs": [asdict(run) for run in plan.runs],
             "detectable": {effect: asdict(size) for effect, size in plan.detectable.items()},
             "not_told_apart": [asdict(pair) for pair in plan.look_alikes],
-            "cannot_see": [asdict(unseen) for unseen in plan.cannot_see],
+            "cannot_see": [{"effect": u.effect, "why": u.why} for u in plan.cannot_see],
             "proposal": [asdict(run) for run in plan.proposal],
             "settles": plan.settles,
             "notes": plan.notes,

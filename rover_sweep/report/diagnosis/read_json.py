@@ -17,6 +17,7 @@ from rover_sweep.diagnosis.result import (
     Profile,
     Unknown,
     Unseen,
+    UpperBound,
 )
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_json
@@ -62,7 +63,7 @@ def _diagnosis(d: Mapping[str, Any]) -> Diagnosis:
         mismatch=tuple(_mismatch(m) for m in d["mismatch"]),
         findings=tuple(_finding(f) for f in d["findings"]),
         unknown=_unknown(d["unknown"]),
-        cannot_see=tuple(Unseen(u["effect"], u["why"]) for u in d["cannot_see"]),
+        cannot_see=tuple(_unseen(u) for u in d["cannot_see"]),
         falsified=tuple(
             Falsified(f["parameter"], f["unit"], f["before"], f["after"]) for f in d["falsified"]
         ),
@@ -75,6 +76,15 @@ def _diagnosis(d: Mapping[str, Any]) -> Diagnosis:
         held_out_runs=tuple(d["held_out_runs"]),
         model=augmented_from(model) if model else None,
     )
+
+
+def _unseen(u: Mapping[str, Any]) -> Unseen:
+    """Files of earlier versions have no bounds."""
+    bounds = {
+        name: UpperBound(b["unit"], b["low"], b["high"], b["matters"])
+        for name, b in (u.get("up_to") or {}).items()
+    }
+    return Unseen(u["effect"], u["why"], bounds, u.get("change"), u.get("material", True))
 
 
 def _mismatch(m: Mapping[str, Any]) -> Mismatch:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Finding, HeldOut
 from rover_sweep.report.identification.comparison import Cell, Table, Tone
+from rover_sweep.report.wording.bound_words import range_words
 from rover_sweep.report.wording.effect_names import capital, channel, title
 from rover_sweep.report.wording.number_format import SHORT_NAMES, band, change, number, symbol, unit
 
@@ -13,6 +14,11 @@ PLAINLY = 3.0  # times the noise floor: a residual this large is visible in a ti
 FLOOR = (
     "J_rms in deg/s and ft/s², TIC 0 (perfect) to 1. Share removed: of the residual above the noise floor, "
     "the only part that a model can explain."
+)
+
+BOUNDS = (
+    "could be: these runs do not exclude this size at 95 %. matters: smaller is normal tolerance. change: of "
+    "r or a_y in these runs at that size (rms), without refitting the model."
 )
 
 
@@ -153,10 +159,39 @@ def falsified_table(found: Diagnosis) -> Table | None:
 
 def unseen_table(found: Diagnosis) -> Table | None:
     """Effects that these runs cannot detect, with the reason; None for none."""
-    if not found.cannot_see:
+    rows = tuple((Cell(u.effect), Cell(u.why)) for u in found.cannot_see if not u.up_to)
+    if not rows:
         return None
-    rows = tuple((Cell(u.effect), Cell(u.why)) for u in found.cannot_see)
     return Table("Effects that these runs cannot detect", ("effect", "why"), rows, text_columns=2)
+
+
+def bound_table(found: Diagnosis) -> Table | None:
+    """The size up to which each effect that was not found could be there; None for none."""
+    bounded = sorted((u for u in found.cannot_see if u.up_to), key=lambda u: -(u.change or 0.0))
+    if not bounded:
+        return None
+    rows: list[tuple[Cell, ...]] = []
+    for u in bounded:
+        for k, (name, bound) in enumerate(u.up_to.items()):
+            of_effect = (u.effect, _changed(u.change)) if k == 0 else ("", "")
+            size = Cell(range_words(bound), "warn" if u.material and k == 0 else "")
+            matters = Cell(number(bound.matters, 2))
+            rows.append(
+                (
+                    Cell(of_effect[0]),
+                    Cell(symbol(name)),
+                    size,
+                    matters,
+                    Cell(unit(bound.unit)),
+                    Cell(of_effect[1]),
+                )
+            )
+    headings = ("effect", "", "could be", "matters", "unit", "change")
+    return Table("What could still hide in these runs", headings, tuple(rows), BOUNDS, 2)
+
+
+def _changed(share: float | None) -> str:
+    return "–" if share is None else f"{number(100 * share, 2)} %"
 
 
 def look_alike_words(f: Finding) -> str:

@@ -20,6 +20,7 @@ from rover_sweep.report.diagnosis.tables import (
     unseen_table,
 )
 from rover_sweep.report.identification.terminal import Sentence, rich_table
+from rover_sweep.report.wording.bound_words import hiding_words
 from rover_sweep.report.wording.effect_names import channel, sentence
 from rover_sweep.report.wording.number_format import number
 
@@ -50,6 +51,8 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
     yield Group(
         Text(found.verdict.upper(), STYLES[found.verdict]), Sentence(sentence(found.sentence), "bold")
     )
+    if hiding := hiding_words(found.cannot_see):
+        yield Sentence(sentence(f"could still hide (95 %): {hiding}"))
     if found.mismatch:
         yield rich_table(mismatch_table(found))
     elif found.findings:

@@ -1,0 +1,146 @@
+"""The size up to which an effect that was not found could still be there, at 95 %.
+
+For each sign of each parameter the bound is the larger one of two sizes: the size that 95 % of repeats would
+have found (`needed_size`), and the upper end of what the data allow. With the unit direction u of the part of
+the signature that the nominal model cannot explain, and r the residual rows there, the data give the amount
+u^T r with the standard deviation sqrt(v), so their upper end has the length u^T r + 1.645 sqrt(v).
+
+The other parameters of the effect are absent while one is judged. Effects that happen in one run at an
+instant are judged in the middle of each run; the run that shows them least counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+
+import numpy as np
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects import Effect, EffectParameter
+from rover_sweep.diagnosis.result import Unseen, UpperBound
+from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
+from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
+from rover_sweep.diagnosis.search.rounds import LAGS, Round
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, possible
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+
+ONE_SIDED = 1.645  # standard deviations: 95 % of a normal distribution lie below
+BOUND = "a smaller one may not show in these runs"
+NO_BOUND = "these runs hardly excite it: they exclude no size"
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """One side with the coordinate of its bound; infinite where these runs exclude no size."""
+
+    side: Side
+    coordinate: float
+
+
+def upper_bounds(last: Round, only: Sequence[str] = (), without: Sequence[str] = ()) -> tuple[Unseen, ...]:
+    """The effects that are not in the model of the last round, with the size up to which each could hide.
+
+    only, without: ids of effects, as in the search. Effects that add a degree of freedom have no bound.
+    """
+    effects = possible(last.model, last.problem.runs, only, without)[0]
+    signals = Signals(last.problem, last.model, last.fitted)
+    return tuple(_unseen(last, signals, e) for e in effects if e.id not in DEGREES_OF_FREEDOM)
+
+
+def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
+    runs = tuple(r.name for r in last.problem.runs)
+    ends = [_end(last, signals, side) for side in sides(effect, last.model, runs)]
+    shown = [e for e in ends if isfinite(e.coordinate)]
+    if not shown:
+        return Unseen(effect.id, NO_BOUND)
+    material = material_sizes(effect, last.model.spread)
+    largest = max(shown, key=lambda e: abs(e.coordinate) / abs(e.side.parameter.size))
+    above = [abs(e.coordinate) > material.get(e.side.parameter.name, 0.0) for e in shown]
+    return Unseen(
+        effect.id, BOUND, _ranges(effect, ends, material), _change(last, signals, largest), any(above)
+    )
+
+
+def _end(last: Round, signals: Signals, side: Side) -> _End:
+    """The side with its bound."""
+    noise = ONE_SIDED * float(np.sqrt(last.fitted.overdispersion))
+    found = float(np.sqrt(last.null.thresholds.get(side.effect.id, 0.0))) + noise
+    growth = signals.growth(side, found)
+    if growth is None:
+        return _End(side, inf)
+    coordinate = growth.coordinate_of(max(found, _projected(last, signals, growth) + noise))
+    if side.effect.id in LAGS:  # a finding only where both lags together are above the normal tolerance
+        other = "delay" if side.effect.id == "servo_lag" else "lag"
+        coordinate = max(coordinate, last.model.spread.together - last.fitted.x[other])
+    return _End(side, coordinate)
+
+
+def _projected(last: Round, signals: Signals, growth: Growth) -> float:
+    """Length of the signature that the data give for this side, along its rows."""
+    residual = signals.reach(growth.side.effect).outside(last.fitted.rows)
+    return float(growth.rows @ residual) / float(np.linalg.norm(growth.rows))
+
+
+def _change(last: Round, signals: Signals, end: _End) -> float:
+    """Change of r or a_y by the effect at its bound, the larger one: rms over rms of the fitted model."""
+    structure, x = signals.at(end.side, end.coordinate)
+    squares: dict[str, Array] = {c: np.zeros(2) for c in ("r", "ay")}
+    for run in last.problem.runs:
+        sensors = Sensors.of(run)
+        plain = logged(run, last.model.structure, last.fitted.x, sensors)
+        changed = logged(run, structure, x, sensors)
+        for c in squares:
+            if c in run.measured:
+                squares[c] += float(np.sum((changed[c] - plain[c]) ** 2)), float(np.sum(plain[c] ** 2))
+    return max(float(np.sqrt(change / max(whole, 1e-12))) for change, whole in squares.values())
+
+
+def _ranges(effect: Effect, ends: Sequence[_End], material: Mapping[str, float]) -> dict[str, UpperBound]:
+    """{reported parameter: its range}, over all signs and runs."""
+    values: dict[str, list[float]] = {}
+    units, matters = {}, {}
+    for p in effect.parameters:
+        own = [e for e in ends if e.side.parameter.name == p.name]
+        if not any(isfinite(e.coordinate) for e in own):
+            continue
+        for coordinate in (*(e.coordinate for e in own), *_least(effect)):
+            name, units[name], value = reported_value(effect, p, coordinate)
+            values.setdefault(name, []).append(value)
+        if effect.id == "clock_offset":
+            matters[name] = reported_value(effect, p, -EARLIER)[2]
+        elif p.name in material:
+            matters[name] = reported_value(effect, p, material[p.name])[2]
+    return {
+        name: UpperBound(
+            units[name],
+            None if effect.id == "clock_offset" else _finite(min(found)),
+            _finite(max(found)),
+            matters.get(name),
+        )
+        for name, found in values.items()
+    }
+
+
+def _least(effect: Effect) -> tuple[float, ...]:
+    """The coordinate of an absent effect, which is always within its range."""
+    return () if effect.id == "clock_offset" else (0.0,)
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def reported_value(effect: Effect, p: EffectParameter, coordinate: float) -> tuple[str, str, float]:
+    """(name, unit, value) of one parameter as a user reads it."""
+    if not isfinite(coordinate):
+        value = coordinate if p.form == "plain" else inf if coordinate > 0 else -inf
+        name, unit, _ = reported_value(effect, p, p.low if coordinate < 0 else p.high)
+        return name, unit, value
+    if not effect.report_values:
+        return p.name, p.unit, float(p.value(coordinate))
+    values = {q.name: q.value(0.0) for q in effect.parameters}
+    shown = effect.report_values(values | {p.name: p.value(coordinate)})
+    name = next(iter(shown))
+    return name, shown[name][1], float(shown[name][0])

@@ -1,0 +1,107 @@
+"""The size up to which an effect that was not found could hide: it holds the truth, and little more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from math import exp
+
+import numpy as np
+import pytest
+from planted import MODEL, NOISE, X, sweeps
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
+from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
+from rover_sweep.diagnosis.search.rounds import Options, Round, round_of
+from rover_sweep.diagnosis.search.upper_bounds import upper_bounds
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+
+ONLY = ("front_rear_stiffness", "steering_backlash", "velocity_lag", "servo_rate_limit")
+HIDDEN = -0.22  # ln Cf/Cr, beyond the normal tolerance of 0.15
+
+
+@cache
+def judged() -> Round:
+    """Three sweeps of a rover whose rear axle is stiffer, too little to be found."""
+    random, x = np.random.default_rng(3), {**X, "ln_ratio": HIDDEN}
+    runs = []
+    for run in sweeps(1):
+        motion = logged(run, MODEL.structure, x, Sensors.of(run))
+        runs.append(
+            replace(
+                run, measured={c: y + NOISE[c] * random.standard_normal(y.size) for c, y in motion.items()}
+            )
+        )
+    return round_of(runs, MODEL, X, Options(ONLY, (), 1, lambda what, share: None, lambda: True), near=True)
+
+
+def bounds() -> dict[str, Unseen]:
+    return {u.effect: u for u in upper_bounds(judged(), ONLY)}
+
+
+def test_the_bound_holds_the_truth() -> None:
+    ratio = bounds()["front_rear_stiffness"].up_to["ratio"]
+    assert ratio.low is not None and ratio.high is not None and ratio.matters == pytest.approx(exp(0.15))
+    assert 0.6 < ratio.low < exp(HIDDEN)
+    assert 1.15 < ratio.high < 1.6
+
+
+def test_every_effect_that_was_looked_for_has_its_bound() -> None:
+    found = bounds()
+    assert set(found) == set(ONLY)
+    backlash, limit = found["steering_backlash"].up_to["b"], found["servo_rate_limit"].up_to["R"]
+    assert backlash.low == 0.0 and 0.0 < (backlash.high or 0.0) < 0.02 and backlash.unit == "rad"
+    assert limit.high is None and (limit.low or 0.0) > 1.0  # a faster servo does not show
+    assert all(u.change is not None and u.change >= 0.0 for u in found.values())
+
+
+def test_understeer_shows_less_than_oversteer() -> None:
+    """In the same rover a softer front axle needs a larger change of ln Cf/Cr than a stiffer one."""
+    last = judged()
+    signals = Signals(last.problem, last.model, last.fitted)
+    more, less = sides(library()["front_rear_stiffness"], last.model, ())
+    assert (more.start, more.way, less.start, less.way) == (0.15, 1.0, -0.15, -1.0)
+    grown = [signals.growth(side, 5.0) for side in (more, less)]
+    distances = [g.distance_of(5.0) for g in grown if g]
+    assert distances[1] > 1.3 * distances[0]
+
+
+def test_the_needed_length_is_that_of_a_new_simulation() -> None:
+    last = judged()
+    signals = Signals(last.problem, last.model, last.fitted)
+    (side,) = sides(library()["steering_backlash"], last.model, ())
+    growth = signals.growth(side, 6.0)
+    assert growth is not None
+    rows = signals.reach(side.effect).outside(signals.rows(side, growth.distance_of(6.0)))
+    assert float(np.linalg.norm(rows)) == pytest.approx(6.0, rel=0.15)
+
+
+def test_a_prior_takes_a_part_at_a_cost() -> None:
+    """Gain q^2/(s^2 + (q/L)^2): with L = 10 per unit and s = 0.5, 2 units have sqrt(4/(0.25 + 0.01))."""
+    effect = library()["imu_offset"]
+    rows: Array = np.array([20.0])
+    growth = Growth(Side(effect, effect.parameters[0], 0.0, 1.0, 9.0, 0.5), 2.0, rows, 1.0)
+    assert growth.length == pytest.approx(2.0 / np.sqrt(0.26))
+    assert growth.coordinate_of(growth.length) == pytest.approx(2.0)
+    assert growth.coordinate_of(1e3) == np.inf  # beyond the parameter's bound
+
+
+def test_the_most_important_are_material_and_change_the_motion_most() -> None:
+    up_to = {"x": UpperBound("m", None, 1.0)}
+    some = [
+        Unseen("a", "", up_to, 0.1),
+        Unseen("b", "", up_to, 0.3),
+        Unseen("c", "", up_to, 0.9, material=False),
+        Unseen("d", "no channel"),
+    ]
+    assert [u.effect for u in largest_hidden(some)] == ["b", "a"]
+    assert [u.effect for u in largest_hidden(some, 1)] == ["b"]
+
+
+@pytest.mark.parametrize(
+    "low, high, value", [(0.7, 1.2, 0.7), (-0.2, 0.3, 0.3), (12.0, None, 12.0), (0.0, 0.05, 0.05)]
+)
+def test_the_value_of_a_range_is_its_far_end(low: float, high: float | None, value: float) -> None:
+    assert UpperBound("-", low, high).value == value
