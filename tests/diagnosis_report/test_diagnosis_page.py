@@ -117,4 +117,4 @@ def test_all_bounds_are_in_a_table() -> None:
     )
     body = page(replace(EXPLAINED, cannot_see=bounded))
     assert "Could still hide (95 %): roll_steer -0.42 to 0.30." in body
-    assert "-0.42 to 0.30</td>" in body and "from 38 up</td>" in body and "8.0 %" in body
+    assert "-0.42 to 0.30</td>" in body and "at least 38</td>" in body and "8.0 %" in body

@@ -151,7 +151,7 @@ def test_what_could_still_hide_is_in_the_answer() -> None:
     text = shown(summary(replace(EXPLAINED, cannot_see=bounded)))
     answer = " ".join(text.split())
     assert (
-        "Could still hide (95 %): sensor_filter from 23 Hz up, roll_steer -0.42 to 0.30, "
+        "Could still hide (95 %): sensor_filter at least 23 Hz, roll_steer -0.42 to 0.30, "
         "imu_offset x ±0.030 m, z ±0.030 m." in answer
     )
     assert "servo_rate_limit" not in answer and "cannot detect" not in answer

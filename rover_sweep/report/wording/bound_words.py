@@ -18,7 +18,7 @@ def range_words(bound: UpperBound) -> str:
             return f"\N{PLUS-MINUS SIGN}{number(max(high, -low), 2)}"
         return f"{number(low, 2)} to {number(high, 2)}"
     if high is None:
-        return "any" if low is None else f"from {number(low, 2)} up"
+        return "any" if low is None else f"at least {number(low, 2)}"
     return f"up to {number(high, 2)}" if not low else f"{number(low, 2)} to {number(high, 2)}"
 
 
