@@ -1,0 +1,112 @@
+"""One answer against its truth.
+
+A finding is right if its effect is hidden ("first"), or if a hidden effect is among its look-alikes
+("alike"); anything else is a wrong name. A finding settles one hidden effect, and a hidden effect needs one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+OUTSIDE = "outside:"
+
+# Two names of one physics: each is right for the other.
+SAME: dict[str, frozenset[str]] = {
+    "transport_delay": frozenset({"servo_lag", "clock_offset"}),  # lateness of the steering
+    "servo_lag": frozenset({"transport_delay"}),
+}
+
+# Names that are near the truth though the law is outside the list: counted apart, neither right nor wrong.
+NEAREST: dict[str, frozenset[str]] = {
+    "outside:cubic_hysteresis": frozenset(
+        {"steering_nonlinearity", "steering_backlash", "steering_stiction"}
+    ),
+    "outside:tyre_dead_zone": frozenset({"steering_deadband"}),
+    "outside:tyre_left_right": frozenset({"steering_asymmetry"}),
+    "outside:resonant_linkage": frozenset({"servo_lag"}),
+}
+
+
+@dataclass(frozen=True)
+class Graded:
+    """One answer, judged. first, alike, wrong, nearest: effects; missed: hidden effects without a finding."""
+
+    name: str
+    kind: str
+    hidden: tuple[str, ...]
+    verdict: str
+    first: tuple[str, ...]
+    alike: tuple[str, ...]
+    nearest: tuple[str, ...]
+    wrong: tuple[str, ...]
+    missed: tuple[str, ...]
+    unknown: bool
+    seconds: float
+
+    @property
+    def named(self) -> int:
+        """How many effects were named."""
+        return len(self.first) + len(self.alike) + len(self.nearest) + len(self.wrong)
+
+    @property
+    def mark(self) -> str:
+        """exact, look-alike, part, nearest, wrong, unknown, nothing, none (rightly), refused or failed."""
+        if self.verdict in ("failed", "refused"):
+            return self.verdict
+        if self.wrong:
+            return "wrong"
+        if not self.hidden and not self.named:
+            return "none"
+        inside = [effect for effect in self.hidden if not effect.startswith(OUTSIDE)]
+        if inside and len(self.first) == len(inside):
+            return "exact"
+        if inside and len(self.first) + len(self.alike) == len(inside):
+            return "look-alike"
+        if self.first or self.alike:
+            return "part"
+        if self.nearest:
+            return "nearest"
+        return "unknown" if self.unknown else "nothing"
+
+
+def grade(name: str, kind: str, hidden: Sequence[str], answer: Mapping[str, Any]) -> Graded:
+    """Marks one answer. hidden: effect ids. answer: verdict, findings, unknown, seconds."""
+    missing = list(hidden)
+    marks: dict[str, list[str]] = {"first": [], "alike": [], "nearest": [], "wrong": []}
+    for finding in _surest_first(answer["findings"], hidden):
+        match, settled = _match(finding, missing)
+        marks[match].append(finding["effect"])
+        if settled in missing:
+            missing.remove(settled)
+    return Graded(
+        name,
+        kind,
+        tuple(hidden),
+        answer["verdict"],
+        missed=tuple(missing),
+        unknown=bool(answer.get("unknown")),
+        seconds=float(answer["seconds"]),
+        **{mark: tuple(effects) for mark, effects in marks.items()},
+    )
+
+
+def _surest_first(findings: Sequence[Mapping[str, Any]], hidden: Sequence[str]) -> list[Mapping[str, Any]]:
+    """Findings whose own name is hidden before those that match by a look-alike."""
+    return sorted(findings, key=lambda one: one["effect"] not in hidden)
+
+
+def _match(finding: Mapping[str, Any], missing: Sequence[str]) -> tuple[str, str]:
+    """("first", "alike", "nearest" or "wrong", the hidden effect that it settles)."""
+    effect, alike = finding["effect"], finding.get("look_alikes") or []
+    for one in missing:
+        if effect == one or effect in SAME.get(one, ()):
+            return "first", one
+    for one in missing:
+        if one in alike:
+            return "alike", one
+    for one in missing:
+        if effect in NEAREST.get(one, ()):
+            return "nearest", ""
+    return "wrong", ""
