@@ -18,7 +18,10 @@ import pytest
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.plans.evidence import NOISE, evidence
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.plans.detectable_sizes import detectable
+from rover_sweep.diagnosis.plans.evidence import evidence, typical_floor
+from rover_sweep.diagnosis.plans.joint_problem import Expected, expected
 from rover_sweep.diagnosis.plans.plan import plan
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
 from rover_sweep.diagnosis.plans.proposals import (
@@ -30,6 +33,8 @@ from rover_sweep.diagnosis.plans.proposals import (
 )
 from rover_sweep.diagnosis.plans.set_result import Stacked
 from rover_sweep.diagnosis.plans.sets import Planner
+from rover_sweep.diagnosis.problem.noise_floor import Floor
+from rover_sweep.diagnosis.search.needed_size import sides
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.069)
@@ -63,7 +68,8 @@ def yaw_rate_cosines(runs: Sequence[PlannedRun]) -> dict[str, float]:
         "tyre_saturation.mu": 0.7,
         "load_transfer.k": 0.3,
     }
-    stacked = Stacked.of(model, [evidence(run, model, effects, at) for run in driven])
+    white = Floor(np.array([0.01, 100.0]), {"r": np.full(2, 3e-5)})  # as in the study
+    stacked = Stacked.of(model, [evidence(run, model, effects, at, white) for run in driven])
     rows = stacked.outside({c.name for c in model.free} - set(PHYSICAL))
     unit = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
     place = {e: members[0] for e, members in stacked.members.items()}
@@ -88,12 +94,10 @@ def test_few_rows_stand_for_many(usual: Planner) -> None:
     """Inner products of the nominal's sensitivities and a signature, from all rows and from the few."""
     from rover_sweep.diagnosis.plans.evidence import start
     from rover_sweep.diagnosis.problem.least_squares import sensitivities
-    from rover_sweep.diagnosis.problem.noise_floor import Floor
     from rover_sweep.diagnosis.problem.residuals import with_floor
     from rover_sweep.diagnosis.problem.signatures import signatures
 
-    floor = Floor(np.array([0.01, 100.0]), {c: np.full(2, d) for c, d in NOISE.items()})
-    problem = with_floor([usual.experiment(STEPS)], floor)
+    problem = with_floor([usual.experiment(STEPS)], typical_floor())
     base = start(usual.model, problem.size)
     problem = replace(problem, measured=problem.model(usual.model.structure, base.x))
     many = (
@@ -208,3 +212,49 @@ def test_a_plan_proposes_what_settles_the_open_points(monkeypatch: pytest.Monkey
         and "7.0 m/s^2" in found.notes[0]
     )
     assert shares == sorted(shares) and shares[-1] <= 1.0
+
+
+@pytest.fixture(scope="module")
+def three() -> Expected:
+    """What a diagnosis of three sweeps would use."""
+    one = planner(wanted=("front_rear_stiffness", "steering_backlash", "imu_offset"))
+    runs = [one.experiment(run) for run in (SMALL, LARGE, SLOW)]
+    effects = [e for e in one.effects if e.id in one.wanted]
+    return expected(runs, one.model, effects, one.assumed)
+
+
+def test_a_detectable_size_holds_for_both_signs(three: Expected) -> None:
+    """A softer front axle shows less than a softer rear axle; the size is that of the front axle."""
+    size = detectable(three, ("front_rear_stiffness",))["front_rear_stiffness"].size
+    assert size is not None and 1.2 < size < 1.5
+    effect, needed = library()["front_rear_stiffness"], np.sqrt(three.thresholds["front_rear_stiffness"])
+    lengths = []
+    for side in sides(effect, three.signals.model, ()):
+        rows = three.signals.rows(side, np.log(size) - 0.15)
+        lengths.append(float(np.linalg.norm(three.signals.reach(effect).outside(rows))))
+    assert lengths[1] == pytest.approx(needed, rel=0.1) and lengths[0] > 1.3 * needed
+
+
+def test_a_detectable_size_is_not_below_the_one_that_matters(three: Expected) -> None:
+    found = detectable(three, ("steering_backlash", "imu_offset"))
+    assert all(s.size is not None and s.material is not None and s.size >= s.material for s in found.values())
+
+
+def test_recorded_noise_counts_in_a_plan() -> None:
+    """Ten times the noise power makes the same tyre saturation harder to find: its mu must be smaller."""
+    one = planner(wanted=("tyre_saturation",))
+    effects = [e for e in one.effects if e.id in one.wanted]
+    loud = Floor(one.assumed.floor.f, {c: 10.0 * d for c, d in one.assumed.floor.density.items()})
+    found = []
+    for floor in (one.assumed.floor, loud):
+        runs = expected([one.experiment(SMALL)], one.model, effects, replace(one.assumed, floor=floor))
+        found.append(detectable(runs, one.wanted)["tyre_saturation"].size or 0.0)
+    assert 0.0 < found[1] < 0.8 * found[0]
+
+
+def test_runs_on_blocks_count_in_the_detectable_sizes() -> None:
+    """A small sweep hardly reaches the rate limit of a servo; on blocks it can be larger."""
+    one, small = planner(wanted=("servo_rate_limit",)), PlannedRun("sweep", 60.0, 2.4)
+    few, more = one.sizes((small,)), one.sizes((small, BLOCKS))
+    reached, needed = (s["servo_rate_limit"].size if s else 0.0 for s in (few, more))
+    assert needed is not None and reached is not None and needed > 1.3 * reached

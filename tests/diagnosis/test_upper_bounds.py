@@ -57,6 +57,13 @@ def test_every_effect_that_was_looked_for_has_its_bound() -> None:
     assert all(u.change is not None and u.change >= 0.0 for u in found.values())
 
 
+def test_an_ekf_hides_most_of_the_lag_of_its_gps() -> None:
+    """A gain error of 16 % at 95 % is a lag of 0.5 s of a GPS that the EKF follows below 0.3 rad/s."""
+    lag, gain = bounds()["velocity_lag"].up_to, judged().fitted.x["vy_gain"]
+    assert lag["T_gps"].high == pytest.approx((1.645 * 0.1 - gain) / 0.3)
+    assert (lag["T"].high or 1.0) < 0.05 < (lag["T_gps"].high or 0.0)
+
+
 def test_understeer_shows_less_than_oversteer() -> None:
     """In the same rover a softer front axle needs a larger change of ln Cf/Cr than a stiffer one."""
     last = judged()

@@ -67,8 +67,8 @@ effect                 detectable  matters   unit
 steering_backlash  b       0.0021   0.0030    rad
 tyre_saturation    mu        0.62     0.90      -
 servo_rate_limit   R            –        –  rad/s
-detectable: smallest size found in half of repeats. matters: smaller is normal
-tolerance.
+detectable: smallest size found in half of repeats, for either sign (a ratio or
+its inverse). matters: smaller is normal tolerance.
 
 Effects that these runs cannot separate
                                   cosine

@@ -64,7 +64,7 @@ def plan(
     drives, chosen = len(chosen), _counted(chosen)
     return Plan(
         now,
-        planner.sizes(runs_shown, shown),
+        planner.sizes(runs_shown),
         shown.look_alikes,
         planner.unseen(runs_shown, shown),
         chosen,

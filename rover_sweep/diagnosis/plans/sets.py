@@ -12,6 +12,7 @@ from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.plans.detectable_sizes import detectable
 from rover_sweep.diagnosis.plans.evidence import NOISE, Evidence, evidence
+from rover_sweep.diagnosis.plans.joint_problem import Assumed, assumed, expected
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize, PlannedRun, SimilarPair
 from rover_sweep.diagnosis.plans.proposals import as_experiment, run_text
 from rover_sweep.diagnosis.plans.set_result import LATE, Stacked
@@ -77,6 +78,11 @@ class Planner:
         return Model("roll-yaw" if whole else "bicycle", self.rover, self.spread, two_clocks=clocks)
 
     @cached_property
+    def assumed(self) -> Assumed:
+        """The noise, and the rover in which effects are looked for."""
+        return assumed(list(self.driven.values()), self.model)
+
+    @cached_property
     def effects(self) -> list[Effect]:
         """The effects that runs can show with this baseline."""
         fresh = as_experiment(PlannedRun("sweep", 100.0, 2.0), self.rover, self.rad_per_us, list(NOISE))
@@ -99,19 +105,14 @@ class Planner:
         new = [r for r in dict.fromkeys(_single(run) for run in runs) if r not in self._evidence]
         for k, run in enumerate(new):
             self.progress(f"simulating a {run_text(run)}", share[0] + (share[1] - share[0]) * k / len(new))
-            self._evidence[run] = evidence(self.experiment(run), self.model, self.effects)
+            self._evidence[run] = evidence(
+                self.experiment(run), self.model, self.effects, floor=self.assumed.floor
+            )
 
-    def stacked(self, runs: Sequence[PlannedRun], at: Mapping[str, float] | None = None) -> Stacked:
-        """The runs stacked, each as often as it is repeated; at: sizes other than the plain ones."""
-        found = [
-            evidence(self.experiment(run), self.model, self.effects, at)
-            if at
-            else self._evidence[_single(run)]
-            for run in runs
-        ]
-        return Stacked.of(
-            self.model, [e for e, run in zip(found, runs, strict=True) for _ in range(run.repeat)]
-        )
+    def stacked(self, runs: Sequence[PlannedRun]) -> Stacked:
+        """The runs stacked, each as often as it is repeated."""
+        found = [self._evidence[_single(run)] for run in runs for _ in range(run.repeat)]
+        return Stacked.of(self.model, found)
 
     def evaluate(self, runs: Sequence[PlannedRun]) -> SetResult:
         """What a set can detect and separate of the wanted effects."""
@@ -156,10 +157,11 @@ class Planner:
         why |= self.settled
         return tuple(Unseen(e, w) for e, w in sorted(why.items()) if not self.wanted or e in self.wanted)
 
-    def sizes(self, runs: Sequence[PlannedRun], result: SetResult) -> dict[str, DetectableSize]:
-        """Detectable sizes of the wanted effects, from signatures taken at those sizes."""
+    def sizes(self, runs: Sequence[PlannedRun]) -> dict[str, DetectableSize]:
+        """Detectable sizes of the wanted effects in a set of runs."""
         self.progress("computing detectable sizes", 0.9)
-        return detectable(result.stacked, lambda at: self.stacked(runs, at), self.asked)
+        every = [self.experiment(run) for run in runs for _ in range(run.repeat)]
+        return detectable(expected(every, self.model, self.effects, self.assumed), self.asked)
 
 
 def _separation(whole: Stacked, parts: Sequence[Stacked], one: str, two: str) -> float:

@@ -27,6 +27,10 @@ from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, poss
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
 ONE_SIDED = 1.645  # standard deviations: 95 % of a normal distribution lie below
+EKF_CROSSOVER = 0.3
+"""rad/s, below which an EKF follows its GPS: sqrt(0.35^2 0.012 / (0.3^2 0.2)), the steady state of a scalar
+filter with ArduPilot's EK3_ACC_P_NSE each 12 ms and EK3_VELNE_M_NSE at 5 Hz (Gelb 1974, chapter 4)."""
+GPS = "; T_gps: lag of the GPS velocity, most of which an EKF hides"
 BOUND = "a smaller one may not show in these runs"
 NO_BOUND = "these runs hardly excite it: they exclude no size"
 
@@ -58,9 +62,10 @@ def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
     material = material_sizes(effect, last.model.spread)
     largest = max(shown, key=lambda e: abs(e.coordinate) / abs(e.side.parameter.size))
     above = [abs(e.coordinate) > material.get(e.side.parameter.name, 0.0) for e in shown]
-    return Unseen(
-        effect.id, BOUND, _ranges(effect, ends, material), _change(last, signals, largest), any(above)
-    )
+    ranges, why = _ranges(effect, ends, material), BOUND
+    if effect.id == "velocity_lag" and (gps := _gps_lag(last)):
+        ranges, why = {**ranges, "T_gps": gps}, BOUND + GPS
+    return Unseen(effect.id, why, ranges, _change(last, signals, largest), any(above))
 
 
 def _end(last: Round, signals: Signals, side: Side) -> _End:
@@ -81,6 +86,19 @@ def _projected(last: Round, signals: Signals, growth: Growth) -> float:
     """Length of the signature that the data give for this side, along its rows."""
     residual = signals.reach(growth.side.effect).outside(last.fitted.rows)
     return float(growth.rows @ residual) / float(np.linalg.norm(growth.rows))
+
+
+def _gps_lag(last: Round) -> UpperBound | None:
+    """The lag of the GPS that the EKF's V_y does not exclude; None without such a V_y.
+
+    Far above the crossover w, V_y = V jw/(jw + w) + V_gps w/(jw + w) with V_gps = V exp(-jw T) has the gain
+    1 - w T at least. It is not told from the normal error of that gain, the prior of `vy_gain`.
+    """
+    gain = next((c for c in last.fitted.free if c.name == "vy_gain"), None)
+    if gain is None or gain.prior is None or not any("vy" in run.measured for run in last.problem.runs):
+        return None
+    lowest = last.fitted.x["vy_gain"] - ONE_SIDED * gain.prior
+    return UpperBound("s", 0.0, max(-lowest, 0.0) / EKF_CROSSOVER)
 
 
 def _change(last: Round, signals: Signals, end: _End) -> float:

@@ -25,7 +25,10 @@ KINDS = {
     "other": "other drive",
 }
 FORMAT_VERSION = 1
-SIZES = "detectable: smallest size found in half of repeats. matters: smaller is normal tolerance."
+SIZES = (
+    "detectable: smallest size found in half of repeats, for either sign (a ratio or its inverse). "
+    "matters: smaller is normal tolerance."
+)
 
 
 def plan_document(plan: Plan) -> dict[str, Any]:
