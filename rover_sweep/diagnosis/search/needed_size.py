@@ -99,15 +99,16 @@ class Signals:
         """The rows (n,) of the fitted model."""
         return self.problem.measured - self.fitted.rows
 
-    def rows(self, side: Side, distance: float) -> Array:
-        """Rows (n,) at the distance from the side's start minus rows at the start."""
-        far = self._at(side, side.start + side.way * distance)
-        if side.parameter.nominal:
-            return far - self._at(side, side.start)
-        return far - self.now
+    def rows(self, side: Side, distance: float, start: Array | None = None) -> Array:
+        """Rows (n,) at the distance from the side's start minus rows at the start, computed if not given."""
+        far = self.problem.model(*self.at(side, side.start + side.way * distance))
+        return far - (self.rows_at_start(side) if start is None else start)
 
-    def _at(self, side: Side, coordinate: float) -> Array:
-        return self.problem.model(*self.at(side, coordinate))
+    def rows_at_start(self, side: Side) -> Array:
+        """Rows (n,) of the nominal model at the side's start."""
+        if not side.parameter.nominal:
+            return self.now
+        return self.problem.model(*self.at(side, side.start))
 
     def at(self, side: Side, coordinate: float) -> tuple[Structure, dict[str, float]]:
         """The structure with the effect, and the coordinates {name: value} with its own at `coordinate`."""
@@ -129,7 +130,8 @@ class Signals:
     def growth(self, side: Side, needed: float) -> Growth | None:
         """The growth of one side's signature about the length `needed`; None where it shows nothing."""
         reach, plain = self.reach(side.effect), min(abs(side.parameter.size), side.room)
-        first = reach.outside(self.rows(side, plain))
+        start = self.rows_at_start(side)
+        first = reach.outside(self.rows(side, plain, start))
         length = _length(first, plain, side.slack)
         if length < FAINT or plain <= 0.0:
             return None
@@ -137,7 +139,7 @@ class Signals:
         again = min(again, side.room)
         if abs(log(again / plain)) < NEAR:
             return Growth(side, plain, first, 1.0)
-        second = reach.outside(self.rows(side, again))
+        second = reach.outside(self.rows(side, again, start))
         other = _length(second, again, side.slack)
         if other < FAINT:
             return Growth(side, plain, first, 1.0)
