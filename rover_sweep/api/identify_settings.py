@@ -33,8 +33,8 @@ def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
     numbers = [*(settings.band or ()), *(settings.windows or ()), *limits]
     if not all(math.isfinite(x) for x in numbers):
         raise UsageError("frequencies and window lengths must be finite numbers")
-    if "r" not in settings.fitted or not {"ay", "p"} & set(settings.fitted):
-        raise UsageError("the fit needs the yaw rate and a_y or the roll rate: --fit r,ay or r,p")
+    if "r" not in settings.fitted:
+        raise UsageError("the fit needs the yaw rate: --fit r, r,ay or r,ay,p")
     if settings.bootstrap != 0 and settings.bootstrap < 20:
         raise UsageError(
             f"{settings.bootstrap} bootstrap replicates are too few; use 20 or more, or 0 for none"

@@ -16,6 +16,7 @@ from rover_sweep.spectra.response import Band, FrequencyResponse
 MODELS = ("bicycle", "roll-yaw", "lumped")
 FITTED = ("r", "ay", "p")
 SAME_SPEED = 0.10  # relative difference of mean speeds within a group
+VARIED = 0.15  # standard deviation of the speed over its mean, from which a run has no single speed
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,22 @@ def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
     return tuple(_group(g, settings) for g in groups)
 
 
+def steered_speed(run: Recording) -> float:
+    """The speed [m/s] at which the run was steered.
+
+    That is its mean speed; where the speed varies, as on a race track, the mean weighted with the steering's
+    power, since a car is steered where it is slow: r = V delta/L gives sum(V delta^2)/sum(delta^2).
+    """
+    speed = run.manoeuvre("speed")
+    mean = run.mean_speed
+    if speed.t.size < 3 or float(np.std(speed.x)) < VARIED * abs(mean):
+        return mean
+    grid = np.linspace(speed.t[0], speed.t[-1], min(speed.t.size, 20_000))
+    power = (run["delta"].on(grid) - float(np.mean(run["delta"].on(grid)))) ** 2
+    v = speed.on(grid)
+    return float(np.sum(power * v) / np.sum(power)) if np.sum(power) > 0 else mean
+
+
 def _same_group(a: Recording, b: Recording) -> bool:
     """True for runs at one speed with the same low-passes of the sensors."""
     cutoffs = [{c: f.cutoff_hz for c, f in run.filters.items()} for run in (a, b)]
@@ -108,7 +125,7 @@ def _group(runs: Sequence[Recording], settings: Settings) -> Group:
         runs, inputs, band=settings.band, windows=settings.windows, bands=settings.bands
     ).values()
     lengths = [run.span[1] - run.span[0] for run in runs]
-    speed = float(np.average([run.mean_speed for run in runs], weights=lengths))
+    speed = float(np.average([steered_speed(run) for run in runs], weights=lengths))
     return Group(
         speed,
         tuple(runs),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Array, Recording
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
 from rover_sweep.quality.faults import advice_on
+from rover_sweep.quality.length import short_trials
 from rover_sweep.spectra.amplitude import RISING_FROM, octaves, wanted_factor
 from rover_sweep.spectra.conditioned import conditioned_responses
 from rover_sweep.spectra.response import (
@@ -76,16 +77,17 @@ class CoherenceVerdict(Shown):
 def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | None = None) -> Band:
     """(low, high) [rad/s] around the strongest frequency, with steering power within 20 dB of the median.
 
-    Gaps between the lines of a multisine are bridged. Limits: 2 pi/(half the longest run), and `top` (60
-    rad/s by default) or .8 of the lowest Nyquist frequency.
+    Gaps between the lines of a multisine are bridged. Limits: 2 pi/(half the longest run, or the longest of
+    many short trials), and `top` (60 rad/s by default) or .8 of the lowest Nyquist frequency.
     """
     longest = max(run.span[1] - run.span[0] for run in runs)
+    share = 1 if short_trials(runs) else 2
     nyquist = np.pi * min(run[c].rate for run in runs for c in (input, "r") if c in run)
-    w = np.geomspace(2 * np.pi / (longest / 2), min(top or 60.0, 0.8 * nyquist), 150)
-    power = np.sum([_power(run, input, w, longest / 4) for run in runs], axis=0)
+    w = np.geomspace(2 * np.pi * share / longest, min(top or 60.0, 0.8 * nyquist), 150)
+    power = np.sum([_power(run, input, w, longest / (2 * share)) for run in runs], axis=0)
     strong = power > 1e-2 * np.median(power[power > 1e-3 * power.max()])
     peak = int(np.argmax(power))
-    if any(run.kind == "multisine" for run in runs):
+    if any(run.kind == "multisine" for run in runs) or short_trials(runs):
         strong = _without_gaps(w, strong)
     below, above = np.flatnonzero(~strong[:peak]), np.flatnonzero(~strong[peak:])
     low = int(below[-1]) + 1 if below.size else 0
@@ -138,7 +140,8 @@ def input_responses(
     spans = [run.span for run in runs]
     total, longest = sum(e - s for s, e in spans), max(e - s for s, e in spans)
     low, high = _extended(band or excited_range(runs, inputs[0]), bands)
-    lengths = windows or default_windows(low, high, total, longest)
+    record = 2 * longest if short_trials(runs) else longest  # a window may be as long as a short trial
+    lengths = windows or default_windows(low, high, total, record)
     if len(inputs) > 1:
         lengths = tuple(sorted({min(n, total / len(inputs)) for n in lengths}))
     w = frequency_grid(low, high, lengths)

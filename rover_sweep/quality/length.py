@@ -18,6 +18,8 @@ ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
 SLOW = 2.0  # rad/s: a fit needs the nearly steady response, below the yaw mode of any small rover
 PERIODS = 5.0  # Tischler & Remple 2012, chapter 5: 4..5; random error of |H| .096 at a coherence of .9
 WINDOWS = 2.0  # windows that resolve that frequency, in a run
+REPEATS = 5  # short trials from which they count as repeats: T_F/5 is then the longest window (T&R 2012)
+SHORTEST = 1.5  # s, of such a trial
 
 
 def needed(lowest: float = SLOW) -> float:
@@ -28,11 +30,13 @@ def needed(lowest: float = SLOW) -> float:
 def too_short(runs: Sequence[Recording], lowest: float = SLOW) -> Note | None:
     """The fault of runs that are too short in total, or None; runs shorter than 2 windows do not count.
 
-    lowest [rad/s]: lowest frequency of the fit.
+    Short trials count where there are `REPEATS` or more. lowest [rad/s]: lowest frequency of the fit.
     """
     period = needed(lowest) / PERIODS
     lengths = [run.span[1] - run.span[0] for run in runs]
     if sum(t for t in lengths if t >= WINDOWS * LOWEST_BIN * period) >= needed(lowest):
+        return None
+    if short_trials(runs) and sum(lengths) >= needed(lowest):
         return None
     driven = f"{len(runs)} runs of at most {max(lengths):.1f} s" if len(runs) > 1 else f"{lengths[0]:.1f} s"
     text = (
@@ -41,6 +45,13 @@ def too_short(runs: Sequence[Recording], lowest: float = SLOW) -> Note | None:
         f"{needed(lowest):.0f} s or more"
     )
     return Note("warning", text, TOO_SHORT, ALL)
+
+
+def short_trials(runs: Sequence[Recording]) -> bool:
+    """True for many short trials, joined as repeats: none has two windows of the lowest frequency."""
+    lengths = [run.span[1] - run.span[0] for run in runs]
+    enough = [t for t in lengths if t >= SHORTEST]
+    return len(enough) >= REPEATS and max(lengths) < WINDOWS * LOWEST_BIN * needed() / PERIODS
 
 
 def with_length(runs: Sequence[Recording], lowest: float = SLOW) -> tuple[Recording, ...]:

@@ -159,13 +159,19 @@ def test_a_real_small_car_driven_by_hand() -> None:
 
 
 def test_a_trial_may_be_one_run_as_a_whole(tmp_path: Path) -> None:
-    """One step at speed is no run that would be found, and is one where the map says so."""
+    """A step is found by what its spectrum carries; driving straight is a run only where the map says so."""
     t = np.arange(0, 40, 0.02)
     source = table(
         tmp_path, rows(steer=np.where(t < 20, 0.5, -0.5), v=np.where((t > 4) & (t < 36), 2.0, 0.0))
     )
+    (found,) = read_runs(source, column_map=BASIC)
+    assert found.kind == "other" and found.span == pytest.approx((4.0, 36.0), abs=0.1)
+    straight = table(tmp_path, rows(steer=np.full(t.size, 0.5)))
     with pytest.raises(DataRefused, match="no steering excitation"):
-        read_runs(source, column_map=BASIC)
+        read_runs(straight, column_map=BASIC)
+    source = table(
+        tmp_path, rows(steer=np.where(t < 20, 0.5, -0.5), v=np.where((t > 4) & (t < 36), 2.0, 0.0))
+    )
     (run,) = read_runs(source, column_map={**BASIC, "runs": "whole"})
     assert run.span == pytest.approx((4.0, 36.0), abs=0.05)
     with pytest.raises(UsageError, match='"found" or "whole"'):

@@ -15,7 +15,14 @@ from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.quality.coherence import assess
-from rover_sweep.quality.length import TOO_SHORT, each_with_length, needed, too_short, with_length
+from rover_sweep.quality.length import (
+    TOO_SHORT,
+    each_with_length,
+    needed,
+    short_trials,
+    too_short,
+    with_length,
+)
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 SAID = "of driving, but 16 s are needed (5 periods of 2 rad/s) for a random error of 10 %; drive one complete"
@@ -70,8 +77,14 @@ def test_pieces_count_together(runs: rs.Runs) -> None:
     pieces = [piece(runs[0], start, 10.0) for start in (5.0, 20.0)]
     assert too_short(pieces[:1]) and too_short(pieces) is None
     assert with_length(pieces) == tuple(pieces)
+
+
+def test_five_short_trials_are_repeats(runs: rs.Runs) -> None:
+    """T_F/5 is the longest window, so that each trial is one average of its whole length."""
     crumbs = [piece(runs[0], start, 4.0) for start in range(5, 50, 4)]
-    assert (fault := too_short(crumbs)) and fault.text.startswith("too short: 12 runs of at most 4.0 s")
+    assert too_short(crumbs) is None and short_trials(crumbs)
+    assert (fault := too_short(crumbs[:4])) and fault.text.startswith("too short: 4 runs of at most 4.0 s")
+    assert too_short([piece(runs[0], start, 1.0) for start in range(5, 35)])
 
 
 def test_a_fit_from_a_higher_frequency_needs_less() -> None:

@@ -22,6 +22,7 @@ GAP = 3.0  # sampling intervals; a longer interval is a gap
 UNLOGGED = 0.25  # s; an output that is logged only while the applet runs has shorter intervals
 UNEVEN = 0.2  # standard deviation of the sampling interval over its median
 SLOWEST, FASTEST = 1.0, 20e3  # Hz; outside, the unit of time is wrong
+SLOWEST_CAR = 0.15  # m/s; small cars are also driven so slowly, and a table is no log of a pushed rover
 COARSE = 20.0  # Hz, 5 times the w_max of the paper (25 rad/s)
 GYRO_RANGE, ACCEL_RANGE = 34.9, 16 * 9.80665  # rad/s (2000 deg/s), m/s^2: full scale of the usual sensors
 
@@ -91,7 +92,8 @@ def _refuse_odd_clock(log: Log) -> None:
 def _refuse_static(log: Log) -> None:
     speed = log.signals["speed"].x
     fastest = float(np.percentile(np.abs(speed), 99)) if speed.size else 0.0
-    if fastest < MOVING_SPEED:
+    least = MOVING_SPEED if log.parameters or log.marks else SLOWEST_CAR
+    if fastest < least:
         raise DataRefused(
             f"{log.name}: the rover never drove (speed up to {fastest:.2f} m/s); record a sweep while driving"
         )
@@ -100,13 +102,13 @@ def _refuse_static(log: Log) -> None:
 def refuse_unexcited(log: Log) -> None:
     """Raise DataRefused for a log of driving in which no run was found."""
     steering, speed = log.steering[0], log.signals["speed"]
-    if float(np.median(speed.x[np.abs(speed.x) > MOVING_SPEED])) < 0:
+    if float(np.median(speed.x[np.abs(speed.x) > SLOWEST_CAR])) < 0:
         raise DataRefused(
             f"{log.name}: the rover drives backwards (speed down to {np.min(speed.x):.2f} m/s); "
             "drive forwards, or change the sign of speed"
         )
-    moving = np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > MOVING_SPEED
-    x = steering.x[moving]
+    slowest = min(MOVING_SPEED, SLOWEST_CAR + 0.5 * float(np.max(speed.x)))
+    x = steering.x[np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > slowest]
     seen = f"{np.min(x):.4g} to {np.max(x):.4g} {steering.unit}" if x.size else "not recorded"
     raise DataRefused(
         f"{log.name}: no steering excitation while driving (steering {seen}, "

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Note, Recording, Signal
+from rover_sweep.data.recording import Kind, Note, Recording, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.files.printable import printable
 from rover_sweep.logs.log import AppletRows, Array, Log
@@ -26,6 +26,7 @@ from rover_sweep.logs.runs.applet import (
     starts,
 )
 from rover_sweep.logs.runs.board import identity
+from rover_sweep.logs.runs.carried import carried_intervals
 from rover_sweep.logs.runs.completeness import completeness_notes, refuse_fragment
 from rover_sweep.logs.runs.wave import (
     CONSTANT,
@@ -47,6 +48,7 @@ CELL = 0.05  # s, grid of the search for intervals
 STILL_SPEED = 0.1  # m/s
 STILL_GYRO = 0.03  # rad/s rms within a second, about its mean: above the noise of any gyro, below any motion
 HOLE = 5.0  # s without a recorded speed; intervals end there
+MOST = 0.5  # of the driving, found by its shape
 SHORTEST = 1.0  # s, shortest interval for a bias
 SAME_SPEED = 0.15  # of the run's speed
 
@@ -55,7 +57,10 @@ LONGEST_HOLE = 60.0  # s without steering samples; after it another run begins
 
 @dataclass(frozen=True)
 class Window:
-    """The excitation of a run, start..end [s], and the limits of its recording, earliest..latest [s]."""
+    """The excitation of a run, start..end [s], and the limits of its recording, earliest..latest [s].
+
+    shapeless: found by its spectrum alone, so it has no kind.
+    """
 
     start: float
     end: float
@@ -63,6 +68,7 @@ class Window:
     latest: float = np.inf
     label: str = ""
     notes: tuple[Note, ...] = ()
+    shapeless: bool = False
 
 
 def find_runs(log: Log) -> tuple[Recording, ...]:
@@ -89,7 +95,7 @@ def _windows(log: Log) -> list[Window]:
     """Excitations by the applet's states, else by its messages, else by steering activity in motion."""
     if log.whole:
         return _whole(log)
-    found = list(_by_applet(log)) or list(_by_marks(log)) or list(_by_activity(log))
+    found = list(_by_applet(log)) or list(_by_marks(log)) or _by_shape_or_spectrum(log)
     found = [part for w in found for part in _without_holes(log, w) if _is_excited(log, part)]
     limited = []
     for i, w in enumerate(found):
@@ -172,13 +178,28 @@ def _by_activity(log: Log) -> Iterator[Window]:
         yield Window(start, end, label=f"run {i + 1}")
 
 
+def _by_shape_or_spectrum(log: Log) -> list[Window]:
+    """Steering that alternates; in a table without a manoeuvre, where that is only a part, all that carries.
+
+    An autopilot's log has its manoeuvres.
+    """
+    found = list(_by_activity(log))
+    if log.applet is not None or log.parameters or log.marks:
+        return found
+    carried = carried_intervals(log)
+    covered = sum(w.end - w.start for w in found) > MOST * sum(b - a for a, b in carried)
+    if covered or any(kind_of(log.steering[0], w.start, w.end) != "other" for w in found):
+        return found
+    return [Window(a, b, label=f"run {i + 1}", shapeless=True) for i, (a, b) in enumerate(carried)]
+
+
 def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count: int) -> Recording:
     steering = log.steering[0]
     channel = "delta" if steering.unit == "rad" else "pwm"
     signals = {channel: at_main_loops(steering, log.loops), **log.signals}
     first = max(s.t[0] for s in signals.values() if s.t.size)
     last = min(s.t[-1] for s in signals.values() if s.t.size)
-    kind = kind_of(steering, window.start, window.end)
+    kind: Kind = "other" if window.shapeless else kind_of(steering, window.start, window.end)
     if half_waves(steering.between(window.start, window.end)) >= HALF_WAVES:
         kind = announced_kind(log, window.start) or kind
     name = f"{log.name} {window.label}" if count > 1 else log.name
@@ -193,11 +214,19 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
         standstill=standstill,
         straight=straight,
         filters=log.filters,
-        notes=(*log.notes, *window.notes, *completeness_notes(log, window.start, window.end)),
+        notes=(*log.notes, *window.notes, *_cut(log, window, kind)),
         firmware=log.firmware,
         sources=log.sources,
         vehicle=identity(log),
     )
+
+
+def _cut(log: Log, window: Window, kind: Kind) -> tuple[Note, ...]:
+    """Notes on a run that is cut off; in a table, driving without a shape is cut by holes only."""
+    found = completeness_notes(log, window.start, window.end)
+    if kind != "other" or log.parameters or log.marks or log.applet is not None:
+        return found
+    return tuple(note for note in found if "has a hole" in note.text)
 
 
 def _with_lead(window: Window, straight: tuple[Interval, ...]) -> Interval:

@@ -23,6 +23,8 @@ REPEAT_EDGE, REPEAT_SHARE = 0.1, 0.6  # of a run: left out at both ends; the lon
 REPEAT_STEP = 0.02  # s
 REPEAT_CORRELATION = 0.98  # autocorrelation at one period; much less for driving by hand
 ONE_LINE = 0.6  # of the power, in one spectral line of a sine
+FEW_LEVELS, LEVEL_GRID, LEFT_OVER = 6, 101, 0.1  # levels of a doublet: rest, two sizes on both sides, a spare
+HELD = 0.15  # of the plateaus on each side
 PLATEAU = 7  # samples of 0.05 s in which a step signal keeps its value
 
 
@@ -152,7 +154,21 @@ def _is_stepwise(steering: Signal) -> bool:
     windows = np.lib.stride_tricks.sliding_window_view(x, PLATEAU)
     amplitude = np.ptp(x) / 2
     constant = np.ptp(windows, axis=1) < 0.04 * amplitude
-    return bool(np.mean(constant) > 0.6) and _crossings(steering, float((x.min() + x.max()) / 2)).size >= 1
+    if np.mean(constant) <= 0.6 or _crossings(steering, float((x.min() + x.max()) / 2)).size < 1:
+        return False
+    plateaus = windows[constant].mean(axis=1) - (x.min() + x.max()) / 2
+    held = min(float(np.mean(side * plateaus > 0.5 * amplitude)) for side in (1, -1))
+    return held > HELD and _at_few_levels(plateaus, 0.1 * amplitude)
+
+
+def _at_few_levels(plateaus: Array, width: float) -> bool:
+    """True when `FEW_LEVELS` levels within `width` hold most plateaus (n,); a driver holds any angle."""
+    left, count = plateaus, plateaus.size
+    for _ in range(FEW_LEVELS):
+        if left.size:
+            away = np.abs(left[:, None] - np.linspace(left.min(), left.max(), LEVEL_GRID)[None, :])
+            left = left[away[:, int(np.argmax(np.sum(away <= width, axis=0)))] > width]
+    return bool(left.size <= LEFT_OVER * count)
 
 
 def _rank_correlation(x: Array) -> float:
