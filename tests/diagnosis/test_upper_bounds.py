@@ -13,6 +13,7 @@ from planted import MODEL, NOISE, X, sweeps
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
+from rover_sweep.diagnosis.search.candidate_fits import Trial
 from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
 from rover_sweep.diagnosis.search.rounds import Options, Round, round_of
 from rover_sweep.diagnosis.search.upper_bounds import upper_bounds
@@ -83,6 +84,17 @@ def test_the_needed_length_is_that_of_a_new_simulation() -> None:
     assert growth is not None
     rows = signals.reach(side.effect).outside(signals.rows(side, growth.distance_of(6.0)))
     assert float(np.linalg.norm(rows)) == pytest.approx(6.0, rel=0.15)
+
+
+def test_a_fitted_size_widens_the_bound() -> None:
+    """A fitted ln ratio of -0.9 with a gain of 16 may be -0.15 - 0.75 (1 + 1.645/4) at 95 %."""
+    last = judged()
+    x = {**last.fitted.x, "ln_ratio": -0.9}
+    trial = Trial("front_rear_stiffness", last.model, replace(last.fitted, x=x), 16.0)
+    found = upper_bounds(replace(last, trials=(trial,)), ("front_rear_stiffness",))
+    low, usual = found[0].up_to["ratio"].low, bounds()["front_rear_stiffness"].up_to["ratio"]
+    assert low == pytest.approx(exp(-0.15 - 0.75 * (1 + 1.645 / 4)))
+    assert usual.low is not None and low < usual.low and found[0].up_to["ratio"].high == usual.high
 
 
 def test_a_prior_takes_a_part_at_a_cost() -> None:

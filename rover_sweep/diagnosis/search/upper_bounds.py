@@ -3,7 +3,8 @@
 For each sign of each parameter the bound is the larger one of two sizes: the size that 95 % of repeats would
 have found (`needed_size`), and the upper end of what the data allow. With the unit direction u of the part of
 the signature that the nominal model cannot explain, and r the residual rows there, the data give the amount
-u^T r with the standard deviation sqrt(v), so their upper end has the length u^T r + 1.645 sqrt(v).
+u^T r with the standard deviation sqrt(v), so their upper end has the length u^T r + 1.645 sqrt(v). Where the
+search fitted the effect, the upper end of that fit counts too.
 
 The other parameters of the effect are absent while one is judged. Effects that happen in one run at an
 instant are judged in the middle of each run; the run that shows them least counts.
@@ -32,6 +33,7 @@ EKF_CROSSOVER = 0.3
 filter with ArduPilot's EK3_ACC_P_NSE each 12 ms and EK3_VELNE_M_NSE at 5 Hz (Gelb 1974, chapter 4)."""
 GPS = "; T_gps: lag of the GPS velocity, most of which an EKF hides"
 BOUND = "a smaller one may not show in these runs"
+SIGNIFICANT = 4.0  # gain from which a fitted size counts: two standard deviations
 NO_BOUND = "these runs hardly excite it: they exclude no size"
 
 
@@ -75,11 +77,28 @@ def _end(last: Round, signals: Signals, side: Side) -> _End:
     growth = signals.growth(side, found)
     if growth is None:
         return _End(side, inf)
-    coordinate = growth.coordinate_of(max(found, _projected(last, signals, growth) + noise))
+    distance = growth.distance_of(max(found, _projected(last, signals, growth) + noise))
+    distance = max(distance, _fitted_end(last, side))
+    coordinate = side.start + side.way * (distance if distance <= side.room else inf)
     if side.effect.id in LAGS:  # a finding only where both lags together are above the normal tolerance
         other = "delay" if side.effect.id == "servo_lag" else "lag"
         coordinate = max(coordinate, last.model.spread.together - last.fitted.x[other])
     return _End(side, coordinate)
+
+
+def _fitted_end(last: Round, side: Side) -> float:
+    """Upper end, as a distance from the side's start, of a size that was fitted; 0 where none was.
+
+    A gain g at the size q means a standard deviation of about q/sqrt(g).
+    """
+    for trial in last.trials:
+        if trial.effect != side.effect.id or trial.fitted is last.fitted or trial.gain < SIGNIFICANT:
+            continue
+        name, p = side.effect.coordinate_name(side.parameter), side.parameter
+        distance = side.way * (trial.fitted.x.get(name, 0.0) / p.per - side.start)
+        own_run = not side.run or side.run == trial.model.happened_in
+        return distance * (1.0 + ONE_SIDED / float(np.sqrt(trial.gain))) if own_run and distance > 0 else 0.0
+    return 0.0
 
 
 def _projected(last: Round, signals: Signals, growth: Growth) -> float:
