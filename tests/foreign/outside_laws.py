@@ -1,0 +1,125 @@
+"""Laws of physics that the list does not have."""
+
+from __future__ import annotations
+
+from numpy.random import Generator
+
+from tests.foreign.law import Extras, Law, a_sign, peak_ay, share_of_base, turning_stiffness
+from tests.foreign.rover import Rover
+
+
+def _resonant(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.of(resonance_w=1 / size, resonance_z=extras["damping"])
+
+
+def _ringing(rng: Generator) -> dict[str, float]:
+    return {"damping": float(rng.uniform(0.08, 0.2))}
+
+
+def _cubic_hysteresis(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(curve=size / rover.amplitude**2, play=0.4 * size * rover.amplitude, play_form=2.0)
+
+
+def _mast(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.sensing(mast=size, mast_w=extras["w"])
+
+
+def _mode(rng: Generator) -> dict[str, float]:
+    return {"w": float(rng.uniform(13.0, 24.0))}
+
+
+def _drag(rover: Rover, size: float) -> float:
+    fastest = peak_ay(rover) / rover.speed
+    return size * turning_stiffness(rover) / rover.speed / fastest
+
+
+def _shifted(rover: Rover, size: float, extras: Extras) -> Rover:
+    shift = extras["sign"] * share_of_base(rover, size)
+    return rover.amid(shift=shift, run=int(extras["run"]), at=extras["at"])
+
+
+def _instant(rng: Generator) -> dict[str, float]:
+    return a_sign(rng) | {"run": float(rng.choice([1.0, 2.0])), "at": float(rng.uniform(10.0, 40.0))}
+
+
+def _slosh(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.of(loose=size, loose_w=extras["w"], loose_z=0.1)
+
+
+def _slow_mode(rng: Generator) -> dict[str, float]:
+    return {"w": float(rng.uniform(5.0, 11.0))}
+
+
+def _by_speed(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.of(speed_gain=extras["sign"] * size, speed_ref=rover.speed)
+
+
+def _dead_slip(rover: Rover, size: float) -> float:
+    n = rover.numbers
+    return size * n.m * peak_ay(rover) / (n.Cf + n.Cr)
+
+
+def _tone(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.sensing(tone=size, tone_hz=extras["hz"])
+
+
+def _low_tone(rng: Generator) -> dict[str, float]:
+    return {"hz": float(rng.uniform(0.8, 3.5))}
+
+
+OUTSIDE_LAWS: tuple[Law, ...] = (
+    Law("outside:resonant_linkage", "second order", "linkage", 0.02, 0.045, _resonant, "s", extras=_ringing),
+    Law("outside:cubic_hysteresis", "cubic and Bouc-Wen", "linkage", 0.1, 0.6, _cubic_hysteresis),
+    Law("outside:flexing_mast", "resonant IMU", "imu", 0.0004, 0.03, _mast, "rad", extras=_mode),
+    Law(
+        "outside:yaw_drag",
+        "r abs(r)",
+        "yaw",
+        0.1,
+        2.0,
+        lambda r, s, e: r.of(yaw_c2=_drag(r, s)),
+        "N m s2",
+        _drag,
+    ),
+    Law(
+        "outside:tyre_left_right",
+        "sign of slip",
+        "tyre",
+        0.06,
+        0.6,
+        lambda r, s, e: r.of(tyre_left_right=e["sign"] * s),
+        extras=a_sign,
+    ),
+    Law("outside:sliding_cargo", "CG jumps", "cargo", 0.03, 0.13, _shifted, "m", share_of_base, _instant),
+    Law("outside:slosh", "load on a spring", "cargo", 0.05, 0.35, _slosh, extras=_slow_mode),
+    Law("outside:speed_steering", "gain by speed", "shape", 0.15, 0.8, _by_speed, extras=a_sign),
+    Law(
+        "outside:tyre_dead_zone",
+        "no force at small slip",
+        "tyre",
+        0.06,
+        0.5,
+        lambda r, s, e: r.of(tyre_dead_zone=_dead_slip(r, s)),
+        "rad",
+        _dead_slip,
+    ),
+    Law("outside:aliased_vibration", "wandering tone", "imu", 0.1, 2.5, _tone, "m/s^2", extras=_low_tone),
+    Law(
+        "outside:wheel_unbalance",
+        "sine at wheel speed",
+        "imu",
+        0.2,
+        4.0,
+        lambda r, s, e: r.sensing(unbalance=s),
+        "m/s^2",
+    ),
+    Law(
+        "outside:rear_linkage",
+        "rear wheels follow",
+        "axles",
+        0.1,
+        0.4,
+        lambda r, s, e: r.of(rear_share=e["sign"] * s),
+        extras=a_sign,
+    ),
+)
