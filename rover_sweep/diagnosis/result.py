@@ -148,9 +148,9 @@ class UpperBound:
 class Unseen:
     """An effect that these runs cannot show, or cannot separate from another, and why.
 
-    up_to: {parameter: range that these runs do not exclude}; empty where they exclude nothing. change: by
-    an effect at that bound in these runs, of r or a_y, whichever is larger: rms of the change over rms of
-    the simulated signal, without noise. material: the bound is above the size that matters.
+    up_to: {parameter: range that these runs do not exclude}; empty where they exclude nothing. change: of r
+    or a_y in these runs, the larger one, from the normal tolerance of the effect to that bound: rms over rms
+    of the simulated signal, without noise. material: the bound is above the size that matters.
     """
 
     effect: str

@@ -55,7 +55,14 @@ def test_every_effect_that_was_looked_for_has_its_bound() -> None:
     backlash, limit = found["steering_backlash"].up_to["b"], found["servo_rate_limit"].up_to["R"]
     assert backlash.low == 0.0 and 0.0 < (backlash.high or 0.0) < 0.02 and backlash.unit == "rad"
     assert limit.high is None and (limit.low or 0.0) > 1.0  # a faster servo does not show
-    assert all(u.change is not None and u.change >= 0.0 for u in found.values())
+
+
+def test_the_change_counts_from_the_normal_tolerance() -> None:
+    found = bounds()
+    assert (found["front_rear_stiffness"].change or 0.0) > 0.02
+    assert found["velocity_lag"].change == 0.0  # neither r nor a_y
+    assert all((u.change or 0.0) == 0.0 for u in found.values() if not u.material)
+    assert not found["servo_rate_limit"].material
 
 
 def test_an_ekf_hides_most_of_the_lag_of_its_gps() -> None:

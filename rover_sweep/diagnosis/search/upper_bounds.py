@@ -67,7 +67,8 @@ def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
     ranges, why = _ranges(effect, ends, material), BOUND
     if effect.id == "velocity_lag" and (gps := _gps_lag(last)):
         ranges, why = {**ranges, "T_gps": gps}, BOUND + GPS
-    return Unseen(effect.id, why, ranges, _change(last, signals, largest), any(above))
+    change = _change(last, signals, largest, material.get(largest.side.parameter.name, 0.0))
+    return Unseen(effect.id, why, ranges, change, any(above))
 
 
 def _end(last: Round, signals: Signals, side: Side) -> _End:
@@ -120,17 +121,23 @@ def _gps_lag(last: Round) -> UpperBound | None:
     return UpperBound("s", 0.0, max(-lowest, 0.0) / EKF_CROSSOVER)
 
 
-def _change(last: Round, signals: Signals, end: _End) -> float:
-    """Change of r or a_y by the effect at its bound, the larger one: rms over rms of the fitted model."""
-    structure, x = signals.at(end.side, end.coordinate)
+def _change(last: Round, signals: Signals, end: _End, material: float) -> float:
+    """Change of r or a_y, the larger one, from normal tolerance to the bound: rms over rms at tolerance.
+
+    material: the coordinate from which the effect matters.
+    """
+    side = end.side
+    normal = max(side.way * side.start, material)
+    near, far = (
+        signals.at(side, c) for c in (side.way * normal, side.way * max(side.way * end.coordinate, normal))
+    )
     squares: dict[str, Array] = {c: np.zeros(2) for c in ("r", "ay")}
     for run in last.problem.runs:
         sensors = Sensors.of(run)
-        plain = logged(run, last.model.structure, last.fitted.x, sensors)
-        changed = logged(run, structure, x, sensors)
+        one, two = logged(run, *near, sensors), logged(run, *far, sensors)
         for c in squares:
             if c in run.measured:
-                squares[c] += float(np.sum((changed[c] - plain[c]) ** 2)), float(np.sum(plain[c] ** 2))
+                squares[c] += float(np.sum((two[c] - one[c]) ** 2)), float(np.sum(one[c] ** 2))
     return max(float(np.sqrt(change / max(whole, 1e-12))) for change, whole in squares.values())
 
 

@@ -18,7 +18,7 @@ FLOOR = (
 
 BOUNDS = (
     "could be: these runs do not exclude this size at 95 %. matters: smaller is normal tolerance. change: of "
-    "r or a_y in these runs at that size (rms), without refitting the model."
+    "r or a_y in these runs (rms) from normal tolerance to that size, without refitting the model."
 )
 
 

@@ -15,11 +15,16 @@ def range_words(bound: UpperBound) -> str:
     low, high = bound.low, bound.high
     if low is not None and high is not None and low < 0.0:
         if abs(low + high) <= EVEN * (high - low):
-            return f"\N{PLUS-MINUS SIGN}{number(max(high, -low), 2)}"
-        return f"{number(low, 2)} to {number(high, 2)}"
+            return f"\N{PLUS-MINUS SIGN}{_short(max(high, -low))}"
+        return f"{_short(low)} to {_short(high)}"
     if high is None:
-        return "any" if low is None else f"at least {number(low, 2)}"
-    return f"up to {number(high, 2)}" if not low else f"{number(low, 2)} to {number(high, 2)}"
+        return "any" if low is None else f"at least {_short(low)}"
+    return f"up to {_short(high)}" if not low else f"{_short(low)} to {_short(high)}"
+
+
+def _short(value: float) -> str:
+    """Two digits, three from 1 to 2, where a ratio has its values."""
+    return number(value, 3 if 1.0 <= abs(value) < 2.0 else 2)
 
 
 def hiding_words(unseen: Sequence[Unseen]) -> str:
