@@ -28,10 +28,29 @@ NEAREST: dict[str, frozenset[str]] = {
     "outside:resonant_linkage": frozenset({"servo_lag"}),
 }
 
+# Words of a place in the equations that are right for a law outside the list.
+PLACES: dict[str, tuple[str, ...]] = {
+    "outside:resonant_linkage": ("steering",),
+    "outside:cubic_hysteresis": ("steering",),
+    "outside:flexing_mast": ("sensor", "a_y", "ay", "roll"),
+    "outside:yaw_drag": ("yaw moment",),
+    "outside:tyre_left_right": ("side force",),
+    "outside:sliding_cargo": ("yaw moment", "side force"),
+    "outside:slosh": ("side force", "roll moment"),
+    "outside:speed_steering": ("steering",),
+    "outside:tyre_dead_zone": ("side force",),
+    "outside:aliased_vibration": ("sensor", "a_y", "ay"),
+    "outside:wheel_unbalance": ("sensor", "a_y", "ay"),
+    "outside:rear_linkage": ("side force", "yaw moment"),
+}
+
 
 @dataclass(frozen=True)
 class Graded:
-    """One answer, judged. first, alike, wrong, nearest: effects; missed: hidden effects without a finding."""
+    """One answer, judged. first, alike, wrong, nearest: effects; missed: hidden effects without a finding.
+
+    placed: the unknown lies at a place of PLACES; None where nothing outside the list is hidden.
+    """
 
     name: str
     kind: str
@@ -44,6 +63,7 @@ class Graded:
     missed: tuple[str, ...]
     unknown: bool
     seconds: float
+    placed: bool | None = None
 
     @property
     def named(self) -> int:
@@ -88,8 +108,18 @@ def grade(name: str, kind: str, hidden: Sequence[str], answer: Mapping[str, Any]
         missed=tuple(missing),
         unknown=bool(answer.get("unknown")),
         seconds=float(answer["seconds"]),
+        placed=_placed(hidden, answer.get("unknown")),
         **{mark: tuple(effects) for mark, effects in marks.items()},
     )
+
+
+def _placed(hidden: Sequence[str], unknown: Mapping[str, Any] | None) -> bool | None:
+    words = [word for effect in hidden for word in PLACES.get(effect, ())]
+    if not words:
+        return None
+    said = unknown or {}
+    text = str(said.get("place") or said.get("law") or said.get("channel") or "")
+    return any(word in text for word in words)
 
 
 def _surest_first(findings: Sequence[Mapping[str, Any]], hidden: Sequence[str]) -> list[Mapping[str, Any]]:

@@ -43,6 +43,11 @@ def table(graded: Sequence[Graded]) -> str:
             low, high = wilson(hits, len(some))
             rate, span = 100 * hits / len(some), f"({100 * low:.0f} .. {100 * high:.0f})"
             lines.append(f"  {name:<18}{hits:4d}/{len(some):<4d} {rate:5.1f} %  {span}")
+        placed = [g.placed for g in some if g.placed is not None]
+        if placed:
+            low, high = wilson(sum(placed), len(placed))
+            rate, span = 100 * sum(placed) / len(placed), f"({100 * low:.0f} .. {100 * high:.0f})"
+            lines.append(f"  {'place right':<18}{sum(placed):4d}/{len(placed):<4d} {rate:5.1f} %  {span}")
     return "\n".join(lines)
 
 
@@ -50,7 +55,8 @@ def line(graded: Graded, answer: dict[str, Any], truth: str = "") -> str:
     """One set: mark, truth beside findings (with look-alikes and share removed), unknown, time."""
     said = "; ".join(_finding_words(one) for one in answer["findings"]) or "-"
     unknown = answer.get("unknown")
-    place = f"  unknown: {unknown['channel']} {unknown.get('law') or ''}" if unknown else ""
+    where = (unknown.get("place") or unknown["channel"], unknown.get("law") or "") if unknown else ()
+    place = f"  unknown: {' '.join(where)}" if where else ""
     truth = truth or ", ".join(graded.hidden) or "none"
     verdict = answer["verdict"]
     why = f" ({answer['sentence'].strip().splitlines()[-1]})" if verdict in ("failed", "refused") else ""

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from rover_sweep.data.vehicle_file import parse
-from tests.foreign.grade import grade
+from tests.foreign.grade import PLACES, grade
+from tests.foreign.outside_laws import OUTSIDE_LAWS
 from tests.foreign.shared import hidden_ids, vehicle_text
 from tests.foreign.summary import line, table, wilson
 
@@ -53,6 +54,17 @@ TWO = ("roll_steer", "tyre_saturation")
 )
 def test_marks(hidden: tuple[str, ...], answer: Any, mark: str) -> None:
     assert grade("1", "single", hidden, answer).mark == mark
+
+
+def test_the_place_of_an_unknown_law_counts_outside_the_list() -> None:
+    answer = said(unknown=True)
+    assert grade("1", "outside", ("outside:yaw_drag",), answer).placed is False
+    answer["unknown"] = {"channel": "r", "law": "yaw moment ~ r^3"}
+    graded = grade("1", "outside", ("outside:yaw_drag",), answer)
+    assert graded.placed is True and "place right" in table([graded])
+    assert "yaw moment ~ r^3" in line(graded, answer)
+    assert grade("1", "single", ("roll_steer",), answer).placed is None
+    assert set(PLACES) == {law.effect for law in OUTSIDE_LAWS}
 
 
 def test_a_name_is_counted_once_for_one_hidden_effect() -> None:

@@ -29,10 +29,15 @@ def _load(form: int) -> Applied:
     return apply
 
 
-def _ratio(rover: Rover, size: float, extras: Extras) -> Rover:
-    n, share = rover.numbers, exp(extras["sign"] * size / 2)
-    both = (n.Cf * n.Cr) ** 0.5
+def _ratio(rover: Rover, size: float, _extras: Extras) -> Rover:
+    """Softer in front: the other way a rover soon oversteers."""
+    n = rover.numbers
+    both, share = (n.Cf * n.Cr) ** 0.5, _front_over_rear(rover, size) ** 0.5
     return rover.of(Cf=both * share, Cr=both / share)
+
+
+def _front_over_rear(_rover: Rover, size: float) -> float:
+    return exp(-size)
 
 
 def _relaxing(form: float) -> Applied:
@@ -51,16 +56,7 @@ def _tyres() -> list[Law]:
     laws += [
         Law("load_transfer", "parabola", "tyre", 0.3, 4.0, _load(1), own=True),
         Law("load_transfer", "sin 2 atan", "tyre", 0.5, 3.0, _load(3)),
-        Law(
-            "front_rear_stiffness",
-            "ratio",
-            "axles",
-            0.22,
-            0.5,
-            _ratio,
-            extras=lambda _: {"sign": -1.0},
-            own=True,
-        ),
+        Law("front_rear_stiffness", "ratio", "axles", 0.22, 0.5, _ratio, value=_front_over_rear, own=True),
         Law("tyre_relaxation", "both axles", "tyre", 0.2, 1.5, _relaxing(0.0), "m", share_of_base, own=True),
         Law("tyre_relaxation", "front axle", "tyre", 0.3, 2.0, _relaxing(2.0), "m", share_of_base),
     ]
@@ -119,8 +115,8 @@ def _body() -> list[Law]:
             "roll_steer",
             "front axle",
             "roll",
-            0.2,
-            1.5,
+            0.15,
+            1.0,
             lambda r, s, e: r.of(roll_steer_front=e["sign"] * s),
             "rad/rad",
             extras=a_sign,
@@ -130,8 +126,8 @@ def _body() -> list[Law]:
             "roll_steer",
             "rear axle",
             "roll",
-            0.2,
-            1.5,
+            0.15,
+            1.0,
             lambda r, s, e: r.of(roll_steer_rear=e["sign"] * s),
             "rad/rad",
             extras=a_sign,
