@@ -32,7 +32,7 @@ def sentence_of(
     elif variance > SETTLED and findings:
         ratio = f"{variance**0.5:.1f} times the noise floor"
         parts.append(f"the remaining residual is {ratio}, and no function of the state predicts it")
-    return "; ".join(parts) or "nothing is missing: the residual is at the noise floor"
+    return "; ".join(parts) or "these runs show no missing effect: the residual is at the noise floor"
 
 
 def remarks_of(

@@ -34,7 +34,7 @@ def test_explained_is_at_the_noise_floor(
 
 def test_the_remaining_residual_is_given_in_multiples_of_the_noise() -> None:
     assert "2.0 times the noise floor" in sentence_of((finding(),), None, 4.0)
-    assert sentence_of((), None, 1.0).startswith("nothing is missing")
+    assert sentence_of((), None, 1.0).startswith("these runs show no missing effect")
 
 
 def test_a_finding_that_a_held_out_run_contradicts_is_reported() -> None:
