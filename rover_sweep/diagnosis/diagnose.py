@@ -51,6 +51,8 @@ from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment
+from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
+from rover_sweep.diagnosis.unexplained.modelled import in_model, with_laws_of
 from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unknown_place
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
@@ -119,11 +121,12 @@ def diagnose(
     speed = sum(run.mean_speed for run in used) / len(used)
     begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
     choice = choose(used, model, begin, options)
-    found = _answer(choice, used, held, settings)
+    found, laws = _answer(choice, used, held, settings)
     remarks = [f"the simulation follows the {settings.baseline} model"] if simulated else []
     if choice.stopped and limit is not None and time.monotonic() - started > limit:
         remarks.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
     whole = augmented(choice.last.model, choice.last.fitted.x, runs, [run.begin for run in used])
+    whole = in_model(whole, laws) if laws else whole
     return replace(found, seconds=time.monotonic() - started, remarks=(*remarks, *found.remarks), model=whole)
 
 
@@ -162,7 +165,8 @@ def _start(parameters: Mapping[str, float]) -> dict[str, float]:
 
 def _answer(
     choice: Choice, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
-) -> Diagnosis:
+) -> tuple[Diagnosis, FoundLaws | None]:
+    """(the diagnosis without its model, the laws of the unknown that belong into the model)."""
     first, last = choice.first, choice.last
     drawn = draw_coordinates(last, settings.seed)
     models = _Models(FittedModel(first.model, first.fitted.x), FittedModel(last.model, last.fitted.x))
@@ -172,12 +176,13 @@ def _answer(
     findings = (*(_finding(n, choice, drawn, held_out, models) for n in choice.named), *speed.findings)
     places = mismatches(first.problem.plain, first.closest.rows)
     left = _unknown(choice, findings, speed.unknown, places, settings.seed)
+    left, laws = with_laws_of(left, last, held_out) if left and not choice.exceeded else (left, None)
     variance = last.fitted.data_cost / last.problem.size
     cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
     if not choice.stopped:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     withdrawn = () if choice.exceeded else choice.withdrawn
-    return Diagnosis(
+    answer = Diagnosis(
         verdict=verdict_of(findings, left, variance, choice.stopped),
         sentence=sentence_of(findings, left, variance, choice.stopped),
         baseline=settings.baseline,
@@ -194,6 +199,7 @@ def _answer(
         runs=tuple(r.name for r in used),
         held_out_runs=tuple(r.name for r in held),
     )
+    return answer, laws
 
 
 def _speed_answer(

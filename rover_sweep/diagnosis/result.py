@@ -106,11 +106,51 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class LawCurve:
+    """A law without a name, fitted in the model: y over x with its 90 % band, at one place of the equations.
+
+    place: "steering", "side force front", "side force rear", "side force", "yaw moment", "roll moment",
+    "speed" or "sensor of r" (ay, p, vy). alternatives: other places that explain nearly as much. over: the
+    quantity x, in `over_unit`; y in `unit`. times: quantity that y is multiplied by, "" for none. memory: ""
+    for none, "lag" or "play" of `size`, see `simulation.table_law`. gain: drop of chi-squared.
+    """
+
+    place: str
+    alternatives: tuple[str, ...]
+    over: str
+    over_unit: str
+    unit: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    gain: float
+    times: str = ""
+    memory: str = ""
+    size: float = 0.0
+
+
+@dataclass(frozen=True)
+class LawHeldOut:
+    """A held-out run without and with the curves: mean square of a row, 1 at the noise floor.
+
+    share_left: (after - 1)/(before - 1), None where `before` is at the floor.
+    """
+
+    run: str
+    before: float
+    after: float
+    share_left: float | None
+
+
+@dataclass(frozen=True)
 class Unknown:
     """A misfit that no candidate explains.
 
     channel: where it is. depends_on: functions of the state, a condition or a parameter. law: fitted terms,
     "place ~ function + ..."; law_gain: share of the held-out residual above the floor that they predict.
+    place, alternatives: of the first curve. curves: fitted in the model; empty where no law holds on data
+    that did not choose it. could_be, next_run: what it could be and the run that would tell more, in words.
     """
 
     channel: str
@@ -119,6 +159,12 @@ class Unknown:
     sentence: str
     law: str = ""
     law_gain: float | None = None
+    place: str = ""
+    alternatives: tuple[str, ...] = ()
+    curves: tuple[LawCurve, ...] = ()
+    held_out: tuple[LawHeldOut, ...] = ()
+    could_be: str = ""
+    next_run: str = ""
 
 
 @dataclass(frozen=True)

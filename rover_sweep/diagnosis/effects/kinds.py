@@ -63,12 +63,13 @@ class VehicleEffect(KernelEffect):
 class ForceEffect(Effect):
     """Adds forces to the body. act: (motion, q, mass [kg]) -> side force, yaw moment, roll moment.
 
-    iterate: the force depends on the motion that it causes, so that the simulation repeats.
+    iterate: the force depends on the motion that it causes, so that the simulation repeats, `passes` times.
     weight: the side force is a part of the weight, which an accelerometer does not measure.
     """
 
     act: Callable[[Motion, Values, float], Force]
     iterate: bool = False
+    passes: int = 3
     weight: bool = False
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rover_sweep.diagnosis.effects import Effect
     from rover_sweep.diagnosis.simulation.candidates import Model
     from rover_sweep.diagnosis.simulation.simulator import Structure
+    from rover_sweep.diagnosis.simulation.table_law import TableLaw
 
 DERIVATIVES = tuple(f"{row}_{c}" for row in "YLN" for c in ("v", "p", "r", "phi", "delta"))
 SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
@@ -42,11 +43,14 @@ class AugmentedModel:
     wait: float = 0.0
     happened_in: str = ""
     happened_at: float | None = None
+    laws: tuple[TableLaw, ...] = ()
+    """Laws without a name, fitted together with the coordinates."""
 
     @property
     def name(self) -> str:
         """The baseline and its effects, such as "roll-yaw with tyre_relaxation"."""
-        return " with ".join((self.baseline, " and ".join(self.effects))) if self.effects else self.baseline
+        parts = (*self.effects, *(f"a law at the {law.place}" for law in self.laws))
+        return " with ".join((self.baseline, " and ".join(parts))) if parts else self.baseline
 
     @property
     def lumped(self) -> bool:
@@ -58,9 +62,10 @@ class AugmentedModel:
         """The structure for the simulation."""
         from rover_sweep.data.tolerances import Tolerances
         from rover_sweep.diagnosis.simulation.candidates import Model
+        from rover_sweep.diagnosis.simulation.table_law import with_laws
 
         model = Model(self.baseline, self.rover, Tolerances(), self.effects, self.happened_in)
-        return model.structure
+        return with_laws(model.structure, self.laws)
 
     @property
     def added(self) -> tuple[Effect, ...]:

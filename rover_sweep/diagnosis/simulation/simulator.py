@@ -29,7 +29,6 @@ from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.kernel import VehicleNumbers, roll_only, servo, single_track
 
 STEP = 1.0 / RATE
-PASSES = 3  # of a force that depends on the motion it makes
 Kind = TypeVar("Kind", bound=Effect)
 
 
@@ -102,7 +101,7 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     forces = structure.of(ForceEffect)
     pushed = (zero, zero, zero)
     found = base
-    for _ in range(PASSES if any(e.iterate for e in forces) else 1):
+    for _ in range(max((e.passes for e in forces if e.iterate), default=1)):
         if forces and ("r" in found or not any(e.iterate for e in forces)):
             pushed = _pushed(forces, found, x, structure.rover.mass, zero)
         y = single_track(delta, speed, grip, *pushed, np.array(q), structure.roll, q.sigma > 1e-6, STEP)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from rover_sweep.diagnosis.result import (
@@ -132,6 +133,12 @@ def _unknown(u: Unknown | None) -> dict[str, Any] | None:
         "sentence": u.sentence,
         "law": u.law or None,
         "law_gain": u.law_gain,
+        "place": u.place or None,
+        "alternatives": u.alternatives,
+        "curves": [asdict(c) for c in u.curves],
+        "held_out": [asdict(h) for h in u.held_out],
+        "could_be": u.could_be or None,
+        "next_run": u.next_run or None,
     }
 
 

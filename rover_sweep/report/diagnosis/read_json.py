@@ -13,6 +13,8 @@ from rover_sweep.diagnosis.result import (
     Finding,
     Fit,
     HeldOut,
+    LawCurve,
+    LawHeldOut,
     Mismatch,
     Profile,
     Unknown,
@@ -128,5 +130,21 @@ def _unknown(u: Mapping[str, Any] | None) -> Unknown | None:
     if u is None:
         return None
     return Unknown(
-        u["channel"], u["depends_on"], u["residual_over_noise"], u["sentence"], u["law"] or "", u["law_gain"]
+        u["channel"],
+        u["depends_on"],
+        u["residual_over_noise"],
+        u["sentence"],
+        u["law"] or "",
+        u["law_gain"],
+        u.get("place") or "",
+        tuple(u.get("alternatives") or ()),
+        tuple(_curve(c) for c in u.get("curves") or ()),
+        tuple(LawHeldOut(**h) for h in u.get("held_out") or ()),
+        u.get("could_be") or "",
+        u.get("next_run") or "",
     )
+
+
+def _curve(c: Mapping[str, Any]) -> LawCurve:
+    lists = {name: tuple(c[name]) for name in ("alternatives", "x", "y", "low", "high")}
+    return LawCurve(**{**c, **lists})

@@ -10,6 +10,7 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import LowPass
 from rover_sweep.diagnosis.settings import BASELINES
 from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
+from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law
 
 LARGEST = 1e6  # largest accepted physical number or derivative, SI units
 LARGEST_COORDINATE = 20.0  # of the fit's coordinates: s, rad, m, m/s^2, shares and logarithms
@@ -35,6 +36,7 @@ def augmented_document(model: AugmentedModel) -> dict[str, Any]:
         "wait_s": model.wait,
         "happened_in": model.happened_in or None,
         "happened_at_s": model.happened_at,
+        "laws": [asdict(law) for law in model.laws],
     }
 
 
@@ -59,9 +61,18 @@ def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
         wait=float(document["wait_s"]),
         happened_in=document["happened_in"] or "",
         happened_at=document["happened_at_s"],
+        laws=tuple(law_from(law) for law in document.get("laws", ())),
     )
     refuse_implausible(model)
     return model
+
+
+def law_from(document: Mapping[str, Any]) -> TableLaw:
+    """A law from its document; KeyError, TypeError or ValueError for an invalid one."""
+    numbers = [tuple(float(v) for v in document[name]) for name in ("x", "y")]
+    law = TableLaw(**{**document, "x": numbers[0], "y": numbers[1], "size": float(document["size"])})
+    refuse_law(law)
+    return law
 
 
 def refuse_implausible(model: AugmentedModel) -> None:
