@@ -21,12 +21,12 @@ from tests.foreign.tyres import dead_zone, load_factor, side_force
 Array = NDArray[np.float64]
 STATES = 12
 GRAVITY = 9.81
-CREEP = 0.1  # m/s: below it a slip angle has no meaning
+CREEP = 0.1  # m/s: below it tyres resist in proportion to the sliding speed
 # columns of a step's surroundings
 SURFACE, SHIFT, WIND_X, WIND_Y, ROAD_Y, ROAD_YAW, ROAD_ROLL = range(7)
 
 
-@njit(cache=True)
+@njit
 def derivative(x: Array, delta: float, around: Array, wanted: float, n: Numbers, out: Array) -> None:
     """out: (15,) rates of the state, then front side force, front slip angle, and gravity to the left.
 
@@ -51,7 +51,7 @@ def derivative(x: Array, delta: float, around: Array, wanted: float, n: Numbers,
         along, across = vx * cos + vy * sin, vy * cos - vx * sin
         alpha = math.atan2(across, max(abs(along), CREEP))
         if n.sigma > 0.0 and (n.sigma_form < 2.0 or k < 2):
-            out[6 + k] = max(abs(along), CREEP) / n.sigma * (alpha - x[6 + k])
+            out[6 + k] = max(abs(along), 5 * CREEP) / n.sigma * (alpha - x[6 + k])
             alpha = x[6 + k]
         else:
             out[6 + k] = 0.0
@@ -63,7 +63,7 @@ def derivative(x: Array, delta: float, around: Array, wanted: float, n: Numbers,
             stiffness *= load_factor(load, static, n.load_k, n.load_form)
         if n.tyre_dead_zone > 0.0:
             alpha = dead_zone(alpha, n.tyre_dead_zone)
-        f = side_force(alpha, stiffness, n.mu * static, n.tyre_form) * min(1.0, abs(along) / CREEP)
+        f = side_force(alpha, stiffness, n.mu * static, n.tyre_form)
         fx -= f * sin
         fy += f * cos
         mz += ahead * f * cos + left * f * sin
@@ -105,7 +105,7 @@ def derivative(x: Array, delta: float, around: Array, wanted: float, n: Numbers,
     out[12], out[13], out[14] = front, slip_front, gy
 
 
-@njit(cache=True)
+@njit
 def _wheel_angle(k: int, delta: float, phi: float, left: float, base: float, n: Numbers) -> float:
     if k >= 2:
         return n.roll_steer_rear * phi + n.rear_share * delta
@@ -113,7 +113,7 @@ def _wheel_angle(k: int, delta: float, phi: float, left: float, base: float, n: 
     return delta * (1.0 + n.ackermann * delta * left / base) + n.roll_steer_front * phi
 
 
-@njit(cache=True)
+@njit
 def _dry(p: float, n: Numbers) -> float:
     """Friction moment in the suspension. Forms: 0 tanh, 1 Stribeck (more at rest), 2 progressive, sqrt."""
     if n.friction <= 0.0:

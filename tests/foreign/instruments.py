@@ -78,7 +78,7 @@ def sensed(motion: Array, rover: Rover, rng: Generator, noise: bool = True) -> d
     if i.unbalance:
         x["ay"] = x["ay"] + i.unbalance * np.sin(np.cumsum(x["speed"]) * DT * turning) * np.tanh(x["speed"])
     if i.tone:
-        wander = coloured(np.random.default_rng(11), steps, 1.0)
+        wander = coloured(np.random.default_rng(int(1e6 * abs(x["psi"][0]))), steps, 1.0)
         phase = 2 * np.pi * np.cumsum(i.tone_hz * (1 + 0.1 * wander)) * DT
         x["ay"] = x["ay"] + i.tone * np.sin(phase) * np.tanh(x["speed"])
         x["p"] = x["p"] + 0.03 * i.tone * np.sin(phase + 1.0) * np.tanh(x["speed"])

@@ -1,4 +1,7 @@
-"""Integration of a run at 1 kHz: Heun's method for the chassis, semi-implicit Euler for the steering."""
+"""Integration of a run at 1 kHz: Heun's method for the chassis, semi-implicit Euler for the steering.
+
+Compiled in each process: numba's cache would not see a change in another file.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ DT = 1e-3  # s
 COLUMNS = ("u", "v", "r", "phi", "p", "psi", "v_dot", "r_dot", "p_dot", "delta", "gy")
 
 
-@njit(cache=True)
+@njit
 def integrated(command: Array, wanted: Array, around: Array, start: Array, n: Numbers) -> Array:
     """(steps, 11) of COLUMNS from rest or from `start` (12,), at every DT.
 

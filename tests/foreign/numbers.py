@@ -55,7 +55,6 @@ class Numbers(NamedTuple):
     resonance_z: float = 0.15
     compliance: float = 0.0
     compliance_form: float = 0.0
-    trail: float = 0.0  # pneumatic trail at small slip
     rear_share: float = 0.0
     roll_steer_front: float = 0.0
     roll_steer_rear: float = 0.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi
-
 from tests.foreign.law import Applied, Extras, Law, a_sign, share_of_base
 from tests.foreign.rover import Rover
 
@@ -15,10 +13,6 @@ def _tilt(about: int) -> Applied:
         return rover.sensing(tilt=tuple(angles))
 
     return apply
-
-
-def _hz(_rover: Rover, size: float) -> float:
-    return 1 / (2 * pi * size)
 
 
 def _forward(rover: Rover, size: float, extras: Extras) -> Rover:
@@ -42,8 +36,7 @@ def _sensors() -> list[Law]:
             0.02,
             0.12,
             _gyro_lag(form),
-            "Hz",
-            _hz,
+            "s",
             own=form == "second order",
         )
         for form in ("second order", "first order", "delay")
@@ -57,8 +50,7 @@ def _sensors() -> list[Law]:
             0.02,
             0.12,
             lambda r, s, e: r.sensing(accel_lag=s),
-            "Hz",
-            _hz,
+            "s",
         ),
         Law(
             "sensor_scale",

@@ -28,7 +28,7 @@ STATES = 9
 COMPLIANCE_LAG = 0.004  # s: the linkage yields at once
 
 
-@njit(cache=True)
+@njit
 def steering_step(
     state: NDArray[np.float64],
     u: float,
@@ -64,14 +64,14 @@ def steering_step(
     return angle
 
 
-@njit(cache=True)
+@njit
 def _limited(wanted: float, n: Numbers) -> float:
     if n.rate_form == 1.0:
         return n.rate * math.tanh(wanted / n.rate)
     return max(-n.rate, min(n.rate, wanted))
 
 
-@njit(cache=True)
+@njit
 def _without_deadband(e: float, w: float, form: float) -> float:
     if w <= 0.0:
         return e
@@ -82,7 +82,7 @@ def _without_deadband(e: float, w: float, form: float) -> float:
     return math.copysign(max(abs(e) - w, 0.0), e)
 
 
-@njit(cache=True)
+@njit
 def _after_stiction(state: NDArray[np.float64], target: float, n: Numbers) -> float:
     """The target that the servo follows; state[3] says whether it moves."""
     if n.stiction <= 0.0:
@@ -102,7 +102,7 @@ def _after_stiction(state: NDArray[np.float64], target: float, n: Numbers) -> fl
     return target
 
 
-@njit(cache=True)
+@njit
 def _after_play(state: NDArray[np.float64], before: float, n: Numbers, dt: float) -> float:
     angle, b = state[0], n.play
     if b <= 0.0:
@@ -122,7 +122,7 @@ def _after_play(state: NDArray[np.float64], before: float, n: Numbers, dt: float
     return angle - b * state[5]
 
 
-@njit(cache=True)
+@njit
 def _bent(angle: float, n: Numbers) -> float:
     c = n.curve
     if c != 0.0:

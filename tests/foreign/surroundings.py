@@ -28,7 +28,7 @@ def around(rover: Rover, drive: Drive, rng: Generator, noise: bool = True) -> Ar
     after = (_number(drive) > s.run) | ((_number(drive) == s.run) & (t - drive.begin > s.at))
     out[:, SHIFT] = np.where(after, s.shift, 0.0)
     if s.wind:
-        force = n.m * s.wind * (1 + s.gusts * coloured(np.random.default_rng(7), t.size, GUST_LAG))
+        force = n.m * s.wind * (1 + s.gusts * coloured(_same_gusts(drive), t.size, GUST_LAG))
         out[:, WIND_X] = force * np.cos(s.wind_heading)
         out[:, WIND_Y] = force * np.sin(s.wind_heading)
     if noise:
@@ -44,6 +44,11 @@ def coloured(rng: Generator, size: int, lag: float) -> Array:
     """Noise (size,) of rms 1 through a first-order low-pass with time constant `lag` [s]."""
     keep = np.exp(-DT / lag)
     return np.asarray(lfilter([np.sqrt(1 - keep * keep)], [1.0, -keep], rng.normal(size=size)))
+
+
+def _same_gusts(drive: Drive) -> Generator:
+    """The gusts of a run are the same with and without noise."""
+    return np.random.default_rng(int(drive.opened * 1e6))
 
 
 def _number(drive: Drive) -> int:

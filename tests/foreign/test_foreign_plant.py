@@ -153,6 +153,10 @@ def test_gravity_on_a_slope_is_not_felt_as_a_turn() -> None:
     found = turn(n, 0.0, 2.0)
     assert found["gy"][0] == pytest.approx(9.81 * np.sin(0.05))
     assert found["v"][500:1000].mean() > 0  # downhill, to the left
+    for still in (n, n._replace(sigma=0.3), n._replace(tyre_form=2.0, mu=0.5)):
+        parked = turn(still, 0.0, 4.0, speed=0.0)
+        assert np.max(np.abs(parked["v"])) < 0.03 and np.max(np.abs(parked["r"])) < 0.03
+        assert abs(parked["v_dot"][-1]) < 0.01  # so that an accelerometer reads the slope
 
 
 def test_yaw_damping_wind_and_friction_act_as_they_should() -> None:
