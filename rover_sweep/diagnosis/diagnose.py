@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
-import numpy as np
-
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.choose import Choice, Named, choose
@@ -24,7 +22,7 @@ from rover_sweep.diagnosis.held_out.worth import (
     refitted_without,
 )
 from rover_sweep.diagnosis.locate.locate import mismatches
-from rover_sweep.diagnosis.problem.noise_floor import WINDOW, quiet_frames
+from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -145,7 +143,7 @@ def _refuse(runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSetti
 
 def _refuse_without_floor(used: Sequence[Experiment]) -> None:
     """DataRefused where the steering excites all frequencies in all frames: no noise floor can be found."""
-    if not np.any(quiet_frames(used)[1]):
+    if not has_floor(used):
         longest = max(float(run.t[-1]) for run in used)
         raise DataRefused(
             f"the runs are too short to find their noise floor: the longest has {longest:.1f} s, and the "

@@ -18,7 +18,7 @@ Law = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class SmallCar:
-    """A 1:10 car. c: N/rad per axle; delay: s; limit: rad, largest angle that the wheels reach."""
+    """A 1:10 car. c: N/rad per axle; delay: s; limit: rad, of the wheels; lag: s, of the servo."""
 
     m: float = 3.0
     izz: float = 0.05
@@ -27,19 +27,24 @@ class SmallCar:
     c: float = 45.0
     delay: float = 0.06
     limit: float = 10.0
+    lag: float = 0.0
 
     def drive(self, command: np.ndarray, speed: float) -> dict[str, np.ndarray]:
         """V_y, r and a_y (n,) at the CG from the commanded angle (n,) [rad], every `STEP` s."""
+        before = np.full(int(2.0 / STEP), command[0])  # so that a trial begins in a steady turn
         late = int(round(self.delay / STEP))
-        wheel = np.clip(
-            np.concatenate((np.full(late, command[0]), command[: command.size - late])), *self.ends
-        )
+        held = np.concatenate((before, np.full(late, command[0]), command))[: before.size + command.size]
+        wheel = np.clip(held, *self.ends)
+        if self.lag:
+            keep = np.exp(-STEP / self.lag)
+            wheel = signal.lfilter([1 - keep], [1, -keep], wheel)
         m, i, a, b, c = self.m, self.izz, self.a, self.b, self.c
         f = np.array([[-2 * c / m / speed, -speed - (a - b) * c / m / speed],
                       [-(a - b) * c / i / speed, -(a * a + b * b) * c / i / speed]])  # fmt: skip
         g = np.array([[c / m], [a * c / i]])
         h = np.array([[1.0, 0.0], [0.0, 1.0], [f[0, 0], f[0, 1] + speed]])
         y = signal.lsim((f, g, h, np.array([[0.0], [0.0], [c / m]])), wheel, np.arange(wheel.size) * STEP)[1]
+        y = y[before.size :]
         return {"vy": y[:, 0], "r": y[:, 1], "ay": y[:, 2]}
 
     @property

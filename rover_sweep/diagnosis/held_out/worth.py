@@ -69,7 +69,7 @@ def _scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
     """
     log = whole.log(run)
     level = level_of(run, {c: y - log[c] for c, y in centred(run).items()}, floor)
-    return Floor(floor.f, {c: d * level.get(c, 1.0) for c, d in floor.density.items()})
+    return Floor(floor.f, {c: d * level.get(c, 1.0) for c, d in floor.density.items()}, floor.top)
 
 
 def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) -> HeldOut:

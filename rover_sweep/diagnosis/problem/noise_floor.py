@@ -12,6 +12,7 @@ estimate Gyy (1 - coherence) would contain the distortion that the diagnosis loo
    multiples up to `HARMONICS`, the mean, and `GUARD` Hz on either side are left out.
 4. The density at a frequency is the mean of the remaining frames of all runs, at least four; where fewer
    remain it is interpolated in log density. Five lines with weights 1 2 3 2 1 smooth the result.
+5. Runs without any known low-pass, as in tables, have the bounds of `local_noise` in addition.
 
 A mean over m independent frames has the relative standard deviation 1/sqrt(m) (Bendat and Piersol 2010,
 chapter 8); `locate.residual_maps.floor_error` has the value measured for these overlapping frames.
@@ -23,16 +24,26 @@ Bendat and Piersol 2010: Random Data, 4th edition, Wiley.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.problem.local_noise import (
+    band_level,
+    bounded,
+    incoherent_density,
+    is_table,
+    pooled_local,
+    resolved_top,
+)
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 
 WINDOW = 4.0  # s
+LEAST_WINDOW = 1.5  # s, of short trials
+REPEATS = 5  # trials from which short ones together give a floor
 HARMONICS = 5
 GUARD = 0.6  # Hz, reach of a line to either side: a Hann window of 4 s, and the sweep moves
 RESOLVED = 1.0  # Hz, from which taking out mean and slope costs no power
@@ -42,10 +53,14 @@ EXCITED = 0.04  # of the largest steering amplitude
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """One-sided noise density per channel: f (k,) Hz, density {channel: (k,)} unit^2/Hz."""
+    """One-sided noise density per channel: f (k,) Hz, density {channel: (k,)} unit^2/Hz.
+
+    top: {channel: highest frequency that it resolves [Hz]}, where smoothing or resampling limits it.
+    """
 
     f: Array
     density: Mapping[str, Array]
+    top: Mapping[str, float] = field(default_factory=dict)
 
     def at(self, channel: str, f: Array) -> Array:
         """Density (n,) at f (n,) [Hz], log-linear between the estimates, flat above them.
@@ -64,24 +79,55 @@ class Floor:
 
 def floor_of(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Floor:
     """The floor pooled over runs, from the residuals {channel: (n,)} of each, in SI units."""
-    size = int(WINDOW * RATE)
+    size = frame_size(runs)
     f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
     channels = sorted({c for r in residuals for c in r})
     quiet = [_quiet(run, f, size) for run in runs]
-    density = {}
+    density: dict[str, Array] = {}
+    top: dict[str, float] = {}
     for channel in channels:
-        powers = [
-            np.where(mask, _power(found[channel], size), np.nan)
-            for mask, found in zip(quiet, residuals, strict=True)
+        own = [
+            (run, mask, found[channel])
+            for run, mask, found in zip(runs, quiet, residuals, strict=True)
             if channel in found
         ]
-        density[channel] = _pooled(np.concatenate(powers), f)
-    return Floor(f[1:], density)
+        power = np.concatenate([np.where(mask, _power(x, size), np.nan) for _, mask, x in own])
+        if not is_table(runs):
+            density[channel] = _pooled(power, f)
+            continue
+        drive = np.concatenate([_lines(run.steer * run.speed, size) for run, _, _ in own])
+        rest = np.concatenate([_lines(x, size) for _, _, x in own])
+        averages = sum(max(run.t.size / size, 1.0) for run, _, _ in own if run.t.size >= size)
+        local = np.fmin(
+            pooled_local([run for run, _, _ in own], [x for _, _, x in own], f[1:]),
+            incoherent_density(drive, rest, averages)[1:],
+        )
+        density[channel] = bounded(f[1:], _pooled(power, f, local))
+        measured = np.concatenate([_power(run.measured[channel], size) for run, _, _ in own]).mean(axis=0)
+        limit = resolved_top(f[1:], measured[1:], band_level(f[1:], density[channel]))
+        top |= {channel: limit} if np.isfinite(limit) else {}
+    return Floor(f[1:], density, top)
+
+
+def frame_size(runs: Sequence[Experiment]) -> int:
+    """Samples of a frame: `WINDOW`, or of `REPEATS` short trials the shortest."""
+    lengths = [run.t.size for run in runs]
+    if max(lengths) >= WINDOW * RATE or len(runs) < REPEATS:
+        return int(WINDOW * RATE)
+    return min(n for n in lengths if n >= min(LEAST_WINDOW * RATE, max(lengths)))
+
+
+def has_floor(runs: Sequence[Experiment]) -> bool:
+    """True where a noise floor can be found: from quiet lines, or in a table from neighbouring lines."""
+    long = max(run.t.size for run in runs) >= 2 * WINDOW * RATE
+    if is_table(runs) and (long or len(runs) >= REPEATS):
+        return True
+    return bool(np.any(quiet_frames(runs)[1]))
 
 
 def quiet_frames(runs: Sequence[Experiment]) -> tuple[Array, Array]:
     """(f (k,) Hz, number (k,) of frames of all runs that are not excited at that frequency)."""
-    size = int(WINDOW * RATE)
+    size = frame_size(runs)
     f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
     count = np.sum([np.sum(_quiet(run, f, size), axis=0) for run in runs], axis=0)
     return f[1:], np.asarray(count[1:], np.float64)
@@ -93,7 +139,7 @@ def level_of(run: Experiment, residual: Mapping[str, Array], floor: Floor) -> di
     residual {channel: (n,)}: of a model that fits. Mean over all quiet lines that a frame resolves; 1 where
     they are fewer than `ENOUGH`.
     """
-    size = int(WINDOW * RATE)
+    size = frame_size([run])
     f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
     out = {}
     for channel, x in residual.items():
@@ -111,13 +157,18 @@ def _frames(x: Array, size: int) -> Array:
 
 def _power(x: Array, size: int) -> Array:
     """One-sided density (m, k) of each frame, unit^2/Hz."""
+    return np.asarray(np.abs(_lines(x, size)) ** 2)
+
+
+def _lines(x: Array, size: int) -> NDArray[np.complex128]:
+    """Lines (m, k) of each frame, whose squares are its one-sided density in unit^2/Hz."""
     frames = _frames(x, size)
     k = np.arange(size) - 0.5 * (size - 1)
     slope = (frames @ k) / (k @ k)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size)
     flat = frames - frames.mean(axis=1, keepdims=True) - slope[:, None] * k
-    power = np.abs(np.fft.rfft(flat * window, axis=1)) ** 2 * (2 / (RATE * np.sum(window**2)))
-    return np.asarray(power / _retained(size))
+    scale = np.sqrt(2 / (RATE * np.sum(window**2)) / _retained(size))
+    return np.asarray(np.fft.rfft(flat * window, axis=1) * scale)
 
 
 @cache
@@ -137,7 +188,7 @@ def _quiet(run: Experiment, f: Array, size: int) -> NDArray[np.bool_]:
     window = np.hanning(size)
     lines = np.abs(np.fft.rfft(flat * window, axis=1)) / (0.25 * size)
     excited = lines > EXCITED * run.amplitude
-    reach = int(np.ceil(GUARD / f[1]))
+    reach = int(np.ceil(max(GUARD, 2.4 * f[1]) / f[1] - 1e-9))
     quiet = np.ones_like(excited)
     for row in range(excited.shape[0]):
         for k in np.flatnonzero(excited[row]):
@@ -146,11 +197,16 @@ def _quiet(run: Experiment, f: Array, size: int) -> NDArray[np.bool_]:
     return quiet
 
 
-def _pooled(power: Array, f: Array) -> Array:
-    """Mean density (k-1,) of the quiet frames where there are at least four, else from the neighbours."""
+def _pooled(power: Array, f: Array, local: Array | None = None) -> Array:
+    """Mean density (k-1,) of the quiet frames where there are at least four, else from the neighbours.
+
+    local (k-1,): density to take instead of the neighbours', for lines that are never quiet.
+    """
     count = np.sum(~np.isnan(power), axis=0)
     with np.errstate(invalid="ignore"):
         mean = np.where(count >= 4, np.nansum(power, axis=0) / np.maximum(count, 1), np.nan)
+    if local is not None:
+        mean[1:] = np.where(np.isnan(mean[1:]), local, mean[1:])
     known = np.flatnonzero(~np.isnan(mean[1:])) + 1
     if known.size < 3:
         mean = np.nanmin(np.where(np.isnan(power), np.inf, power), axis=0)

@@ -171,7 +171,13 @@ def centred(run: Experiment) -> dict[str, Array]:
 
 def _rows(run: Experiment, index: int, channel: str, floor: Floor, start: int) -> Rows:
     f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
-    top = min(TOP, 0.4 * run.rates.get(channel, RATE), HIGHEST.get(channel, TOP), 0.5 * run.steer_rate + 2.0)
+    top = min(
+        TOP,
+        0.4 * run.rates.get(channel, RATE),
+        HIGHEST.get(channel, TOP),
+        0.5 * run.steer_rate + 2.0,
+        floor.top.get(channel, TOP),
+    )
     chosen = np.flatnonzero((f >= max(LOWEST[channel], 0.6 / run.t[-1])) & (f <= top))
     energy = np.sum(run.taper**2)
     weight = 1.0 / np.sqrt(floor.at(channel, f[chosen]) * RATE / 4 * energy)

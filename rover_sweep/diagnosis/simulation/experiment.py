@@ -15,6 +15,7 @@ MARGIN = 1.5  # s of driving before and after the manoeuvre that are used, if re
 CHANNELS = ("r", "ay", "p", "vy")
 SMOOTH = 0.25  # s
 SLOWEST = 0.4  # m/s; a slip angle is not defined at standstill
+SLOW_SHARE = 0.5  # of the usual speed of a car that never drives much faster
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,7 @@ def experiment(run: Recording) -> Experiment:
     grid = start + np.arange(_fast(int((end - start) * RATE) + 1)) / RATE
     measured = {c: run[c].on(grid) for c in CHANNELS if c in run}
     speed = smoothed(run["speed"].on(grid))
+    slowest = min(SLOWEST, SLOW_SHARE * float(np.median(speed)))
     heading = np.unwrap(run["psi"].on(grid)) if "psi" in run else np.zeros(grid.size)
     rest = {c: run.bias(c) for c in measured}
     return Experiment(
@@ -69,7 +71,7 @@ def experiment(run: Recording) -> Experiment:
         run.kind,
         grid - grid[0],
         run["delta"].on(grid),
-        np.maximum(speed, SLOWEST),
+        np.maximum(speed, slowest),
         heading,
         measured,
         {c: b for c, b in rest.items() if b is not None},
@@ -99,7 +101,7 @@ def _clock(run: Recording, channel: str) -> str:
 def _driven(run: Recording) -> tuple[float, float]:
     start, end = run.span
     speed = run["speed"]
-    slow = speed.t[speed.x < SLOWEST]
+    slow = speed.t[speed.x < min(SLOWEST, SLOW_SHARE * float(np.median(run.manoeuvre("speed").x)))]
     before, after = slow[slow < start], slow[slow > end]
     first = max(start - MARGIN, float(before[-1]) if before.size else -np.inf, float(speed.t[0]))
     last = min(end + MARGIN, float(after[0]) if after.size else np.inf, float(speed.t[-1]))
