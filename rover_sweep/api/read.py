@@ -24,6 +24,7 @@ from rover_sweep.logs.read import read_runs
 from rover_sweep.quality.coherence import CoherenceVerdict, assess
 from rover_sweep.quality.length import each_with_length
 from rover_sweep.quality.rovers import with_rovers
+from rover_sweep.quality.steering_lock import stopped_at
 from rover_sweep.session.folder import is_session, kept_vehicle_file
 from rover_sweep.session.recordings import session_runs
 
@@ -172,8 +173,10 @@ def _of_session(
 
 def with_delta(run: Recording, vehicle: Vehicle) -> Recording:
     """The run with `delta` [rad], from pwm and the steering of the vehicle; DataRefused without steering."""
-    if "delta" in run:
-        return run
-    if "pwm" not in run:
-        raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
-    return through_linkage(steered(run, *vehicle.steering()), vehicle)
+    stop = vehicle.max_steering_angle
+    if "delta" not in run:
+        if "pwm" not in run:
+            raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
+        run = steered(run, *vehicle.steering())
+        return through_linkage(stopped_at(run, stop.value) if stop else run, vehicle)
+    return stopped_at(run, stop.value) if stop else run

@@ -50,7 +50,8 @@ class Vehicle:
     cg_height_above_roll_centre (h) [m]: CG of the sprung mass above the roll axis;
     roll_inertia [kg m^2] of the sprung mass about its own CG; yaw_inertia [kg m^2] of the whole vehicle
     about its CG; roll_yaw_inertia [kg m^2], Ixz in the sign of equation (18), 0 if not stated; friction:
-    peak side force of the tyres over their load [-];
+    peak side force of the tyres over their load [-]; max_steering_angle [rad] of the road wheels, at which
+    larger commands stop;
     trim_us [us]; rad_per_us [rad/us], positive where a larger PWM turns right; measured by `bench`:
     asymmetry e [-], nonlinearity c3 [1/rad^2], deadband, backlash (halves) [rad], servo_lag,
     servo_delay [s], servo_rate_limit [rad/s], all at the road wheel;
@@ -69,6 +70,7 @@ class Vehicle:
     yaw_inertia: Measured | None = None
     roll_yaw_inertia: Measured | None = None
     friction: Measured | None = None
+    max_steering_angle: Measured | None = None
     trim_us: Measured | None = None
     rad_per_us: Measured | None = None
     asymmetry: Measured | None = None

@@ -41,6 +41,9 @@ KEYS: dict[str, Key] = {
         "kg m^2", "product of inertia Ixz", "roll_yaw_inertia = 0.0  # kg m^2", sign=0
     ),
     "vehicle.friction": Key("-", "peak side force over load", "friction = 0.8"),
+    "vehicle.max_steering_angle": Key(
+        "rad", "road-wheel angle at the end stops", "max_steering_angle = 0.34  # rad"
+    ),
     "steering.trim_us": Key("us", "PWM that drives straight", "trim_us = 1500  # us", required=True),
     "steering.rad_per_us": Key(
         "rad/us", "road-wheel angle per us", "rad_per_us = 0.00095  # rad/us", sign=0, required=True
@@ -62,7 +65,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "fit": ("free",),
     "material": tuple(MATERIAL),
 }
-FREE_KEYS = tuple(key for key in SECTIONS["vehicle"] if key not in ("name", "friction"))
+NEVER_FREE = ("name", "friction", "max_steering_angle")
+FREE_KEYS = tuple(key for key in SECTIONS["vehicle"] if key not in NEVER_FREE)
 SYMBOLS = {
     "a": "cg_to_front_axle",
     "b": "cg_to_rear_axle",

@@ -16,6 +16,7 @@ from rover_sweep.logs.runs.wave import MOVING_SPEED
 from rover_sweep.quality.clock_rate import stretched_by_applet, stretched_by_arrival
 from rover_sweep.quality.faults import with_faults
 from rover_sweep.quality.relations import relations
+from rover_sweep.quality.steering_lock import at_both_stops
 
 BOAT, BALANCE_BOT = 2, 3  # FRAME_CLASS (ArduRover 4.6 parameters)
 GAP = 3.0  # sampling intervals; a longer interval is a gap
@@ -123,6 +124,7 @@ def with_notes(run: Recording, log: Log) -> Recording:
         *hole_notes(run),
         *_sampling(run),
         *_stops(run, log),
+        *at_both_stops(run),
         *_full_scale(run),
         *_steering(run),
         *_biases(run),
