@@ -26,6 +26,7 @@ from sitl.plant.axles import GRAVITY, STICTION_SPEED, Axles
 from sitl.plant.effects.axle_effects import IDS, EffectAxles, friction_pole
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects.slope import Slope
+from sitl.plant.effects.table_laws import TableForces
 from sitl.plant.effects_table import number
 from sitl.plant.road import Road
 from sitl.plant.servo import Servo
@@ -93,6 +94,9 @@ class Plant:
         self._effects = EffectAxles(parameters, self._road) if IDS & effects.keys() else None
         self._axles: Axles = self._effects or Axles(parameters, self._road)
         self._forces = self._axles.forces
+        if parameters.laws:
+            a, b = parameters.cg_to_front_axle, parameters.cg_to_rear_axle
+            self._forces = TableForces(self._axles, parameters.laws, parameters.mass, a, b).forces
         self._relaxation = self._effects.relaxation if self._effects else None
         self._slope = Slope(effects) if "cross_slope" in effects else None
         self._constants = _constants(parameters)

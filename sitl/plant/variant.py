@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sitl.plant.effects_table import Effects, checked, merged
+from sitl.plant.plant_law import PlantLaw, table_laws
 from sitl.plant.variant_toml import read_toml
 
 VARIANTS = Path(__file__).parent / "variants"
@@ -84,6 +85,7 @@ class PlantParameters:
     gps_position_error: float
     gps_velocity_error: float
     effects: Effects = field(default_factory=dict, hash=False)
+    laws: tuple[PlantLaw, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -123,7 +125,7 @@ _MUST_BE_POSITIVE = (
     "error_time",
     "gps_interval",
 )
-_KINDS = {f.name: f.type for f in fields(PlantParameters) if f.name != "effects"}
+_KINDS = {f.name: f.type for f in fields(PlantParameters) if f.name not in ("effects", "laws")}
 
 
 def variant_names() -> tuple[str, ...]:
@@ -136,7 +138,7 @@ def load_variant(name_or_path: str | Path) -> PlantParameters:
 
     A file gives numbers by the field names of `PlantParameters`; with `base = "nominal"` (a name, or a
     path relative to the file) it needs only those that differ. A table `[effects]` adds physics that is not
-    nominal. Raises ValueError naming the wrong entry.
+    nominal, tables `[[table_law]]` laws without a name. Raises ValueError naming the wrong entry.
     """
     numbers = _numbers(_locate(name_or_path, Path.cwd()), ())
     missing = [name for name in _KINDS if name not in numbers]
@@ -171,7 +173,9 @@ def _numbers(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     inherited = _numbers(_locate(base, path.parent), (*seen, path)) if base is not None else {}
     own = checked(entries.pop("effects", {}), path.name)
     effects = merged(inherited.pop("effects", {}), own)
-    return {**inherited, **_checked(entries, path.name), **({"effects": effects} if effects else {})}
+    laws = (*inherited.pop("laws", ()), *table_laws(entries.pop("table_law", []), path.name))
+    added = {**({"effects": effects} if effects else {}), **({"laws": laws} if laws else {})}
+    return {**inherited, **_checked(entries, path.name), **added}
 
 
 def _checked(entries: Mapping[str, Any], where: str) -> dict[str, Any]:

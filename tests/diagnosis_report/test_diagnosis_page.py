@@ -118,3 +118,12 @@ def test_all_bounds_are_in_a_table() -> None:
     body = page(replace(EXPLAINED, cannot_see=bounded))
     assert "Could still hide (95 %): roll_steer -0.42 to 0.30." in body
     assert "-0.42 to 0.30</td>" in body and "at least 38</td>" in body and "8.0 %" in body
+
+
+def test_an_unknown_law_is_drawn_with_its_worth_on_the_held_out_run() -> None:
+    found = ALL["unexplained"]
+    assert found.unknown and found.unknown.curves
+    (picture,) = [p for p in planned(found) if p.name == "unknown-law"]
+    assert picture.png().startswith(b"\x89PNG")
+    assert "run4, held out: mean square 4.6 times the noise without the law, 1.2 with it" in page(found)
+    assert not [p for p in planned(PARTLY) if p.name == "unknown-law"]

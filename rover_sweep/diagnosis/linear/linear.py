@@ -111,6 +111,7 @@ def left_out(model: AugmentedModel) -> list[str]:
             numbers = ", ".join(f"{p} = {v:.4g} {unit}" for p, (v, unit, _) in model.reported(effect).items())
             why = "is not linear" if effect.id in NONLINEAR else "is not part of a linear model of the rover"
             out.append(f"{effect.id} ({effect.equation}; {numbers}) {why}")
+    out += [f"the law at the {law.place} over {law.over} is a table, not linear" for law in model.laws]
     constants = {"trim": ("trim of the steering", "rad"), "bias_ay": ("constant of a_y", "m/s^2")}
     for name, (what, unit) in constants.items():
         if abs(model.value(name)) > 1e-6:

@@ -99,12 +99,25 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     if not structure.slip:
         return _without_slip(base, structure, x, q, zero)
     forces = structure.of(ForceEffect)
-    pushed = (zero, zero, zero)
+    pushed = np.zeros((3, delta.size))
+    last: tuple[Array, Array] | None = None
     found = base
     for _ in range(max((e.passes for e in forces if e.iterate), default=1)):
         if forces and ("r" in found or not any(e.iterate for e in forces)):
-            pushed = _pushed(forces, found, x, structure.rover.mass, zero)
-        y = single_track(delta, speed, grip, *pushed, np.array(q), structure.roll, q.sigma > 1e-6, STEP)
+            new = np.stack(_pushed(forces, found, x, structure.rover.mass, zero))
+            pushed, last = _mixed(pushed, new, last)
+        y = single_track(
+            delta,
+            speed,
+            grip,
+            pushed[0],
+            pushed[1],
+            pushed[2],
+            np.array(q),
+            structure.roll,
+            q.sigma > 1e-6,
+            STEP,
+        )
         names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
         found = base | {name: y[:, k] for k, name in enumerate(names)}
     return found | {"weight": _weight(structure, found, x)}
@@ -113,6 +126,21 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
 def _lumped(base: dict[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
     weight = _weight(structure, base, x)
     return base | lumped_baseline.motion(base["delta"], base["V"], weight, x, STEP) | {"weight": weight}
+
+
+def _mixed(used: Array, new: Array, last: tuple[Array, Array] | None) -> tuple[Array, tuple[Array, Array]]:
+    """Forces (3, n) for the next pass, and what that pass needs: mixed so that the passes converge sooner.
+
+    used, new: those of this pass, and those of the motion that they caused. last: (new, new - used) before.
+    Anderson 1965: Iterative procedures for nonlinear integral equations, J. ACM 12(4), with depth one.
+    """
+    change = new - used
+    if last is None:
+        return new, (new, change)
+    step = change - last[1]
+    power = float(np.sum(step * step))
+    share = float(np.sum(step * change)) / power if power > 0.0 else 0.0
+    return new - share * (new - last[0]), (new, change)
 
 
 def _weight(structure: Structure, found: Mapping[str, Array], x: Values) -> Array:

@@ -32,6 +32,7 @@ CERTAIN = 60.0  # least drop of the cost in each half
 WORSE = 0.02  # rise of a held-out run's mean square at which a law does not hold
 REMOVED = 0.2  # least share of the held-out residual above the floor that the laws remove
 EXPLAINABLE = 1.05  # mean square of the rows above which a share is computed
+ALIKE_BY_NATURE = {"side force front": "steering", "steering": "side force front"}  # the same motion
 NATURAL = {
     ("steering", "delta"),
     ("steering", "delta_dot"),
@@ -139,8 +140,8 @@ def _next_law(
     others = sorted((k for k in alike if k != first), key=lambda k: -drops[k])
     law = tried[first].law
     places = dict.fromkeys(tried[k].law.place for k in others)
-    if law.place == "side force front":
-        places.setdefault("steering")
+    if law.place in ALIKE_BY_NATURE:
+        places.setdefault(ALIKE_BY_NATURE[law.place])
     confirmed = tried[first].score.confirmed / (above / 2)
     return FoundLaw(law, tuple(places), drops[first], confirmed), fitted[first][0]
 

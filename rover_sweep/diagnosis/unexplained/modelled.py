@@ -6,13 +6,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rover_sweep.diagnosis.held_out.worth import HeldOutRun
-from rover_sweep.diagnosis.problem.least_squares import sensitivities
-from rover_sweep.diagnosis.result import LawCurve, Unknown
+from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
+from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.result import LawCurve, LawHeldOut, Unknown
 from rover_sweep.diagnosis.search.rounds import Round
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.unexplained.curve_fit import curves
+from rover_sweep.diagnosis.unexplained.input_place import input_places
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaws, find_laws
-from rover_sweep.diagnosis.unexplained.law_words import could_be, law_sentence, next_run
+from rover_sweep.diagnosis.unexplained.law_words import could_be, law_sentence, next_run, place_words
+from rover_sweep.diagnosis.unexplained.transfers import transfers
 
 NO_LAW = "no law over one quantity of the motion predicts it on data that did not choose the law"
 
@@ -27,10 +30,10 @@ def with_laws_of(
     if left.channel == "V":
         return replace(left, place="speed"), None
     plain = last.problem.plain
-    found = find_laws(plain, sensitivities(plain, last.closest), {h.run.name: h.problem for h in held_out})
+    base = sensitivities(plain, last.closest)
+    found = find_laws(plain, base, {h.run.name: h.problem for h in held_out})
     if found is None or not found.holds:
-        judged = found.held_out if found else ()
-        return replace(left, sentence=f"{left.sentence}; {NO_LAW}", held_out=judged), None
+        return _without_law(left, plain, base, found.held_out if found else ()), None
     share = found.share_removed
     first = found.laws[0]
     words = [
@@ -52,6 +55,17 @@ def with_laws_of(
         ),
         found,
     )
+
+
+def _without_law(left: Unknown, problem: Problem, base: Fitted, judged: tuple[LawHeldOut, ...]) -> Unknown:
+    """The unknown with its most likely place, where one input would explain all channels."""
+    likely = input_places(problem, transfers(problem.runs, base.structure, base.x), base.rows)
+    words = [left.sentence, NO_LAW]
+    if likely:
+        where = " or ".join(place_words(p) for p in likely)
+        words.append(f"it has the pattern of an unmeasured input at {where}")
+    place, others = (likely[0], likely[1:]) if likely else ("", ())
+    return replace(left, sentence="; ".join(words), place=place, alternatives=others, held_out=judged)
 
 
 def in_model(model: AugmentedModel, found: FoundLaws) -> AugmentedModel:

@@ -20,7 +20,7 @@ from rover_sweep.report.diagnosis.tables import (
     unseen_table,
     value_table,
 )
-from rover_sweep.report.diagnosis.terminal import law_words
+from rover_sweep.report.diagnosis.terminal import held_out_lines, law_words
 from rover_sweep.report.identification.identification_json import AXES
 from rover_sweep.report.identification.page import Drawn, by_section
 from rover_sweep.report.templates import environment
@@ -57,6 +57,7 @@ def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Drawn) -
             costs=cost_table(found.held_out),
             falsified=falsified_table(found),
             law=sentence(law_words(found.unknown)) if found.unknown else "",
+            law_lines=[sentence(line) for line in held_out_lines(found.unknown)] if found.unknown else [],
             unknown=sentence(found.unknown.sentence) if found.unknown else "",
             unknown_channel=channel(found.unknown.channel) if found.unknown else "",
             unseen=unseen_table(found),

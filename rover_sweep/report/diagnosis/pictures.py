@@ -7,6 +7,7 @@ from functools import partial
 
 from rover_sweep.diagnosis.result import Diagnosis, Overlay
 from rover_sweep.report.identification.pictures import Picture
+from rover_sweep.report.pictures.law_curves import law_curves
 from rover_sweep.report.pictures.mismatch import drawable, mismatch
 from rover_sweep.report.pictures.overlay import overlay_figure
 from rover_sweep.report.pictures.scores import scores
@@ -22,10 +23,15 @@ SCORES = (
     "search kept."
 )
 
+LAW = (
+    "The law that was fitted in the model for the part without a name, with its 90 % band. A constant cannot "
+    "be separated from trim and biases, so the curve is relative to its value at 0 or to its mean."
+)
+
 
 def planned(found: Diagnosis) -> tuple[Picture, ...]:
     """All pictures of a diagnosis, not drawn yet."""
-    return (*_mismatches(found), *_runs(found), *_scores(found))
+    return (*_mismatches(found), *_runs(found), *_law(found), *_scores(found))
 
 
 def mismatch_section(index: int) -> str:
@@ -51,6 +57,11 @@ def _runs(found: Diagnosis) -> Iterator[Picture]:
         caption = f"{run}, {role}. {OVERLAY.format(most=most)}"
         section = "held-out" if held_out else "fitted"
         yield Picture(f"overlay-{k}", section, caption, partial(overlay_figure, tuple(channels), changed))
+
+
+def _law(found: Diagnosis) -> Iterator[Picture]:
+    if found.unknown and found.unknown.curves:
+        yield Picture("unknown-law", "unknown", LAW, partial(law_curves, found.unknown))
 
 
 def _scores(found: Diagnosis) -> Iterator[Picture]:

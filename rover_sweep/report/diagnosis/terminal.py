@@ -88,7 +88,7 @@ def _unknown(u: Unknown) -> Group:
     size = (
         f"{number(u.residual_over_noise, 2)} × the noise in {channel(u.channel)}, depends on {u.depends_on}"
     )
-    words = [u.sentence, size, law_words(u)]
+    words = [u.sentence, size, law_words(u), *held_out_lines(u)]
     return Group(Text("unknown", "bold yellow"), *(_indented(sentence(text)) for text in words if text))
 
 
@@ -98,6 +98,17 @@ def law_words(u: Unknown) -> str:
         return ""
     gain = "" if u.law_gain is None else f" (explains {100 * u.law_gain:.0f} % of it on held-out data)"
     return f"Fitted curve: {u.law}{gain}"
+
+
+def held_out_lines(u: Unknown) -> list[str]:
+    """The held-out runs without and with the fitted law, one sentence each."""
+    if not u.curves:
+        return []
+    return [
+        f"{h.run}, held out: mean square {number(h.before, 2)} times the noise without the law, "
+        f"{number(h.after, 2)} with it"
+        for h in u.held_out
+    ]
 
 
 def _indented(text: str) -> Sentence:

@@ -10,6 +10,7 @@ from math import isfinite, sqrt
 
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import UsageError
+from rover_sweep.report.export.variant_laws import exported_laws, law_lines, laws_not_in_the_plant
 
 LINEAR_TYRES = 4.0  # friction of practically linear tyres, for a model without tyre saturation
 BEND_ALIKE = 5.8  # friction^2 * bend for equal force loss of both tyre laws at half the axle load
@@ -52,6 +53,8 @@ def variant_text(model: AugmentedModel) -> str:
     ]
     if effects:
         lines += ["", "[effects]", *(f"{name} = {_table(values)}" for name, values in effects.items())]
+    for law in exported_laws(model):
+        lines += ["", *law_lines(law)]
     return "\n".join([*lines, ""])
 
 
@@ -79,6 +82,7 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
         out.append("the model does not roll: the centre of the sprung mass is on the roll axis")
     if model.structure.slip and "tyre_saturation" not in model.effects:
         out.append("the tyres do not saturate, as in the model: set friction before driving to the limit")
+    out += laws_not_in_the_plant(model)
     if "clock_offset" in model.effects:
         out.append(
             "a redrive uses the log's time stamps as they are: its motion is later than the log's by T"

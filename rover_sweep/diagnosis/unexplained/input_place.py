@@ -1,0 +1,83 @@
+"""The place of an unknown without a law: where one unmeasured input would explain all channels at once.
+
+At each Fourier line an input s at a place adds H s to the channels, H the model's frequency responses there.
+The residual's part along H is what such an input explains, whatever its course in time. The road does the
+same, so that the mean part in quiet blocks of lines is subtracted from that in loud ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.unexplained.transfers import RunTransfers
+
+BLOCK = 8  # lines whose level is one number
+LOUD, QUIET = 1.6, 1.2  # mean square of a block's rows from which, and up to which
+FEWEST = 4  # loud blocks
+ALIKE = 0.93  # share of the largest explained power from which another place is an alternative
+EXPLAINS = 0.5  # least share of the loud blocks' residual above the floor
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Lines of one run. level: mean square of their rows; rows: their number; explained {place: power}."""
+
+    level: float
+    rows: int
+    explained: Mapping[str, float]
+
+
+def input_places(problem: Problem, found: Sequence[RunTransfers], residual: Array) -> tuple[str, ...]:
+    """The places at which an input explains most of a residual (size,), the best first; () for none.
+
+    problem: without tolerances. A sensor is named before a force that explains as much: it needs one channel.
+    """
+    blocks = [b for k in range(len(found)) for b in _blocks(problem, found[k], k, residual)]
+    loud = [b for b in blocks if b.level >= LOUD]
+    quiet = [b for b in blocks if b.level <= QUIET]
+    if len(loud) < FEWEST:
+        return ()
+    above = sum((b.level - 1.0) * b.rows for b in loud)
+    explained = {}
+    for place in found[0].responses:
+        usual = float(np.mean([b.explained[place] for b in quiet])) if quiet else 0.0
+        explained[place] = sum(b.explained[place] - usual for b in loud)
+    best = max(explained.values())
+    if best < EXPLAINS * above:
+        return ()
+    alike = sorted((p for p in explained if explained[p] >= ALIKE * best), key=lambda p: -explained[p])
+    return tuple(sorted(alike, key=lambda p: not p.startswith("sensor")))
+
+
+def _blocks(problem: Problem, one: RunTransfers, run: int, residual: Array) -> list[_Block]:
+    rows = [r for r in problem.rows if r.run == run]
+    lines = np.unique(np.concatenate([r.bins for r in rows]))
+    at = [np.searchsorted(lines, r.bins) for r in rows]
+    parts = [residual[r.start : r.start + r.size].reshape(2, -1) for r in rows]
+    power, number = np.zeros(lines.size), np.zeros(lines.size)
+    for where, part in zip(at, parts, strict=True):
+        np.add.at(power, where, np.sum(part**2, axis=0))
+        np.add.at(number, where, 2.0)
+    explained = {}
+    for place, responses in one.responses.items():
+        along, size = np.zeros(lines.size, complex), np.zeros(lines.size)
+        for r, where, part in zip(rows, at, parts, strict=True):
+            if r.channel in responses:
+                h = responses[r.channel][r.bins] * r.weight
+                np.add.at(along, where, np.conj(h) * (part[0] + 1j * part[1]))
+                np.add.at(size, where, np.abs(h) ** 2)
+        explained[place] = np.abs(along) ** 2 / np.maximum(size, 1e-300)
+    edges = range(0, lines.size - BLOCK + 1, BLOCK)
+    return [
+        _Block(
+            float(np.sum(power[k : k + BLOCK]) / np.sum(number[k : k + BLOCK])),
+            int(np.sum(number[k : k + BLOCK])),
+            {place: float(np.sum(e[k : k + BLOCK])) for place, e in explained.items()},
+        )
+        for k in edges
+    ]

@@ -1,0 +1,50 @@
+"""The curves of an unknown law with their bands, and the held-out runs without and with them."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rover_sweep.diagnosis.result import LawCurve, LawHeldOut, Unknown
+from rover_sweep.report.pictures.style import BAND, MODEL_LINES, WIDTH, literal
+
+HEIGHT = 3.4  # in
+BEFORE, AFTER = "#BDBDBD", "#D55E00"
+
+
+def law_curves(unknown: Unknown) -> Figure:
+    """A panel for each curve, and one with the mean square of the held-out rows before and after."""
+    panels = len(unknown.curves) + bool(unknown.held_out)
+    figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
+    axes = np.atleast_1d(np.array(figure.subplots(1, panels)))
+    for curve, panel in zip(unknown.curves, axes, strict=False):
+        _curve(curve, panel)
+    if unknown.held_out:
+        _held_out(unknown.held_out, axes[-1])
+    return figure
+
+
+def _curve(curve: LawCurve, axes: Axes) -> None:
+    axes.axhline(0.0, color="#777777", linewidth=0.8)
+    axes.fill_between(curve.x, curve.low, curve.high, color=BAND, alpha=0.35, linewidth=0, label="90 % band")
+    axes.plot(curve.x, curve.y, marker="o", markersize=4, **MODEL_LINES["roll-yaw"], label="fitted law")
+    times = f", times {curve.times}" if curve.times else ""
+    memory = f" ({curve.memory} of {curve.size:.3g})" if curve.memory else ""
+    axes.set_title(literal(f"{curve.place}{times}"))
+    axes.set_xlabel(literal(f"{curve.over}{memory}, {curve.over_unit}"))
+    axes.set_ylabel(literal(curve.unit))
+    axes.legend()
+
+
+def _held_out(runs: tuple[LawHeldOut, ...], axes: Axes) -> None:
+    at = np.arange(len(runs))
+    axes.bar(at - 0.2, [h.before for h in runs], 0.38, color=BEFORE, label="without the law")
+    axes.bar(
+        at + 0.2, [h.after for h in runs], 0.38, color=AFTER, hatch="//", edgecolor="white", label="with it"
+    )
+    axes.axhline(1.0, color="#333333", linestyle=(0, (4, 2)), linewidth=1.0, label="noise")
+    axes.set_xticks(at, [literal(h.run) for h in runs])
+    axes.set_title("held-out runs: mean square over noise")
+    axes.grid(axis="x", visible=False)
+    axes.legend()
