@@ -86,7 +86,7 @@ def test_understeer_shows_less_than_oversteer() -> None:
 def test_the_needed_length_is_that_of_a_new_simulation() -> None:
     last = judged()
     signals = Signals(last.problem, last.model, last.fitted)
-    (side,) = sides(library()["steering_backlash"], last.model, ())
+    side = next(sides(library()["steering_backlash"], last.model, ()))
     growth = signals.growth(side, 6.0)
     assert growth is not None
     rows = signals.reach(side.effect).outside(signals.rows(side, growth.distance_of(6.0)))
@@ -97,7 +97,8 @@ def test_a_fitted_size_widens_the_bound() -> None:
     """A fitted ln ratio of -0.9 with a gain of 16 may be -0.15 - 0.75 (1 + 1.645/4) at 95 %."""
     last = judged()
     x = {**last.fitted.x, "ln_ratio": -0.9}
-    trial = Trial("front_rear_stiffness", last.model, replace(last.fitted, x=x), 16.0)
+    released = last.model.with_effect("front_rear_stiffness")
+    trial = Trial("front_rear_stiffness", released, replace(last.fitted, x=x), 16.0)
     found = upper_bounds(replace(last, trials=(trial,)), ("front_rear_stiffness",))
     low, usual = found[0].up_to["ratio"].low, bounds()["front_rear_stiffness"].up_to["ratio"]
     assert low == pytest.approx(exp(-0.15 - 0.75 * (1 + 1.645 / 4)))
