@@ -19,11 +19,12 @@ QUIET = 0.03  # share of the accelerometer's vibration at standstill
 def felt(motion: Array, rover: Rover) -> dict[str, Array]:
     """Undisturbed signals (steps,) at the IMU: r, p, ay, vy, speed, phi, psi; unfiltered."""
     i, n = rover.instruments, rover.numbers
-    u, v, r, phi, p, psi, v_dot, r_dot, p_dot, _, gy = (motion[:, k] for k in range(len(COLUMNS)))
+    u, v, r, phi, p, psi, v_dot, r_dot, p_dot, _, gy, shift = (motion[:, k] for k in range(len(COLUMNS)))
     cos, sin, z = np.cos(phi), np.sin(phi), i.imu_z
-    across = v_dot + u * r + r_dot * i.imu_x - z * (cos * p_dot - sin * p * p) + r * r * z * sin - gy
+    forward = i.imu_x - shift  # from the CG, where it is now
+    across = v_dot + u * r + r_dot * forward - z * (cos * p_dot - sin * p * p) + r * r * z * sin - gy
     up = -z * (sin * p_dot + cos * p * p) + GRAVITY * np.cos(n.slope)
-    ahead = -v * r - r * r * i.imu_x
+    ahead = -v * r - r * r * forward
     ay, az = cos * across + sin * up, cos * up - sin * across
     turn, roll = r * cos, p.copy()
     if i.mast > 0:
@@ -33,7 +34,7 @@ def felt(motion: Array, rover: Rover) -> dict[str, Array]:
         "r": turn + about_y * roll,
         "p": np.cos(about_z) * roll - about_y * turn,
         "ay": ay + np.sin(about_x) * az - np.sin(about_z) * ahead,
-        "vy": v + r * i.imu_x - z * cos * p,
+        "vy": v + r * forward - z * cos * p,
         "speed": u,
         "phi": phi,
         "psi": psi,

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 ROAD_LAG = 0.08  # s: a correlation length of some 20 cm
 GUST_LAG = 2.5  # s
 RAMP = 8.0  # s
+SLIDE = 0.5  # s, of the load
 WARMING = 150.0  # s
 
 
@@ -25,8 +26,12 @@ def around(rover: Rover, drive: Drive, rng: Generator, noise: bool = True) -> Ar
     t = np.arange(int(drive.length / DT)) * DT
     out = np.zeros((t.size, 7))
     out[:, SURFACE] = _surface(rover, drive, t)
-    after = (_number(drive) > s.run) | ((_number(drive) == s.run) & (t - drive.begin > s.at))
-    out[:, SHIFT] = np.where(after, s.shift, 0.0)
+    slid = (
+        np.clip((t - drive.begin - s.at) / SLIDE, 0.0, 1.0)
+        if _number(drive) == s.run
+        else _number(drive) > s.run
+    )
+    out[:, SHIFT] = s.shift * slid
     if s.wind:
         force = n.m * s.wind * (1 + s.gusts * coloured(_same_gusts(drive), t.size, GUST_LAG))
         out[:, WIND_X] = force * np.cos(s.wind_heading)

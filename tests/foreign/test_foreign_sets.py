@@ -118,3 +118,19 @@ def test_low_passes_have_their_gain() -> None:
     lag = 1 / (2 * np.pi * 4.0)
     assert np.std(lagged(wave_, lag, "first order")[3000:]) / np.std(wave_) == pytest.approx(0.707, abs=0.01)
     assert lagged(wave_, 0.05, "delay")[1050] == wave_[1000]
+
+
+def test_a_sliding_load_moves_the_cg_away_from_the_imu() -> None:
+    """V_y at the IMU, above the same place of the vehicle, hardly changes while the CG moves under it."""
+    some = rover()
+    plan = drives(np.random.default_rng(2), some)
+    law = next(one for one in OUTSIDE_LAWS if one.effect == "outside:sliding_cargo")
+    changed = law.apply(some, 0.1, {"sign": 1.0, "run": 1.0, "at": 10.0})
+    before, after = (
+        driven(one, plan[0], np.random.default_rng(1), noise=False)[2] for one in (some, changed)
+    )
+    until = round((plan[0].begin + 10.0) / DT)
+    assert np.array_equal(before["vy"][:until], after["vy"][:until])
+    r, gap = before["r"][until:], (after["vy"] - before["vy"])[until:]
+    assert np.max(np.abs(gap)) < np.max(np.abs(r)) * 0.1 * (some.numbers.a + some.numbers.b)
+    assert np.max(np.abs(after["r"] - before["r"])[until:]) > 0.01
