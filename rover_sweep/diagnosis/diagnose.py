@@ -22,7 +22,7 @@ from rover_sweep.diagnosis.held_out.worth import (
     refitted_without,
 )
 from rover_sweep.diagnosis.locate.locate import mismatches
-from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor
+from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -121,6 +121,7 @@ def diagnose(
     choice = choose(used, model, begin, options)
     found, laws = _answer(choice, used, held, settings)
     remarks = [f"the simulation follows the {settings.baseline} model"] if simulated else []
+    remarks += smoothed_channels(choice.last.problem.floor)
     if choice.stopped and limit is not None and time.monotonic() - started > limit:
         remarks.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
     whole = augmented(choice.last.model, choice.last.fitted.x, runs, [run.begin for run in used])

@@ -24,6 +24,9 @@ def test_nothing_is_named_in_smoothed_short_trials(tmp_path: Path) -> None:
     only = ("servo_lag", "servo_rate_limit", "steering_backlash", "tyre_saturation")
     found = rs.diagnose(fitted, held, baseline="bicycle", only=only)
     assert found.verdict == "none" and not found.findings
+    assert any(
+        "r was smoothed or resampled: its spectrum collapses above" in remark for remark in found.remarks
+    )
     stiffness = next(v for v in found.parameters if v.name == "C")
     assert stiffness.low is not None and stiffness.high is not None
     assert stiffness.low < 45.0 < stiffness.high

@@ -125,6 +125,14 @@ def has_floor(runs: Sequence[Experiment]) -> bool:
     return bool(np.any(quiet_frames(runs)[1]))
 
 
+def smoothed_channels(floor: Floor) -> list[str]:
+    """A sentence on each channel whose upper frequencies smoothing or resampling has taken."""
+    return [
+        f"{channel} was smoothed or resampled: its spectrum collapses above {top:.2g} Hz, which is not used"
+        for channel, top in floor.top.items()
+    ]
+
+
 def quiet_frames(runs: Sequence[Experiment]) -> tuple[Array, Array]:
     """(f (k,) Hz, number (k,) of frames of all runs that are not excited at that frequency)."""
     size = frame_size(runs)
