@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import firwin
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, problem
+from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, tapered
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law, with_laws
-from rover_sweep.diagnosis.unexplained.groups import hats
+from rover_sweep.diagnosis.unexplained.groups import groups, hats
+from rover_sweep.diagnosis.unexplained.input_place import input_places
 from rover_sweep.diagnosis.unexplained.law_search import find_laws
-from rover_sweep.diagnosis.unexplained.transfers import added_rows, transfers
+from rover_sweep.diagnosis.unexplained.modelled import NO_LAW, with_laws_of
+from rover_sweep.diagnosis.unexplained.transfers import added_rows, tapered_spectrum, transfers
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
 DAMPING = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))
@@ -57,15 +63,67 @@ def _fitted(runs: list[Experiment], noise: list[dict[str, Array]]) -> tuple[Prob
     return found, sensitivities(found, fit(found, MODEL.structure, MODEL.free, X, steps=4))
 
 
-@pytest.mark.parametrize("name", ["steering", "sensor of r"])
-def test_the_place_of_a_planted_law_is_found_and_holds_on_another_run(name: str) -> None:
-    runs, noise = _with_law(LAWS[name], 3)
+def test_the_place_of_a_planted_law_is_found_and_holds_on_another_run() -> None:
+    runs, noise = _with_law(LAWS["steering"], 3)
     used, base = _fitted(runs[:2], noise[:2])
     found = find_laws(used, base, {"run3": problem(runs[2:], noise[2:])})
     assert found is not None and found.holds
     first = found.laws[0]
-    assert name in (first.law.place, *first.alternatives)
+    assert "steering" in (first.law.place, *first.alternatives)
     assert found.share_removed is not None and found.share_removed > 0.7
+
+
+def test_the_unknown_says_place_curve_worth_and_next_run() -> None:
+    runs, noise = _with_law(LAWS["sensor of r"], 3)
+    used, base = _fitted(runs[:2], noise[:2])
+    last: Any = SimpleNamespace(problem=SimpleNamespace(plain=used), closest=base)
+    held: Any = SimpleNamespace(run=SimpleNamespace(name="run3"), problem=problem(runs[2:], noise[2:]))
+    found, laws = with_laws_of(Unknown("r", "r", 2.0, "r differs; nothing predicts it"), last, (held,))
+    assert laws and found.place == "sensor of r" and len(found.curves) == len(laws.laws)
+    curve, at = found.curves[0], np.array(found.curves[0].x)
+    assert curve.over == "signal" and curve.over_unit == curve.unit == "rad/s"
+    inside = np.abs(at) > 0.3
+    assert np.allclose(np.array(curve.y)[inside], 0.05 * np.abs(at[inside]), rtol=0.5)
+    assert all(low <= y <= high for low, y, high in zip(curve.low, curve.y, curve.high, strict=True))
+    assert found.could_be in found.sentence and found.next_run in found.sentence
+    assert "nothing predicts it" not in found.sentence and "% of the residual" in found.sentence
+    (judged,) = found.held_out
+    assert judged.after < judged.before and judged.run == "run3"
+
+
+def test_without_a_law_the_unknown_says_so() -> None:
+    runs, noise = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
+    used, base = _fitted(runs[:1], noise[:1])
+    last: Any = SimpleNamespace(problem=SimpleNamespace(plain=used), closest=base)
+    found, laws = with_laws_of(Unknown("r", "r", 2.0, "r differs"), last, ())
+    assert laws is None and NO_LAW in found.sentence and not found.curves and not found.place
+
+
+@pytest.mark.parametrize("place", ["sensor of ay", "steering", "yaw moment"])
+def test_the_place_of_an_input_without_a_law_is_found(place: str) -> None:
+    """Noise of 1 to 4 Hz that depends on nothing is added at a place."""
+    runs, noise = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
+    used, base = _fitted(runs[:1], noise[:1])
+    found = transfers(used.runs, base.structure, base.x)
+    random = np.random.default_rng(2).standard_normal(runs[0].t.size)
+    low_pass = firwin(401, [1.0, 4.0], pass_zero=False, fs=RATE)
+    s = {"sensor of ay": 0.6, "steering": 0.02, "yaw moment": 0.5}[place] * np.convolve(
+        random, low_pass, "same"
+    )
+    added = added_rows(used, found, place, [tapered_spectrum(runs[0], s)])
+    likely = input_places(used, found, base.rows + 4.0 * added)
+    assert likely and place in likely[:2]
+    assert input_places(used, found, base.rows) == ()
+
+
+@pytest.mark.parametrize("baseline", ["kinematic", "bicycle", "lumped"])
+def test_every_baseline_has_candidates_at_the_places_that_it_has(baseline: str) -> None:
+    runs, _ = _with_law(DAMPING, 5)
+    other = replace(MODEL, baseline=baseline)
+    found = transfers(runs[:1], other.structure, {c.name: c.start for c in other.free})
+    places = {law.place for law in groups(found)}
+    assert {"steering", "sensor of r"} <= places
+    assert ("yaw moment" in places) == (baseline == "bicycle") and "roll moment" not in places
 
 
 def test_nothing_is_found_where_only_noise_is_left() -> None:

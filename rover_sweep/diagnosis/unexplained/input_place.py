@@ -18,6 +18,7 @@ from rover_sweep.diagnosis.unexplained.transfers import RunTransfers
 
 BLOCK = 8  # lines whose level is one number
 LOUD, QUIET = 1.6, 1.2  # mean square of a block's rows from which, and up to which
+LOUD_ALONE = 2.2  # the same of one channel
 FEWEST = 4  # loud blocks
 ALIKE = 0.93  # share of the largest explained power from which another place is an alternative
 EXPLAINS = 0.5  # least share of the loud blocks' residual above the floor
@@ -25,9 +26,13 @@ EXPLAINS = 0.5  # least share of the loud blocks' residual above the floor
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Lines of one run. level: mean square of their rows; rows: their number; explained {place: power}."""
+    """Lines of one run. level: mean square of their rows; rows: their number; explained {place: power}.
+
+    highest: the level of the loudest channel.
+    """
 
     level: float
+    highest: float
     rows: int
     explained: Mapping[str, float]
 
@@ -38,7 +43,7 @@ def input_places(problem: Problem, found: Sequence[RunTransfers], residual: Arra
     problem: without tolerances. A sensor is named before a force that explains as much: it needs one channel.
     """
     blocks = [b for k in range(len(found)) for b in _blocks(problem, found[k], k, residual)]
-    loud = [b for b in blocks if b.level >= LOUD]
+    loud = [b for b in blocks if b.level >= LOUD or b.highest >= LOUD_ALONE]
     quiet = [b for b in blocks if b.level <= QUIET]
     if len(loud) < FEWEST:
         return ()
@@ -59,10 +64,10 @@ def _blocks(problem: Problem, one: RunTransfers, run: int, residual: Array) -> l
     lines = np.unique(np.concatenate([r.bins for r in rows]))
     at = [np.searchsorted(lines, r.bins) for r in rows]
     parts = [residual[r.start : r.start + r.size].reshape(2, -1) for r in rows]
-    power, number = np.zeros(lines.size), np.zeros(lines.size)
-    for where, part in zip(at, parts, strict=True):
-        np.add.at(power, where, np.sum(part**2, axis=0))
-        np.add.at(number, where, 2.0)
+    power, number = np.zeros((len(rows), lines.size)), np.zeros((len(rows), lines.size))
+    for c, (where, part) in enumerate(zip(at, parts, strict=True)):
+        power[c, where] = np.sum(part**2, axis=0)
+        number[c, where] = 2.0
     explained = {}
     for place, responses in one.responses.items():
         along, size = np.zeros(lines.size, complex), np.zeros(lines.size)
@@ -72,12 +77,13 @@ def _blocks(problem: Problem, one: RunTransfers, run: int, residual: Array) -> l
                 np.add.at(along, where, np.conj(h) * (part[0] + 1j * part[1]))
                 np.add.at(size, where, np.abs(h) ** 2)
         explained[place] = np.abs(along) ** 2 / np.maximum(size, 1e-300)
-    edges = range(0, lines.size - BLOCK + 1, BLOCK)
-    return [
-        _Block(
-            float(np.sum(power[k : k + BLOCK]) / np.sum(number[k : k + BLOCK])),
-            int(np.sum(number[k : k + BLOCK])),
-            {place: float(np.sum(e[k : k + BLOCK])) for place, e in explained.items()},
-        )
-        for k in edges
-    ]
+    out = []
+    for k in range(0, lines.size - BLOCK + 1, BLOCK):
+        here = slice(k, k + BLOCK)
+        total, count = np.sum(power[:, here], axis=1), np.sum(number[:, here], axis=1)
+        whole = count >= 2 * BLOCK  # a channel with all lines of the block
+        highest = float(np.max(total[whole] / count[whole])) if np.any(whole) else 0.0
+        level = float(np.sum(total) / np.sum(count))
+        power_of = {place: float(np.sum(e[here])) for place, e in explained.items()}
+        out.append(_Block(level, highest, int(np.sum(count)), power_of))
+    return out

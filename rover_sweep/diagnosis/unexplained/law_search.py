@@ -29,6 +29,7 @@ ALIKE = 0.97  # share of the largest drop of the cost from which another place i
 SIMPLER = 0.93  # share of the score from which a law without memory and factor is preferred
 WORTH = 0.15  # least share of what remains above the floor that a law predicts in other rows
 CERTAIN = 60.0  # least drop of the cost in each half
+FURTHER = 0.1  # least share of what the laws before leave in the held-out runs, for one more law
 WORSE = 0.02  # rise of a held-out run's mean square at which a law does not hold
 REMOVED = 0.2  # least share of the held-out residual above the floor that the laws remove
 EXPLAINABLE = 1.05  # mean square of the rows above which a share is computed
@@ -74,10 +75,15 @@ class FoundLaws:
         return 1.0 - after / before if judged else None
 
     @property
+    def contradicted(self) -> bool:
+        """True where a held-out run gets worse."""
+        return any(h.after > h.before + WORSE for h in self.held_out)
+
+    @property
     def holds(self) -> bool:
         """True where the laws remove enough of the held-out runs, or of the second half without such runs."""
         share = self.share_removed
-        if any(h.after > h.before + WORSE for h in self.held_out):
+        if self.contradicted:
             return False
         return (self.laws[0].confirmed if share is None else share) >= REMOVED
 
@@ -103,7 +109,7 @@ def find_laws(problem: Problem, base: Fitted, held_out: Mapping[str, Problem]) -
             break
         law, fitted = one
         judged = tuple(_judged(n, p, base, fitted) for n, p in held_out.items())
-        if kept and any(h.after > b.after + WORSE for h, b in zip(judged, kept.held_out, strict=True)):
+        if kept and not _better(judged, kept.held_out):
             break
         best = fitted
         found.append(law)
@@ -179,6 +185,14 @@ def _with_fixed(base: Fitted, best: FittedLaws) -> Fitted:
 def _nominal_columns(base: Fitted, best: FittedLaws) -> Array:
     names = [c.name for c in best.fitted.free]
     return best.fitted.jacobian[:, [names.index(c.name) for c in base.free]]
+
+
+def _better(now: Sequence[LawHeldOut], before: Sequence[LawHeldOut]) -> bool:
+    """True where one more law removes enough of the held-out runs, or there are none."""
+    left = sum(h.after - 1.0 for h in before)
+    return (
+        not before or sum(b.after - h.after for h, b in zip(now, before, strict=True)) > FURTHER * left > 0.0
+    )
 
 
 def _judged(name: str, held: Problem, base: Fitted, best: FittedLaws) -> LawHeldOut:

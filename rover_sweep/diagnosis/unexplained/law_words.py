@@ -96,12 +96,17 @@ def over_words(law: TableLaw) -> str:
 def law_sentence(law: TableLaw, alternatives: tuple[str, ...], share: float | None) -> str:
     """One law in a sentence. share: of the held-out residual that it removes, None without such runs."""
     places = " or ".join(place_words(p) for p in (law.place, *alternatives))
-    removed = "" if share is None else f", removes {100 * share:.0f} % of the residual of the held-out runs"
-    memory = "with a memory " if law.memory else ""
+    removed = f"; it removes {100 * min(share, 1.0):.0f} % of the residual of held-out runs" if share else ""
+    memory = " with a memory" if law.memory else ""
     return (
-        f"a fitted curve {memory}in {places}, over {over_words(law)}{removed}; it could be {could_be(law)}; "
-        f"to tell more, {next_run(law)}"
+        f"a fitted law{memory} acts on {places}, over {over_words(law)}{removed}; it could be "
+        f"{could_be(law)}; to confirm it, {next_run(law)}"
     )
+
+
+def further_law_sentence(law: TableLaw) -> str:
+    """A second law in a sentence."""
+    return f"a second one acts on {place_words(law.place)}, over {over_words(law)}"
 
 
 def _lagging(place: str) -> str:

@@ -8,15 +8,23 @@ from dataclasses import replace
 from rover_sweep.diagnosis.held_out.worth import HeldOutRun
 from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.result import LawCurve, LawHeldOut, Unknown
+from rover_sweep.diagnosis.result import LawCurve, Unknown
 from rover_sweep.diagnosis.search.rounds import Round
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.unexplained.curve_fit import curves
 from rover_sweep.diagnosis.unexplained.input_place import input_places
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaws, find_laws
-from rover_sweep.diagnosis.unexplained.law_words import could_be, law_sentence, next_run, place_words
+from rover_sweep.diagnosis.unexplained.law_words import (
+    could_be,
+    further_law_sentence,
+    law_sentence,
+    next_run,
+    over_words,
+    place_words,
+)
 from rover_sweep.diagnosis.unexplained.transfers import transfers
 
+TOO_WEAK = "but removes too little of the held-out residual"
 NO_LAW = "no law over one quantity of the motion predicts it on data that did not choose the law"
 
 
@@ -33,17 +41,16 @@ def with_laws_of(
     base = sensitivities(plain, last.closest)
     found = find_laws(plain, base, {h.run.name: h.problem for h in held_out})
     if found is None or not found.holds:
-        return _without_law(left, plain, base, found.held_out if found else ()), None
+        return _without_law(left, plain, base, found), None
     share = found.share_removed
     first = found.laws[0]
-    words = [
-        law_sentence(one.law, one.alternatives, share if k + 1 == len(found.laws) else None)
-        for k, one in enumerate(found.laws)
-    ]
+    words = [law_sentence(first.law, first.alternatives, share)]
+    words += [further_law_sentence(one.law) for one in found.laws[1:]]
+    misfit = left.sentence.partition(";")[0]  # without what simple terms say, or that none predicts it
     return (
         replace(
             left,
-            sentence="; ".join((left.sentence, *words)),
+            sentence="; ".join((misfit, "no candidate explains it", *words)),
             law=" + ".join(f"{one.law.place} ~ {one.law.over}" for one in found.laws),
             law_gain=found.laws[0].confirmed if share is None else share,
             place=first.law.place,
@@ -57,15 +64,27 @@ def with_laws_of(
     )
 
 
-def _without_law(left: Unknown, problem: Problem, base: Fitted, judged: tuple[LawHeldOut, ...]) -> Unknown:
-    """The unknown with its most likely place, where one input would explain all channels."""
-    likely = input_places(problem, transfers(problem.runs, base.structure, base.x), base.rows)
-    words = [left.sentence, NO_LAW]
-    if likely:
-        where = " or ".join(place_words(p) for p in likely)
-        words.append(f"it has the pattern of an unmeasured input at {where}")
-    place, others = (likely[0], likely[1:]) if likely else ("", ())
-    return replace(left, sentence="; ".join(words), place=place, alternatives=others, held_out=judged)
+def _without_law(left: Unknown, problem: Problem, base: Fitted, weak: FoundLaws | None) -> Unknown:
+    """The unknown with its most likely place only: that of a weak law, or where one input explains most."""
+    if weak and not weak.contradicted:
+        law = weak.laws[0].law
+        likely = (law.place, *weak.laws[0].alternatives)
+        why = f"the best law acts on {_either(likely)}, over {over_words(law)}, {TOO_WEAK}"
+    else:
+        likely = input_places(problem, transfers(problem.runs, base.structure, base.x), base.rows)
+        why = f"it has the pattern of an unmeasured input at {_either(likely)}" if likely else ""
+    words = [left.sentence, NO_LAW, why] if why else [left.sentence, NO_LAW]
+    return replace(
+        left,
+        sentence="; ".join(words),
+        place=likely[0] if likely else "",
+        alternatives=likely[1:],
+        held_out=weak.held_out if weak else (),
+    )
+
+
+def _either(places: tuple[str, ...]) -> str:
+    return " or ".join(place_words(p) for p in places)
 
 
 def in_model(model: AugmentedModel, found: FoundLaws) -> AugmentedModel:
