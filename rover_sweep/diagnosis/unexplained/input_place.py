@@ -40,7 +40,8 @@ class _Block:
 def input_places(problem: Problem, found: Sequence[RunTransfers], residual: Array) -> tuple[str, ...]:
     """The places at which an input explains most of a residual (size,), the best first; () for none.
 
-    problem: without tolerances. A sensor is named before a force that explains as much: it needs one channel.
+    problem: without tolerances. Where they explain as much, a sensor is named before the steering, and that
+    before a force.
     """
     blocks = [b for k in range(len(found)) for b in _blocks(problem, found[k], k, residual)]
     loud = [b for b in blocks if b.level >= LOUD or b.highest >= LOUD_ALONE]
@@ -56,7 +57,7 @@ def input_places(problem: Problem, found: Sequence[RunTransfers], residual: Arra
     if best < EXPLAINS * above:
         return ()
     alike = sorted((p for p in explained if explained[p] >= ALIKE * best), key=lambda p: -explained[p])
-    return tuple(sorted(alike, key=lambda p: not p.startswith("sensor")))
+    return tuple(sorted(alike, key=lambda p: (not p.startswith("sensor"), p != "steering")))
 
 
 def _blocks(problem: Problem, one: RunTransfers, run: int, residual: Array) -> list[_Block]:

@@ -27,6 +27,7 @@ TRIED = 3  # most places whose law is fitted in the simulation
 NEAR = 0.85  # share of the best score from which a place is tried
 ALIKE = 0.97  # share of the largest drop of the cost from which another place is an alternative
 SIMPLER = 0.93  # share of the score from which a law without memory and factor is preferred
+TIMELESS = 0.6  # share of the best score from which a law over time is not considered
 WORTH = 0.15  # least share of what remains above the floor that a law predicts in other rows
 CERTAIN = 60.0  # least drop of the cost in each half
 FURTHER = 0.1  # least share of what the laws before leave in the held-out runs, for one more law
@@ -129,6 +130,7 @@ def _next_law(
     candidates, regression = _scored(problem, now)
     least = max(WORTH * above / 2, CERTAIN)
     candidates = [c for c in candidates if c.score.chosen >= least and c.score.confirmed >= least]
+    candidates = _without_time(candidates)
     best = max((c.score.chosen for c in candidates), default=0.0)
     tried = list(_one_a_place(candidates, best))[:TRIED]
     fitted = []
@@ -160,6 +162,13 @@ def _scored(problem: Problem, now: Fitted) -> tuple[list[_Candidate], Regression
     rows = rows_of(problem, found, laws)
     out = [_Candidate(law, r, regression.score(r)) for law, r in zip(laws, rows, strict=True)]
     return sorted(out, key=lambda c: -c.score.chosen), regression
+
+
+def _without_time(candidates: list[_Candidate]) -> list[_Candidate]:
+    """Without laws over time where another explains nearly as much: in a sweep, time stands for frequency."""
+    others = [c for c in candidates if c.law.over != "t"]
+    best, best_other = (max((c.score.chosen for c in some), default=0.0) for some in (candidates, others))
+    return others if best_other >= TIMELESS * best else candidates
 
 
 def _one_a_place(candidates: Sequence[_Candidate], best: float) -> Iterator[_Candidate]:
