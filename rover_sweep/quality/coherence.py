@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Array, Recording
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
 from rover_sweep.quality.faults import advice_on
-from rover_sweep.quality.length import short_trials
+from rover_sweep.quality.length import is_short, short_trials
 from rover_sweep.spectra.amplitude import RISING_FROM, octaves, wanted_factor
 from rover_sweep.spectra.conditioned import conditioned_responses
 from rover_sweep.spectra.response import (
@@ -190,6 +190,9 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
         return CoherenceVerdict(run.name, False, swept, amplitude, unit, None, outputs, fault[1])
     if run.kind == "doublet":
         sentence = "doublet: for verification, so its coherence is not judged"
+        return CoherenceVerdict(run.name, True, swept, amplitude, unit, None, outputs, sentence)
+    if run.kind == "other" and is_short(run):
+        sentence = "short trial: one average of many, so its own coherence is not judged"
         return CoherenceVerdict(run.name, True, swept, amplitude, unit, None, outputs, sentence)
     sentence = (
         _keep_sentence(outputs, swept, _kind(worst))

@@ -49,9 +49,13 @@ def too_short(runs: Sequence[Recording], lowest: float = SLOW) -> Note | None:
 
 def short_trials(runs: Sequence[Recording]) -> bool:
     """True for many short trials, joined as repeats: none has two windows of the lowest frequency."""
-    lengths = [run.span[1] - run.span[0] for run in runs]
-    enough = [t for t in lengths if t >= SHORTEST]
-    return len(enough) >= REPEATS and max(lengths) < WINDOWS * LOWEST_BIN * needed() / PERIODS
+    enough = [run for run in runs if run.span[1] - run.span[0] >= SHORTEST]
+    return len(enough) >= REPEATS and all(is_short(run) for run in runs)
+
+
+def is_short(run: Recording) -> bool:
+    """True for a run without two windows of the lowest frequency, which alone gives no response."""
+    return run.span[1] - run.span[0] < WINDOWS * LOWEST_BIN * needed() / PERIODS
 
 
 def with_length(runs: Sequence[Recording], lowest: float = SLOW) -> tuple[Recording, ...]:

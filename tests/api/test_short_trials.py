@@ -42,6 +42,7 @@ def test_the_car_is_found_from_short_trials(
     runs = rs.read(source, columns=MAP, vehicle=rover)
     assert len(runs) == len(laws) and {run.kind for run in runs} == {"other"}
     found = rs.identify(runs, bootstrap=0)
+    assert all(verdict.keep and "short trial" in verdict.sentence for verdict in found.coherence)
     assert found.recommended == "bicycle"
     bicycle = found.models["bicycle"]
     assert bicycle.verdict.level in ("good", "acceptable")
