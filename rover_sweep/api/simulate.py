@@ -113,8 +113,9 @@ def _augmented(model: AugmentedModel, run: Experiment) -> dict[str, Array]:
     from rover_sweep.diagnosis.simulation.simulator import Sensors, motion, sensed
 
     structure = model.structure
-    shown = sensed(run, structure, model.x, motion(run, structure, model.x))
-    return Sensors.of(run).through(shown, structure, model.x)
+    moved = motion(run, structure, model.x)
+    shown = sensed(run, structure, model.x, moved)
+    return Sensors.of(run).through(shown, moved["V"], structure, model.x)
 
 
 def _linear(model: ModelResult, run: Experiment, recording: Recording) -> dict[str, Array]:

@@ -11,6 +11,7 @@ from rover_sweep.diagnosis.search.bounds import ExceededBound, cost_of, exceeded
 from rover_sweep.diagnosis.search.candidate_fits import Trial, fit_candidate, tangent
 from rover_sweep.diagnosis.search.look_alikes import LookAlike, find_look_alikes
 from rover_sweep.diagnosis.search.rounds import Misfit, Options, Round, matters, round_of
+from rover_sweep.diagnosis.search.threshold import LEAST
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.unexplained.unexplained import unmodelled_gain
@@ -42,6 +43,9 @@ PROXY_OF_TERM = 4.0
 """The same ratio for an unnamed term. A deadband of the servo's error is named as one of the command, which
 explains a third of the term sgn(delta), hence more than 3. Sensitivity: true effects have at most 0.45."""
 
+SAME_FORM = 0.02
+"""Share of the gain by which a form must beat the next one to be told apart."""
+
 STILL_ALIKE = 0.8
 """Share of an effect's gain that a look-alike must still reach. Sensitivity: not measured."""
 
@@ -54,6 +58,12 @@ class Named:
     base: Fitted
     threshold: float
     look_alikes: tuple[LookAlike, ...]
+
+    @property
+    def forms_alike(self) -> bool:
+        """True where another form of the effect explains as much, but for `SAME_FORM` of it."""
+        gains = sorted(self.trial.forms.values(), reverse=True)
+        return len(gains) > 1 and gains[0] - gains[1] < max(SAME_FORM * gains[0], LEAST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,10 +124,10 @@ def _search(
         named.append(_named(current, found, options.seed))
         current = round_of(runs, best.model, best.fitted.x, options, near=True)
         named = _still_needed(named, current, options)
-        effects = tuple(n.trial.effect for n in named)
-        if effects != current.model.effects:
-            removed |= {*current.model.effects} - {*effects}
-            fewer = replace(current.model, effects=effects)
+        laws = tuple(n.trial.law.name for n in named)
+        if laws != current.model.effects:
+            removed |= {*current.model.ids} - {n.trial.effect for n in named}
+            fewer = replace(current.model, effects=laws)
             current = round_of(runs, fewer, current.fitted.x, options, near=True)
         if named and best.effect not in DEGREES_OF_FREEDOM:
             further = _further_findings(current, named, removed)

@@ -10,7 +10,7 @@ from math import exp, log
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.choose import Choice, Named, choose
-from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
 from rover_sweep.diagnosis.held_out.speed_finding import speed_finding, unknown_loss
 from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
@@ -48,7 +48,7 @@ from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
-from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment
+from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
 from rover_sweep.diagnosis.unexplained.modelled import in_model, with_laws_of
 from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unknown_place
@@ -105,9 +105,9 @@ def diagnose(
     _refuse(runs, rover, settings)
     if simulated:
         settings = replace(settings, baseline=baseline_of([experiment(run) for run in simulated], rover))
-    used = [experiment(run) for run in runs]
+    every = in_order([experiment(run) for run in (*runs, *held_out_runs)])
+    used, held = every[: len(runs)], every[len(runs) :]
     _refuse_without_floor(used)
-    held = [experiment(run) for run in held_out_runs]
     model = Model(settings.baseline, rover, settings.spread, two_clocks=any(r.two_clocks for r in used))
     options = Options(
         settings.with_effects,
@@ -253,7 +253,7 @@ def _finding(
     held_out: Sequence[HeldOutRun],
     models: _Models,
 ) -> Finding:
-    effect, last = library()[named.trial.effect], choice.last
+    effect, last = named.trial.law, choice.last
     values = effect_values(effect, last, drawn)
     evidence = {"gain": named.trial.gain, "threshold": named.threshold}
     evidence |= {f"cosine:{a.effect}": a.cosine for a in named.look_alikes}
@@ -264,8 +264,10 @@ def _finding(
         evidence=evidence,
         held_out=_contribution(effect.id, choice, held_out, models),
         next_run=effect.next_run,
-        sentence=_sentence(effect.title, values, named.look_alikes),
+        sentence=_sentence(_with_form(effect, named), values, named.look_alikes),
         equation=effect.equation,
+        form=effect.form,
+        forms=named.trial.forms,
     )
 
 
@@ -278,6 +280,15 @@ def _contribution(
     alone = len(choice.named) == 1
     rest = models.nominal if alone else refitted_without(effect, choice.last.problem, models.full)
     return tuple(compare_held_out(run, rest, models.full) for run in held_out)
+
+
+def _with_form(effect: Effect, named: Named) -> str:
+    """The title, with the form where the data prefer one."""
+    if len(named.trial.forms) < 2:
+        return effect.title
+    if named.forms_alike:
+        return f"{effect.title} (form not told apart)"
+    return f"{effect.title} (form: {effect.form})"
 
 
 def _sentence(title: str, values: Sequence[EffectValue], look_alikes: Sequence[LookAlike]) -> str:

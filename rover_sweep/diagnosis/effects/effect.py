@@ -1,5 +1,6 @@
 """The contract of every left-out effect: its texts, its parameters, and when it is a finding.
 
+An effect is a family of laws: the law of `EFFECT` and those of `FORMS` in the same file, which share its id.
 The kinds of effect in `kinds` add where the effect acts in the simulation, and how.
 
 A parameter has a physical value and a coordinate, which the fit moves; the coordinate 0 means absent. They
@@ -68,6 +69,7 @@ class Effect:
     signed: both signs of the parameters are possible.
     releases: {nominal coordinate: (low, high)} that the effect frees beyond the normal tolerance.
     report_values: ({parameter: value}) -> what a user reads, where that differs from the fitted parameters.
+    form: name of this law among those of the family, "" where there is only one. first: the law of `EFFECT`.
     """
 
     in_one_run: ClassVar[bool] = False
@@ -85,6 +87,13 @@ class Effect:
     signed: bool = True
     releases: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     report_values: Callable[[Values], Reported] | None = None
+    form: str = ""
+    first: bool = True
+
+    @property
+    def name(self) -> str:
+        """The id, and for a further form "<id>/<form>"."""
+        return self.id if self.first else f"{self.id}/{self.form}"
 
     def key(self, parameter: str) -> str:
         """Name of an added coordinate in the whole model: "<id>.<parameter>"."""

@@ -7,7 +7,7 @@ In the functions, q is {parameter: added coordinate}, and a motion is {name: (n,
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rover_sweep.data.recording import Array
@@ -42,13 +42,18 @@ class LinkageEffect(SteeringEffect):
 
 @dataclass(frozen=True, kw_only=True)
 class KernelEffect(Effect):
-    """Acts inside a compiled loop of `simulation.kernel`. fills: {parameter: number of the loop}."""
+    """Acts inside a compiled loop of `simulation.kernel`.
+
+    fills: {parameter: number of the loop}. sets: {number of the loop: constant} that selects the form.
+    """
 
     fills: Mapping[str, str]
+    sets: Mapping[str, float] = field(default_factory=dict)
 
     def numbers(self, x: Values) -> dict[str, float]:
         """{number of the loop: value} at the coordinates x of the whole model."""
-        return {self.fills[name]: value for name, value in self.coordinates(x).items() if name in self.fills}
+        found = self.coordinates(x).items()
+        return {**self.sets, **{self.fills[name]: value for name, value in found if name in self.fills}}
 
 
 class ServoEffect(KernelEffect):
@@ -75,9 +80,20 @@ class ForceEffect(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class GripEffect(Effect):
-    """Scales the stiffness of both axles in one run. act: (t (n,) s, q) -> factor (n,)."""
+    """Scales the stiffness of both axles in one run. act: (t (n,) s, q) -> factor (n,).
+
+    later: (q) -> factor in the runs driven after it; None: 1.
+    """
 
     in_one_run: ClassVar[bool] = True
+
+    act: Callable[[Array, Values], Array]
+    later: Callable[[Values], float] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriftEffect(Effect):
+    """Scales the stiffness of both axles in all runs. act: (driven time before (n,) s, q) -> factor (n,)."""
 
     act: Callable[[Array, Values], Array]
 
@@ -91,9 +107,13 @@ class SensorEffect(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class FilterEffect(Effect):
-    """A low-pass of channels. response: (w (k,) rad/s, q) -> {channel: complex frequency response (k,)}."""
+    """A low-pass of channels. response: (w (k,) rad/s, q) -> {channel: complex frequency response (k,)}.
+
+    heading: the estimator integrates the filtered yaw rate, so that its heading lags and turns V_y.
+    """
 
     response: Callable[[Array, Values], Mapping[str, Any]]
+    heading: bool = False
 
 
 class SpeedEffect(Effect):

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, EffectParameter
+from rover_sweep.diagnosis.effects import Effect, EffectParameter, forms_of
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
@@ -36,7 +36,7 @@ from rover_sweep.diagnosis.simulation.simulator import Structure
 class Signature:
     """One parameter of one effect: the whitened rows (n,) that `size` of its coordinate adds.
 
-    signed: the amount may be negative.
+    signed: the amount may be negative. law: name of the effect's form, "" for the first.
     """
 
     effect: str
@@ -44,6 +44,7 @@ class Signature:
     size: float
     signed: bool
     rows: Array
+    law: str = ""
 
 
 def signatures(
@@ -53,22 +54,24 @@ def signatures(
     effects: Sequence[Effect],
     at: Mapping[str, float] | None = None,
     tolerances: bool = False,
+    forms: bool = False,
 ) -> list[Signature]:
     """Signatures of effects at a fitted model; of an effect in one run (a change of ground) one per run.
 
     at: {coordinate: size}, the parameter's own size where it is missing. tolerances: at the standard
-    deviation that every rover has, only of parameters that have one.
+    deviation that every rover has, only of parameters that have one. forms: of all forms of each effect.
     """
     now = problem.model(model.structure, base.x)
     wanted = [
         w
-        for e in effects
-        if e.id not in DEGREES_OF_FREEDOM
+        for family in effects
+        if family.id not in DEGREES_OF_FREEDOM
+        for e in (forms_of(family.id) if forms else (family,))
         for w in _wanted(problem, base, model, e, at or {}, tolerances)
     ]
     rows = [problem.model(structure, x) - now for _, _, _, structure, x in wanted]
     return [
-        Signature(e.id, p.name, size, e.signed, r) for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
+        Signature(e.id, p.name, size, e.signed, r, e.name if forms else "") for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
     ]
 
 
@@ -78,7 +81,7 @@ def _wanted(
     out = []
     for run in problem.runs if effect.in_one_run else problem.runs[:1]:
         where = run.name if effect.in_one_run else ""
-        structure = model.with_effect(effect.id, where).structure
+        structure = model.with_effect(effect.name, where, run.order).structure
         for p in effect.parameters:
             name = effect.coordinate_name(p)
             size = p.tolerance if tolerances else at.get(name, p.size)

@@ -8,13 +8,13 @@ their own Jacobian.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import qr
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, library
+from rover_sweep.diagnosis.effects import Effect, form_named, forms_of
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
@@ -31,6 +31,9 @@ RESTARTED = 2  # most trials that are also fitted from their own size
 FAR = 2.0  # mean square of the base's rows from which trials are fitted from their own size
 REFIT_STEPS = 5  # the next round continues the best one
 REFITTED_FROM = 0.4  # share of the threshold from which a trial is fitted again
+FORMS_OF = 3  # most trials whose forms are compared
+RIVAL_FORMS = 0.5  # share of the best gain from which the forms of a trial are compared
+NEAR_FORM = 0.7  # share of the best form's gain from which another form is fitted again
 RIVAL = 0.2  # share of the best gain below which a trial is not fitted again
 
 
@@ -39,12 +42,19 @@ class Trial:
     """A model with one more effect, fitted. gain: drop of the cost against the model without.
 
     Where `fitted` is the fit of the base, the effect was not fitted and `gain` is a linear prediction.
+    effect: the id. forms: {form: gain} of the forms that were fitted.
     """
 
     effect: str
     model: Model
     fitted: Fitted
     gain: float
+    forms: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def law(self) -> Effect:
+        """The law of the effect."""
+        return next(f for f in map(form_named, self.model.effects) if f.id == self.effect)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +121,7 @@ def linear_prediction(
 
 
 def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> list[dict[str, float]]:
-    if effect.id == "surface_change":
+    if effect.in_one_run and len(effect.parameters) > 1:
         run = next(r for r in problem.runs if r.name == model.happened_in)
         instants = np.linspace(0.12, 0.88, INSTANTS) * run.t[-1]
         size = effect.parameters[0].size
@@ -129,7 +139,10 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """An effect with its predicted gain, the model with it, and the coordinates to begin a fit from."""
+    """An effect with its predicted gain, the model with it, and the coordinates to begin a fit from.
+
+    effect: the id; the form is in the model.
+    """
 
     effect: str
     model: Model
@@ -138,12 +151,15 @@ class Screened:
 
 
 def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect) -> Screened | None:
-    """The linear prediction of an effect, in the run that shows it best; None where there is no gain."""
+    """The linear prediction of an effect: its best form, in the run that shows it best; None: no gain."""
     if effect.id in DEGREES_OF_FREEDOM:
         return Screened(effect.id, model.with_effect(effect.id), np.inf, {})
-    runs = [r.name for r in problem.runs] if effect.in_one_run else [""]
-    extended = [model.with_effect(effect.id, run) for run in runs]
-    found = [(m, linear_prediction(problem, base, space, m, effect)) for m in extended]
+    extended = [
+        (law, model.with_effect(law.name, run.name if law.in_one_run else "", run.order))
+        for law in forms_of(effect.id)
+        for run in (problem.runs if law.in_one_run else problem.runs[:1])
+    ]
+    found = [(m, linear_prediction(problem, base, space, m, law)) for law, m in extended]
     screened = [Screened(effect.id, m, *one) for m, one in found if one is not None]
     return max(screened, key=lambda x: x.predicted, default=None)
 
@@ -229,23 +245,44 @@ def refit_candidates(
             other = _restarted(problem, base, found)
             found = other if other.gain > found.gain else found
         out.append(found)
-    return sorted(out, key=lambda t: -t.gain)
+    out.sort(key=lambda t: -t.gain)
+    near = [t for t in out[:FORMS_OF] if t.fitted is not base and t.gain > RIVAL_FORMS * out[0].gain]
+    compared = {t.effect: best_form(problem, base, t) for t in near if not stop()}
+    return sorted((compared.get(t.effect, t) for t in out), key=lambda t: -t.gain)
 
 
 def _restarted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
     """The trial fitted from its own size: where the nominal fit is far off, the path from zero may fail."""
     plain = {
         c.name: c.scale if c.start == 0.0 else c.start
-        for c in added_coordinates(library()[trial.effect])
+        for c in added_coordinates(trial.law)
         if not c.name.endswith(".t")
     }
-    restart = Trial(
-        trial.effect, trial.model, replace(trial.fitted, x={**trial.fitted.x, **plain}), trial.gain
-    )
+    restart = replace(trial, fitted=replace(trial.fitted, x={**trial.fitted.x, **plain}))
     return refitted(problem, base, restart)
 
 
 def refitted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
     """The trial fitted again with its own Jacobian."""
     found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x, steps=REFIT_STEPS)
-    return Trial(trial.effect, trial.model, found, base.cost - found.cost)
+    return replace(trial, fitted=found, gain=base.cost - found.cost)
+
+
+def best_form(problem: Problem, base: Fitted, trial: Trial) -> Trial:
+    """The form of the trial's effect that explains most, with the gains of all its forms."""
+    law = trial.law
+    best, gains = trial, {law.form: trial.gain}
+    for other in forms_of(trial.effect):
+        if other.name == law.name or trial.effect in DEGREES_OF_FREEDOM:
+            continue
+        effects = tuple(other.name if e == law.name else e for e in trial.model.effects)
+        model = replace(trial.model, effects=effects)
+        known = trial.fitted if other.parameters == law.parameters else base
+        first = fit(problem, model.structure, model.free, trial.fitted.x, steps=REFIT_STEPS, known=known)
+        found = Trial(trial.effect, model, first, base.cost - first.cost)
+        if found.gain > NEAR_FORM * best.gain:
+            again = refitted(problem, base, found)
+            found = again if again.gain > found.gain else found
+        gains[other.form] = found.gain
+        best = found if found.gain > best.gain else best
+    return replace(best, forms=gains)

@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, problem
 from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
@@ -35,6 +34,9 @@ LARGE = 1.8  # mean square up to which noise that grows with the motion may be t
 IMPLAUSIBLE = 0.8  # share of an effect's bound, beyond which it is probably a proxy
 MOST_NOISE = 1.5  # largest variance of a row that a round takes for noise
 LAGS = ("servo_lag", "transport_delay")
+SWINGING = "servo_lag/second order"
+MOST_SHAPE = 1.0  # of a servo that swings no more than usual, a damping ratio of 0.5
+SHORTEST = 0.008  # s, of a lag whose swinging is within the band of a sweep
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +136,12 @@ class Round:
 def matters(trial: Trial) -> bool:
     """False where the fitted size is below the material size, or implausibly near its bound."""
     x, spread = trial.fitted.x, trial.model.spread
-    effect = library()[trial.effect]
+    effect = trial.law
     limits = {c.name: max(abs(c.low), abs(c.high)) for c in added_coordinates(effect)}
     if any(abs(x[name]) > IMPLAUSIBLE * limit for name, limit in limits.items() if not name.endswith(".t")):
         return False
+    if effect.name == SWINGING:
+        return x["lag_shape"] > MOST_SHAPE and x["lag"] > SHORTEST
     if trial.effect in LAGS:
         return x["lag"] + x["delay"] > spread.together
     if trial.effect == "clock_offset" and not trial.model.two_clocks:
@@ -183,7 +187,7 @@ def round_of(
     fitted = sensitivities(metric, fit(metric, model.structure, model.free, closest.x, known=known))
     effects, cannot_see = possible(model, runs, options.only, options.without)
     space = tangent(fitted)
-    candidates = signatures(metric, fitted, model, effects)
+    candidates = signatures(metric, fitted, model, effects, forms=True)
     # the residual may be the missing effect, so only a part of it counts as noise
     noise = min(fitted.overdispersion, MOST_NOISE)
     null = null_distribution(candidates, tolerances, space, noise, options.seed)

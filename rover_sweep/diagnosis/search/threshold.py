@@ -8,8 +8,8 @@ of the nominal model's reach (see `problem.signatures`), the scores are
     z = S^T P (e + T a),   S^T P e ~ N(0, v G),   G = S^T P S
 
 so a draw needs only the Cholesky factor of G, and 1000 draws take milliseconds. The gain in a draw is z_k^2
-/ G_kk (only z_k > 0 for a one-sided effect), z^T G^-1 z for several parameters, and the largest over the
-runs for a change of ground. That one is searched at n instants too: 2 v ln(n), the growth of the largest of n
+/ G_kk (only z_k > 0 for a one-sided effect), z^T G^-1 z for several parameters, the largest over
+the forms of an effect, and over the runs for a change of ground. That one is searched at n instants too: 2 v ln(n), the growth of the largest of n
 chi-squared numbers, is added.
 
 Thresholds: the same quantile of its own gains for every effect, chosen so that in a share `FALSE_ALARMS` of
@@ -68,8 +68,9 @@ def null_distribution(
         scores += amounts @ (np.column_stack([s.rows for s in tolerances]).T @ outside[: tangent.rows])
     gains = {}
     for effect in dict.fromkeys(s.effect for s in found):
-        members = [k for k, s in enumerate(found) if s.effect == effect]
-        gains[effect] = _gain(scores, gram, members, found)
+        laws = dict.fromkeys(s.law for s in found if s.effect == effect)
+        members = [[k for k, s in enumerate(found) if (s.effect, s.law) == (effect, law)] for law in laws]
+        gains[effect] = np.max([_gain(scores, gram, of_law, found) for of_law in members], axis=0)
         if effect == "surface_change":  # its signature is at one instant, the search tries several
             gains[effect] = gains[effect] + overdispersion * 2 * np.log(INSTANTS)
     return NullDistribution(gains, _thresholds(gains))
@@ -77,7 +78,7 @@ def null_distribution(
 
 def _gain(scores: Array, gram: Array, members: Sequence[int], signatures: Sequence[Signature]) -> Array:
     """Drop (draws,) of the cost when the members are fitted; for one member per run, of the best run."""
-    if signatures[members[0]].effect == "surface_change":
+    if signatures[members[0]].effect == "surface_change" and len(members) > 1:
         return np.max([_single(scores[:, k], gram[k, k], True) for k in members], axis=0)
     if len(members) == 1:
         return _single(scores[:, members[0]], gram[members[0], members[0]], signatures[members[0]].signed)

@@ -6,7 +6,7 @@ The modules that simulate, linearise or export it are imported where they are us
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
@@ -27,10 +27,11 @@ class AugmentedModel:
     """A baseline, the effects added to it, and the coordinates of both, fitted together.
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". rover: the known numbers, SI units, ISO axes.
-    effects: ids. x: {coordinate: value}, named as in `nominal`. speed: mean of the fitted runs [m/s].
+    effects: names of laws. x: {coordinate: value}, named as in `nominal`. speed: mean of the fitted runs [m/s].
     filters: known low-passes of the channels. steering: (trim_us, rad_per_us) of the vehicle file. wait:
     part of the delay in which a command waits for the autopilot's main loop [s]. happened_in: name of the
     run with a change of ground. happened_at: instant of the change [s] from the start of that manoeuvre.
+    happened_order: place of that run in the order of driving.
     """
 
     baseline: str
@@ -45,6 +46,7 @@ class AugmentedModel:
     happened_at: float | None = None
     laws: tuple[TableLaw, ...] = ()
     """Laws without a name, fitted together with the coordinates."""
+    happened_order: int = 0
 
     @property
     def name(self) -> str:
@@ -65,14 +67,15 @@ class AugmentedModel:
         from rover_sweep.diagnosis.simulation.table_law import with_laws
 
         model = Model(self.baseline, self.rover, Tolerances(), self.effects, self.happened_in)
-        return with_laws(model.structure, self.laws)
+        ordered = replace(model, happened_order=self.happened_order)
+        return with_laws(ordered.structure, self.laws)
 
     @property
     def added(self) -> tuple[Effect, ...]:
-        """The effects from the library."""
-        from rover_sweep.diagnosis.effects import library
+        """The laws of its effects."""
+        from rover_sweep.diagnosis.effects import form_named
 
-        return tuple(library()[effect] for effect in self.effects)
+        return tuple(form_named(effect) for effect in self.effects)
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -131,6 +134,7 @@ def augmented(
         wait=_wait(runs[0]),
         happened_in=model.happened_in,
         happened_at=at,
+        happened_order=model.happened_order,
     )
 
 

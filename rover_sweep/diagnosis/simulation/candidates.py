@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.effects import Effect, library
+from rover_sweep.diagnosis.effects import Effect, form_named, forms_of, library
 from rover_sweep.diagnosis.effects.kinds import DegreeOfFreedom, SpeedEffect
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -23,7 +23,7 @@ class Model:
     """A baseline with effects: the structure to simulate and the coordinates to fit.
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". spread: normal tolerances of a rover. effects:
-    ids. happened_in: name of the run with a surface change. two_clocks: steering and motion have two clocks.
+    names of laws. happened_in: name of the run with a surface change, happened_order: its place in time. two_clocks: steering and motion have two clocks.
     """
 
     baseline: str
@@ -32,6 +32,7 @@ class Model:
     effects: tuple[str, ...] = ()
     happened_in: str = ""
     two_clocks: bool = False
+    happened_order: int = 0
 
     @property
     def slip(self) -> bool:
@@ -53,16 +54,18 @@ class Model:
     @property
     def structure(self) -> Structure:
         """The structure that is simulated."""
-        found = tuple(library()[e] for e in self.effects if e not in DEGREES_OF_FREEDOM)
+        found = tuple(form_named(e) for e in self.effects if e not in DEGREES_OF_FREEDOM)
         # the V_y of the derivatives is the measured one, at the IMU
         rover = replace(self.rover, imu_x=0.0, imu_z=0.0) if self.lumped else self.rover
-        return Structure(rover, self.slip, self.roll, found, self.happened_in, self.lumped)
+        return Structure(
+            rover, self.slip, self.roll, found, self.happened_in, self.lumped, self.happened_order
+        )
 
     @property
     def free(self) -> tuple[Coordinate, ...]:
         """The fitted coordinates: nominal ones (without prior if an effect releases them) and added ones."""
         nominal = self._nominal()
-        released = {k: v for e in self.effects for k, v in self._released(library()[e]).items()}
+        released = {k: v for e in self.effects for k, v in self._released(form_named(e)).items()}
         out = [
             replace(c, low=released[c.name][0], high=released[c.name][1], prior=None)
             if c.name in released
@@ -70,7 +73,7 @@ class Model:
             for c in nominal
         ]
         for name in self.effects:
-            out += added_coordinates(library()[name])
+            out += added_coordinates(form_named(name))
         return tuple(out)
 
     def _nominal(self) -> tuple[Coordinate, ...]:
@@ -86,13 +89,19 @@ class Model:
             return {"delay": (effect.releases["delay"][0], self.spread.delay)}
         return effect.releases
 
-    def with_effect(self, effect: str, run: str = "") -> Model:
-        """This model with an effect added; run: in which it happened."""
-        return replace(self, effects=(*self.effects, effect), happened_in=run or self.happened_in)
+    def with_effect(self, effect: str, run: str = "", order: int = 0) -> Model:
+        """This model with a law added, by its name; run, order: in which it happened."""
+        more = replace(self, effects=(*self.effects, effect))
+        return replace(more, happened_in=run, happened_order=order) if run else more
 
     def without(self, effect: str) -> Model:
-        """This model with an effect removed."""
-        return replace(self, effects=tuple(e for e in self.effects if e != effect))
+        """This model with an effect removed, whatever its form; effect: its id."""
+        return replace(self, effects=tuple(e for e in self.effects if form_named(e).id != effect))
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The ids of the effects, without their forms."""
+        return tuple(form_named(e).id for e in self.effects)
 
 
 def added_coordinates(effect: Effect) -> list[Coordinate]:
@@ -111,7 +120,7 @@ def possible(
     """
     found, unseen = [], {}
     for effect in library().values():
-        if isinstance(effect, SpeedEffect) or effect.id in model.effects or effect.id in without:
+        if isinstance(effect, SpeedEffect) or effect.id in model.ids or effect.id in without:
             continue
         if only and effect.id not in only:
             continue

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -27,7 +27,8 @@ class Experiment:
     recorded. measured: {channel: (n,)} of r, ay, p, vy. at_rest: {channel: mean at standstill}. filters:
     known low-passes. taper (n,): 0 at both ends, 1 between. rates: {channel: sampling rate [Hz]}.
     steer_rate: that of the steering [Hz]. begin: time of t = 0 on the clock of the recording [s].
-    two_clocks: steering and motion come from different clocks.
+    two_clocks: steering and motion come from different clocks. order: place among the runs in the order of
+    driving; driven: time driven in the runs before [s].
     """
 
     name: str
@@ -45,6 +46,8 @@ class Experiment:
     two_clocks: bool = False
     steer_rate: float = 0.0
     begin: float = 0.0
+    order: int = 0
+    driven: float = 0.0
 
     @property
     def mean_speed(self) -> float:
@@ -83,6 +86,20 @@ def experiment(run: Recording) -> Experiment:
         run["delta"].rate,
         float(grid[0]),
     )
+
+
+def in_order(runs: Sequence[Experiment]) -> list[Experiment]:
+    """The same runs with `order` and `driven`: in the order of their clock where it shows one, else as given.
+
+    Runs of one clock do not overlap in time; after a restart they do, and the clock says nothing.
+    """
+    by_clock = sorted(runs, key=lambda r: r.begin)
+    ends = [r.begin + float(r.t[-1]) for r in by_clock]
+    one_clock = all(end <= after.begin for end, after in zip(ends, by_clock[1:], strict=False))
+    ordered = by_clock if one_clock else list(runs)
+    lengths = [float(r.t[-1]) for r in ordered]
+    place = {id(r): (k, sum(lengths[:k])) for k, r in enumerate(ordered)}
+    return [replace(r, order=place[id(r)][0], driven=place[id(r)][1]) for r in runs]
 
 
 def _fast(n: int) -> int:

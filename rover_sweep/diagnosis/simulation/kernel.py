@@ -10,7 +10,7 @@ corrected, with nonlinear tyre slip angles:
 
 from __future__ import annotations
 
-from math import atan, exp, sqrt, tanh
+from math import atan, copysign, exp, sin, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from numba import njit
 
 V, R, PHI, P, FRONT, REAR = range(6)  # rows of the state: m/s, rad/s, rad, rad/s, tyre forces N
 SGN_WIDTH = 0.01  # rad/s, within which dry friction is smooth, times exp(ln_width)
+FALLING = 1.6  # shape factor C of the magic formula; the force falls beyond its peak
 FASTEST = 300.0  # 1/s, of the tyre relaxation; a faster one has no effect at this step
 
 
@@ -28,7 +29,10 @@ class VehicleNumbers(NamedTuple):
     a, b: CG to the front and to the rear axle. Cf, Cr: cornering stiffness. k_phi, b_phi: roll stiffness
     and damping. g: gravity. bend: fifth-order fall of the tyre force, see `_tyre`. inv_mu: 1 over the peak
     force per axle load. sigma: relaxation length. k_load: loss of stiffness at a_y = g. e_roll: steering
-    angle per roll angle. T_roll: dry friction torque. ln_width: ln of its smooth width over `SGN_WIDTH`.
+    angle per roll angle, e_rear the same of the rear axle. T_roll: dry friction torque. ln_width: ln of its
+    smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a peak that falls. yaw_damp [N m s] and
+    yaw_damp_v [N m^2]: yaw moments -yaw_damp r and -yaw_damp_v r/V. compliance [rad/N]: angle of the front
+    wheels that the front side force takes away.
     """
 
     m: float
@@ -51,19 +55,29 @@ class VehicleNumbers(NamedTuple):
     T_roll: float = 0.0
     ln_width: float = 0.0
     bend: float = 0.0
+    tyre_form: float = 0.0
+    e_rear: float = 0.0
+    yaw_damp: float = 0.0
+    yaw_damp_v: float = 0.0
+    compliance: float = 0.0
 
 
 AT = VehicleNumbers(*range(len(VehicleNumbers._fields)))  # index of each number in the kernel's array
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _tyre(alpha: float, c: float, load: float, inv_mu: float, bend: float) -> float:
-    """Side force [N]: -C alpha, less from the fifth order on (bend), tanh where it saturates (inv_mu)."""
+def _tyre(alpha: float, c: float, load: float, inv_mu: float, bend: float, form: float) -> float:
+    """Side force [N]: -C alpha, less from the fifth order on (bend), saturating by a form (inv_mu)."""
     force = -c * alpha
     square = (force / load) * (force / load)
     force = force / sqrt(1.0 + 0.5 * bend * square * square)
     if inv_mu > 1e-9:
         top = load / inv_mu
+        if form == 1.0:
+            z = min(abs(force) / (3.0 * top), 1.0)
+            return copysign(top * z * (3.0 - z * (3.0 - z)), force)
+        if form == 2.0:
+            return top * sin(FALLING * atan(force / (FALLING * top)))
         return top * tanh(force / top)
     return force
 
@@ -94,9 +108,12 @@ def _rates(x, out, d, speed, grip, fy, mz, mx, ay, q, roll, relaxed):  # type: i
         soft = 0.05
     cf, cr = q[AT.Cf] * grip * soft, q[AT.Cr] * grip * soft
     alpha_f = _angle((v + a * r) / speed) - d
-    alpha_r = _angle((v - b * r) / speed)
-    front = _tyre(alpha_f, cf, m * g * b / (a + b), q[AT.inv_mu], q[AT.bend])
-    rear = _tyre(alpha_r, cr, m * g * a / (a + b), q[AT.inv_mu], q[AT.bend])
+    alpha_r = _angle((v - b * r) / speed) - q[AT.e_rear] * phi
+    if q[AT.compliance] != 0.0:
+        # the force that takes the angle away, by linear tyres: F = -C (alpha + compliance F)
+        alpha_f -= q[AT.compliance] * cf * alpha_f / (1.0 + q[AT.compliance] * cf)
+    front = _tyre(alpha_f, cf, m * g * b / (a + b), q[AT.inv_mu], q[AT.bend], q[AT.tyre_form])
+    rear = _tyre(alpha_r, cr, m * g * a / (a + b), q[AT.inv_mu], q[AT.bend], q[AT.tyre_form])
     if relaxed:
         rate = min(speed / q[AT.sigma], FASTEST)
         out[FRONT] = rate * (front - x[FRONT])
@@ -104,7 +121,7 @@ def _rates(x, out, d, speed, grip, fy, mz, mx, ay, q, roll, relaxed):  # type: i
         front, rear = x[FRONT], x[REAR]
     cd = 1.0 - d * d * (0.5 - d * d / 24.0)
     side = front * cd + rear + fy
-    yaw = a * front * cd - b * rear + mz
+    yaw = a * front * cd - b * rear + mz - (q[AT.yaw_damp] + q[AT.yaw_damp_v] / speed) * r
     if not roll:
         out[V] = side / m - speed * r
         out[R] = yaw / izz
@@ -130,7 +147,7 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
     """Motion (n, 7) in the columns v, r, phi, p, v' + V r, r', p'; SI units, RK4 of step dt [s].
 
     steer (n,): road-wheel angle [rad]. speed (n,): V [m/s]. grip (n,): factor of both axles' stiffness.
-    fy, mz, mx (n,): added side force [N], yaw moment and roll moment [N m]. q (20,): `VehicleNumbers`.
+    fy, mz, mx (n,): added side force [N], yaw moment and roll moment [N m]. q (25,): `VehicleNumbers`.
     roll: False holds phi and p at 0. relaxed: the tyre forces lag by the relaxation length.
     """
     n = steer.size
@@ -172,7 +189,7 @@ def roll_only(across, yaw_rate_dot, mx, q, dt):  # type: ignore[no-untyped-def]
     """(n, 3): phi, p, p' of the sprung mass [rad, rad/s, rad/s^2].
 
     across (n,): given lateral acceleration [m/s^2]. yaw_rate_dot (n,): r' [rad/s^2]. mx (n,): added roll
-    moment [N m]. q (20,): `VehicleNumbers`. dt: step [s].
+    moment [N m]. q (25,): `VehicleNumbers`. dt: step [s].
     """
     n = across.size
     y = np.zeros((n, 3))

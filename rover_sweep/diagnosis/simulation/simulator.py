@@ -16,6 +16,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import Effect
 from rover_sweep.diagnosis.effects.kinds import (
     CommandEffect,
+    DriftEffect,
     FilterEffect,
     ForceEffect,
     GripEffect,
@@ -37,7 +38,7 @@ class Structure:
     """The parts of a model: the rover's numbers, slip, roll, and effects.
 
     slip, roll: True if the tyres slip, the body rolls. happened_in: name of the run with a change of ground,
-    "" for every run. lumped: derivatives replace tyres and springs.
+    "" for every run; happened_order: its place in the order of driving. lumped: derivatives replace tyres and springs.
     """
 
     rover: Geometry
@@ -46,6 +47,7 @@ class Structure:
     effects: tuple[Effect, ...] = ()
     happened_in: str = ""
     lumped: bool = False
+    happened_order: int = 0
 
     def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
         """The effects of a kind."""
@@ -96,6 +98,10 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     for effect in structure.of(GripEffect):
         if structure.happened_in in ("", run.name):
             grip = grip * effect.act(run.t, effect.coordinates(x))
+        elif effect.later and structure.happened_order < run.order:
+            grip = grip * effect.later(effect.coordinates(x))
+    for drift in structure.of(DriftEffect):
+        grip = grip * drift.act(run.driven + run.t, drift.coordinates(x))
     if not structure.slip:
         return _without_slip(base, structure, x, q, zero)
     forces = structure.of(ForceEffect)
@@ -204,7 +210,15 @@ def vehicle_numbers(structure: Structure, x: Values) -> VehicleNumbers:
     added: dict[str, float] = {}
     for effect in structure.of(VehicleEffect):
         added |= effect.numbers(x)
-    return numbers._replace(**added)
+    return _with_units(numbers._replace(**added), rover)
+
+
+def _with_units(q: VehicleNumbers, rover: Geometry) -> VehicleNumbers:
+    """Numbers that a coordinate gives without a unit, in the unit of the kernel."""
+    inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
+    return q._replace(
+        compliance=q.compliance / q.Cf, yaw_damp=q.yaw_damp * inertia, yaw_damp_v=q.yaw_damp_v * inertia
+    )
 
 
 def sensed(
@@ -265,9 +279,15 @@ class Sensors:
         w: Array = np.asarray(2 * pi * np.fft.rfftfreq(size, STEP), np.float64)
         return Sensors(size, w, {c: run.filters[c].response(w) for c in run.measured if c in run.filters})
 
-    def through(self, signals: Mapping[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
-        """{channel: (n,)}: the signals through filters and lags, as a log has them."""
-        hidden = [e.response(self.w, e.coordinates(x)) for e in structure.of(FilterEffect)]
+    def through(
+        self, signals: Mapping[str, Array], speed: Array, structure: Structure, x: Values
+    ) -> dict[str, Array]:
+        """{channel: (n,)}: the signals through filters and lags, as a log has them; speed (n,) m/s."""
+        found = structure.of(FilterEffect)
+        hidden = [e.response(self.w, e.coordinates(x)) for e in found]
+        seen = [h["r"] for e, h in zip(found, hidden, strict=True) if e.heading and "r" in h]
+        if seen and "vy" in signals:
+            signals = {**signals, "vy": signals["vy"] + self._turned(signals["r"], speed, np.prod(seen, axis=0))}
         out = {}
         for channel, y in signals.items():
             path = self.known.get(channel, 1.0) * self._lag(channel, x)
@@ -280,6 +300,17 @@ class Sensors:
             out[channel] = irfft(rfft(padded) * path, self.size)[: y.size]
         return out
 
+    def _turned(self, r: Array, speed: Array, path: Any) -> Array:
+        """V_y (n,) that a heading shows which is integrated from r (n,) through a filter: V (psi - psi_f).
+
+        path (k,): the filter's response H; psi - psi_f has the transform R (1 - H)/(j w).
+        """
+        padded = np.concatenate((r, np.linspace(r[-1], r[0], self.size - r.size)))
+        late = np.zeros(self.w.size, complex)
+        late[1:] = (1.0 - path[1:]) / (1j * self.w[1:])
+        late[0] = late[1].real
+        return speed * irfft(rfft(padded) * late, self.size)[: r.size]
+
     def _lag(self, channel: str, x: Values) -> Any:
         lag = {"ay": "ay_lag", "p": "p_lag"}.get(channel)
         lag_s = x.get(lag, 0.0) if lag else 0.0
@@ -290,5 +321,7 @@ class Sensors:
 
 def logged(run: Experiment, structure: Structure, x: Values, sensors: Sensors) -> dict[str, Array]:
     """The log that the model predicts: {channel: (n,)} of the measured channels."""
-    shown = sensed(run, structure, x, motion(run, structure, x))
-    return sensors.through({c: shown[c] for c in run.measured}, structure, x)
+    moved = motion(run, structure, x)
+    shown = sensed(run, structure, x, moved)
+    logs = sensors.through({"r": shown["r"], **{c: shown[c] for c in run.measured}}, moved["V"], structure, x)
+    return {c: logs[c] for c in run.measured}

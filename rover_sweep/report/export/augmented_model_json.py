@@ -37,16 +37,17 @@ def augmented_document(model: AugmentedModel) -> dict[str, Any]:
         "happened_in": model.happened_in or None,
         "happened_at_s": model.happened_at,
         "laws": [asdict(law) for law in model.laws],
+        "happened_order": model.happened_order,
     }
 
 
 def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
     """The model from its document; KeyError, TypeError or ValueError for an invalid one."""
-    from rover_sweep.diagnosis.effects import library
+    from rover_sweep.diagnosis.effects import every_form
 
     effects = tuple(document["effects"])
     for effect in effects:
-        if effect not in library():
+        if effect not in every_form():
             raise ValueError(f"there is no effect {effect!r}")
     steering = document["steering"]
     known: dict[str, Any] = {f.name: document["known"][f.name] for f in fields(Geometry)}
@@ -62,6 +63,7 @@ def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
         happened_in=document["happened_in"] or "",
         happened_at=document["happened_at_s"],
         laws=tuple(law_from(law) for law in document.get("laws", ())),
+        happened_order=int(document.get("happened_order", 0)),
     )
     refuse_implausible(model)
     return model
