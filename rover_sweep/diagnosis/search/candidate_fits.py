@@ -197,11 +197,13 @@ def fit_candidates(
     thresholds: Mapping[str, float],
     progress: Callable[[str, float], None],
     stop: Callable[[], bool],
+    origin: Fitted | None = None,
 ) -> list[Trial]:
     """Every effect added alone to a model, the largest gain first; fewer when stopped.
 
     Those with the largest predicted gains near their thresholds {effect: gain} are fitted, with the
-    nominal Jacobian of the base. The others keep their predicted gain.
+    nominal Jacobian of the base. The others keep their predicted gain. origin: the model at its start values,
+    where the base is far off: it may have settled where no effect helps, so all are fitted from there too.
     """
     screened: list[Screened] = []
     for k, effect in enumerate(effects):
@@ -223,7 +225,33 @@ def fit_candidates(
             break
         progress(f"fitting {one.effect}", 0.5 + 0.5 * k / len(promising))
         out.append(fit_from(problem, base, one))
+    if origin is not None:
+        out = [_from_origin(problem, base, origin, model, t) if not stop() else t for t in out]
+        known = {t.effect for t in out}
+        out += [
+            t
+            for e in effects
+            if e.id not in known and not e.in_one_run and not stop()
+            if (t := _from_origin(problem, base, origin, model, _unfitted(model, base, e))).fitted is not base
+        ]
     return sorted(out, key=lambda t: -t.gain)
+
+
+def _unfitted(model: Model, base: Fitted, effect: Effect) -> Trial:
+    return Trial(effect.id, model.with_effect(effect.id), base, 0.0)
+
+
+def _from_origin(problem: Problem, base: Fitted, origin: Fitted, model: Model, trial: Trial) -> Trial:
+    """The trial fitted from the model's start values and the effect's own size, where that is better."""
+    if trial.law.in_one_run or trial.effect in DEGREES_OF_FREEDOM:
+        return trial
+    sizes = {trial.law.coordinate_name(p): p.size * p.per for p in trial.law.parameters}
+    start = {**origin.x, **sizes}
+    found = fit(problem, trial.model.structure, trial.model.free, start, known=origin)
+    gain = base.cost - found.cost
+    fitted = trial.fitted is not base
+    better = gain > (trial.gain if fitted else 0.0)
+    return replace(trial, fitted=found, gain=gain) if better else trial
 
 
 def refit_candidates(

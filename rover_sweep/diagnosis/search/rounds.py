@@ -33,6 +33,7 @@ NOTABLE_PLAIN = 3.0  # the same, for rows without tolerances
 LARGE = 1.8  # mean square up to which noise that grows with the motion may be the reason
 IMPLAUSIBLE = 0.8  # share of an effect's bound, beyond which it is probably a proxy
 MOST_NOISE = 1.5  # largest variance of a row that a round takes for noise
+FAR_OFF = 3.0  # mean square of the closest fit's rows, from which effects are fitted from the start too
 LAGS = ("servo_lag", "transport_delay")
 SWINGING = "servo_lag/second order"
 MOST_SHAPE = 1.0  # of a servo that swings no more than usual, a damping ratio of 0.5
@@ -173,6 +174,14 @@ def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, floa
     return problem(runs, residuals)
 
 
+def _at_start(metric: Problem, model: Model) -> Fitted:
+    """The model at its start values, with its Jacobian, as if it were a fit."""
+    x = {c.name: float(np.clip(c.start, c.low, c.high)) for c in model.free}
+    rows = metric.measured - metric.model(model.structure, x)
+    none = np.zeros((rows.size, 0))
+    return sensitivities(metric, Fitted(model.structure, model.free, x, float(rows @ rows), rows, none))
+
+
 def round_of(
     runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options, near: bool = False
 ) -> Round:
@@ -192,7 +201,12 @@ def round_of(
     noise = min(fitted.overdispersion, MOST_NOISE)
     null = null_distribution(candidates, tolerances, space, noise, options.seed)
     needed = null.thresholds
-    trials = fit_candidates(metric, fitted, space, model, effects, needed, options.progress, options.stop)
+    origin = None
+    if not near and closest.overdispersion > FAR_OFF:
+        origin = _at_start(metric, model)
+    trials = fit_candidates(
+        metric, fitted, space, model, effects, needed, options.progress, options.stop, origin
+    )
     trials = refit_candidates(metric, fitted, trials, needed, options.stop)
     return Round(
         model=model,
