@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.search.bounds import ExceededBound, cost_of, exceeded_bound
 from rover_sweep.diagnosis.search.candidate_fits import Trial, fit_candidate, tangent
+from rover_sweep.diagnosis.search.confirm import Support, Withheld, support_in, support_of
 from rover_sweep.diagnosis.search.look_alikes import LookAlike, find_look_alikes
 from rover_sweep.diagnosis.search.rounds import Misfit, Options, Round, matters, round_of
 from rover_sweep.diagnosis.search.threshold import LEAST
@@ -43,6 +45,9 @@ PROXY_OF_TERM = 4.0
 """The same ratio for an unnamed term. A deadband of the servo's error is named as one of the command, which
 explains a third of the term sgn(delta), hence more than 3. Sensitivity: true effects have at most 0.45."""
 
+JUDGED_AT_MOST = 4
+"""Effects of one round that are judged until one earns its name; the next ones would explain far less."""
+
 SAME_FORM = 0.02
 """Share of the gain by which a form must beat the next one to be told apart."""
 
@@ -72,6 +77,7 @@ class Choice:
 
     withdrawn: effects that were found but do not explain enough. exceeded: a nominal parameter beyond its
     bound explains more than they do; unmodelled: an unnamed term does. stopped: not all effects were tried.
+    support: {effect: what speaks for it, or against it} of all effects that were chosen at first.
     """
 
     first: Round
@@ -81,14 +87,25 @@ class Choice:
     exceeded: ExceededBound | None = None
     unmodelled: bool = False
     stopped: bool = False
+    support: Mapping[str, Support] = field(default_factory=dict)
 
 
-def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options) -> Choice:
-    """Add and remove effects until neither helps; a removed effect is not added again.
+def choose(
+    runs: Sequence[Experiment],
+    model: Model,
+    start: Mapping[str, float],
+    options: Options,
+    held: Sequence[Experiment] = (),
+) -> Choice:
+    """Add and remove effects until neither helps, then keep those that earn their names.
 
-    start: {coordinate: value} to begin the first fit from.
+    A removed effect is not added again. start: {coordinate: value} to begin the first fit from. held: runs
+    that only judge the effects that were chosen.
     """
-    first, current, named, removed = _search(runs, model, start, options)
+    support: dict[str, Support] = {}
+    first, current, named, removed = _search(runs, model, start, options, held, support)
+    if named and not options.stop():
+        current, named = _confirmed(runs, current, named, options, held, support)
     stopped = options.stop()
     if stopped and not named and (found := current.significant()):  # not compared with others, but fitted
         named = [Named(found[0], first.fitted, first.null.thresholds.get(found[0].effect, 0.0), ())]
@@ -97,7 +114,7 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
     too_many = further and _scatter_remains(first, current)
     effects = tuple(n.trial.effect for n in named)
     if not named or (not stopped and (too_many or _mostly_unexplained(first, current.misfit))):
-        return Choice(first, first, (), effects, stopped=stopped)
+        return Choice(first, first, (), effects, stopped=stopped, support=support)
     if stopped:
         return Choice(first, current, tuple(named), stopped=True)
     explained = _explained(first, current, named)
@@ -106,18 +123,28 @@ def choose(runs: Sequence[Experiment], model: Model, start: Mapping[str, float],
         return Choice(first, first, (), effects, exceeded)
     if unmodelled_gain(first, options.seed) > PROXY_OF_TERM * explained:
         return Choice(first, first, (), effects, unmodelled=True)
-    return Choice(first, current, tuple(named))
+    return Choice(first, current, tuple(named), support=support)
 
 
 def _search(
-    runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options
+    runs: Sequence[Experiment],
+    model: Model,
+    start: Mapping[str, float],
+    options: Options,
+    held: Sequence[Experiment],
+    support: dict[str, Support],
 ) -> tuple[Round, Round, list[Named], set[str]]:
-    """(first round, last round, effects that were kept, ids of effects that were removed)."""
+    """(first round, last round, effects that were kept, ids of effects that were removed).
+
+    An effect that does not earn its name is passed over for the next one. support: is filled.
+    """
     first = current = round_of(runs, model, start, options)
     named: list[Named] = []
     removed: set[str] = set()
     while len(named) < MAX_EFFECTS and not options.stop():
         found = _further_findings(current, named, removed)
+        found = _earning(found, current, named, held, support)
+        removed |= {effect for effect, s in support.items() if s.against}
         if not found:
             break
         best = found[0]
@@ -134,6 +161,52 @@ def _search(
             if _no_progress(first, current, further):
                 break
     return first, current, named, removed
+
+
+def _earning(
+    found: Sequence[Trial],
+    current: Round,
+    named: Sequence[Named],
+    held: Sequence[Experiment],
+    support: dict[str, Support],
+) -> list[Trial]:
+    """The trials from the first one on that earns its name; fills `support` of those that were judged."""
+    larger = max((n.trial.gain for n in named if n.trial.effect not in DEGREES_OF_FREEDOM), default=0.0)
+    for k, trial in enumerate(found[:JUDGED_AT_MOST]):
+        whole = FittedModel(trial.model, trial.fitted.x)
+        support[trial.effect] = support_of(trial, current, _withheld(current, whole, held), larger)
+        if not support[trial.effect].against:
+            return list(found[k:])
+    return []
+
+
+def _confirmed(
+    runs: Sequence[Experiment],
+    current: Round,
+    named: Sequence[Named],
+    options: Options,
+    held: Sequence[Experiment],
+    support: dict[str, Support],
+) -> tuple[Round, list[Named]]:
+    """(last round, effects that earn their names beside all others); fills `support`."""
+    kept = list(named)
+    while kept and not options.stop():
+        withheld = _withheld(current, FittedModel(current.model, current.fitted.x), held)
+        others = {n.trial.effect: max((o.trial.gain for o in kept if o is not n), default=0.0) for n in kept}
+        found = [support_in(n.trial.effect, current, withheld, others[n.trial.effect]) for n in kept]
+        support |= {s.effect: s for s in found}
+        bad = [s for s in found if s.against]
+        if not bad:
+            break
+        worst = min(bad, key=lambda s: s.gain)
+        kept = [n for n in kept if n.trial.effect != worst.effect]
+        fewer = current.model.without(worst.effect)
+        current = round_of(runs, fewer, current.fitted.x, options, near=True)
+    return current, kept
+
+
+def _withheld(current: Round, whole: FittedModel, held: Sequence[Experiment]) -> Withheld:
+    return Withheld(tuple(HeldOutRun.of(run, current.problem.floor, whole).problem for run in held))
 
 
 def _named(current: Round, found: Sequence[Trial], seed: int) -> Named:

@@ -118,7 +118,7 @@ def diagnose(
     )
     speed = sum(run.mean_speed for run in used) / len(used)
     begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
-    choice = choose(used, model, begin, options)
+    choice = choose(used, model, begin, options, held)
     found, laws = _answer(choice, used, held, settings)
     remarks = [f"the simulation follows the {settings.baseline} model"] if simulated else []
     remarks += smoothed_channels(choice.last.problem.floor)

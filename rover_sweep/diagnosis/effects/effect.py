@@ -30,6 +30,7 @@ class EffectParameter:
     doubt: standard deviation that no data of this kind can reduce.
     nominal: the coordinate of the nominal model that is this parameter; "" if the effect adds its own.
     per: nominal coordinate per unit of the value.
+    jumps: the law jumps where this parameter says, so its derivative means nothing: it is scanned, not fitted.
     """
 
     name: str
@@ -44,6 +45,7 @@ class EffectParameter:
     doubt: float = 0.0
     nominal: str = ""
     per: float = 1.0
+    jumps: bool = False
 
     def value(self, coordinate: float) -> float:
         """The physical value at a coordinate."""

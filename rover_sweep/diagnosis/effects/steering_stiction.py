@@ -65,7 +65,14 @@ EFFECT = CommandEffect(
     source="Armstrong-Helouvry 1994, stiction; position band of a digital servo",
     parameters=(
         EffectParameter(
-            "s", "rad", 0.012, 0.0, 0.15, "largest error at rest, road-wheel angle", tolerance=0.0015
+            "s",
+            "rad",
+            0.012,
+            0.0,
+            0.15,
+            "largest error at rest, road-wheel angle",
+            tolerance=0.0015,
+            jumps=True,
         ),
     ),
     apart="goes all the way once it moves; with a backlash or a deadband a part stays lost",

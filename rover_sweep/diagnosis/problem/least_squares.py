@@ -37,8 +37,6 @@ from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.diagnosis.simulation.simulator import Structure
 
-STEP = 0.02  # step of the difference quotients, in scales of the coordinate
-
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
@@ -124,11 +122,12 @@ def _jacobian(
     known: Fitted | None,
 ) -> Array:
     kept = {c.name: known.jacobian[:, k] * 1.0 for k, c in enumerate(known.free)} if known else {}
+    kept |= {c.name: np.zeros(problem.size) for c in free if c.step == 0.0}
     new = [c for c in free if c.name not in kept]
     moved = []
     steps = []
     for c in new:
-        step = STEP * c.scale if x[c.name] + STEP * c.scale <= c.high else -STEP * c.scale
+        step = c.step * c.scale if x[c.name] + c.step * c.scale <= c.high else -c.step * c.scale
         steps.append(step / c.scale)
         moved.append({**x, c.name: x[c.name] + step})
     models = problem.models(structure, moved)

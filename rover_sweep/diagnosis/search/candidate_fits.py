@@ -20,6 +20,10 @@ from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 
 SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
+SCANNED = np.geomspace(0.25, 4.0, 112)  # sizes of a law that jumps: 2.5 % apart
+SCANNED_FROM = 30.0  # predicted gain from which they are
+BESIDE = (1.0, 0.985, 1.015, 0.97, 1.03)  # of the scanned size
+FEW = 3  # steps of those fits
 INSTANTS = 7  # at which a change of ground is tried in each run
 NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
 FITTED_FROM = 0.25  # share of the threshold from which a predicted gain is followed by a fit
@@ -113,11 +117,26 @@ def linear_prediction(
     if best is None or (best[0] < NO_GAIN and added_coordinates(effect)):
         return None
     predicted, amount, start = best
+    if any(p.jumps for p in effect.parameters) and predicted > SCANNED_FROM:
+        return _scanned(problem, base, space, model, effect)
     factor = float(np.sign(amount) * np.clip(abs(amount), 0.5, 2.0))
     return predicted, {
         k: v if k.endswith(".t") else base.x.get(k, 0.0) + (v - base.x.get(k, 0.0)) * factor
         for k, v in start.items()
     }
+
+
+def _scanned(
+    problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
+) -> tuple[float, dict[str, float]]:
+    """(predicted gain, coordinates) of the best of many sizes of a law that jumps, each taken as it is."""
+    name, size = next((effect.key(p.name), p.size) for p in effect.parameters if p.jumps)
+    starts = [{name: float(f * size)} for f in SCANNED]
+    whole = float(np.sum(space.outside(base.rows) ** 2))
+    models = problem.models(model.structure, [{**base.x, **s} for s in starts])
+    left = [float(np.sum(space.outside(problem.measured - rows) ** 2)) for rows in models]
+    best = int(np.argmin(left))
+    return max(whole - left[best], 0.0), starts[best]
 
 
 def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> list[dict[str, float]]:
@@ -168,12 +187,29 @@ def fit_from(problem: Problem, base: Fitted, one: Screened) -> Trial:
     """The model with the effect, fitted from its linear prediction."""
     free, structure = one.model.free, one.model.structure
     known = None if one.effect in DEGREES_OF_FREEDOM else base
+    law = form_named(one.model.effects[-1])
+    if any(p.jumps for p in law.parameters):
+        return _around_the_scanned(problem, base, one, law)
     found = fit(problem, structure, free, {**base.x, **one.start}, known=known)
     if known is not None and base.cost - found.cost < ASTRAY * one.predicted:
         nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in one.start.items()}
         again = fit(problem, structure, free, {**base.x, **nearer}, known=known)
         found = again if again.cost < found.cost else found
     return Trial(one.effect, one.model, found, base.cost - found.cost)
+
+
+def _around_the_scanned(problem: Problem, base: Fitted, one: Screened, law: Effect) -> Trial:
+    """A law that jumps: the other coordinates are fitted at the scanned size and beside it, then all."""
+    jumping = {law.key(p.name) for p in law.parameters if p.jumps}
+    others = tuple(c for c in one.model.free if c.name not in jumping)
+    best: Fitted | None = None
+    for factor in BESIDE:
+        size = {name: one.start[name] * factor for name in jumping if name in one.start}
+        start = {**base.x, **one.start, **size} if best is None else {**best.x, **size}
+        found = fit(problem, one.model.structure, others, start, steps=FEW, known=base)
+        best = found if best is None or found.cost < best.cost else best
+    whole = fit(problem, one.model.structure, one.model.free, best.x, steps=1)
+    return Trial(one.effect, one.model, whole, base.cost - whole.cost)
 
 
 def fit_candidate(

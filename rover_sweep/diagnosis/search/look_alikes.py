@@ -22,7 +22,7 @@ from rover_sweep.diagnosis.search.candidate_fits import Tangent, Trial
 
 DRAWS = 1000
 EXCLUDED = 0.02  # share of the draws, below which an effect cannot be the truth
-MODEL_ERROR = 0.03  # of the gain; no model is exact, so a smaller difference decides nothing
+MODEL_ERROR = 0.06  # of the gain; no model is exact, so a smaller difference decides nothing
 MOST_NAMED = 2  # look-alikes that a finding lists
 
 

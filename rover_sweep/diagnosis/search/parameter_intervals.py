@@ -19,11 +19,13 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.search.rounds import Round
+from rover_sweep.diagnosis.simulation.nominal import Coordinate
 
 DRAWS = 400
 LEVEL = (5.0, 95.0)  # percent
 OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
 UNBOUNDED = 1e9  # value of a limit or cut-off that the data do not show
+SCANNED = 0.02  # relative standard deviation of a size that was scanned in steps of 2.5 %
 FEWEST = 4  # lines of an octave that form a group
 
 
@@ -45,11 +47,17 @@ def _covariance(last: Round) -> Array:
     """Covariance (k, k) of the coordinates over their scales."""
     fitted = last.fitted
     prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
-    inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-6))
+    scanned = np.array([_scanned(c, fitted.x[c.name]) for c in fitted.free])
+    inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + scanned + 1e-6))
     scores = _scores(last)
     scores = scores - scores.mean(axis=0)
     spread = scores.T @ scores * (len(scores) / max(len(scores) - 1, 1))
     return np.asarray(inverse * last.fitted.overdispersion + inverse @ spread @ inverse)
+
+
+def _scanned(c: Coordinate, value: float) -> float:
+    """Information (1/variance, in scales) of a coordinate that was scanned: known to `SCANNED` of its value."""
+    return (c.scale / (SCANNED * abs(value) + 1e-3 * c.scale)) ** 2 if c.step == 0.0 else 0.0
 
 
 def _scores(last: Round) -> Array:

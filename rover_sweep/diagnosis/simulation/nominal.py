@@ -31,6 +31,8 @@ class Coordinate:
     parameter: str = ""
     """Physical parameter of a logarithmic coordinate, else ""."""
     unit: str = ""
+    step: float = 0.02
+    """Step of the difference quotients, in scales; 0 for a coordinate that a fit does not move."""
 
 
 def coordinates(

@@ -1,0 +1,202 @@
+"""Whether an effect earns its name on data that did not choose it.
+
+Each named effect is judged by two fits: the model with it, and the model without it, refitted.
+
+1. Held-out runs. s are the whitened rows by which both models differ there, G the drop of the sum of squares.
+   If the effect is true, G is about s^T s; if the model without it is true, about -s^T s. The noise of G is
+   2 sqrt(s^T s). G must be positive wherever s^T s is large enough to judge.
+2. Runs left out one by one. At the optimum of all runs with the Jacobian J and the residual r, the optimum
+   without the rows k is x + (N - J_k^T J_k)^-1 (-J_k^T r_k), N = J^T J + priors, which predicts the residual
+   of those rows (Cook and Weisberg 1982, chapter 2; no simulation is needed). The gain over all rows that were
+   predicted this way must be positive.
+3. Its size must be known: an interval that holds its absent value, or spans a decade, is no finding.
+4. Beside a larger finding its gain must exceed what a wrong form of that one may leave.
+
+Cook and Weisberg 1982: Residuals and Influence in Regression, Chapman and Hall.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects import Effect, form_named
+from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
+from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.search.candidate_fits import Trial
+from rover_sweep.diagnosis.search.rounds import Round
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
+
+JUDGED = 9.0  # s^T s from which a held-out run can judge an effect
+DECADE = 10.0  # ratio of the ends of an interval
+FORM_ERROR = 0.02  # share of a larger finding's gain that its wrong form may leave
+STEPS = 3  # of the fit without tolerances
+STABLE = 0.15  # relative change of an effect's size when any run is left out, up to which it is stable
+
+
+@dataclass(frozen=True)
+class Support:
+    """What speaks for one named effect; gains are drops of the sum of squares.
+
+    gain: on the runs of the fit. predicted: on the same runs, each predicted by the others; None where the
+    effect shows in one run only, or there is one run. held_out, expected: on the held-out runs, and what a
+    true effect would gain there; None without such runs. spread: largest relative change of its size when a
+    run is left out. against: why it is no finding, "" where it is one.
+    """
+
+    effect: str
+    gain: float
+    predicted: float | None = None
+    held_out: float | None = None
+    expected: float | None = None
+    spread: float | None = None
+    against: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Withheld:
+    """Held-out runs as problems with their noise floors, and the model-independent part of the judgement."""
+
+    problems: tuple[Problem, ...] = field(default_factory=tuple)
+
+    def gain(self, without: Fitted, whole: Fitted) -> tuple[float, float] | None:
+        """(gain, gain expected of a true effect) over the runs that can judge it; None where none can."""
+        gains, sizes = [], []
+        for problem in self.problems:
+            before = problem.measured - problem.model(without.structure, without.x)
+            after = problem.measured - problem.model(whole.structure, whole.x)
+            difference = before - after
+            size = float(difference @ difference)
+            if size > JUDGED:
+                gains.append(float(before @ before - after @ after))
+                sizes.append(size)
+        return (sum(gains), sum(sizes)) if gains else None
+
+
+def support_in(effect: str, last: Round, held: Withheld, larger: float) -> Support:
+    """The support of one effect of the last round's model. larger: the largest gain of the other findings."""
+    whole, rest = last.fitted, last.model.without(effect)
+    known = None if effect in DEGREES_OF_FREEDOM else whole
+    less = fit(last.problem, rest.structure, rest.free, whole.x, known=known)
+    return _support(effect, last.problem, last.model, whole, less, held, larger)
+
+
+def support_of(trial: Trial, base: Round, held: Withheld, larger: float) -> Support:
+    """The support of a trial of a round, beside the round's own effects. larger: their largest gain."""
+    return _support(trial.effect, base.problem, trial.model, trial.fitted, base.fitted, held, larger)
+
+
+def _support(
+    effect: str, problem: Problem, model: Model, whole: Fitted, less: Fitted, held: Withheld, larger: float
+) -> Support:
+    law = next(form_named(e) for e in model.effects if form_named(e).id == effect)
+    gain = less.cost - whole.cost
+    sure = _unsure_size(law, whole)
+    several = len(problem.runs) > 1 and not law.in_one_run and effect not in DEGREES_OF_FREEDOM
+    predicted = spread = None
+    if several:
+        with_it, sizes = _left_out(problem, whole, law)
+        predicted = _left_out(problem, less, law)[0] - with_it
+        spread = _spread(sizes, law, whole.x)
+    judged = held.gain(*(_without_tolerances(problem, f) for f in (less, whole))) if held.problems else None
+    found = Support(effect, gain, predicted, *(judged or (None, None)), spread)
+    return replace(found, against=_against(found, law, larger, sure))
+
+
+def _without_tolerances(problem: Problem, fitted: Fitted) -> Fitted:
+    """The fit nearest to the recordings, since another run is predicted by the model alone."""
+    return fit(problem.plain, fitted.structure, fitted.free, fitted.x, steps=STEPS)
+
+
+def _against(found: Support, law: Effect, larger: float, unsure: str) -> str:
+    if found.held_out is not None and found.held_out <= 0:
+        return "it makes the held-out runs worse"
+    if found.held_out is None and found.predicted is not None and found.predicted <= 0:
+        return "fitted to the other runs, it makes each run worse"
+    if law.id in DEGREES_OF_FREEDOM:
+        return ""
+    if found.gain < FORM_ERROR * larger:
+        return "a slightly wrong form of the larger finding would leave as much"
+    return unsure
+
+
+def _unsure_size(law: Effect, whole: Fitted) -> str:
+    """Why the size is not known, "" where it is: no interval of a parameter is away from its absent value."""
+    error = standard_errors(whole)
+    why = "its size cannot be told from none"
+    for p in law.parameters:
+        name = law.coordinate_name(p)
+        if p.name == "t" or name not in error:
+            continue
+        if p.jumps:
+            return ""
+        value, reach = abs(whole.x[name]), 1.645 * error[name]
+        if value <= reach:
+            continue
+        if not p.nominal and value + reach > DECADE * (value - reach):
+            why = "its size is known to a factor of ten only"
+            continue
+        return ""
+    return why
+
+
+def standard_errors(fitted: Fitted) -> dict[str, float]:
+    """{coordinate: standard deviation} from the curvature of the cost and the rows' variance."""
+    scale = np.array([c.scale for c in fitted.free])
+    covariance = np.linalg.inv(_normal(fitted)) * fitted.overdispersion
+    return {
+        c.name: float(s)
+        for c, s in zip(fitted.free, scale * np.sqrt(np.diag(covariance)), strict=True)
+    }
+
+
+def _normal(fitted: Fitted) -> Array:
+    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
+    return np.asarray(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-6))
+
+
+def _loose(fitted: Fitted) -> NDArray[np.intp]:
+    inside = [
+        c.step > 0 and c.low + 1e-6 * c.scale < fitted.x[c.name] < c.high - 1e-6 * c.scale
+        for c in fitted.free
+    ]
+    return np.flatnonzero(inside)
+
+
+def _left_out(problem: Problem, fitted: Fitted, law: Effect) -> tuple[float, list[Mapping[str, float]]]:
+    """(sum of squares of all rows, each run's predicted by the other runs; the effect's coordinates then)."""
+    loose = _loose(fitted)
+    jacobian, normal = fitted.jacobian[:, loose], _normal(fitted)[np.ix_(loose, loose)]
+    free = [fitted.free[k] for k in loose]
+    low = np.array([(c.low - fitted.x[c.name]) / c.scale for c in free])
+    high = np.array([(c.high - fitted.x[c.name]) / c.scale for c in free])
+    names = {law.coordinate_name(p) for p in law.parameters if p.name != "t"}
+    total, sizes = 0.0, []
+    for run in range(len(problem.runs)):
+        rows = np.concatenate(
+            [np.arange(r.start, r.start + r.size) for r in problem.rows if r.run == run]
+        )
+        part, left = jacobian[rows], fitted.rows[rows]
+        rest = normal - part.T @ part + 1e-6 * np.eye(loose.size)
+        move = np.clip(np.linalg.solve(rest, -part.T @ left), low, high)
+        predicted = left - part @ move
+        total += float(predicted @ predicted)
+        sizes.append(
+            {
+                fitted.free[k].name: fitted.x[fitted.free[k].name] + fitted.free[k].scale * step
+                for k, step in zip(loose, move, strict=True)
+                if fitted.free[k].name in names
+            }
+        )
+    return total, sizes
+
+
+def _spread(sizes: Sequence[Mapping[str, float]], law: Effect, x: Mapping[str, float]) -> float | None:
+    """Largest relative change of the parameter that changes least."""
+    names = {n for found in sizes for n in found if x.get(n)}
+    changes = [max(abs(found.get(n, x[n]) / x[n] - 1.0) for found in sizes) for n in names]
+    return min(changes, default=None)
