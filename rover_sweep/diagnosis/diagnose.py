@@ -20,6 +20,7 @@ from rover_sweep.diagnosis.held_out.worth import (
     compare_held_out,
     overlays,
     refitted_without,
+    worse_channels,
 )
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
@@ -33,7 +34,7 @@ from rover_sweep.diagnosis.result import (
     Unknown,
     Unseen,
 )
-from rover_sweep.diagnosis.search.bounds import unknown_at_bound
+from rover_sweep.diagnosis.search.bounds import at_the_end, unknown_at_bound
 from rover_sweep.diagnosis.search.look_alikes import LookAlike
 from rover_sweep.diagnosis.search.parameter_intervals import (
     UNBOUNDED,
@@ -181,9 +182,14 @@ def _answer(
     if not choice.stopped:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     withdrawn = () if choice.exceeded else choice.withdrawn
+    measure = () if choice.stopped else at_the_end(last.problem, last.fitted)
+    compared = {run.run.name: worse_channels(run, models.nominal, models.full) for run in held_out}
+    worse = {name: channels for name, channels in compared.items() if channels} if findings else {}
+    named = {f.effect for f in findings}
+    against = {e: s.against for e, s in choice.support.items() if s.against and e not in named}
     answer = Diagnosis(
-        verdict=verdict_of(findings, left, variance, choice.stopped),
-        sentence=sentence_of(findings, left, variance, choice.stopped),
+        verdict=verdict_of(findings, left, variance, choice.stopped, bool(worse)),
+        sentence=sentence_of(findings, left, variance, choice.stopped, measure),
         baseline=settings.baseline,
         mismatch=places,
         findings=findings,
@@ -194,7 +200,7 @@ def _answer(
         scores={**{t.effect: max(t.gain, 0.0) for t in first.trials}, **speed.gains},
         overlays=overlays(held or used[:1], bool(held), models.nominal, models.full, floor),
         held_out=_total(findings, held_out, models),
-        remarks=remarks_of(used, findings, withdrawn, choice.unmodelled),
+        remarks=remarks_of(used, findings, withdrawn, choice.unmodelled, against, worse),
         runs=tuple(r.name for r in used),
         held_out_runs=tuple(r.name for r in held),
     )

@@ -92,7 +92,8 @@ class Finding:
 
     evidence: {name: number}: "gain" (drop of the whitened cost), "threshold" (bootstrap) and "cosine:<id>"
     for each look-alike. held_out: the full model against the refitted model without this effect; with a
-    single finding, against the nominal model. next_run: the run that would decide. form: the law that the data
+    single finding, against the nominal model. next_run: the run that would decide. form: the law that
+    the data
     prefer among those of the effect, "" where it has one; forms: {form: gain}.
     """
 

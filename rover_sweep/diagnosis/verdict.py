@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from rover_sweep.diagnosis.result import Finding, Unknown, Verdict
 from rover_sweep.diagnosis.simulation.candidates import speeds_of
@@ -12,19 +13,30 @@ SETTLED = 1.5  # mean square of the residual rows (noise: 1) up to which finding
 
 
 def verdict_of(
-    findings: Sequence[Finding], left: Unknown | None, variance: float, stopped: bool = False
+    findings: Sequence[Finding],
+    left: Unknown | None,
+    variance: float,
+    stopped: bool = False,
+    worse: bool = False,
 ) -> Verdict:
-    """The verdict. left: an unexplained misfit; variance: of a residual row with all findings, 1 is noise."""
+    """The verdict. left: an unexplained misfit; variance: of a residual row with all findings, 1 is noise.
+
+    worse: a channel of a held-out run is predicted worse than without the findings.
+    """
     if findings:
-        return "partly explained" if left or stopped or variance > SETTLED else "explained"
+        return "partly explained" if left or stopped or worse or variance > SETTLED else "explained"
     return "unexplained" if left or stopped else "none"
 
 
 def sentence_of(
-    findings: Sequence[Finding], left: Unknown | None, variance: float, stopped: bool = False
+    findings: Sequence[Finding],
+    left: Unknown | None,
+    variance: float,
+    stopped: bool = False,
+    first: Sequence[str] = (),
 ) -> str:
-    """The answer in one sentence; arguments as for `verdict_of`."""
-    parts = [f.sentence for f in findings]
+    """The answer in one sentence. first: what must be measured before any name; others as `verdict_of`."""
+    parts = [*first, *(f.sentence for f in findings)]
     if stopped:
         parts.append("stopped before all effects were tried, so the result is incomplete")
     elif left:
@@ -40,10 +52,13 @@ def remarks_of(
     findings: Sequence[Finding],
     withdrawn: Sequence[str],
     unmodelled: bool = False,
+    against: Mapping[str, str] = MappingProxyType({}),
+    worse: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> tuple[str, ...]:
-    """Limits of the runs, withdrawn effects, and findings that a held-out run contradicts.
+    """Limits of the runs, withdrawn effects, and what speaks against effects.
 
-    unmodelled: the effects were withdrawn because an unnamed term explains far more.
+    unmodelled: the effects were withdrawn because an unnamed term explains far more. against: {effect: why it
+    did not earn its name}. worse: {held-out run: channels that are predicted worse with the findings}.
     """
     out = []
     if len(speeds_of(used)) < 2:
@@ -53,8 +68,15 @@ def remarks_of(
     if withdrawn:
         why = "an unnamed term explains far more" if unmodelled else "too much remains unexplained"
         out.append(f"{', '.join(withdrawn)} fit a part of the residual, but {why}; not reported as a finding")
+    out += [f"{effect} fits the runs, but is not reported: {why}" for effect, why in against.items()]
+    out += [
+        f"with the findings {', '.join(channels)} of {run} fits worse than without"
+        for run, channels in worse.items()
+    ]
     for finding in findings:
-        worse = [h.run for h in finding.held_out if h.share_removed is not None and h.share_removed < 0]
-        if worse:
-            out.append(f"{finding.effect} is not confirmed: the model with it is worse on {', '.join(worse)}")
+        failed = [h.run for h in finding.held_out if h.share_removed is not None and h.share_removed < 0]
+        if failed:
+            out.append(
+                f"{finding.effect} is not confirmed: the model with it is worse on {', '.join(failed)}"
+            )
     return tuple(out)

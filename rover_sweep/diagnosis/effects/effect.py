@@ -30,7 +30,8 @@ class EffectParameter:
     doubt: standard deviation that no data of this kind can reduce.
     nominal: the coordinate of the nominal model that is this parameter; "" if the effect adds its own.
     per: nominal coordinate per unit of the value.
-    jumps: the law jumps where this parameter says, so its derivative means nothing: it is scanned, not fitted.
+    jumps: the law jumps where this parameter says, so its derivative means nothing: it is scanned, not
+    fitted.
     """
 
     name: str

@@ -19,9 +19,7 @@ EFFECT = VehicleEffect(
     title="roll steer of the front axle",
     equation="d + e phi",
     source="Milliken and Milliken 1995",
-    parameters=(
-        EffectParameter("e", "-", 0.3, -3.0, 3.0, "steering angle per roll angle", tolerance=0.02),
-    ),
+    parameters=(EffectParameter("e", "-", 0.3, -3.0, 3.0, "steering angle per roll angle", tolerance=0.02),),
     apart="changes the steady gain with the speed, as understeer does, but follows the roll mode",
     next_run="a sweep at a second speed across the roll mode",
     fills={"e": "e_roll"},

@@ -5,7 +5,8 @@
     delay:         exp(-s/w0)
 
 f: cut-off [Hz], `gyro_hz` of r and p, `accel_hz` of a_y, 1 Hz and more (coordinate 1/f). Where the filter
-is in the sensor, the estimator integrates the filtered r: its heading lags, and V_y changes by V times the error.
+is in the sensor, the estimator integrates the filtered r: its heading lags, and V_y changes by V times the
+error.
 Shows as a lag of
 r and p that differs from that of a_y and V_y'; one sweep is enough, and high frequencies show it best.
 The second order is a Butterworth low-pass, as ArduPilot's

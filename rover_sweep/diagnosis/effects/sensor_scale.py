@@ -28,12 +28,8 @@ EFFECT = SensorEffect(
     equation="measured = (1 + s) true",
     source="Titterton and Weston 2004, scale factor error",
     parameters=(
-        EffectParameter(
-            "gyro", "-", 0.08, -0.5, 0.5, "scale error of r and p", tolerance=0.01, matters=0.03
-        ),
-        EffectParameter(
-            "accel", "-", 0.08, -0.5, 0.5, "scale error of a_y", tolerance=0.01, matters=0.03
-        ),
+        EffectParameter("gyro", "-", 0.08, -0.5, 0.5, "scale error of r and p", tolerance=0.01, matters=0.03),
+        EffectParameter("accel", "-", 0.08, -0.5, 0.5, "scale error of a_y", tolerance=0.01, matters=0.03),
     ),
     apart="a wrong steering scale changes r and a_y alike",
     next_run="turn the rover by hand by ten full turns; tilt it by a known angle",

@@ -25,7 +25,11 @@ def from_where(found: Values) -> Reported:
     c, s = found["w_cos"], found["w_sin"]
     return {
         "w": (float(np.hypot(c, s)), "m/s^2", "side force per mass"),
-        "psi0": (float(np.arctan2(s, c)), "rad", "heading, left positive from north, of the largest push left"),
+        "psi0": (
+            float(np.arctan2(s, c)),
+            "rad",
+            "heading, left positive from north, of the largest push left",
+        ),
     }
 
 

@@ -18,7 +18,6 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import EffectParameter, Values
 from rover_sweep.diagnosis.effects.kinds import LinkageEffect
 
-
 REFERENCE = 0.3  # rad, at which both forms have the same gain
 
 

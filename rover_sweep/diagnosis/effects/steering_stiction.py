@@ -34,7 +34,10 @@ def jumps(u: Array, band: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def sticks(u: Array, band: float) -> Array:
-    """The angle (n,) that is held until u (n,) is more than the band away, then follows until u turns back."""
+    """The angle (n,) that is held until u (n,) is more than the band away.
+
+    Then follows until u turns back.
+    """
     d = np.empty(u.size)
     x, way, before = u[0], 0.0, u[0]
     for k in range(u.size):

@@ -20,7 +20,6 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import EffectParameter, Values
 from rover_sweep.diagnosis.effects.kinds import DriftEffect, GripEffect
 
-
 RAMP = 10.0  # s
 DRIFT = 300.0  # s of driving
 

@@ -43,10 +43,6 @@ EFFECT = VehicleEffect(
 
 FORMS = (
     replace(
-        EFFECT,
-        first=False,
-        form="over r/V",
-        equation="M = -c r V0/V, V0 = 1 m/s",
-        fills={"c": "yaw_damp_v"},
+        EFFECT, first=False, form="over r/V", equation="M = -c r V0/V, V0 = 1 m/s", fills={"c": "yaw_damp_v"}
     ),
 )

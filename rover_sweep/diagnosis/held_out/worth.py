@@ -20,6 +20,7 @@ from rover_sweep.spectra.response import FrequencyResponse
 
 UNITS = {"r": 180 / np.pi, "ay": 1 / 0.3048, "p": 180 / np.pi}  # deg/s, ft/s^2, deg/s: those of J_rms
 EVERY = 4  # an overlay has every 4th sample of the simulation
+WORSE = 3.0  # standard deviations from which a channel counts as worse
 EXPLAINABLE = 1.05  # mean square of the rows above which a share removed is computed
 
 
@@ -79,6 +80,23 @@ def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) 
     explainable = left[0] - noise
     share = (left[0] - left[1]) / explainable if left[0] > EXPLAINABLE * noise else None
     return HeldOut(held.run.name, fit_of(held, before), fit_of(held, after), share)
+
+
+def worse_channels(held: HeldOutRun, before: FittedModel, after: FittedModel) -> tuple[str, ...]:
+    """The channels of a held-out run that the second model predicts worse, beyond the noise.
+
+
+    With s, the rows by which both models differ, the difference of the sums of squares has the standard
+    deviation 2 sqrt(s^T s) where either model is right.
+    """
+    problem = held.problem
+    one, two = (problem.measured - problem.model(m.model.structure, m.x) for m in (before, after))
+    out = []
+    for channel in dict.fromkeys(r.channel for r in problem.rows):
+        a, b = (problem.part(rows, channel=channel) for rows in (one, two))
+        if b @ b - a @ a > WORSE * 2.0 * float(np.linalg.norm(a - b)) + WORSE:
+            out.append(channel)
+    return tuple(out)
 
 
 def refitted_without(effect: str, used: Problem, whole: FittedModel) -> FittedModel:

@@ -71,7 +71,8 @@ def signatures(
     ]
     rows = [problem.model(structure, x) - now for _, _, _, structure, x in wanted]
     return [
-        Signature(e.id, p.name, size, e.signed, r, e.name if forms else "") for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
+        Signature(e.id, p.name, size, e.signed, r, e.name if forms else "")
+        for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
     ]
 
 

@@ -6,14 +6,16 @@ only a proxy for the parameter.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import exp
 
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem, over_noise
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 
+COUNTS = 25.0  # drop of the cost from which the end of a tolerance is reported
 WIDENED = 5.0  # factor on the distance of a bound from the start value
 PARAMETERS = {
     "lag": "the servo's lag",
@@ -23,6 +25,27 @@ PARAMETERS = {
     "ln_ratio": "the ratio of front to rear cornering stiffness",
     "vy_lag": "the lag of the lateral velocity",
 }
+MEASURED = {
+    **PARAMETERS,
+    "scale": "the steering scale (rad_per_us)",
+    "vscale": "the scale of the speed",
+    "imu_x": "the IMU's place along the rover",
+    "imu_z": "the IMU's height",
+    "da": "the place of the centre of gravity",
+    "ln_h": "the height of the sprung mass",
+    "ln_Ixx": "the roll inertia",
+}
+UNITS = {
+    "lag": (1e3, "ms"),
+    "delay": (1e3, "ms"),
+    "trim": (1e3, "mrad"),
+    "bias_ay": (1.0, "m/s^2"),
+    "vy_lag": (1e3, "ms"),
+    "imu_x": (1e3, "mm"),
+    "imu_z": (1e3, "mm"),
+    "da": (1e3, "mm"),
+}
+FIRST = ("delay", "lag")  # instruments before anything else
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +68,29 @@ def exceeded_bound(problem: Problem, fitted: Fitted) -> ExceededBound | None:
     return max(found, key=lambda b: b.gain, default=None)
 
 
+def at_the_end(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
+    """A sentence for each nominal number at the end of its tolerance that fits better beyond; delay first."""
+    found = [c for c in _at_their_bounds(fitted, MEASURED) if c.low != 0.0 or fitted.x[c.name] > c.low]
+    found.sort(key=lambda c: FIRST.index(c.name) if c.name in FIRST else len(FIRST))
+    out = []
+    for c in found:
+        freed = _freed(problem, fitted, c)
+        if fitted.cost - freed.cost > COUNTS:
+            out.append(
+                f"{MEASURED[c.name]} is at the end of its normal tolerance ({_number(c.name, fitted.x)}) and "
+                f"fits better at {_number(c.name, freed.x)}: measure it"
+            )
+    return tuple(out)
+
+
+def _number(name: str, x: Mapping[str, float]) -> str:
+    if name in UNITS:
+        factor, unit = UNITS[name]
+        return f"{factor * x[name]:.3g} {unit}"
+    value = exp(x[name]) - 1.0 if name.startswith("ln_") else x[name]
+    return f"{100 * value:+.0f} %"
+
+
 def cost_of(problem: Problem, fitted: Fitted) -> float:
     """Sum of squares, in the metric of `problem`, of the residual of a model fitted in another metric."""
     rows = problem.measured - problem.model(fitted.structure, fitted.x)
@@ -63,18 +109,23 @@ def unknown_at_bound(exceeded: ExceededBound, withdrawn: tuple[str, ...]) -> Unk
     )
 
 
-def _at_their_bounds(fitted: Fitted) -> Iterator[Coordinate]:
+def _at_their_bounds(fitted: Fitted, names: Mapping[str, str] = PARAMETERS) -> Iterator[Coordinate]:
     for c in fitted.free:
         room = 1e-6 * c.scale
-        if c.name in PARAMETERS and not c.low + room < fitted.x[c.name] < c.high - room:
+        if c.name in names and not c.low + room < fitted.x[c.name] < c.high - room:
             yield c
 
 
-def _released(problem: Problem, fitted: Fitted, c: Coordinate) -> ExceededBound:
+def _freed(problem: Problem, fitted: Fitted, c: Coordinate) -> Fitted:
+    """The fit with this coordinate's bounds widened."""
     low = c.low if c.low == 0.0 else c.start - WIDENED * (c.start - c.low)
-    wide = replace(c, low=low, high=c.start + WIDENED * (c.high - c.start))
+    wide = replace(c, low=low, high=c.start + WIDENED * (c.high - c.start), prior=None)
     free = tuple(wide if one.name == c.name else one for one in fitted.free)
-    freed = fit(problem, fitted.structure, free, fitted.x, known=fitted)
+    return fit(problem, fitted.structure, free, fitted.x, known=fitted)
+
+
+def _released(problem: Problem, fitted: Fitted, c: Coordinate) -> ExceededBound:
+    freed = _freed(problem, fitted, c)
     less = {}
     for channel in {r.channel for r in problem.rows}:
         before, after = (problem.part(f.rows, channel=channel) for f in (fitted, freed))

@@ -22,7 +22,7 @@ from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Mode
 SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
 SCANNED = np.geomspace(0.25, 4.0, 112)  # sizes of a law that jumps: 2.5 % apart
 SCANNED_FROM = 30.0  # predicted gain from which they are
-BESIDE = (1.0, 0.985, 1.015, 0.97, 1.03)  # of the scanned size
+BESIDE = (0.985, 1.015, 0.97, 1.03)  # of the scanned size
 FEW = 3  # steps of those fits
 INSTANTS = 7  # at which a change of ground is tried in each run
 NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
@@ -202,12 +202,11 @@ def _around_the_scanned(problem: Problem, base: Fitted, one: Screened, law: Effe
     """A law that jumps: the other coordinates are fitted at the scanned size and beside it, then all."""
     jumping = {law.key(p.name) for p in law.parameters if p.jumps}
     others = tuple(c for c in one.model.free if c.name not in jumping)
-    best: Fitted | None = None
+    best = fit(problem, one.model.structure, others, {**base.x, **one.start}, steps=FEW, known=base)
     for factor in BESIDE:
         size = {name: one.start[name] * factor for name in jumping if name in one.start}
-        start = {**base.x, **one.start, **size} if best is None else {**best.x, **size}
-        found = fit(problem, one.model.structure, others, start, steps=FEW, known=base)
-        best = found if best is None or found.cost < best.cost else best
+        found = fit(problem, one.model.structure, others, {**best.x, **size}, steps=FEW, known=base)
+        best = found if found.cost < best.cost else best
     whole = fit(problem, one.model.structure, one.model.free, best.x, steps=1)
     return Trial(one.effect, one.model, whole, base.cost - whole.cost)
 
@@ -310,8 +309,8 @@ def refit_candidates(
             found = other if other.gain > found.gain else found
         out.append(found)
     out.sort(key=lambda t: -t.gain)
-    near = [t for t in out[:FORMS_OF] if t.fitted is not base and t.gain > RIVAL_FORMS * out[0].gain]
-    compared = {t.effect: best_form(problem, base, t) for t in near if not stop()}
+    rivals = [t for t in out[:FORMS_OF] if t.fitted is not base and t.gain > RIVAL_FORMS * out[0].gain]
+    compared = {t.effect: best_form(problem, base, t) for t in rivals if not stop()}
     return sorted((compared.get(t.effect, t) for t in out), key=lambda t: -t.gain)
 
 

@@ -5,9 +5,11 @@ Each named effect is judged by two fits: the model with it, and the model withou
 1. Held-out runs. s are the whitened rows by which both models differ there, G the drop of the sum of squares.
    If the effect is true, G is about s^T s; if the model without it is true, about -s^T s. The noise of G is
    2 sqrt(s^T s). G must be positive wherever s^T s is large enough to judge.
-2. Runs left out one by one. At the optimum of all runs with the Jacobian J and the residual r, the optimum
+2. Runs left out one by one, where no held-out run judges. At the optimum of all runs with the Jacobian J
+and the residual r, the optimum
    without the rows k is x + (N - J_k^T J_k)^-1 (-J_k^T r_k), N = J^T J + priors, which predicts the residual
-   of those rows (Cook and Weisberg 1982, chapter 2; no simulation is needed). The gain over all rows that were
+   of those rows (Cook and Weisberg 1982, chapter 2; no simulation is needed). The gain over all rows
+   that were
    predicted this way must be positive.
 3. Its size must be known: an interval that holds its absent value, or spans a decade, is no finding.
 4. Beside a larger finding its gain must exceed what a wrong form of that one may leave.
@@ -103,7 +105,8 @@ def _support(
         predicted = _left_out(problem, less, law)[0] - with_it
         spread = _spread(sizes, law, whole.x)
     judged = held.gain(*(_without_tolerances(problem, f) for f in (less, whole))) if held.problems else None
-    found = Support(effect, gain, predicted, *(judged or (None, None)), spread)
+    held_out, expected = judged or (None, None)
+    found = Support(effect, gain, predicted, held_out, expected, spread)
     return replace(found, against=_against(found, law, larger, sure))
 
 
@@ -148,10 +151,7 @@ def standard_errors(fitted: Fitted) -> dict[str, float]:
     """{coordinate: standard deviation} from the curvature of the cost and the rows' variance."""
     scale = np.array([c.scale for c in fitted.free])
     covariance = np.linalg.inv(_normal(fitted)) * fitted.overdispersion
-    return {
-        c.name: float(s)
-        for c, s in zip(fitted.free, scale * np.sqrt(np.diag(covariance)), strict=True)
-    }
+    return {c.name: float(s) for c, s in zip(fitted.free, scale * np.sqrt(np.diag(covariance)), strict=True)}
 
 
 def _normal(fitted: Fitted) -> Array:
@@ -167,7 +167,7 @@ def _loose(fitted: Fitted) -> NDArray[np.intp]:
     return np.flatnonzero(inside)
 
 
-def _left_out(problem: Problem, fitted: Fitted, law: Effect) -> tuple[float, list[Mapping[str, float]]]:
+def _left_out(problem: Problem, fitted: Fitted, law: Effect) -> tuple[float, list[dict[str, float]]]:
     """(sum of squares of all rows, each run's predicted by the other runs; the effect's coordinates then)."""
     loose = _loose(fitted)
     jacobian, normal = fitted.jacobian[:, loose], _normal(fitted)[np.ix_(loose, loose)]
@@ -177,9 +177,7 @@ def _left_out(problem: Problem, fitted: Fitted, law: Effect) -> tuple[float, lis
     names = {law.coordinate_name(p) for p in law.parameters if p.name != "t"}
     total, sizes = 0.0, []
     for run in range(len(problem.runs)):
-        rows = np.concatenate(
-            [np.arange(r.start, r.start + r.size) for r in problem.rows if r.run == run]
-        )
+        rows = np.concatenate([np.arange(r.start, r.start + r.size) for r in problem.rows if r.run == run])
         part, left = jacobian[rows], fitted.rows[rows]
         rest = normal - part.T @ part + 1e-6 * np.eye(loose.size)
         move = np.clip(np.linalg.solve(rest, -part.T @ left), low, high)

@@ -56,7 +56,10 @@ def _covariance(last: Round) -> Array:
 
 
 def _scanned(c: Coordinate, value: float) -> float:
-    """Information (1/variance, in scales) of a coordinate that was scanned: known to `SCANNED` of its value."""
+    """Information (1/variance, in scales) of a coordinate that was scanned.
+
+    Known to `SCANNED` of its value.
+    """
     return (c.scale / (SCANNED * abs(value) + 1e-3 * c.scale)) ** 2 if c.step == 0.0 else 0.0
 
 

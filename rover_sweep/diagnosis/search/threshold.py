@@ -9,7 +9,8 @@ of the nominal model's reach (see `problem.signatures`), the scores are
 
 so a draw needs only the Cholesky factor of G, and 1000 draws take milliseconds. The gain in a draw is z_k^2
 / G_kk (only z_k > 0 for a one-sided effect), z^T G^-1 z for several parameters, the largest over
-the forms of an effect, and over the runs for a change of ground. That one is searched at n instants too: 2 v ln(n), the growth of the largest of n
+the forms of an effect, and over the runs for a change of ground. That one is searched at n instants too: 2
+v ln(n), the growth of the largest of n
 chi-squared numbers, is added.
 
 Thresholds: the same quantile of its own gains for every effect, chosen so that in a share `FALSE_ALARMS` of

@@ -27,7 +27,8 @@ class AugmentedModel:
     """A baseline, the effects added to it, and the coordinates of both, fitted together.
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". rover: the known numbers, SI units, ISO axes.
-    effects: names of laws. x: {coordinate: value}, named as in `nominal`. speed: mean of the fitted runs [m/s].
+    effects: names of laws. x: {coordinate: value}, named as in `nominal`. speed: mean of the fitted
+    runs [m/s].
     filters: known low-passes of the channels. steering: (trim_us, rad_per_us) of the vehicle file. wait:
     part of the delay in which a command waits for the autopilot's main loop [s]. happened_in: name of the
     run with a change of ground. happened_at: instant of the change [s] from the start of that manoeuvre.

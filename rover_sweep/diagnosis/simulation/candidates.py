@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.effects import Effect, form_named, forms_of, library
+from rover_sweep.diagnosis.effects import Effect, form_named, library
 from rover_sweep.diagnosis.effects.kinds import DegreeOfFreedom, SpeedEffect
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -23,7 +23,8 @@ class Model:
     """A baseline with effects: the structure to simulate and the coordinates to fit.
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". spread: normal tolerances of a rover. effects:
-    names of laws. happened_in: name of the run with a surface change, happened_order: its place in time. two_clocks: steering and motion have two clocks.
+    names of laws. happened_in: name of the run with a surface change, happened_order: its place in
+    time. two_clocks: steering and motion have two clocks.
     """
 
     baseline: str

@@ -38,7 +38,8 @@ class Structure:
     """The parts of a model: the rover's numbers, slip, roll, and effects.
 
     slip, roll: True if the tyres slip, the body rolls. happened_in: name of the run with a change of ground,
-    "" for every run; happened_order: its place in the order of driving. lumped: derivatives replace tyres and springs.
+    "" for every run; happened_order: its place in the order of driving. lumped: derivatives replace
+    tyres and springs.
     """
 
     rover: Geometry
@@ -287,7 +288,10 @@ class Sensors:
         hidden = [e.response(self.w, e.coordinates(x)) for e in found]
         seen = [h["r"] for e, h in zip(found, hidden, strict=True) if e.heading and "r" in h]
         if seen and "vy" in signals:
-            signals = {**signals, "vy": signals["vy"] + self._turned(signals["r"], speed, np.prod(seen, axis=0))}
+            signals = {
+                **signals,
+                "vy": signals["vy"] + self._turned(signals["r"], speed, np.prod(seen, axis=0)),
+            }
         out = {}
         for channel, y in signals.items():
             path = self.known.get(channel, 1.0) * self._lag(channel, x)
