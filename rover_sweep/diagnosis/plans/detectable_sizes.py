@@ -27,13 +27,13 @@ def detectable(runs: Expected, asked: Sequence[str]) -> dict[str, DetectableSize
 def _sizes(runs: Expected, effect: Effect) -> Iterator[tuple[EffectParameter, float]]:
     """(parameter, its detectable coordinate without sign), infinite where no size is detectable.
 
-    Both signs must be found. A change in one run is in the run that shows it best.
+    Both signs must be found, in each form. A change in one run is in the run that shows it best.
     """
     model, problem = runs.signals.model, runs.signals.problem
-    both: dict[str, dict[float, float]] = {}
+    both: dict[str, dict[tuple[str, float], float]] = {}
     for side in sides(effect, model, tuple(r.name for r in problem.runs)):
-        ways = both.setdefault(side.parameter.name, {})
-        ways[side.way] = min(ways.get(side.way, inf), _found_from(runs, side))
+        ways, way = both.setdefault(side.parameter.name, {}), (side.effect.name, side.way)
+        ways[way] = min(ways.get(way, inf), _found_from(runs, side))
     least = material_sizes(effect, model.spread)
     for p in effect.parameters:
         if p.name in both:

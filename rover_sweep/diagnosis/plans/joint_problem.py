@@ -73,7 +73,7 @@ def expected(
     metric = joint.in_metric(columns(usual, joint.size))
     tolerances = [replace(s, rows=metric.of(s.rows)) for s in usual]
     fitted = replace(base, jacobian=metric.of(base.jacobian))
-    found = signatures(metric, fitted, model, effects)
+    found = signatures(metric, fitted, model, effects, forms=True)
     null = null_distribution(found, tolerances, tangent(fitted), 1.0, 1)
     return Expected(Signals(metric, model, fitted), null.thresholds)
 

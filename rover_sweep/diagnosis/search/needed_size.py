@@ -23,7 +23,7 @@ from math import inf, log
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, EffectParameter
+from rover_sweep.diagnosis.effects import Effect, EffectParameter, forms_of
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
@@ -39,9 +39,9 @@ FAINT = 1e-3  # length of a signature that no data show
 
 @dataclass(frozen=True)
 class Side:
-    """One sign of one parameter.
+    """One sign of one parameter of one law.
 
-    start: the coordinate up to which the nominal model takes its place. way: +1 or -1. room: distance from
+    effect: the law, of one of the effect's forms. start: the coordinate up to which the nominal model takes its place. way: +1 or -1. room: distance from
     there to the parameter's bound. slack: standard deviation of the nominal model's prior, 0 for none.
     run: where an effect of one run happens, else "".
     """
@@ -114,10 +114,11 @@ class Signals:
         """The structure with the effect, and the coordinates {name: value} with its own at `coordinate`."""
         effect, p = side.effect, side.parameter
         x = {**self.fitted.x, effect.coordinate_name(p): coordinate * p.per}
+        order = 0
         if effect.in_one_run:
             run = next(r for r in self.problem.runs if r.name == side.run)
-            x[effect.key("t")] = 0.5 * float(run.t[-1])
-        return self.model.with_effect(effect.id, side.run).structure, x
+            x[effect.key("t")], order = 0.5 * float(run.t[-1]), run.order
+        return self.model.with_effect(effect.name, side.run, order).structure, x
 
     def reach(self, effect: Effect) -> Tangent:
         """What the nominal model explains with the coordinates held that the effect replaces."""
@@ -160,10 +161,20 @@ def replaced_by(effect: Effect) -> set[str]:
 
 
 def sides(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]:
-    """The signs of an effect's parameters that these runs could show, one for each run if it is in one."""
+    """The signs of an effect's parameters that these runs could show, in all its forms.
+
+    For an effect that is in one run there is one for each run, in the first form only. Forms with the same
+    nominal coordinate have the same sides.
+    """
+    for law in forms_of(effect.id):
+        if law.first or not law.in_one_run:
+            yield from _sides_of(law, model, runs)
+
+
+def _sides_of(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]:
     nominal = {c.name: c for c in model.free}
     for p in effect.parameters:
-        if p.name == "t" or p.size == 0.0 or (p.nominal and p.nominal not in nominal):
+        if p.name == "t" or p.size == 0.0 or (p.nominal and (p.nominal not in nominal or not effect.first)):
             continue
         low, high, slack = 0.0, 0.0, 0.0
         if p.nominal:

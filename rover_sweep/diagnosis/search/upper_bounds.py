@@ -19,7 +19,7 @@ from math import inf, isfinite
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, EffectParameter
+from rover_sweep.diagnosis.effects import Effect, EffectParameter, forms_of
 from rover_sweep.diagnosis.result import Unseen, UpperBound
 from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
 from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
@@ -93,7 +93,7 @@ def _fitted_end(last: Round, side: Side) -> float:
     A gain g at the size q means a standard deviation of about q/sqrt(g).
     """
     for trial in last.trials:
-        if trial.effect != side.effect.id or trial.fitted is last.fitted or trial.gain < SIGNIFICANT:
+        if trial.law.name != side.effect.name or trial.fitted is last.fitted or trial.gain < SIGNIFICANT:
             continue
         name, p = side.effect.coordinate_name(side.parameter), side.parameter
         distance = side.way * (trial.fitted.x.get(name, 0.0) / p.per - side.start)
@@ -145,7 +145,7 @@ def _ranges(effect: Effect, ends: Sequence[_End], material: Mapping[str, float])
     """{reported parameter: its range}, over all signs and runs."""
     values: dict[str, list[float]] = {}
     units, matters = {}, {}
-    for p in effect.parameters:
+    for p in {p.name: p for law in forms_of(effect.id) for p in law.parameters}.values():
         own = [e for e in ends if e.side.parameter.name == p.name]
         if not any(isfinite(e.coordinate) for e in own):
             continue
