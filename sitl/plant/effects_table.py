@@ -4,35 +4,51 @@
     steering_backlash = { b = 0.012 }
     tyre_relaxation = { sigma = 0.25 }
 
+A text parameter, as in `tyre_saturation = { mu = 0.7, form = "brush" }`, selects another law of the same
+effect; the first of `FORMS` where it is not given.
+
 ISO axes (x forward, y left, z up), SI units, left steering angle positive. u is the road-wheel angle
 commanded, d the true one, F a lateral axle force with the slip angle alpha and static load Fz, phi and p roll
 angle and rate.
 
-servo_lag             T [s]: T d' = u - d, the whole lag
+servo_lag             T [s]: T d' = u - d, the whole lag; "second order" with q [-]: q T2 d'' + T d' + d = u
 servo_rate_limit      R [rad/s]: abs(d') <= R of the road wheel
 steering_deadband     w [rad], half width, of the servo's error: T d' = dz(u - d); with of = "command" that
-                      of the command, which has no memory: T d' = dz(u) - d
-steering_backlash     b [rad], half the gap: play operator behind the servo
-steering_nonlinearity c3 [1/rad2]: u (1 + c3 u2)
+                      of the command, which has no memory: T d' = dz(u) - d; "full travel", of the command
+                      only: dz(u) = u outside of w
+steering_stiction     s [rad]: d stays until abs(u - d) > s, then d = u; "with memory": then follows u until u
+                      turns back
+steering_backlash     b [rad], half the gap: play operator behind the servo; "smooth hysteresis": d = u - b z,
+                      b z' = u' - abs(u') z
+steering_nonlinearity c3 [1/rad2]: u (1 + c3 u2); "quadratic": u (1 + c3 abs(u) 0.3 rad)
 steering_asymmetry    e [-]: (1 + e) u to the left, (1 - e) u to the right
 steering_trim         u0 [rad]: d = u - u0
+steering_compliance   k [rad/N]: d - k F of the front axle
 transport_delay       T [s]: d(t) = u(t - T), the whole delay
 clock_offset          T [s]: the records of the steering are stamped late by T, so the motion appears early
                       against it; with stream = "velocity" those of the velocity are stamped late by T
 tyre_relaxation       sigma [m]: (sigma/V) F' + F = F0, both axles
-tyre_saturation       mu [-]: F = mu Fz tanh(C alpha/(mu Fz)), both axles
+tyre_saturation       mu [-]: F = mu Fz tanh(z), z = C alpha/(mu Fz), both axles; "brush": F = mu Fz
+                      (z - z2/3 + z3/27) up to z = 3; "falling peak": F = mu Fz sin(1.6 atan(z/1.6))
 load_transfer         k [-]: C (1 - k (a_y/g)2), both axles
 front_rear_stiffness  ratio [-]: Cf/Cr, the sum of both as without it
 tyre_slip             C [N/rad] of each axle, Izz [kg m2]
 roll_dof              k_phi [N m/rad], b_phi [N m s/rad]
-roll_steer            e [rad/rad]: d + e phi at the front wheels
+roll_steer            e [rad/rad]: d + e phi at the front wheels; "rear axle": e phi at the rear wheels
+yaw_damping           c [N m s]: yaw moment -c r; "over r/V": -c r V0/V with V0 = 1 m/s
+side_wind             w [m/s2], psi0 [rad]: side force m w cos(psi - psi0) to the left
 suspension_friction   T [N m]: T sgn p against roll
 speed_variation       D [s/m]: D a_y2 off V', in addition to the drag of turned wheels
 imu_offset            x, z [m]: the IMU further forward, further up than imu_position
 imu_tilt              roll, pitch, yaw [rad]: mounting angles, yaw first; roll gives a_y = g sin(roll) at rest
-sensor_filter         gyro_hz, accel_hz [Hz]: second-order Butterworth low-pass before the autopilot's own
+sensor_scale          gyro, accel [-]: measured = (1 + scale) true
+sensor_filter         gyro_hz, accel_hz [Hz]: second-order Butterworth low-pass before the autopilot's own;
+                      "first order"; "delay" of 1/(2 pi f); "first order, before the estimator" and "second
+                      order, before the estimator": the estimator's heading integrates the filtered yaw rate
 velocity_lag          T [s]: the whole first-order lag of the estimator's velocity
-surface_change        ratio [-]: C of both axles after / before; t [s] on the plant's clock or distance [m]
+surface_change        ratio [-]: C of both axles after / before; t [s] on the plant's clock or distance [m],
+                      from which on it stays; "over ten seconds" from t on; "all along" without either: ln C
+                      grows by ln ratio in 300 s
 cross_slope           b [rad], psi0 [rad]: the accelerometer reads g b cos(psi - psi0) more to the left (left
                       is uphill at psi0), psi left-positive from north; gravity pulls the other way
 """
@@ -47,6 +63,27 @@ Effects = Mapping[str, Mapping[str, float | str]]
 
 STREAMS = ("steering", "velocity")
 DEAD = ("error", "command")
+ALL_ALONG = "all along"
+BEFORE_ESTIMATOR = ", before the estimator"
+FORMS: Mapping[str, tuple[str, ...]] = {
+    "servo_lag": ("first order", "second order"),
+    "steering_deadband": ("subtracted", "full travel"),
+    "steering_stiction": ("no memory", "with memory"),
+    "steering_backlash": ("play", "smooth hysteresis"),
+    "steering_nonlinearity": ("cubic", "quadratic"),
+    "tyre_saturation": ("tanh", "brush", "falling peak"),
+    "roll_steer": ("front axle", "rear axle"),
+    "yaw_damping": ("over r", "over r/V"),
+    "sensor_filter": (
+        "second order",
+        "first order",
+        "delay",
+        f"first order{BEFORE_ESTIMATOR}",
+        f"second order{BEFORE_ESTIMATOR}",
+    ),
+    "surface_change": ("from then on", "over ten seconds", ALL_ALONG),
+}
+"""Laws of an effect; the first where the file gives none."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +125,15 @@ def _positive(high: float, unit: str = "", optional: bool = False) -> Rule:
 _UNLIMITED, _LATE = 1e5, 2.0
 
 PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
-    "servo_lag": {"T": _size(_LATE, " s")},
+    "servo_lag": {"T": _size(_LATE, " s"), "q": _positive(10.0, optional=True)},
     "servo_rate_limit": {"R": _positive(_UNLIMITED, " rad/s")},
     "steering_deadband": {"w": _size(1.0, " rad")},
+    "steering_stiction": {"s": _size(1.0, " rad")},
     "steering_backlash": {"b": _size(1.0, " rad")},
     "steering_nonlinearity": {"c3": _either(30.0, " 1/rad2")},
     "steering_asymmetry": {"e": _either(1.0)},
     "steering_trim": {"u0": _either(1.0, " rad")},
+    "steering_compliance": {"k": _size(10.0, " rad/N")},
     "transport_delay": {"T": _size(_LATE, " s")},
     "clock_offset": {"T": _either(_LATE, " s")},
     "tyre_relaxation": {"sigma": _size(10.0, " m")},
@@ -104,10 +143,13 @@ PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
     "tyre_slip": {"C": _positive(1e6, " N/rad"), "Izz": _positive(1e5, " kg m2")},
     "roll_dof": {"k_phi": _positive(1e6, " N m/rad"), "b_phi": _size(1e5, " N m s/rad")},
     "roll_steer": {"e": _either(5.0, " rad/rad")},
+    "yaw_damping": {"c": _size(1e6, " N m s")},
+    "side_wind": {"w": _size(20.0, " m/s2"), "psi0": _either(6.3, " rad")},
     "suspension_friction": {"T": _size(1e3, " N m")},
     "speed_variation": {"D": _size(5.0, " s/m")},
     "imu_offset": {"x": _either(5.0, " m", optional=True), "z": _either(5.0, " m", optional=True)},
     "imu_tilt": {name: _either(1.6, " rad", optional=True) for name in ("roll", "pitch", "yaw")},
+    "sensor_scale": {name: _either(0.9, optional=True) for name in ("gyro", "accel")},
     "sensor_filter": {name: _positive(_UNLIMITED, " Hz", optional=True) for name in ("gyro_hz", "accel_hz")},
     "velocity_lag": {"T": _size(_LATE, " s")},
     "surface_change": {
@@ -118,6 +160,7 @@ PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
     "cross_slope": {"b": _either(0.6, " rad"), "psi0": _either(6.3, " rad")},
 }
 _TEXTS = {"clock_offset": ("stream",), "surface_change": ("run",), "steering_deadband": ("of",)}
+_CHOICES = {"stream": STREAMS, "of": DEAD}
 
 
 def checked(table: object, where: str) -> Effects:
@@ -140,11 +183,16 @@ def number(effects: Effects, name: str, parameter: str, absent: float = 0.0) -> 
     return float(effects.get(name, {}).get(parameter, absent))
 
 
+def form(effects: Effects, name: str) -> str:
+    """The law of an effect that has forms."""
+    return str(effects.get(name, {}).get("form", FORMS[name][0]))
+
+
 def _effect(name: str, entries: object, where: str) -> Mapping[str, float | str]:
     rules = PARAMETERS.get(name)
     if rules is None:
         raise ValueError(f"variant {where}: there is no effect {name}; there are {', '.join(PARAMETERS)}")
-    texts = _TEXTS.get(name, ())
+    texts = (*_TEXTS.get(name, ()), *(("form",) if name in FORMS else ()))
     place = f"variant {where}: {name}"
     if not isinstance(entries, dict):
         raise ValueError(f"{place} = {entries!r} must be a table, as in: {name} = {{ {_example(rules)} }}")
@@ -164,12 +212,23 @@ def _together(name: str, entries: Mapping[str, object], place: str) -> None:
     """Checks that need several parameters."""
     if not entries:
         raise ValueError(f"{place} is empty: give at least one of {', '.join(PARAMETERS[name])}")
-    if name == "surface_change" and ("t" in entries) == ("distance" in entries):
-        raise ValueError(f"{place} needs either t [s] or distance [m]")
-    if entries.get("stream", STREAMS[0]) not in STREAMS:
-        raise ValueError(f"{place}: stream = {entries['stream']!r} must be one of {', '.join(STREAMS)}")
-    if name == "steering_deadband" and entries.get("of", DEAD[0]) not in DEAD:
-        raise ValueError(f"{place}: of = {entries['of']!r} must be one of {', '.join(DEAD)}")
+    for choice, known in {**_CHOICES, "form": FORMS.get(name, ())}.items():
+        if choice in entries and entries[choice] not in known:
+            named = ", ".join(f'"{k}"' if " " in k else k for k in known)
+            raise ValueError(f"{place}: {choice} = {entries[choice]!r} must be one of {named}")
+    law = entries.get("form")
+    if name == "surface_change" and ("t" in entries) + ("distance" in entries) != (law != ALL_ALONG):
+        raise ValueError(
+            f"{place} begins with the first run: leave out t and distance"
+            if law == ALL_ALONG
+            else f"{place} needs either t [s] or distance [m]"
+        )
+    if law == "over ten seconds" and "t" not in entries:
+        raise ValueError(f"{place} over ten seconds needs t [s], not a distance")
+    if name == "servo_lag" and ("q" in entries) != (law == "second order"):
+        raise ValueError(f'{place}: q goes with form = "second order"')
+    if law == "full travel" and entries.get("of") != "command":
+        raise ValueError(f'{place}: the form full travel is of the command; give of = "command"')
 
 
 def _text(value: object, name: str, place: str) -> str:

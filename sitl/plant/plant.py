@@ -23,7 +23,7 @@ from dataclasses import replace
 from math import ceil, cos, hypot, sin, sqrt
 
 from sitl.plant.axles import GRAVITY, STICTION_SPEED, Axles
-from sitl.plant.effects.axle_effects import IDS, EffectAxles, friction_pole
+from sitl.plant.effects.axle_effects import IDS, EffectAxles, friction_pole, yaw_poles
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects.slope import Slope
 from sitl.plant.effects.table_laws import TableForces
@@ -120,7 +120,7 @@ class Plant:
         speed = hypot(state.vx, state.vy)
         self._road.advance(speed * dt, speed)
         if self._effects is not None:
-            self._effects.travel(speed * dt, end)
+            self._effects.travel(speed * dt, end, state.psi)
         rolling = abs(state.vx)
         pole = self._tyre_pole / (rolling if rolling > LOW_SPEED else LOW_SPEED) + self._roll_pole
         substeps = ceil(dt * pole / _STEP_LIMIT)
@@ -265,7 +265,9 @@ def _fast_poles(q: PlantParameters) -> tuple[float, float]:
     yaw = (q.cg_to_front_axle**2 * cf + q.cg_to_rear_axle**2 * cr) / q.yaw_inertia
     roll = q.roll_damping / light_roll + sqrt(q.roll_stiffness / light_roll)
     stiffer = max(1.0, number(q.effects, "surface_change", "ratio", 1.0))
-    return stiffer * (lateral + yaw), roll + friction_pole(q.effects, light_roll)
+    scrub, scrub_by_speed = yaw_poles(q.effects, q.yaw_inertia)
+    tyres = stiffer * (lateral + yaw) + scrub_by_speed
+    return tyres, roll + scrub + friction_pole(q.effects, light_roll)
 
 
 def _refuse_stiff(q: PlantParameters, tyre_pole: float, roll_pole: float) -> None:

@@ -13,9 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, exp, inf, pi, sin, sqrt, tan
 
-from sitl.plant.effects.imu import IDS, Mounting, hidden_cutoffs
+from sitl.plant.effects.imu import IDS, Delayed, FirstOrder, Mounting, hidden_cutoffs, scales
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects.slope import Slope
+from sitl.plant.effects_table import BEFORE_ESTIMATOR, form
 from sitl.plant.plant import PlantState
 from sitl.plant.road import normals
 from sitl.plant.variant import PlantParameters
@@ -87,7 +88,11 @@ class Sensors:
         effects = parameters.effects
         self._mounting = Mounting(effects) if IDS & effects.keys() else None
         self._slope = Slope(effects) if "cross_slope" in effects else None
+        self._gyro_scale, self._accel_scale = scales(effects)
         self._hidden = self._hidden_filters() if "sensor_filter" in effects else None
+        early = form(effects, "sensor_filter").endswith(BEFORE_ESTIMATOR)
+        self._yaw_filter = self._hidden_filters()[2] if early and self._hidden is not None else None
+        self._heading_lag = 0.0
         self._noise = normals(seed, stream=2)
         self._estimator_noise = normals(seed, stream=3)
         root = sqrt(rate_hz / 2.0)  # one-sided density to rms of a sample
@@ -138,17 +143,21 @@ class Sensors:
         wx, wy, wz = state.p, -state.r * s, -state.r * c
         if self._mounting is not None:
             wx, wy, wz = self._mounting.seen((wx, wy, wz))
-        gx = wx + bx + rms * next(noise)
-        gy = wy + by + rms * next(noise)
-        gz = wz + bz + rms * next(noise)
+        if self._yaw_filter is not None:
+            self._heading_lag += (state.r - self._yaw_filter.apply(state.r)) / self.rate_hz
+        scale = self._gyro_scale
+        gx = scale * wx + bx + rms * next(noise)
+        gy = scale * wy + by + rms * next(noise)
+        gz = scale * wz + bz + rms * next(noise)
         rms = self._accel_rms + self._vibration * abs(state.vx)
         bx, by, bz = self.parameters.accel_bias
         fx, fy, fz = state.ax, -state.ay, -state.az
         if self._mounting is not None:
             fx, fy, fz = self._mounting.seen((fx, fy, fz))
-        ax = fx + bx + rms * next(noise)
-        ay = fy + by + rms * next(noise)
-        az = fz + bz + rms * next(noise)
+        scale = self._accel_scale
+        ax = scale * fx + bx + rms * next(noise)
+        ay = scale * fy + by + rms * next(noise)
+        az = scale * fz + bz + rms * next(noise)
         if self._hidden is not None:
             gx, gy, gz, ax, ay, az = (
                 f.apply(x) for f, x in zip(self._hidden, (gx, gy, gz, ax, ay, az), strict=True)
@@ -187,11 +196,17 @@ class Sensors:
             roll, pitch, yaw = roll + more[0], pitch + more[1], yaw + more[2]
         return roll, pitch, yaw
 
-    def _hidden_filters(self) -> tuple[LowPassFilter2p, ...]:
+    def _hidden_filters(self) -> tuple[LowPassFilter2p | FirstOrder | Delayed, ...]:
         """Low-passes of the three gyros and three accelerometers, before the autopilot's own."""
         gyro_hz, accel_hz = hidden_cutoffs(self.parameters.effects)
+        law = form(self.parameters.effects, "sensor_filter").removesuffix(BEFORE_ESTIMATOR)
+        kind: type[LowPassFilter2p | FirstOrder | Delayed] = LowPassFilter2p
+        if law != "second order":
+            kind = FirstOrder if law == "first order" else Delayed
         rates = (gyro_hz,) * 3 + (accel_hz,) * 3
-        return tuple(LowPassFilter2p(self.rate_hz, 0.0 if hz == inf else hz) for hz in rates)
+        return tuple(
+            LowPassFilter2p(self.rate_hz, 0.0) if hz == inf else kind(self.rate_hz, hz) for hz in rates
+        )
 
     def _estimate(self) -> None:
         keep, fresh, errors, noise = self._keep, self._fresh, self._errors, self._estimator_noise
@@ -199,6 +214,7 @@ class Sensors:
             errors[k] = keep * errors[k] + fresh * next(noise)
         angle, speed = self.parameters.attitude_error, self.parameters.velocity_error
         roll, pitch, yaw = self.true_attitude
+        yaw += self._heading_lag  # the heading that is integrated from a late gyro
         self.attitude = (roll + angle * errors[0], pitch + angle * errors[1], yaw + angle * errors[2])
         self._lagged = lagged = _towards(self._lagged, self.true_velocity, self._follow)
         self.velocity = (lagged[0] + speed * errors[3], lagged[1] + speed * errors[4], lagged[2])

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from math import exp
+from math import ceil, exp, sqrt
 
 from sitl.plant.effects.steering_effects import IDS, Linkage
+from sitl.plant.effects_table import number
 from sitl.plant.variant import PlantParameters
+
+_SHARE = 0.02  # largest step of a swinging servo in 1/w0
 
 
 class Servo:
@@ -26,6 +29,8 @@ class Servo:
         "_rate",
         "_delay",
         "_servo",
+        "_shape",
+        "_speed",
         "_target",
         "_trim",
         "angle",
@@ -41,6 +46,8 @@ class Servo:
         self._pending: deque[tuple[float, float]] = deque()
         self._newest = self._trim
         effects = parameters.effects
+        self._shape = number(effects, "servo_lag", "q")
+        self._speed = 0.0  # rad/s, of a servo of second order
         self._linkage = Linkage(effects) if IDS & effects.keys() else None
         self._target = self._servo = self.angle = self._linkage.wanted(0.0) if self._linkage else 0.0
 
@@ -63,7 +70,7 @@ class Servo:
                 self._move(due - t)
                 t = due
             self._target = target
-        if self._target != self._servo:
+        if self._target != self._servo or self._speed != 0.0:
             self._move(end - t)
         return self.angle
 
@@ -71,6 +78,9 @@ class Servo:
         linkage, target = self._linkage, self._target
         if linkage is not None:
             target = linkage.goal(target, self._servo)
+        if self._shape > 0.0 and self._lag > 0.0:
+            self._swing(target, dt)
+            return
         error = target - self._servo
         knee = self._rate * self._lag
         size = abs(error)
@@ -82,3 +92,20 @@ class Servo:
             size = size * exp(-dt / self._lag) if self._lag > 0 else 0.0
         self._servo = target - (size if error > 0 else -size)
         self.angle = self._servo if linkage is None else linkage.played(self._servo)
+
+    def _swing(self, target: float, dt: float) -> None:
+        """q T^2 d'' + T d' + d = target with a limited rate, by leapfrog steps."""
+        inertia = self._shape * self._lag * self._lag
+        steps = ceil(dt / (_SHARE * min(sqrt(inertia), self._shape * self._lag)))
+        h = dt / steps
+        keep = exp(-h * self._lag / inertia)
+        x, w, most = self._servo, self._speed, self._rate
+        for _ in range(steps):
+            x += 0.5 * h * w
+            rest = (target - x) / self._lag  # rad/s, at which the damping balances the spring
+            w = min(max(rest + (w - rest) * keep, -most), most)
+            x += 0.5 * h * w
+            self.angle = x if self._linkage is None else self._linkage.played(x)
+        if abs(target - x) < 1e-12 and abs(w) < 1e-9:
+            x, w = target, 0.0
+        self._servo, self._speed = x, w

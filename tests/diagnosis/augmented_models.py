@@ -10,7 +10,7 @@ from rover_sweep.api.read import Reading, load_steered
 from rover_sweep.data.recording import LowPass, Recording
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of
-from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.effects import form_named
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
 ROVER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "c"
@@ -43,6 +43,8 @@ ORDINARY = {
 SIZES = {
     "clock_offset": {"delay": -0.04},
     "imu_tilt": {"bias_ay": 0.6, "imu_tilt.pitch": 0.1, "imu_tilt.yaw": 0.1},
+    "servo_lag/second order": {"lag": 0.05, "lag_shape": 1.0},
+    "side_wind": {"side_wind.w_cos": 0.8, "side_wind.w_sin": 0.5},
     "surface_change": {"surface_change.ratio": -0.3, "surface_change.t": 8.0},
 }
 
@@ -53,10 +55,10 @@ def recording() -> Recording:
 
 
 def model(*effects: str, baseline: str = "roll-yaw", **x: float) -> AugmentedModel:
-    """An ordinary rover with effects of a size that is plain to see; x: further coordinates."""
+    """An ordinary rover with effects, or their forms, of a size that is plain to see; x: more coordinates."""
     found = dict(ORDINARY)
     for name in effects:
-        effect = library()[name]
+        effect = form_named(name)
         own = {effect.coordinate_name(p): p for p in effect.parameters}
         found |= SIZES.get(name) or {key: found.get(key, 0.0) + p.size * p.per for key, p in own.items()}
     filters = {c: LowPass(20.0, "test") for c in ("r", "p", "ay")}

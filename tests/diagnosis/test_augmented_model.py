@@ -16,7 +16,7 @@ from augmented_models import SPEED, VEHICLE, linear_only, model, recording
 import rover_sweep as rs
 from rover_sweep.cli.main import run
 from rover_sweep.data.vehicle_geometry import MODEL_NAMES
-from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.effects import every_form
 from rover_sweep.diagnosis.linear.linear import left_out, linear
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
@@ -58,6 +58,14 @@ CASES = {
     "tilt": linear_only("roll-yaw", "imu_tilt", bias_ay=0.0),
     "filter": linear_only("roll-yaw", "sensor_filter"),
     "velocity": linear_only("roll-yaw", "velocity_lag", vy_gain=0.05),
+    "swinging servo": linear_only("roll-yaw", "servo_lag/second order"),
+    "rear roll steer": linear_only("roll-yaw", "roll_steer/rear axle"),
+    "compliance": linear_only("roll-yaw", "steering_compliance", "tyre_relaxation"),
+    "yaw damping": linear_only("roll-yaw", "yaw_damping"),
+    "yaw damping over speed": linear_only("bicycle", "yaw_damping/over r/V"),
+    "scales": linear_only("roll-yaw", "sensor_scale", "imu_tilt", bias_ay=0.0),
+    "first-order filter": linear_only("roll-yaw", "sensor_filter/first order"),
+    "delayed sensors": linear_only("roll-yaw", "sensor_filter/delay", ay_lag=0.002),
     "no servo lag": linear_only(lag=0.0),
     "bicycle": linear_only("bicycle"),
     "bicycle with roll": linear_only("bicycle", "roll_dof"),
@@ -91,8 +99,10 @@ def test_small_motion_is_that_of_the_linear_part(case: str) -> None:
         inside = slice(100, -200)
         size = max(float(np.sqrt(np.mean(measured[inside] ** 2))), 1e-9)
         error = float(np.sqrt(np.mean((y - measured)[inside] ** 2))) / size
-        # the simulation takes a lag's input at the end of each of its steps of 5 ms, half a step early
-        assert error < (0.1 if "vy_lag" in linear(chosen).values else 0.03), (channel, error)
+        # the simulation takes a lag's input at the end of each of its steps of 5 ms, half a step early, and
+        # its implicit Euler adds 0.025 to the damping ratio of a servo that swings at 20 rad/s
+        room = 0.06 if case == "swinging servo" else 0.1 if "vy_lag" in linear(chosen).values else 0.03
+        assert error < room, (channel, error)
 
 
 def _through(fraction: dict[str, list[float]], y: np.ndarray, rate: float) -> np.ndarray:
@@ -113,6 +123,12 @@ def test_what_is_not_linear_is_said_inside_every_export() -> None:
         assert "steering_backlash (play operator" in text and "F_f" in text
 
 
+def test_a_heading_behind_a_filtered_gyro_is_said_to_be_left_out() -> None:
+    early = model("sensor_filter/first order, before the estimator")
+    assert any("lag of the heading" in words for words in left_out(early))
+    assert left_out(model("sensor_filter/first order")) == []
+
+
 def test_an_export_moves_to_another_speed_and_runs_on_its_own() -> None:
     exported = json.loads(strict_json(exported_augmented(model("tyre_relaxation"), "explained")))
     moved = at_speed(exported, 3.0)
@@ -126,7 +142,7 @@ def test_an_export_moves_to_another_speed_and_runs_on_its_own() -> None:
         np.testing.assert_allclose(h[:, k], structure.response(w, 3.0, output), rtol=1e-6)
 
 
-@pytest.mark.parametrize("effect", [e for e in library() if e not in ("tyre_slip", "roll_dof")])
+@pytest.mark.parametrize("effect", [e for e in every_form() if e not in ("tyre_slip", "roll_dof")])
 def test_the_data_form_keeps_every_model(effect: str) -> None:
     whole = replace(model(effect), happened_in="run 2", happened_at=12.5)
     again = augmented_from(json.loads(strict_json(augmented_document(whole))))

@@ -7,7 +7,7 @@ import pytest
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.effects import every_form, form_named, forms_of, library
 from rover_sweep.diagnosis.effects.kinds import SpeedEffect
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
@@ -17,7 +17,9 @@ from rover_sweep.manoeuvre.sweep import Sweep
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.07, 0.02, 0.03)
 MODEL = Model("roll-yaw", ROVER, Tolerances())
 NOMINAL = {c.name: c.start for c in MODEL.free}
-TERMS = [e for e in library().values() if e.id not in DEGREES_OF_FREEDOM and not isinstance(e, SpeedEffect)]
+TERMS = [
+    e for e in every_form().values() if e.id not in DEGREES_OF_FREEDOM and not isinstance(e, SpeedEffect)
+]
 
 
 def driven() -> Experiment:
@@ -44,7 +46,7 @@ SENSORS = Sensors.of(RUN)
 
 
 def log_with(effect, coordinates):
-    model = replace(MODEL, effects=(effect.id,), happened_in="run1")
+    model = replace(MODEL, effects=(effect.name,), happened_in="run1")
     return logged(RUN, model.structure, {**NOMINAL, **coordinates}, SENSORS)
 
 
@@ -56,26 +58,26 @@ def coordinates_of(effect, factor):
     for p in effect.parameters:
         name = effect.coordinate_name(p)
         out[name] = NOMINAL.get(name, 0.0) + factor * p.size * p.per
-    if effect.in_one_run:
+    if effect.in_one_run and any(p.name == "t" for p in effect.parameters):
         out[effect.key("t")] = 10.0
     return out
 
 
-@pytest.mark.parametrize("effect", TERMS, ids=lambda e: e.id)
+@pytest.mark.parametrize("effect", TERMS, ids=lambda e: e.name)
 def test_vanishes_at_its_absent_value(effect):
     found = log_with(effect, coordinates_of(effect, 0.0))
     for channel, y in found.items():
         assert y == pytest.approx(PLAIN[channel], abs=1e-9)
 
 
-@pytest.mark.parametrize("effect", TERMS, ids=lambda e: e.id)
+@pytest.mark.parametrize("effect", TERMS, ids=lambda e: e.name)
 def test_moves_a_channel_that_it_names(effect):
     found = log_with(effect, coordinates_of(effect, 1.0))
     moved = {c for c in found if np.std(found[c] - PLAIN[c]) + abs(np.mean(found[c] - PLAIN[c])) > 1e-4}
     assert moved & set(effect.channels)
 
 
-@pytest.mark.parametrize("effect", library().values(), ids=lambda e: e.id)
+@pytest.mark.parametrize("effect", every_form().values(), ids=lambda e: e.name)
 def test_says_what_it_is(effect):
     for text in (effect.title, effect.equation, effect.source, effect.apart, effect.next_run):
         assert text.strip()
@@ -96,3 +98,14 @@ def test_residual_power_grows_as_the_vocabulary_says(effect, growth):
         without = logged(run, MODEL.structure, NOMINAL, SENSORS)
         power.append(np.mean((with_it["r"] - without["r"]) ** 2))
     assert power[1] / power[0] == pytest.approx(growth, rel=0.35)
+
+
+def test_a_form_is_a_law_of_its_family():
+    for name, law in every_form().items():
+        assert (law.name, form_named(name)) == (name, law)
+        assert law.first == (name in library())
+        assert law.form or len(forms_of(law.id)) == 1
+    for effect in library():
+        family = forms_of(effect)
+        assert len({law.form for law in family}) == len(family)
+        assert {law.equation for law in family if not law.first}.isdisjoint({family[0].equation})

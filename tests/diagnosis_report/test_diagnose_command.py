@@ -142,6 +142,7 @@ def test_a_model_that_cannot_be_used_ends_with_a_sentence(
         (("--only", "roll_steer", "--baseline", "kinematic"), "none of roll_steer can be missing"),
         (("--time-limit", "nan"), "the time limit is nan s; give a time above 0"),
         (("--time-limit", "inf"), "the time limit is inf s; give a time above 0"),
+        (("--only", "tyre_saturation/brush"), "there is no effect 'tyre_saturation/brush'"),
         (("--only", "foo"), "there is no effect 'foo'; there are "),
         (("--hold-out", NOMINAL), "is a folder; give the path of a .BIN, .tlog or .csv in it"),
         (("--only", "servo_lag", "--without", "servo_lag"), "no candidate is left"),

@@ -139,3 +139,14 @@ def test_a_file_without_bounds_is_read() -> None:
     document = written(EXPLAINED)
     document["cannot_see"] = [{"effect": u.effect, "why": u.why} for u in EXPLAINED.cannot_see]
     assert diagnosis_from(document, "it").cannot_see == EXPLAINED.cannot_see
+
+
+def test_the_form_of_a_finding_is_read_as_it_was_written_and_may_be_missing() -> None:
+    one = EXPLAINED.findings[0]
+    with_form = replace(one, form="smooth hysteresis", forms={"play": 380.0, "smooth hysteresis": 412.0})
+    found = replace(EXPLAINED, findings=(with_form,))
+    document = written(found)
+    assert document["findings"][0]["form"] == "smooth hysteresis"
+    assert diagnosis_from(document, "it").findings == (with_form,)
+    del document["findings"][0]["form"], document["findings"][0]["forms"]
+    assert diagnosis_from(document, "it").findings == (one,)

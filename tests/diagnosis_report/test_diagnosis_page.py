@@ -127,3 +127,9 @@ def test_an_unknown_law_is_drawn_with_its_worth_on_the_held_out_run() -> None:
     assert picture.png().startswith(b"\x89PNG")
     assert "run4, held out: mean square 4.6 times the noise without the law, 1.2 with it" in page(found)
     assert not [p for p in planned(PARTLY) if p.name == "unknown-law"]
+
+
+def test_the_form_of_a_law_is_on_the_page_once() -> None:
+    said = "saturation of the tyres (form: brush), mu = 0.7"
+    one = replace(EXPLAINED.findings[0], effect="tyre_saturation", sentence=said, form="brush")
+    assert page(replace(EXPLAINED, findings=(one,))).count("form: brush") == 1

@@ -155,3 +155,10 @@ def test_what_could_still_hide_is_in_the_answer() -> None:
         "imu_offset x ±0.030 m, z ±0.030 m." in answer
     )
     assert "servo_rate_limit" not in answer and "cannot detect" not in answer
+
+
+def test_the_form_of_a_law_is_said_once() -> None:
+    said = "saturation of the tyres (form: brush), mu = 0.7"
+    one = replace(EXPLAINED.findings[0], effect="tyre_saturation", sentence=said, form="brush")
+    text = shown(summary(replace(EXPLAINED, findings=(one,))))
+    assert text.count("brush") == 1 and "tyre_saturation/brush" not in text

@@ -11,6 +11,7 @@ from rover_sweep.report.wording.effect_names import title
 README = Path(__file__).parents[2] / "README.md"
 REPORTED = {
     "cross_slope": ("b", "psi0"),  # fitted as a cosine and a sine, reported as size and direction
+    "side_wind": ("w", "psi0"),  # likewise
     "suspension_friction": ("T",),  # how sharply it turns over is the simulation's
 }
 

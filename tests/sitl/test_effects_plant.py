@@ -41,6 +41,7 @@ GOLDEN_END = (
 ABSENT: Effects = {
     "steering_deadband": {"w": 0.0},
     "steering_backlash": {"b": 0.0},
+    "steering_stiction": {"s": 0.0},
     "steering_nonlinearity": {"c3": 0.0},
     "steering_asymmetry": {"e": 0.0},
     "steering_trim": {"u0": 0.0},
@@ -49,6 +50,10 @@ ABSENT: Effects = {
     "roll_steer": {"e": 0.0},
     "suspension_friction": {"T": 0.0},
     "speed_variation": {"D": 0.0},
+    "steering_compliance": {"k": 0.0},
+    "yaw_damping": {"c": 0.0},
+    "side_wind": {"w": 0.0, "psi0": 1.0},
+    "sensor_scale": {"gyro": 0.0},
     "imu_offset": {"x": 0.0, "z": 0.0},
     "imu_tilt": {"roll": 0.0},
     "surface_change": {"ratio": 1.0, "t": 3.0},

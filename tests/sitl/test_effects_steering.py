@@ -88,3 +88,47 @@ def test_backlash_gain_and_phase_of_a_sine() -> None:
     real = (pi / 2 + np.arcsin(share) + share * np.sqrt(1 - share * share)) / pi
     imaginary = -4 * b / (pi * amplitude) * (1 - b / amplitude)
     assert found == pytest.approx(real + 1j * imaginary, abs=2e-3)
+
+
+def test_full_travel_and_the_quadratic_curve() -> None:
+    dead = {"steering_deadband": {"w": 0.02, "of": "command", "form": "full travel"}}
+    assert held(servo(dead), 0.019) == 0.0
+    assert held(servo(dead), -0.03) == pytest.approx(-0.03)
+    bent = {"steering_nonlinearity": {"c3": 2.0, "form": "quadratic"}}
+    assert held(servo(bent), -0.1) == pytest.approx(-0.1 * (1 + 2 * 0.3 * 0.1))
+
+
+@pytest.mark.parametrize(
+    ("form", "angles"),
+    [
+        ("no memory", (0.0, 0.03, 0.03, 0.055, 0.055, 0.02)),
+        ("with memory", (0.0, 0.03, 0.04, 0.055, 0.055, 0.02)),
+    ],
+)
+def test_stiction_holds_and_then_goes_all_the_way(form: str, angles: tuple[float, ...]) -> None:
+    s = servo({"steering_stiction": {"s": 0.02, "form": form}})
+    commanded = (0.015, 0.03, 0.04, 0.055, 0.045, 0.02)
+    found = [held(s, u, 0.1, t=0.1 * k) for k, u in enumerate(commanded)]
+    assert found == pytest.approx(angles)
+
+
+def test_smooth_hysteresis_approaches_the_play_it_is_named_after() -> None:
+    s = servo({"steering_backlash": {"b": 0.01, "form": "smooth hysteresis"}})
+    assert held(s, 0.01) == pytest.approx(0.01 * exp(-1.0))
+    assert held(s, 0.2, t=1.0) == pytest.approx(0.19, abs=1e-6)
+    assert held(s, -0.2, t=2.0) == pytest.approx(-0.19, abs=1e-6)
+
+
+def test_a_servo_of_second_order_overshoots_by_its_damping_and_keeps_its_rate_limit() -> None:
+    q, lag = 1.5, 0.05
+    damping = 1 / (2 * q**0.5)
+    effects = {"servo_lag": {"T": lag, "q": q, "form": "second order"}}
+    free = Servo(replace(QUICK, servo_lag=lag, effects=effects))
+    free.command(1500 - 0.1 / NOMINAL.rad_per_us, 0.0)
+    rows = np.array([free.advance(k * DT, (k + 1) * DT) for k in range(800)])
+    assert max(rows) == pytest.approx(0.1 * (1 + exp(-pi * damping / (1 - damping**2) ** 0.5)), rel=2e-3)
+    assert rows[-1] == pytest.approx(0.1, rel=1e-6)
+    slow = Servo(replace(QUICK, servo_lag=lag, servo_rate_limit=0.2, effects=effects))
+    slow.command(1500 - 0.1 / NOMINAL.rad_per_us, 0.0)
+    rates = np.diff([slow.advance(k * DT, (k + 1) * DT) for k in range(800)]) / DT
+    assert max(abs(rates)) == pytest.approx(0.2, rel=1e-6)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.effects import every_form
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects_table import PARAMETERS
 from sitl.plant.variant import PlantParameters, load_variant, variant_names
@@ -26,7 +26,12 @@ def test_no_variant_of_the_project_has_effects() -> None:
 
 def test_ids_and_parameters_of_the_contract() -> None:
     assert {name: set(rules) for name, rules in PARAMETERS.items()} == {
-        "servo_lag": {"T"},
+        "servo_lag": {"T", "q"},
+        "steering_stiction": {"s"},
+        "steering_compliance": {"k"},
+        "yaw_damping": {"c"},
+        "side_wind": {"w", "psi0"},
+        "sensor_scale": {"gyro", "accel"},
         "servo_rate_limit": {"R"},
         "steering_deadband": {"w"},
         "steering_backlash": {"b"},
@@ -83,6 +88,17 @@ def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) ->
         ("servo_rate_limit = { R = 1e6 }", "R = 1000000.0 must be greater than 0 and at most 100000 rad/s"),
         ("imu_tilt = {}", "imu_tilt is empty: give at least one of roll, pitch, yaw"),
         ("surface_change = { ratio = 0.8 }", r"needs either t \[s\] or distance"),
+        (
+            'tyre_saturation = { mu = 1, form = "cubic" }',
+            "'cubic' must be one of tanh, brush, \"falling peak\"",
+        ),
+        ("roll_steer = { e = 1, form = 2 }", "form = 2 must be one of"),
+        ('load_transfer = { k = 0.1, form = "brush" }', "load_transfer has no parameter form; it has k"),
+        ("servo_lag = { T = 0.1, q = 1 }", 'q goes with form = "second order"'),
+        ('servo_lag = { T = 0.1, form = "second order" }', 'q goes with form = "second order"'),
+        ('steering_deadband = { w = 0.1, form = "full travel" }', 'give of = "command"'),
+        ('surface_change = { ratio = 1, t = 0, form = "all along" }', "leave out t and distance"),
+        ('surface_change = { ratio = 1, distance = 0, form = "over ten seconds" }', "needs t"),
         ('clock_offset = { T = 0.1, stream = "gyro" }', "stream = 'gyro' must be one of steering, velocity"),
     ],
 )
@@ -92,7 +108,7 @@ def test_a_wrong_effect_is_named(tmp_path: Path, text: str, said: str) -> None:
 
 
 def test_all_that_a_diagnosis_may_find_lies_within_the_limits() -> None:
-    for effect in library().values():
+    for effect in every_form().values():
         for p in effect.parameters:
             if (rule := PARAMETERS[effect.id].get(p.name)) is None:
                 continue

@@ -85,9 +85,14 @@ class Equations:
         self._put(self.m, "V_y", {"V_y": p["m"]})
         self._put(self.f, "V_y", {"r": -p["m"] * v})
         self._put(self.m, "r", {"r": p["Izz"]})
-        axles = (("F_f", p["Cf"], p["a"], True), ("F_r", p["Cr"], -p["b"], False))
+        against = p.get("yaw_damp", 0.0) + p.get("yaw_damp_v", 0.0) / v
+        self._put(self.f, "r", {"r": -against})
+        soft = p["Cf"] / (1.0 + p.get("compliance", 0.0) * p["Cf"])  # the angle that the force takes away
+        axles = (("F_f", soft, p["a"], True), ("F_r", p["Cr"], -p["b"], False))
         for force, c, arm, steered in axles:
             slip = {"V_y": -c / v, "r": -c * arm / v}
+            if not steered and "e_rear" in p:
+                slip["phi"] = c * p["e_rear"]
             if force in self.states:
                 self._put(self.m, force, {force: p["sigma"] / v})
                 self._put(self.f, force, {force: -1.0, **slip})
@@ -159,6 +164,7 @@ class Equations:
         level = cos(turned)
         ay = {"r": level * p["V"]} | ({"phi": level * p["g"]} if self.roll else {})
         mix = (cos(tilt), sin(tilt)) if self.roll else (1.0, 0.0)
+        scales = {c: 1.0 + p.get("gyro_scale", 0.0) for c in "rp"} | {"ay": 1.0 + p.get("accel_scale", 0.0)}
         gain = 1.0 + p.get("vy_gain", 0.0)
         shown: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
             "r": ({"r": mix[0]} | ({"p": mix[1]} if self.roll else {}), {}),
@@ -173,5 +179,5 @@ class Equations:
         for row, output in enumerate(outputs):
             for k, terms in enumerate(shown[output]):
                 for state, factor in terms.items():
-                    h[k, row, self._at(state)] += factor
+                    h[k, row, self._at(state)] += scales.get(output, 1.0) * factor
         return h[0], h[1]

@@ -1,7 +1,8 @@
 """The linear part of an augmented model, as M x' = F x + G u(t - tau), y = H0 x + H1 x'.
 
-Equation (18) of the paper, corrected, with the servo's lag, the tyres' relaxation length, roll steer,
-mounting angles of the IMU and the lag of the velocity. `left_out` describes the nonlinear rest.
+Equation (18) of the paper, corrected, with the servo's lag, the tyres' relaxation length, roll steer of both
+axles, steering compliance, yaw damping, mounting angles and scales of the IMU, and the lag of the velocity.
+`left_out` describes the nonlinear rest.
 """
 
 from __future__ import annotations
@@ -9,17 +10,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rover_sweep.data.recording import LowPass
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Array, LowPass
+from rover_sweep.diagnosis.effects.kinds import FilterEffect
 from rover_sweep.diagnosis.linear.equations import Equations, Kind
 from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
 from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
 
 SHORTEST = 1e-5  # s; a shorter lag is omitted
-CONSTANT = {"cross_slope", "surface_change", "clock_offset", "speed_variation"}
+LEAST = dict.fromkeys(("compliance", "yaw_damp", "yaw_damp_v"), 0.0)  # no size is negligible for all rovers
+ROLL_ONLY = ("e_roll", "e_rear", "late_p")
+CONSTANT = {"cross_slope", "side_wind", "surface_change", "clock_offset", "speed_variation"}
 NONLINEAR = {
     "servo_rate_limit",
     "steering_deadband",
     "steering_backlash",
+    "steering_stiction",
     "steering_nonlinearity",
     "steering_asymmetry",
     "tyre_saturation",
@@ -42,6 +50,12 @@ UNITS = {
     "g": "m/s^2",
     "sigma": "m",
     "e_roll": "rad/rad",
+    "e_rear": "rad/rad",
+    "compliance": "rad/N",
+    "yaw_damp": "N m s",
+    "yaw_damp_v": "N m^2",
+    "gyro_scale": "-",
+    "accel_scale": "-",
     "imu_x": "m",
     "imu_z": "m",
     "L_eff": "m",
@@ -61,7 +75,12 @@ UNITS = {
 ROVER = ("m", "Izz", "Ixz", "a", "b", "Cf", "Cr", "g", "imu_x")
 ROLLING = ("ms", "h", "Ixx", "k_phi", "b_phi", "imu_z")
 LATE = ("late_r", "late_ay", "late_vydot", "late_p")
-OPTIONAL = ("sigma", "e_roll", "lag", "lag_shape", "vy_lag", "vy_gain", "pitch", "yaw", *LATE)
+EFFECTS = ("sigma", "e_roll", "e_rear", "compliance", "yaw_damp", "yaw_damp_v")
+OPTIONAL = (
+    *EFFECTS,
+    *("lag", "lag_shape", "vy_lag", "vy_gain", "pitch", "yaw", "gyro_scale", "accel_scale"),
+    *LATE,
+)
 
 
 def linear(model: AugmentedModel) -> ModelStructure:
@@ -93,14 +112,29 @@ def linear(model: AugmentedModel) -> ModelStructure:
     )
 
 
+class FirstOrderLowPass(LowPass):
+    """A first-order low-pass of a sensor."""
+
+    def response(self, w: Array) -> NDArray[np.complex128]:
+        """Frequency response (n,) at w (n,) [rad/s]: 1/(1 + s/w0)."""
+        return np.asarray(1.0 / (1.0 + 1j * w / (2 * np.pi * self.cutoff_hz)))
+
+
 def hidden_filters(model: AugmentedModel) -> dict[str, LowPass]:
     """{channel: low-pass} that the diagnosis found; the known filters follow them."""
-    if "sensor_filter" not in model.effects:
+    law, periods = _hidden(model)
+    if law == "delay":
         return {}
-    gyro, accel = (model.value(f"sensor_filter.{name}") for name in ("gyro_hz", "accel_hz"))
-    source = "found by the diagnosis"
-    found = {c: LowPass(1.0 / gyro, source) for c in ("r", "p") if gyro > 0}
-    return found | ({"ay": LowPass(1.0 / accel, source)} if accel > 0 else {})
+    kind = FirstOrderLowPass if law == "first order" else LowPass
+    return {c: kind(1.0 / period, "found by the diagnosis") for c, period in periods.items()}
+
+
+def _hidden(model: AugmentedModel) -> tuple[str, dict[str, float]]:
+    """The law of a sensor filter without its place, and {channel: 1/cut-off [s]}."""
+    law = next((e.form for e in model.added if e.id == "sensor_filter"), "")
+    names = (("r", "gyro_hz"), ("p", "gyro_hz"), ("ay", "accel_hz"))
+    periods = {c: model.value(f"sensor_filter.{name}") for c, name in names} if law else {}
+    return law.partition(",")[0], {c: period for c, period in periods.items() if period > 0}
 
 
 def left_out(model: AugmentedModel) -> list[str]:
@@ -111,6 +145,8 @@ def left_out(model: AugmentedModel) -> list[str]:
             numbers = ", ".join(f"{p} = {v:.4g} {unit}" for p, (v, unit, _) in model.reported(effect).items())
             why = "is not linear" if effect.id in NONLINEAR else "is not part of a linear model of the rover"
             out.append(f"{effect.id} ({effect.equation}; {numbers}) {why}")
+        if isinstance(effect, FilterEffect) and effect.heading:
+            out.append("the lag of the heading behind a filtered gyro, which turns V_y, is not included")
     out += [f"the law at the {law.place} over {law.over} is a table, not linear" for law in model.laws]
     constants = {"trim": ("trim of the steering", "rad"), "bias_ay": ("constant of a_y", "m/s^2")}
     for name, (what, unit) in constants.items():
@@ -142,12 +178,16 @@ def _values(model: AugmentedModel) -> dict[str, float]:
         "vy_gain": x("vy_gain"),
         "pitch": x("imu_tilt.pitch"),
         "yaw": x("imu_tilt.yaw"),
+        "gyro_scale": x("sensor_scale.gyro"),
+        "accel_scale": x("sensor_scale.accel"),
         "tau": delay,
         **late,
     }
     names = [*own, *(rolling if roll else ()), "gain", "tau"]
     names += [
-        o for o in OPTIONAL if abs(every.get(o, 0.0)) > SHORTEST and (roll or o not in ("e_roll", "late_p"))
+        o
+        for o in OPTIONAL
+        if abs(every.get(o, 0.0)) > LEAST.get(o, SHORTEST) and (roll or o not in ROLL_ONLY)
     ]
     return {name: every[name] for name in names}
 
@@ -170,6 +210,9 @@ def _delays(model: AugmentedModel) -> tuple[float, dict[str, float]]:
 
     delay = USUAL_DELAY if "clock_offset" in model.effects else model.value("delay")
     lags = {name: model.value(f"{name.removeprefix('late_')}_lag") for name in ("late_ay", "late_p")}
+    law, periods = _hidden(model)
+    for channel, period in periods.items() if law == "delay" else ():
+        lags[f"late_{channel}"] = lags.get(f"late_{channel}", 0.0) + period / (2 * np.pi)
     early = max(min(0.0, *lags.values()), -delay)
     return delay + early, {name: max(lags.get(name, 0.0) - early, 0.0) for name in LATE}
 

@@ -33,7 +33,8 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
     """The diagnosis in plain JSON types; numbers that are not finite are null, keys keep their order.
 
     findings[].held_out is the score on the held-out run with the most data, null without a held-out run;
-    held_out_all has the scores on all. evidence is flat: {name: number}.
+    held_out_all has the scores on all. evidence is flat: {name: number}. form: of the effect's law, "" where
+    it has one only; forms: {form: gain} of those that were compared.
     """
     return plain(
         {
@@ -108,6 +109,8 @@ def _finding(f: Finding, overlays: Sequence[Overlay]) -> dict[str, Any]:
         "next_run": f.next_run,
         "sentence": f.sentence,
         "equation": f.equation,
+        "form": f.form,
+        "forms": f.forms,
     }
 
 

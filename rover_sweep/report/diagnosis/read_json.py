@@ -111,6 +111,8 @@ def _finding(f: Mapping[str, Any]) -> Finding:
         f["next_run"],
         f["sentence"],
         f["equation"],
+        f.get("form") or "",
+        dict(f.get("forms") or {}),
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.recording import LowPass
-from rover_sweep.diagnosis.linear.linear import hidden_filters, left_out, linear
+from rover_sweep.diagnosis.linear.linear import FirstOrderLowPass, hidden_filters, left_out, linear
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.report.export.augmented_model_json import augmented_document
 from rover_sweep.report.export.system_document import NOTE, system_document
@@ -65,4 +65,6 @@ def _filters(model: AugmentedModel, outputs: tuple[str, ...]) -> dict[str, Any]:
 
 def _fraction(low_pass: LowPass) -> tuple[Any, Any]:
     w0 = 2 * np.pi * low_pass.cutoff_hz
+    if isinstance(low_pass, FirstOrderLowPass):
+        return np.array([w0]), np.array([1.0, w0])
     return np.array([w0**2]), np.array([1.0, np.sqrt(2) * w0, w0**2])

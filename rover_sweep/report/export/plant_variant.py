@@ -10,6 +10,7 @@ from math import isfinite, sqrt
 
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import UsageError
+from rover_sweep.report.export.variant_forms import forms_not_in_the_plant, in_plant_units
 from rover_sweep.report.export.variant_laws import exported_laws, law_lines, laws_not_in_the_plant
 
 LINEAR_TYRES = 4.0  # friction of practically linear tyres, for a model without tyre saturation
@@ -72,7 +73,7 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
         out.append(
             f"the logged V_y is {1 + x('vy_gain'):.3f} times the true one; this rover logs the true V_y"
         )
-    if x("lag_shape") > 0.01 and x("lag") > 1e-3:
+    if x("lag_shape") > 0.01 and x("lag") > 1e-3 and "servo_lag/second order" not in model.effects:
         out.append("the servo is of second order; this rover's servo is of first order with the same lag")
     if not model.structure.slip:
         out.append(
@@ -80,9 +81,9 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
         )
     if not model.structure.roll:
         out.append("the model does not roll: the centre of the sprung mass is on the roll axis")
-    if model.structure.slip and "tyre_saturation" not in model.effects:
+    if model.structure.slip and "tyre_saturation" not in {e.id for e in model.added}:
         out.append("the tyres do not saturate, as in the model: set friction before driving to the limit")
-    out += laws_not_in_the_plant(model)
+    out += laws_not_in_the_plant(model) + forms_not_in_the_plant(model)
     if "clock_offset" in model.effects:
         out.append(
             "a redrive uses the log's time stamps as they are: its motion is later than the log's by T"
@@ -171,8 +172,9 @@ def _effects(model: AugmentedModel) -> dict[str, dict[str, Value]]:
             values["T"] = _delay(model)
         if effect.id == "steering_deadband":
             values["of"] = "command"
-        if effect.id == "surface_change" and model.happened_in:
+        if effect.in_one_run and model.happened_in:
             values["run"] = model.happened_in
+        values = in_plant_units(model, effect, values)
         if values:
             out[effect.id] = values
     trim = model.value("trim")

@@ -1,8 +1,9 @@
-"""A tilted IMU, and an undocumented low-pass in it."""
+"""A tilted IMU, its scale errors, and an undocumented low-pass in it."""
 
 from __future__ import annotations
 
-from math import cos, inf, sin
+from collections import deque
+from math import cos, exp, inf, pi, sin
 
 from sitl.plant.effects_table import Effects, number
 
@@ -32,6 +33,47 @@ class Mounting:
             b[0] * x + b[1] * y + b[2] * z,
             c[0] * x + c[1] * y + c[2] * z,
         )
+
+
+class FirstOrder:
+    """The lag 1/(2 pi f) of a signal that is held between samples; the first sample sets it."""
+
+    __slots__ = ("_share", "_value")
+
+    def __init__(self, sample_hz: float, cutoff_hz: float) -> None:
+        self._share = 1.0 - exp(-2.0 * pi * cutoff_hz / sample_hz)
+        self._value: float | None = None
+
+    def apply(self, sample: float) -> float:
+        """The next filtered value."""
+        old = sample if self._value is None else self._value
+        self._value = value = old + self._share * (sample - old)
+        return value
+
+
+class Delayed:
+    """The signal as it was 1/(2 pi f) ago, linear between samples."""
+
+    __slots__ = ("_part", "_past")
+
+    def __init__(self, sample_hz: float, cutoff_hz: float) -> None:
+        late = sample_hz / (2.0 * pi * cutoff_hz)
+        whole = int(late)
+        self._part = late - whole
+        self._past: deque[float] = deque(maxlen=whole + 2)
+
+    def apply(self, sample: float) -> float:
+        """The next delayed value."""
+        past = self._past
+        if not past:
+            past.extend([sample] * (past.maxlen or 0))
+        past.append(sample)
+        return past[1] + self._part * (past[0] - past[1])
+
+
+def scales(effects: Effects) -> tuple[float, float]:
+    """(gyro, accelerometer): measured over true."""
+    return 1.0 + number(effects, "sensor_scale", "gyro"), 1.0 + number(effects, "sensor_scale", "accel")
 
 
 def hidden_cutoffs(effects: Effects) -> tuple[float, float]:

@@ -50,6 +50,7 @@ def _shared(parameters: PlantParameters, changes: dict[str, Any], ratio: float) 
 
 
 def _left(effects: Effects) -> Effects:
-    """The effects that do not replace a number; tyre_saturation still selects the tyre law."""
+    """The effects that do not replace a number; tyre_saturation and servo_lag may still select a law."""
     done = {effect for effect, _ in _SAME} | {"front_rear_stiffness", "imu_offset"}
-    return {name: values for name, values in effects.items() if name not in done - {"tyre_saturation"}}
+    lawful = {"tyre_saturation"} | ({"servo_lag"} if "q" in effects.get("servo_lag", {}) else set())
+    return {name: values for name, values in effects.items() if name not in done - lawful}

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import exp, tanh
+from math import copysign, exp, tanh
 
-from sitl.plant.effects_table import Effects, number
+from sitl.plant.effects_table import ALL_ALONG, Effects, form, number
 from sitl.plant.tyre import LOW_SPEED, lateral_force
 
 IDS = frozenset({"tyre_saturation", "tyre_relaxation", "load_transfer", "surface_change"})
@@ -13,6 +13,9 @@ IDS = frozenset({"tyre_saturation", "tyre_relaxation", "load_transfer", "surface
 Law = Callable[[float, float, float, float], float]
 """Force [N] from slip angle [rad], stiffness [N/rad], peak force [N] and a shape [-]."""
 
+_PEAKED = 1.6  # shape factor of the magic formula whose force falls beyond the peak
+_RAMP, _DRIFT = 10.0, 300.0  # s
+_YIELDS = 40  # steps of `yielding`, of which linear tyres need one
 _LEAST_SHARE = 0.05  # of the stiffness that load transfer leaves at least
 
 
@@ -21,15 +24,46 @@ def saturating(slip: float, stiffness: float, peak: float, shape: float) -> floa
     return -peak * tanh(stiffness * slip / peak)
 
 
+def brush(slip: float, stiffness: float, peak: float, shape: float) -> float:
+    """The brush model with parabolic pressure: adhesion over the share 1 - C slip/(3 D) of the patch.
+
+    Pacejka 2012, section 3.2: F = D (1 - share^3), all of it sliding beyond C slip = 3 D.
+    """
+    adhering = max(1.0 - stiffness * abs(slip) / (3.0 * peak), 0.0)
+    return copysign(peak * (1.0 - adhering**3), -slip)
+
+
+def peaked(slip: float, stiffness: float, peak: float, shape: float) -> float:
+    """The magic formula with a force that falls beyond its peak."""
+    return lateral_force(slip, stiffness, peak, _PEAKED)
+
+
+_LAWS: dict[str, Law] = {"tanh": saturating, "brush": brush, "falling peak": peaked}
+
+
 def tyre_law(effects: Effects) -> Law:
-    """The hyperbolic tangent where saturation is asked for, else the plant's own."""
-    return saturating if "tyre_saturation" in effects else lateral_force
+    """The law that saturation asks for, else the plant's own."""
+    return _LAWS[form(effects, "tyre_saturation")] if "tyre_saturation" in effects else lateral_force
+
+
+def yielding(law: Law, slip: float, stiffness: float, peak: float, shape: float, give: float) -> float:
+    """Force [N] of an axle that turns by -give [rad/N] times its own force: F = law(slip + give F).
+
+    Chord iteration with the slope at zero slip, which is the steepest.
+    """
+    force, slope = 0.0, 1.0 + give * stiffness
+    for _ in range(_YIELDS):
+        change = (law(slip + give * force, stiffness, peak, shape) - force) / slope
+        force += change
+        if abs(change) < 1e-9 * peak:
+            break
+    return force
 
 
 class Stiffness:
     """Present share of the cornering stiffness."""
 
-    __slots__ = ("_at", "_by_distance", "_driven", "_ratio", "_transfer", "surface")
+    __slots__ = ("_at", "_by_distance", "_driven", "_form", "_ratio", "_transfer", "surface")
 
     def __init__(self, effects: Effects) -> None:
         self._transfer = number(effects, "load_transfer", "k")
@@ -37,13 +71,20 @@ class Stiffness:
         self._ratio = float(change.get("ratio", 1.0))
         self._by_distance = "distance" in change
         self._at = float(change.get("distance", change.get("t", 0.0)))
+        self._form = form(effects, "surface_change")
         self._driven = 0.0
         self.surface = 1.0
 
     def travel(self, distance: float, t: float) -> None:
         """Drive a distance [m] up to the time t [s]."""
         self._driven += distance
-        self.surface = self._ratio if (self._driven if self._by_distance else t) >= self._at else 1.0
+        since = (self._driven if self._by_distance else t) - self._at
+        if self._form == ALL_ALONG:
+            self.surface = self._ratio ** (t / _DRIFT)
+        elif self._form == "over ten seconds":
+            self.surface = self._ratio ** min(max(since / _RAMP, 0.0), 1.0)
+        else:
+            self.surface = self._ratio if since >= 0.0 else 1.0
 
     def transferred(self, lateral_g: float) -> float:
         """1 - k (a_y/g)2 at a lateral acceleration in g."""
