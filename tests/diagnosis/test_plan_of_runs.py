@@ -136,6 +136,8 @@ def test_blocks_show_the_steering_and_nothing_else(usual: Planner) -> None:
         "steering_nonlinearity",
         "servo_lag",
         "transport_delay",
+        "steering_stiction",
+        "steering_scale",
     )
     assert all(shown[e] > 10.0 for e in steering)
     assert all(
