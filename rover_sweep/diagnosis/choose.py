@@ -10,7 +10,7 @@ from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.search.bounds import ExceededBound, cost_of, exceeded_bound
 from rover_sweep.diagnosis.search.candidate_fits import Trial, fit_candidate, tangent
-from rover_sweep.diagnosis.search.confirm import Support, Withheld, support_in, support_of
+from rover_sweep.diagnosis.search.confirm import EffectSupport, Withheld, support_in, support_of
 from rover_sweep.diagnosis.search.look_alikes import LookAlike, find_look_alikes
 from rover_sweep.diagnosis.search.rounds import Misfit, Options, Round, matters, round_of
 from rover_sweep.diagnosis.search.threshold import LEAST
@@ -87,7 +87,7 @@ class Choice:
     exceeded: ExceededBound | None = None
     unmodelled: bool = False
     stopped: bool = False
-    support: Mapping[str, Support] = field(default_factory=dict)
+    support: Mapping[str, EffectSupport] = field(default_factory=dict)
 
 
 def choose(
@@ -102,7 +102,7 @@ def choose(
     A removed effect is not added again. start: {coordinate: value} to begin the first fit from. held: runs
     that only judge the effects that were chosen.
     """
-    support: dict[str, Support] = {}
+    support: dict[str, EffectSupport] = {}
     first, current, named, removed = _search(runs, model, start, options, held, support)
     if named and not options.stop():
         current, named = _confirmed(runs, current, named, options, held, support)
@@ -132,7 +132,7 @@ def _search(
     start: Mapping[str, float],
     options: Options,
     held: Sequence[Experiment],
-    support: dict[str, Support],
+    support: dict[str, EffectSupport],
 ) -> tuple[Round, Round, list[Named], set[str]]:
     """(first round, last round, effects that were kept, ids of effects that were removed).
 
@@ -168,7 +168,7 @@ def _earning(
     current: Round,
     named: Sequence[Named],
     held: Sequence[Experiment],
-    support: dict[str, Support],
+    support: dict[str, EffectSupport],
 ) -> list[Trial]:
     """The trials from the first one on that earns its name; fills `support` of those that were judged."""
     larger = max((n.trial.gain for n in named if n.trial.effect not in DEGREES_OF_FREEDOM), default=0.0)
@@ -186,7 +186,7 @@ def _confirmed(
     named: Sequence[Named],
     options: Options,
     held: Sequence[Experiment],
-    support: dict[str, Support],
+    support: dict[str, EffectSupport],
 ) -> tuple[Round, list[Named]]:
     """(last round, effects that earn their names beside all others); fills `support`."""
     kept = list(named)

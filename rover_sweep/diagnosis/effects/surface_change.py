@@ -29,7 +29,7 @@ def stiffness_factor(t: Array, q: Values) -> Array:
     return np.where(t >= q["t"], np.exp(q["ratio"]), 1.0)
 
 
-def ramp(t: Array, q: Values) -> Array:
+def gradual(t: Array, q: Values) -> Array:
     """Factor of the stiffness (n,) that changes from t over `RAMP`; t (n,) s."""
     return np.asarray(np.exp(q["ratio"] * np.clip((t - q["t"]) / RAMP, 0.0, 1.0)))
 
@@ -80,7 +80,7 @@ FORMS = (
         first=False,
         form="over ten seconds",
         equation="C goes to ratio C from t to t + 10 s, and stays so",
-        act=ramp,
+        act=gradual,
         later=_for_good,
     ),
     replace(

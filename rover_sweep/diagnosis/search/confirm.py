@@ -37,11 +37,10 @@ JUDGED = 9.0  # s^T s from which a held-out run can judge an effect
 DECADE = 10.0  # ratio of the ends of an interval
 FORM_ERROR = 0.02  # share of a larger finding's gain that its wrong form may leave
 STEPS = 3  # of the fit without tolerances
-STABLE = 0.15  # relative change of an effect's size when any run is left out, up to which it is stable
 
 
 @dataclass(frozen=True)
-class Support:
+class EffectSupport:
     """What speaks for one named effect; gains are drops of the sum of squares.
 
     gain: on the runs of the fit. predicted: on the same runs, each predicted by the others; None where the
@@ -79,7 +78,7 @@ class Withheld:
         return (sum(gains), sum(sizes)) if gains else None
 
 
-def support_in(effect: str, last: Round, held: Withheld, larger: float) -> Support:
+def support_in(effect: str, last: Round, held: Withheld, larger: float) -> EffectSupport:
     """The support of one effect of the last round's model. larger: the largest gain of the other findings."""
     whole, rest = last.fitted, last.model.without(effect)
     known = None if effect in DEGREES_OF_FREEDOM else whole
@@ -87,14 +86,14 @@ def support_in(effect: str, last: Round, held: Withheld, larger: float) -> Suppo
     return _support(effect, last.problem, last.model, whole, less, held, larger)
 
 
-def support_of(trial: Trial, base: Round, held: Withheld, larger: float) -> Support:
+def support_of(trial: Trial, base: Round, held: Withheld, larger: float) -> EffectSupport:
     """The support of a trial of a round, beside the round's own effects. larger: their largest gain."""
     return _support(trial.effect, base.problem, trial.model, trial.fitted, base.fitted, held, larger)
 
 
 def _support(
     effect: str, problem: Problem, model: Model, whole: Fitted, less: Fitted, held: Withheld, larger: float
-) -> Support:
+) -> EffectSupport:
     law = next(form_named(e) for e in model.effects if form_named(e).id == effect)
     gain = less.cost - whole.cost
     sure = _unsure_size(law, whole)
@@ -106,7 +105,7 @@ def _support(
         spread = _spread(sizes, law, whole.x)
     judged = held.gain(*(_without_tolerances(problem, f) for f in (less, whole))) if held.problems else None
     held_out, expected = judged or (None, None)
-    found = Support(effect, gain, predicted, held_out, expected, spread)
+    found = EffectSupport(effect, gain, predicted, held_out, expected, spread)
     return replace(found, against=_against(found, law, larger, sure))
 
 
@@ -115,7 +114,7 @@ def _without_tolerances(problem: Problem, fitted: Fitted) -> Fitted:
     return fit(problem.plain, fitted.structure, fitted.free, fitted.x, steps=STEPS)
 
 
-def _against(found: Support, law: Effect, larger: float, unsure: str) -> str:
+def _against(found: EffectSupport, law: Effect, larger: float, unsure: str) -> str:
     if found.held_out is not None and found.held_out <= 0:
         return "it makes the held-out runs worse"
     if found.held_out is None and found.predicted is not None and found.predicted <= 0:

@@ -41,9 +41,9 @@ FAINT = 1e-3  # length of a signature that no data show
 class Side:
     """One sign of one parameter of one law.
 
-    effect: the law, of one of the effect's forms. start: the coordinate up to which the nominal model takes its place. way: +1 or -1. room: distance from
-    there to the parameter's bound. slack: standard deviation of the nominal model's prior, 0 for none.
-    run: where an effect of one run happens, else "".
+    effect: the law, of one of the effect's forms. start: the coordinate up to which the nominal model takes
+    its place. way: +1 or -1. room: distance from there to the parameter's bound. slack: standard deviation of
+    the nominal model's prior, 0 for none. run: where an effect of one run happens, else "".
     """
 
     effect: Effect

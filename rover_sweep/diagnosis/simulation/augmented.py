@@ -110,7 +110,7 @@ class AugmentedModel:
     def reported(self, effect: Effect) -> dict[str, tuple[float, str, str]]:
         """The parameters of one of its effects for a user, {parameter: (value, unit, convention)}."""
         found = effect.reported(self.x)
-        if effect.in_one_run and self.happened_at is not None:
+        if effect.in_one_run and "t" in found and self.happened_at is not None:
             found["t"] = (self.happened_at, *found["t"][1:])
         return found
 
