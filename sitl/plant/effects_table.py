@@ -23,6 +23,7 @@ steering_backlash     b [rad], half the gap: play operator behind the servo; "sm
 steering_nonlinearity c3 [1/rad2]: u (1 + c3 u2); "quadratic": u (1 + c3 abs(u) 0.3 rad)
 steering_asymmetry    e [-]: (1 + e) u to the left, (1 - e) u to the right
 steering_trim         u0 [rad]: d = u - u0
+steering_scale        s [-]: (1 + s) u; the vehicle file keeps the rad_per_us without it
 steering_compliance   k [rad/N]: d - k F of the front axle
 transport_delay       T [s]: d(t) = u(t - T), the whole delay
 clock_offset          T [s]: the records of the steering are stamped late by T, so the motion appears early
@@ -133,6 +134,7 @@ PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
     "steering_nonlinearity": {"c3": _either(30.0, " 1/rad2")},
     "steering_asymmetry": {"e": _either(1.0)},
     "steering_trim": {"u0": _either(1.0, " rad")},
+    "steering_scale": {"s": Rule(-0.9, 1.0)},
     "steering_compliance": {"k": _size(10.0, " rad/N")},
     "transport_delay": {"T": _size(_LATE, " s")},
     "clock_offset": {"T": _either(_LATE, " s")},

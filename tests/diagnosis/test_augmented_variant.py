@@ -39,6 +39,7 @@ JUDGED = {
     "steering_nonlinearity": ("r", 0.1),
     "steering_asymmetry": ("r", 0.1),
     "steering_trim": ("r", 0.1),
+    "steering_scale": ("r", 0.1),
     "tyre_relaxation": ("r", 0.1),
     "front_rear_stiffness": ("r", 0.1),
     "roll_steer": ("r", 0.1),

@@ -28,6 +28,7 @@ def test_ids_and_parameters_of_the_contract() -> None:
     assert {name: set(rules) for name, rules in PARAMETERS.items()} == {
         "servo_lag": {"T", "q"},
         "steering_stiction": {"s"},
+        "steering_scale": {"s"},
         "steering_compliance": {"k"},
         "yaw_damping": {"c"},
         "side_wind": {"w", "psi0"},
@@ -129,6 +130,8 @@ def test_effects_that_are_numbers_take_their_places_once(tmp_path: Path) -> None
     assert (acting.yaw_inertia, acting.roll_stiffness, acting.roll_damping) == (0.08, 9.0, 0.5)
     assert acting.imu_position == pytest.approx((0.05, 0.0, 0.038))
     assert resolved(acting) == acting
+    turned = variant(tmp_path, "steering_scale = { s = 0.2 }")
+    assert resolved(resolved(turned)).rad_per_us == pytest.approx(1.2 * turned.rad_per_us)
 
 
 def test_the_owner_does_not_know_of_effects(tmp_path: Path) -> None:

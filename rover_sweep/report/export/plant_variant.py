@@ -116,7 +116,8 @@ def _numbers(model: AugmentedModel) -> dict[str, Value]:
         out |= {"road_roll_moment": 0.0}
     if model.steering:
         trim, scale = model.steering
-        out |= {"steering_trim_us": trim, "rad_per_us": scale * (1.0 + x("scale"))}
+        own = 0.0 if "steering_scale" in model.effects else x("scale")
+        out |= {"steering_trim_us": trim, "rad_per_us": scale * (1.0 + own)}
     return out
 
 

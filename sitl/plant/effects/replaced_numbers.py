@@ -25,8 +25,8 @@ _SAME: dict[tuple[str, str], tuple[str, ...]] = {
 def resolved(parameters: PlantParameters) -> PlantParameters:
     """The parameters as the plant and its sensors have them; what the vehicle file says stays outside.
 
-    The very same object where no effect touches a number. Harmless to apply twice, except to `imu_offset`
-    and `front_rear_stiffness`, so the effects that were applied are taken out.
+    The very same object where no effect touches a number. Harmless to apply twice, except to `imu_offset`,
+    `steering_scale` and `front_rear_stiffness`, so the effects that were applied are taken out.
     """
     effects = parameters.effects
     changes: dict[str, Any] = {}
@@ -35,6 +35,8 @@ def resolved(parameters: PlantParameters) -> PlantParameters:
             changes |= dict.fromkeys(names, number(effects, effect, parameter))
     if "front_rear_stiffness" in effects:
         changes |= _shared(parameters, changes, number(effects, "front_rear_stiffness", "ratio"))
+    if "steering_scale" in effects:
+        changes["rad_per_us"] = parameters.rad_per_us * (1.0 + number(effects, "steering_scale", "s"))
     if "imu_offset" in effects:
         forward, right, down = parameters.imu_position
         x, z = (number(effects, "imu_offset", name) for name in "xz")
@@ -51,6 +53,6 @@ def _shared(parameters: PlantParameters, changes: dict[str, Any], ratio: float) 
 
 def _left(effects: Effects) -> Effects:
     """The effects that do not replace a number; tyre_saturation and servo_lag may still select a law."""
-    done = {effect for effect, _ in _SAME} | {"front_rear_stiffness", "imu_offset"}
+    done = {effect for effect, _ in _SAME} | {"front_rear_stiffness", "imu_offset", "steering_scale"}
     lawful = {"tyre_saturation"} | ({"servo_lag"} if "q" in effects.get("servo_lag", {}) else set())
     return {name: values for name, values in effects.items() if name not in done - lawful}
