@@ -169,7 +169,8 @@ def _answer(
     """(the diagnosis without its model, the laws of the unknown that belong into the model)."""
     first, last = choice.first, choice.last
     drawn = draw_coordinates(last, settings.seed)
-    models = _Models(FittedModel(first.model, first.fitted.x), FittedModel(last.model, last.fitted.x))
+    # the fits nearest to the recordings: a model alone, without the rover's tolerances, predicts a run
+    models = _Models(FittedModel(first.model, first.closest.x), FittedModel(last.model, last.closest.x))
     floor = last.problem.floor
     held_out = tuple(HeldOutRun.of(run, floor, models.full) for run in held)
     speed = _speed_answer(choice, used, held_out, models.full, settings)
@@ -284,7 +285,7 @@ def _contribution(
     if not held_out:
         return ()
     alone = len(choice.named) == 1
-    rest = models.nominal if alone else refitted_without(effect, choice.last.problem, models.full)
+    rest = models.nominal if alone else refitted_without(effect, choice.last.problem.plain, models.full)
     return tuple(compare_held_out(run, rest, models.full) for run in held_out)
 
 

@@ -91,4 +91,5 @@ def test_an_effect_counts_by_what_the_others_cannot_explain() -> None:
     assert rest.model.effects == ("tyre_relaxation",)
     assert compare_held_out(held, rest, whole).share_removed == pytest.approx(1.0, abs=0.05)
     nothing = FittedModel(MODEL, {**X, "trim": 0.0})
-    assert held.sum_of_squares(whole) < held.sum_of_squares(rest) < held.sum_of_squares(nothing)
+    left = [float(held.residual(m) @ held.residual(m)) for m in (whole, rest, nothing)]
+    assert left[0] < left[1] < left[2]

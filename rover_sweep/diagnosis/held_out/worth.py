@@ -21,6 +21,7 @@ from rover_sweep.spectra.response import FrequencyResponse
 UNITS = {"r": 180 / np.pi, "ay": 1 / 0.3048, "p": 180 / np.pi}  # deg/s, ft/s^2, deg/s: those of J_rms
 EVERY = 4  # an overlay has every 4th sample of the simulation
 WORSE = 3.0  # standard deviations from which a channel counts as worse
+JUDGED = 9.0  # sum of squares of the difference of two models, from which a run can judge them
 EXPLAINABLE = 1.05  # mean square of the rows above which a share removed is computed
 
 
@@ -57,10 +58,9 @@ class HeldOutRun:
         found = frequency_responses_of(run, centred(run)) if swept else {}
         return HeldOutRun(run, with_floor([run], _scaled_floor(run, floor, whole)), found)
 
-    def sum_of_squares(self, m: FittedModel) -> float:
-        """Sum of squares of a model's whitened residual rows."""
-        rows = self.problem.measured - self.problem.model(m.model.structure, m.x)
-        return float(rows @ rows)
+    def residual(self, m: FittedModel) -> Array:
+        """A model's whitened residual rows (n,)."""
+        return self.problem.measured - self.problem.model(m.model.structure, m.x)
 
 
 def _scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
@@ -74,11 +74,16 @@ def _scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
 
 
 def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) -> HeldOut:
-    """Both models on one held-out run; the mean square of a row is 1 where a model is right."""
-    left = [held.sum_of_squares(m) for m in (before, after)]
+    """Both models on one held-out run; the mean square of a row is 1 where a model is right.
+
+    share_removed is None where nothing is left to explain, or where the models differ too little to be
+    judged.
+    """
+    one, two = held.residual(before), held.residual(after)
     noise = held.problem.size
-    explainable = left[0] - noise
-    share = (left[0] - left[1]) / explainable if left[0] > EXPLAINABLE * noise else None
+    left = float(one @ one), float(two @ two)
+    judged = float((one - two) @ (one - two)) > JUDGED and left[0] > EXPLAINABLE * noise
+    share = (left[0] - left[1]) / (left[0] - noise) if judged else None
     return HeldOut(held.run.name, fit_of(held, before), fit_of(held, after), share)
 
 
@@ -90,7 +95,7 @@ def worse_channels(held: HeldOutRun, before: FittedModel, after: FittedModel) ->
     deviation 2 sqrt(s^T s) where either model is right.
     """
     problem = held.problem
-    one, two = (problem.measured - problem.model(m.model.structure, m.x) for m in (before, after))
+    one, two = held.residual(before), held.residual(after)
     out = []
     for channel in dict.fromkeys(r.channel for r in problem.rows):
         a, b = (problem.part(rows, channel=channel) for rows in (one, two))

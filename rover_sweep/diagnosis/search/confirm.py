@@ -27,13 +27,13 @@ from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, form_named
+from rover_sweep.diagnosis.held_out.worth import JUDGED
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.search.candidate_fits import Trial
 from rover_sweep.diagnosis.search.rounds import Round
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 
-JUDGED = 9.0  # s^T s from which a held-out run can judge an effect
 DECADE = 10.0  # ratio of the ends of an interval
 FORM_ERROR = 0.02  # share of a larger finding's gain that its wrong form may leave
 STEPS = 3  # of the fit without tolerances
