@@ -190,7 +190,7 @@ def _confirmed(
 ) -> tuple[Round, list[Named]]:
     """(last round, effects that earn their names beside all others); fills `support`."""
     kept = list(named)
-    while kept and not options.stop():
+    while len(kept) > 1 and not options.stop():  # a single one was judged when it was chosen
         withheld = _withheld(current, FittedModel(current.model, current.fitted.x), held)
         others = {n.trial.effect: max((o.trial.gain for o in kept if o is not n), default=0.0) for n in kept}
         found = [support_in(n.trial.effect, current, withheld, others[n.trial.effect]) for n in kept]

@@ -46,6 +46,7 @@ class Base:
     def __init__(self, found: Problem) -> None:
         self.problem = found
         self.fitted: Fitted = fit(found, MODEL.structure, FEW, X)
+        self.closest = self.fitted
 
     def trial(self, law: str, start: float) -> Trial:
         model = replace(MODEL, effects=(law,))

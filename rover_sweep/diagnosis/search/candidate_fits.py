@@ -35,7 +35,7 @@ RESTARTED = 2  # most trials that are also fitted from their own size
 FAR = 2.0  # mean square of the base's rows from which trials are fitted from their own size
 REFIT_STEPS = 5  # the next round continues the best one
 REFITTED_FROM = 0.4  # share of the threshold from which a trial is fitted again
-FORMS_OF = 3  # most trials whose forms are compared
+FORMS_OF = 2  # most trials whose forms are compared
 RIVAL_FORMS = 0.5  # share of the best gain from which the forms of a trial are compared
 NEAR_FORM = 0.7  # share of the best form's gain from which another form is fitted again
 RIVAL = 0.2  # share of the best gain below which a trial is not fitted again
@@ -309,7 +309,11 @@ def refit_candidates(
             found = other if other.gain > found.gain else found
         out.append(found)
     out.sort(key=lambda t: -t.gain)
-    rivals = [t for t in out[:FORMS_OF] if t.fitted is not base and t.gain > RIVAL_FORMS * out[0].gain]
+    rivals = [
+        t
+        for t in out[:FORMS_OF]
+        if t.fitted is not base and t.gain > max(RIVAL_FORMS * out[0].gain, thresholds.get(t.effect, 0.0))
+    ]
     compared = {t.effect: best_form(problem, base, t) for t in rivals if not stop()}
     return sorted((compared.get(t.effect, t) for t in out), key=lambda t: -t.gain)
 

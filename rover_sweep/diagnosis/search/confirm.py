@@ -64,8 +64,14 @@ class Withheld:
 
     problems: tuple[Problem, ...] = field(default_factory=tuple)
 
-    def gain(self, without: Fitted, whole: Fitted) -> tuple[float, float] | None:
-        """(gain, gain expected of a true effect) over the runs that can judge it; None where none can."""
+    def gain(self, fits: tuple[Fitted, Fitted] | None) -> tuple[float, float] | None:
+        """(gain, gain expected of a true effect) over the runs that can judge it; None where none can.
+
+        fits: without the effect, and with it.
+        """
+        if fits is None:
+            return None
+        without, whole = fits
         gains, sizes = [], []
         for problem in self.problems:
             before = problem.measured - problem.model(without.structure, without.x)
@@ -83,16 +89,25 @@ def support_in(effect: str, last: Round, held: Withheld, larger: float) -> Effec
     whole, rest = last.fitted, last.model.without(effect)
     known = None if effect in DEGREES_OF_FREEDOM else whole
     less = fit(last.problem, rest.structure, rest.free, whole.x, known=known)
-    return _support(effect, last.problem, last.model, whole, less, held, larger)
+    nearest = (_without_tolerances(last.problem, less), last.closest) if held.problems else None
+    return _support(effect, last.problem, last.model, whole, less, held.gain(nearest), larger)
 
 
 def support_of(trial: Trial, base: Round, held: Withheld, larger: float) -> EffectSupport:
     """The support of a trial of a round, beside the round's own effects. larger: their largest gain."""
-    return _support(trial.effect, base.problem, trial.model, trial.fitted, base.fitted, held, larger)
+    problem, whole = base.problem, trial.fitted
+    nearest = (base.closest, _without_tolerances(problem, whole)) if held.problems else None
+    return _support(trial.effect, problem, trial.model, whole, base.fitted, held.gain(nearest), larger)
 
 
 def _support(
-    effect: str, problem: Problem, model: Model, whole: Fitted, less: Fitted, held: Withheld, larger: float
+    effect: str,
+    problem: Problem,
+    model: Model,
+    whole: Fitted,
+    less: Fitted,
+    judged: tuple[float, float] | None,
+    larger: float,
 ) -> EffectSupport:
     law = next(form_named(e) for e in model.effects if form_named(e).id == effect)
     gain = less.cost - whole.cost
@@ -103,7 +118,6 @@ def _support(
         with_it, sizes = _left_out(problem, whole, law)
         predicted = _left_out(problem, less, law)[0] - with_it
         spread = _spread(sizes, law, whole.x)
-    judged = held.gain(*(_without_tolerances(problem, f) for f in (less, whole))) if held.problems else None
     held_out, expected = judged or (None, None)
     found = EffectSupport(effect, gain, predicted, held_out, expected, spread)
     return replace(found, against=_against(found, law, larger, sure))
