@@ -37,6 +37,7 @@ REFIT_STEPS = 5  # the next round continues the best one
 REFITTED_FROM = 0.4  # share of the threshold from which a trial is fitted again
 FORMS_OF = 2  # most trials whose forms are compared
 RIVAL_FORMS = 0.5  # share of the best gain from which the forms of a trial are compared
+SIMPLER = 0.005  # share of the gain that decides nothing between two forms
 NEAR_FORM = 0.7  # share of the best form's gain from which another form is fitted again
 RIVAL = 0.2  # share of the best gain below which a trial is not fitted again
 
@@ -336,20 +337,25 @@ def refitted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
 
 
 def best_form(problem: Problem, base: Fitted, trial: Trial) -> Trial:
-    """The form of the trial's effect that explains most, with the gains of all its forms."""
+    """The form of the trial's effect that explains most, with the gains of all its forms.
+
+    The first form of an effect is the simplest; another one must explain more than it by `SIMPLER`.
+    """
     law = trial.law
-    best, gains = trial, {law.form: trial.gain}
+    best, tried = trial, {law.form: trial}
     for other in forms_of(trial.effect):
         if other.name == law.name or trial.effect in DEGREES_OF_FREEDOM:
             continue
         effects = tuple(other.name if e == law.name else e for e in trial.model.effects)
         model = replace(trial.model, effects=effects)
         known = trial.fitted if other.parameters == law.parameters else base
-        first = fit(problem, model.structure, model.free, trial.fitted.x, steps=REFIT_STEPS, known=known)
-        found = Trial(trial.effect, model, first, base.cost - first.cost)
+        near = fit(problem, model.structure, model.free, trial.fitted.x, steps=REFIT_STEPS, known=known)
+        found = Trial(trial.effect, model, near, base.cost - near.cost)
         if found.gain > NEAR_FORM * best.gain:
             again = refitted(problem, base, found)
             found = again if again.gain > found.gain else found
-        gains[other.form] = found.gain
+        tried[other.form] = found
         best = found if found.gain > best.gain else best
-    return replace(best, forms=gains)
+    first = tried.get(forms_of(trial.effect)[0].form, best)
+    best = first if first.gain > (1.0 - SIMPLER) * best.gain else best
+    return replace(best, forms={form: t.gain for form, t in tried.items()})

@@ -4,7 +4,7 @@ Each named effect is judged by two fits: the model with it, and the model withou
 
 1. Held-out runs. s are the whitened rows by which both models differ there, G the drop of the sum of squares.
    If the effect is true, G is about s^T s; if the model without it is true, about -s^T s. The noise of G is
-   2 sqrt(s^T s). G must be positive wherever s^T s is large enough to judge.
+   2 sqrt(v s^T s), v the mean square of a row. G must be positive wherever s^T s is large enough to judge.
 2. Runs left out one by one, where no held-out run judges. At the optimum of all runs with the Jacobian J
 and the residual r, the optimum
    without the rows k is x + (N - J_k^T J_k)^-1 (-J_k^T r_k), N = J^T J + priors, which predicts the residual
@@ -78,7 +78,8 @@ class Withheld:
             after = problem.measured - problem.model(whole.structure, whole.x)
             difference = before - after
             size = float(difference @ difference)
-            if size > JUDGED:
+            scatter = max(1.0, float(after @ after) / after.size)  # more than noise where both are wrong
+            if size > JUDGED * scatter:
                 gains.append(float(before @ before - after @ after))
                 sizes.append(size)
         return (sum(gains), sum(sizes)) if gains else None

@@ -141,8 +141,8 @@ def matters(trial: Trial) -> bool:
     limits = {c.name: max(abs(c.low), abs(c.high)) for c in added_coordinates(effect)}
     if any(abs(x[name]) > IMPLAUSIBLE * limit for name, limit in limits.items() if not name.endswith(".t")):
         return False
-    if effect.name == SWINGING:
-        return x["lag_shape"] > MOST_SHAPE and x["lag"] > SHORTEST
+    if effect.name == SWINGING and x["lag_shape"] > MOST_SHAPE and x["lag"] > SHORTEST:
+        return True
     if trial.effect in LAGS:
         return x["lag"] + x["delay"] > spread.together
     if trial.effect == "clock_offset" and not trial.model.two_clocks:

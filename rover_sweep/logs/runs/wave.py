@@ -24,7 +24,7 @@ REPEAT_STEP = 0.02  # s
 REPEAT_CORRELATION = 0.98  # autocorrelation at one period; much less for driving by hand
 ONE_LINE = 0.6  # of the power, in one spectral line of a sine
 FEW_LEVELS, LEVEL_GRID, LEFT_OVER = 6, 101, 0.1  # levels of a doublet: rest, two sizes on both sides, a spare
-HELD = 0.15  # of the plateaus on each side
+HELD = 0.2  # share of each side in the plateaus far from the middle
 PLATEAU = 7  # samples of 0.05 s in which a step signal keeps its value
 
 
@@ -157,8 +157,8 @@ def _is_stepwise(steering: Signal) -> bool:
     if np.mean(constant) <= 0.6 or _crossings(steering, float((x.min() + x.max()) / 2)).size < 1:
         return False
     plateaus = windows[constant].mean(axis=1) - (x.min() + x.max()) / 2
-    held = min(float(np.mean(side * plateaus > 0.5 * amplitude)) for side in (1, -1))
-    return held > HELD and _at_few_levels(plateaus, 0.1 * amplitude)
+    far = [int(np.sum(side * plateaus > 0.5 * amplitude)) for side in (1, -1)]
+    return min(far) > HELD * max(sum(far), 1) and _at_few_levels(plateaus, 0.1 * amplitude)
 
 
 def _at_few_levels(plateaus: Array, width: float) -> bool:
