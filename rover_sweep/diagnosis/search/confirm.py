@@ -36,6 +36,7 @@ from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Mode
 
 DECADE = 10.0  # ratio of the ends of an interval
 FORM_ERROR = 0.02  # share of a larger finding's gain that its wrong form may leave
+PLAUSIBLE = 2.5  # share of s^T s; a gain beyond is made by what both models lack
 STEPS = 3  # of the fit without tolerances
 
 
@@ -79,8 +80,9 @@ class Withheld:
             difference = before - after
             size = float(difference @ difference)
             scatter = max(1.0, float(after @ after) / after.size)  # more than noise where both are wrong
-            if size > JUDGED * scatter:
-                gains.append(float(before @ before - after @ after))
+            gain = float(before @ before - after @ after)
+            if size > JUDGED * scatter and abs(gain) < PLAUSIBLE * size:
+                gains.append(gain)
                 sizes.append(size)
         return (sum(gains), sum(sizes)) if gains else None
 
