@@ -15,7 +15,7 @@ from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, in_ord
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
-FEW = tuple(c for c in MODEL.free if c.name in ("delay", "lag", "ln_C", "ln_Izz", "scale"))
+FEW = tuple(c for c in MODEL.free if c.name in ("delay", "ln_C", "ln_Izz"))
 
 
 def driven(law: str, size: float, plan, seed: int, steps: bool = False) -> list[Experiment]:
@@ -29,14 +29,14 @@ def driven(law: str, size: float, plan, seed: int, steps: bool = False) -> list[
             wave = np.sign(np.sin(2 * np.pi * run.t / 4.0)) * (np.abs(np.sin(2 * np.pi * run.t / 8.0)) > 0.5)
             run = replace(run, steer=run.amplitude * wave)
         clean = logged(run, model.structure, {**X, key: size}, Sensors.of(run))
-        noisy = {c: y + 0.3 * NOISE[c] * random.standard_normal(y.size) for c, y in clean.items()}
+        noisy = {c: y + 3.0 * NOISE[c] * random.standard_normal(y.size) for c, y in clean.items()}
         out.append(replace(run, measured=noisy))
     return out
 
 
 def as_problem(runs: list[Experiment], seed: int) -> Problem:
     random = np.random.default_rng(seed)
-    noise = [{c: 0.3 * s * random.standard_normal(run.t.size) for c, s in NOISE.items()} for run in runs]
+    noise = [{c: 3.0 * s * random.standard_normal(run.t.size) for c, s in NOISE.items()} for run in runs]
     return problem(runs, noise)
 
 
@@ -51,7 +51,7 @@ class Base:
     def trial(self, law: str, start: float) -> Trial:
         model = replace(MODEL, effects=(law,))
         own = [c for c in model.free if c.name.startswith(form_named(law).id)]
-        begin = {**self.fitted.x, own[0].name: start}
+        begin = {**X, own[0].name: start}
         whole = fit(self.problem, model.structure, (*FEW, *own), begin)
         return Trial(form_named(law).id, model, whole, self.fitted.cost - whole.cost)
 

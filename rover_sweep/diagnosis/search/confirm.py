@@ -37,6 +37,7 @@ from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Mode
 DECADE = 10.0  # ratio of the ends of an interval
 FORM_ERROR = 0.02  # share of a larger finding's gain that its wrong form may leave
 PLAUSIBLE = 2.5  # share of s^T s; a gain beyond is made by what both models lack
+NEITHER = 4.0  # mean square of a held-out run's rows, from which neither model describes that run
 STEPS = 3  # of the fit without tolerances
 
 
@@ -81,7 +82,7 @@ class Withheld:
             size = float(difference @ difference)
             scatter = max(1.0, float(after @ after) / after.size)  # more than noise where both are wrong
             gain = float(before @ before - after @ after)
-            if size > JUDGED * scatter and abs(gain) < PLAUSIBLE * size:
+            if scatter < NEITHER and size > JUDGED * scatter and abs(gain) < PLAUSIBLE * size:
                 gains.append(gain)
                 sizes.append(size)
         return (sum(gains), sum(sizes)) if gains else None
