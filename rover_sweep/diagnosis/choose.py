@@ -141,7 +141,8 @@ def _search(
 ) -> tuple[Round, Round, list[Named], set[str]]:
     """(first round, last round, effects that were kept, ids of effects that were removed).
 
-    An effect that does not earn its name is passed over for the next one. support: is filled.
+    An effect that does not earn its name is passed over for the next one, and judged again beside it: of two
+    effects that act together, one alone may predict worse. support: is filled.
     """
     first = current = round_of(runs, model, start, options)
     named: list[Named] = []
@@ -149,7 +150,6 @@ def _search(
     while len(named) < MAX_EFFECTS and not options.stop():
         found = _further_findings(current, named, removed)
         found = _earning(_nominal_first(found, current), current, named, held, support)
-        removed |= {effect for effect, s in support.items() if s.against}
         if not found:
             break
         best = found[0]
