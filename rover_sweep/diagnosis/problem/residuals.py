@@ -23,7 +23,7 @@ from scipy.fft import rfft
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.noise_floor import Floor, floor_of
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged
+from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged, motion, moving
 
 TOP = 12.0  # Hz, highest line of all channels
 LOWEST = {"r": 0.0, "ay": 0.0, "p": 0.1, "vy": 0.5}  # Hz; below about 3 rad/s the GPS distorts the EKF's V_y
@@ -105,11 +105,27 @@ class Problem:
         return self.metric.of(rows) if self.metric else rows
 
     def models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
-        """The model's rows for several sets of coordinates, on two threads."""
+        """The model's rows for several sets of coordinates, on two threads.
+
+        Sets that differ in the sensors only share one motion, and the metric is applied to all at once.
+        """
         if len(xs) < 2:
             return [self.model(structure, x) for x in xs]
+        alike: dict[frozenset[tuple[str, float]], list[int]] = {}
+        for k, x in enumerate(xs):
+            alike.setdefault(frozenset(moving(structure, x).items()), []).append(k)
+
+        def of_one_motion(which: list[int]) -> list[Array]:
+            moved = [motion(run, structure, xs[which[0]]) for run in self.runs]
+            per_run = list(zip(self.runs, self.sensors, moved, strict=True))
+            logs = ([logged(run, structure, xs[k], s, m) for run, s, m in per_run] for k in which)
+            return [whitened(self.rows, self.runs, each) for each in logs]
+
+        columns = np.empty((self.size, len(xs)), order="F")
         with ThreadPoolExecutor(2) as pool:
-            return list(pool.map(lambda x: self.model(structure, x), xs))
+            for which, found in zip(alike.values(), pool.map(of_one_motion, alike.values()), strict=True):
+                columns[:, which] = np.column_stack(found)
+        return list(self.of(columns).T)
 
     def in_metric(self, s: Array) -> Problem:
         """The same problem with tolerances; s (size, k): their rows at one standard deviation as columns."""

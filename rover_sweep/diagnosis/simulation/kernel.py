@@ -66,11 +66,11 @@ AT = VehicleNumbers(*range(len(VehicleNumbers._fields)))  # index of each number
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _tyre(alpha: float, c: float, load: float, inv_mu: float, bend: float, form: float) -> float:
+def _tyre(alpha, c, load, inv_load, inv_mu, half_bend, form):  # type: ignore[no-untyped-def]
     """Side force [N]: -C alpha, less from the fifth order on (bend), saturating by a form (inv_mu)."""
     force = -c * alpha
-    square = (force / load) * (force / load)
-    force = force / sqrt(1.0 + 0.5 * bend * square * square)
+    square = (force * inv_load) * (force * inv_load)
+    force = force / sqrt(1.0 + half_bend * square * square)
     if inv_mu > 1e-9:
         top = load / inv_mu
         if form == 1.0:
@@ -98,89 +98,103 @@ def _dry(torque: float, p: float, ln_width: float) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _rates(x, out, d, speed, grip, fy, mz, mx, ay, q, roll, relaxed):  # type: ignore[no-untyped-def]
-    m, ms, h, a, b, g = q[AT.m], q[AT.ms], q[AT.h], q[AT.a], q[AT.b], q[AT.g]
-    ixx, izz, ixz = q[AT.Ixx], q[AT.Izz], q[AT.Ixz]
-    v, r, phi, p = x[V], x[R], x[PHI], x[P]
-    d += q[AT.e_roll] * phi
-    soft = 1.0 - q[AT.k_load] * (ay / g) * (ay / g)
-    if soft < 0.05:
-        soft = 0.05
-    cf, cr = q[AT.Cf] * grip * soft, q[AT.Cr] * grip * soft
-    alpha_f = _angle((v + a * r) / speed) - d
-    alpha_r = _angle((v - b * r) / speed) - q[AT.e_rear] * phi
-    if q[AT.compliance] != 0.0:
-        # the force that takes the angle away, by linear tyres: F = -C (alpha + compliance F)
-        alpha_f -= q[AT.compliance] * cf * alpha_f / (1.0 + q[AT.compliance] * cf)
-    front = _tyre(alpha_f, cf, m * g * b / (a + b), q[AT.inv_mu], q[AT.bend], q[AT.tyre_form])
-    rear = _tyre(alpha_r, cr, m * g * a / (a + b), q[AT.inv_mu], q[AT.bend], q[AT.tyre_form])
-    if relaxed:
-        rate = min(speed / q[AT.sigma], FASTEST)
-        out[FRONT] = rate * (front - x[FRONT])
-        out[REAR] = rate * (rear - x[REAR])
-        front, rear = x[FRONT], x[REAR]
-    cd = 1.0 - d * d * (0.5 - d * d / 24.0)
-    side = front * cd + rear + fy
-    yaw = a * front * cd - b * rear + mz - (q[AT.yaw_damp] + q[AT.yaw_damp_v] / speed) * r
-    if not roll:
-        out[V] = side / m - speed * r
-        out[R] = yaw / izz
-        out[PHI] = 0.0
-        out[P] = 0.0
-        return side / m
-    friction = _dry(q[AT.T_roll], p, q[AT.ln_width])
-    torque = (ms * g * h - q[AT.k_phi]) * phi - q[AT.b_phi] * p - friction + mx
-    # lateral acceleration A = v' + V r and p' of the first and third equation, r' of the second
-    hm = h * ms / m
-    j = ixx + ms * h * h - hm * h * ms - ixz * ixz / izz
-    p_dot = (torque + hm * side - ixz * yaw / izz) / j
-    across = side / m + hm * p_dot
-    out[V] = across - speed * r
-    out[R] = (yaw - ixz * p_dot) / izz
-    out[PHI] = p
-    out[P] = p_dot
-    return across
-
-
-@njit(cache=True, nogil=True, fastmath=True)
 def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type: ignore[no-untyped-def]
     """Motion (n, 7) in the columns v, r, phi, p, v' + V r, r', p'; SI units, RK4 of step dt [s].
 
     steer (n,): road-wheel angle [rad]. speed (n,): V [m/s]. grip (n,): factor of both axles' stiffness.
     fy, mz, mx (n,): added side force [N], yaw moment and roll moment [N m]. q (25,): `VehicleNumbers`.
     roll: False holds phi and p at 0. relaxed: the tyre forces lag by the relaxation length.
+
+    The numbers are local and the quotients of constants are computed once: with them in an array that may
+    overlap with the output, each step took four times as long.
     """
+    m, ms, h, a, b, g = q[AT.m], q[AT.ms], q[AT.h], q[AT.a], q[AT.b], q[AT.g]
+    izz, ixz, stiff_f, stiff_r, k_load = q[AT.Izz], q[AT.Ixz], q[AT.Cf], q[AT.Cr], q[AT.k_load]
+    e_roll, e_rear, compliance = q[AT.e_roll], q[AT.e_rear], q[AT.compliance]
+    inv_mu, half_bend, form, b_phi = q[AT.inv_mu], 0.5 * q[AT.bend], q[AT.tyre_form], q[AT.b_phi]
+    yaw_damp, yaw_damp_v, sigma, t_roll = q[AT.yaw_damp], q[AT.yaw_damp_v], q[AT.sigma], q[AT.T_roll]
+    load_f, load_r = m * g * b / (a + b), m * g * a / (a + b)
+    inv_load_f, inv_load_r = 1.0 / load_f, 1.0 / load_r
+    inv_m, inv_izz, inv_g, hm = 1.0 / m, 1.0 / izz, 1.0 / g, h * ms / m
+    twist = ixz * inv_izz
+    inv_j = 1.0 / (q[AT.Ixx] + ms * h * h - hm * h * ms - ixz * twist)
+    spring = ms * g * h - q[AT.k_phi]
+    inv_width = 1.0 / (SGN_WIDTH * exp(q[AT.ln_width]))
+    sixth, top_motion, top_force = dt / 6.0, 1e3, 1e3 * m * g
+
     n = steer.size
     y = np.zeros((n, 7))
-    x, xs = np.zeros(6), np.zeros(6)
-    k1, k2, k3, k4 = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6)
-    across = 0.0
-    size = 6 if relaxed else 4
+    v = r = phi = p = lag_f = lag_r = across = shifted = 0.0
     for k in range(n):
-        d0, v0 = steer[k], speed[k]
-        f0, z0, m0, g0 = fy[k], mz[k], mx[k], grip[k]
-        across = _rates(x, k1, d0, v0, g0, f0, z0, m0, across, q, roll, relaxed)
-        y[k, 0], y[k, 1], y[k, 2], y[k, 3] = x[V], x[R], x[PHI], x[P]
-        y[k, 4], y[k, 5], y[k, 6] = across, k1[R], k1[P]
-        if k + 1 == n:
-            break
-        d2, v2 = steer[k + 1], speed[k + 1]
-        f2, z2, m2, g2 = fy[k + 1], mz[k + 1], mx[k + 1], grip[k + 1]
-        d1, v1 = 0.5 * (d0 + d2), 0.5 * (v0 + v2)
-        f1, z1, m1, g1 = 0.5 * (f0 + f2), 0.5 * (z0 + z2), 0.5 * (m0 + m2), 0.5 * (g0 + g2)
-        for i in range(size):
-            xs[i] = x[i] + 0.5 * dt * k1[i]
-        _rates(xs, k2, d1, v1, g1, f1, z1, m1, across, q, roll, relaxed)
-        for i in range(size):
-            xs[i] = x[i] + 0.5 * dt * k2[i]
-        _rates(xs, k3, d1, v1, g1, f1, z1, m1, across, q, roll, relaxed)
-        for i in range(size):
-            xs[i] = x[i] + dt * k3[i]
-        _rates(xs, k4, d2, v2, g2, f2, z2, m2, across, q, roll, relaxed)
-        for i in range(size):
-            x[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
-            if not abs(x[i]) < (1e3 if i < FRONT else 1e3 * q[AT.m] * q[AT.g]):  # unstable trial of a fit
-                x[i] = 0.0
+        last = k + 1 == n
+        end = k if last else k + 1
+        sum_v = sum_r = sum_phi = sum_p = sum_f = sum_rear = 0.0
+        dv = dr = dphi = dp = df = drear = 0.0
+        for stage in range(4):
+            later = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # share of the step
+            kept = 1.0 - later
+            d = kept * steer[k] + later * steer[end]
+            forward = kept * speed[k] + later * speed[end]
+            ground = kept * grip[k] + later * grip[end]
+            step = later * dt
+            v1, r1, phi1, p1 = v + step * dv, r + step * dr, phi + step * dphi, p + step * dp
+
+            d += e_roll * phi1
+            soft = max(1.0 - k_load * shifted * shifted, 0.05) * ground
+            cf, cr = stiff_f * soft, stiff_r * soft
+            inv_speed = 1.0 / forward
+            alpha_f = _angle((v1 + a * r1) * inv_speed) - d
+            alpha_r = _angle((v1 - b * r1) * inv_speed) - e_rear * phi1
+            if compliance != 0.0:
+                # the force that takes the angle away, by linear tyres: F = -C (alpha + compliance F)
+                alpha_f -= compliance * cf * alpha_f / (1.0 + compliance * cf)
+            front = _tyre(alpha_f, cf, load_f, inv_load_f, inv_mu, half_bend, form)
+            rear = _tyre(alpha_r, cr, load_r, inv_load_r, inv_mu, half_bend, form)
+            if relaxed:
+                f1, rear1 = lag_f + step * df, lag_r + step * drear
+                rate = min(forward / sigma, FASTEST)
+                df, drear = rate * (front - f1), rate * (rear - rear1)
+                front, rear = f1, rear1
+            front *= 1.0 - d * d * (0.5 - d * d / 24.0)
+            side = front + rear + kept * fy[k] + later * fy[end]
+            yaw = a * front - b * rear + kept * mz[k] + later * mz[end]
+            yaw -= (yaw_damp + yaw_damp_v * inv_speed) * r1
+            if roll:
+                torque = spring * phi1 - b_phi * p1 + kept * mx[k] + later * mx[end]
+                if t_roll != 0.0:
+                    torque -= t_roll * tanh(p1 * inv_width)
+                # lateral acceleration v' + V r and p' of the first and third equation, r' of the second
+                dp = (torque + hm * side - twist * yaw) * inv_j
+                across = side * inv_m + hm * dp
+                dr = (yaw - ixz * dp) * inv_izz
+                dphi = p1
+            else:
+                across = side * inv_m
+                dr = yaw * inv_izz
+            dv = across - forward * r1
+
+            if stage == 0:
+                y[k, 0], y[k, 1], y[k, 2], y[k, 3] = v, r, phi, p
+                y[k, 4], y[k, 5], y[k, 6] = across, dr, dp
+                shifted = across * inv_g  # the load that has moved: of the step's start, so no loop arises
+                if last:
+                    break
+            share = sixth if stage in (0, 3) else 2.0 * sixth
+            sum_v += share * dv
+            sum_r += share * dr
+            sum_phi += share * dphi
+            sum_p += share * dp
+            sum_f += share * df
+            sum_rear += share * drear
+        v, r, phi, p = v + sum_v, r + sum_r, phi + sum_phi, p + sum_p
+        lag_f, lag_r = lag_f + sum_f, lag_r + sum_rear
+        # an unstable trial of a fit
+        v = v if abs(v) < top_motion else 0.0
+        r = r if abs(r) < top_motion else 0.0
+        phi = phi if abs(phi) < top_motion else 0.0
+        p = p if abs(p) < top_motion else 0.0
+        lag_f = lag_f if abs(lag_f) < top_force else 0.0
+        lag_r = lag_r if abs(lag_r) < top_force else 0.0
     return y
 
 

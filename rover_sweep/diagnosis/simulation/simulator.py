@@ -30,6 +30,7 @@ from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.kernel import VehicleNumbers, roll_only, servo, single_track
 
 STEP = 1.0 / RATE
+SENSED = {"bias_ay", "imu_x", "imu_z", "ay_lag", "p_lag", "vy_lag", "vy_gain"}  # act on a log only
 Kind = TypeVar("Kind", bound=Effect)
 
 
@@ -323,9 +324,24 @@ class Sensors:
         return np.exp(-1j * self.w * lag_s)
 
 
-def logged(run: Experiment, structure: Structure, x: Values, sensors: Sensors) -> dict[str, Array]:
-    """The log that the model predicts: {channel: (n,)} of the measured channels."""
-    moved = motion(run, structure, x)
+def moving(structure: Structure, x: Values) -> dict[str, float]:
+    """The coordinates that the motion depends on, without those of the sensors."""
+    sensing = tuple(f"{e.id}." for e in structure.effects if isinstance(e, SensorEffect | FilterEffect))
+    return {n: v for n, v in x.items() if n not in SENSED and not n.startswith(sensing)}
+
+
+def logged(
+    run: Experiment,
+    structure: Structure,
+    x: Values,
+    sensors: Sensors,
+    moved: Mapping[str, Array] | None = None,
+) -> dict[str, Array]:
+    """The log that the model predicts: {channel: (n,)} of the measured channels.
+
+    moved: the `motion`, where it is known.
+    """
+    moved = motion(run, structure, x) if moved is None else moved
     shown = sensed(run, structure, x, moved)
     logs = sensors.through({"r": shown["r"], **{c: shown[c] for c in run.measured}}, moved["V"], structure, x)
     return {c: logs[c] for c in run.measured}
