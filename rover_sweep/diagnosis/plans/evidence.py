@@ -70,9 +70,10 @@ class Evidence:
 class OnBlocks(Problem):
     """The rover is on blocks and its wheel angle is measured; tyres and body have no effect."""
 
-    def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
+    def of_one_motion(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The rows (size,) that the model predicts."""
-        return whitened(self.rows, self.runs, [{"delta": wheel_angle(self.runs[0], structure, x)}])
+        angles = [{"delta": wheel_angle(self.runs[0], structure, x)} for x in xs]
+        return [whitened(self.rows, self.runs, [angle]) for angle in angles]
 
 
 def evidence(

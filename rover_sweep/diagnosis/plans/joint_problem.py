@@ -34,9 +34,10 @@ class Joint(Problem):
 
     parts: tuple[Problem, ...] = ()
 
-    def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
-        """The model's rows (size,) of all parts, in the metric."""
-        return self.of(np.concatenate([part.model(structure, x) for part in self.parts]))
+    def of_one_motion(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
+        """The model's rows (size,) of all parts, without the metric."""
+        found = [part.of_one_motion(structure, xs) for part in self.parts]
+        return [np.concatenate(rows) for rows in zip(*found, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from scipy.fft import rfft
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.noise_floor import Floor, floor_of
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged, motion, moving
+from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged, motion, motion_coordinates
 
 TOP = 12.0  # Hz, highest line of all channels
 LOWEST = {"r": 0.0, "ay": 0.0, "p": 0.1, "vy": 0.5}  # Hz; below about 3 rad/s the GPS distorts the EKF's V_y
@@ -97,8 +97,14 @@ class Problem:
 
     def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
         """The model's whitened rows (size,). x: {coordinate: value, SI units}."""
-        logs = [logged(run, structure, x, s) for run, s in zip(self.runs, self.sensors, strict=True)]
-        return self.of(whitened(self.rows, self.runs, logs))
+        return self.of(self.of_one_motion(structure, [x])[0])
+
+    def of_one_motion(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
+        """The model's whitened rows (size,) without the metric for coordinates that share a motion."""
+        moved = [motion(run, structure, xs[0]) for run in self.runs]
+        per_run = list(zip(self.runs, self.sensors, moved, strict=True))
+        logs = ([logged(run, structure, x, s, m) for run, s, m in per_run] for x in xs)
+        return [whitened(self.rows, self.runs, each) for each in logs]
 
     def of(self, rows: Array) -> Array:
         """Whitened rows (size,) or (size, k) in the metric of this problem."""
@@ -113,19 +119,15 @@ class Problem:
             return [self.model(structure, x) for x in xs]
         alike: dict[frozenset[tuple[str, float]], list[int]] = {}
         for k, x in enumerate(xs):
-            alike.setdefault(frozenset(moving(structure, x).items()), []).append(k)
+            alike.setdefault(frozenset(motion_coordinates(structure, x).items()), []).append(k)
 
-        def of_one_motion(which: list[int]) -> list[Array]:
-            moved = [motion(run, structure, xs[which[0]]) for run in self.runs]
-            per_run = list(zip(self.runs, self.sensors, moved, strict=True))
-            logs = ([logged(run, structure, xs[k], s, m) for run, s, m in per_run] for k in which)
-            return [whitened(self.rows, self.runs, each) for each in logs]
+        def of(which: Sequence[int]) -> list[Array]:
+            return self.of_one_motion(structure, [xs[k] for k in which])
 
-        columns = np.empty((self.size, len(xs)), order="F")
         with ThreadPoolExecutor(2) as pool:
-            for which, found in zip(alike.values(), pool.map(of_one_motion, alike.values()), strict=True):
-                columns[:, which] = np.column_stack(found)
-        return list(self.of(columns).T)
+            found = [rows for part in pool.map(of, alike.values()) for rows in part]
+        place = np.argsort([k for which in alike.values() for k in which])
+        return list(self.of(np.column_stack([found[k] for k in place])).T)
 
     def in_metric(self, s: Array) -> Problem:
         """The same problem with tolerances; s (size, k): their rows at one standard deviation as columns."""

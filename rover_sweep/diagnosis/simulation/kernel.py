@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-V, R, PHI, P, FRONT, REAR = range(6)  # rows of the state: m/s, rad/s, rad, rad/s, tyre forces N
+V, R, PHI, P = range(4)  # rows of a state of the lumped model: m/s, rad/s, rad, rad/s
 SGN_WIDTH = 0.01  # rad/s, within which dry friction is smooth, times exp(ln_width)
 FALLING = 1.6  # shape factor C of the magic formula; the force falls beyond its peak
 FASTEST = 300.0  # 1/s, of the tyre relaxation; a faster one has no effect at this step

@@ -324,7 +324,7 @@ class Sensors:
         return np.exp(-1j * self.w * lag_s)
 
 
-def moving(structure: Structure, x: Values) -> dict[str, float]:
+def motion_coordinates(structure: Structure, x: Values) -> dict[str, float]:
     """The coordinates that the motion depends on, without those of the sensors."""
     sensing = tuple(f"{e.id}." for e in structure.effects if isinstance(e, SensorEffect | FilterEffect))
     return {n: v for n, v in x.items() if n not in SENSED and not n.startswith(sensing)}
