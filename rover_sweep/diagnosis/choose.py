@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.effects.kinds import NominalEffect
 from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
@@ -318,7 +317,7 @@ def _still_needed(named: Sequence[Named], current: Round, options: Options) -> l
         again = [
             t
             for a in one.look_alikes
-            if (t := fit_candidate(current.problem, less, space, rest, library()[a.effect]))
+            if (t := fit_candidate(current.problem, less, space, rest, rest.law(a.effect)))
             and t.gain > STILL_ALIKE * trial.gain
         ]
         still = tuple(a for a in one.look_alikes if a.effect in {t.effect for t in again})

@@ -11,7 +11,7 @@ has the coordinate ln(value).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import exp, inf, log
 from typing import ClassVar, Literal
 
@@ -32,6 +32,7 @@ class EffectParameter:
     per: nominal coordinate per unit of the value.
     jumps: the law jumps where this parameter says, so its derivative means nothing: it is scanned, not
     fitted.
+    grows_with: what of the rover its unit makes it grow with; the numbers are for 0.5 m or 3 N m of it.
     """
 
     name: str
@@ -47,6 +48,7 @@ class EffectParameter:
     nominal: str = ""
     per: float = 1.0
     jumps: bool = False
+    grows_with: Literal["", "wheelbase", "roll moment"] = ""
 
     def value(self, coordinate: float) -> float:
         """The physical value at a coordinate."""
@@ -59,6 +61,21 @@ class EffectParameter:
         if self.form == "inverse":
             return 0.0 if value == inf else 1.0 / value
         return log(value) if self.form == "ratio" else value
+
+    def times(self, factor: float) -> EffectParameter:
+        """The parameter with all its coordinates times a factor."""
+        if factor == 1.0:
+            return self
+        matters = None if self.matters is None else factor * self.matters
+        return replace(
+            self,
+            size=factor * self.size,
+            low=factor * self.low,
+            high=factor * self.high,
+            tolerance=factor * self.tolerance,
+            matters=matters,
+            doubt=factor * self.doubt,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +114,11 @@ class Effect:
     def name(self) -> str:
         """The id, and for a further form "<id>/<form>"."""
         return self.id if self.first else f"{self.id}/{self.form}"
+
+    def sized(self, growth: Mapping[str, float]) -> Effect:
+        """This law with the sizes of a larger rover. growth: {what it grows with: factor}."""
+        sized = tuple(p.times(growth.get(p.grows_with, 1.0)) for p in self.parameters)
+        return self if sized == self.parameters else replace(self, parameters=sized)
 
     def key(self, parameter: str) -> str:
         """Name of an added coordinate in the whole model: "<id>.<parameter>"."""

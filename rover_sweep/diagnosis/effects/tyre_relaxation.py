@@ -2,9 +2,9 @@
 
     (sigma/V) F' + F = F0
 
-F0: steady side force of an axle [N]. V [m/s]. sigma: relaxation length of both axles [m], 0 to 1.5. Its lag
-is proportional to 1/V and adds to the yaw damping, so it needs two speeds; high frequency at low speed shows
-it best. Pacejka 2012, chapter 5.
+F0: steady side force of an axle [N]. V [m/s]. sigma: relaxation length of both axles [m], 0 to 3 wheelbases.
+Its lag is proportional to 1/V and adds to the yaw damping, so it needs two speeds; high frequency at low
+speed shows it best. Pacejka 2012, chapter 5.
 """
 
 from __future__ import annotations
@@ -18,7 +18,16 @@ EFFECT = VehicleEffect(
     equation="(sigma/V) F' + F = F0",
     source="Pacejka 2012, chapter 5",
     parameters=(
-        EffectParameter("sigma", "m", 0.15, 0.0, 1.5, "relaxation length of both axles", tolerance=0.01),
+        EffectParameter(
+            "sigma",
+            "m",
+            0.15,
+            0.0,
+            1.5,
+            "relaxation length of both axles",
+            tolerance=0.01,
+            grows_with="wheelbase",
+        ),
     ),
     apart="the lag of a servo or a delay does not change with the speed",
     next_run="the same sweep at half the speed",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import inf, isfinite, sqrt
 
-from rover_sweep.diagnosis.effects import Effect, EffectParameter, library
+from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.plans.joint_problem import Expected
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize
 from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
@@ -17,7 +17,7 @@ from rover_sweep.diagnosis.search.upper_bounds import reported_value
 def detectable(runs: Expected, asked: Sequence[str]) -> dict[str, DetectableSize]:
     """{effect: detectable size} of the asked effects, by ids; of the first parameter that has one."""
     out = {}
-    for effect in (library()[e] for e in asked):
+    for effect in (runs.signals.model.law(e) for e in asked):
         found = next((s for s in _sizes(runs, effect) if isfinite(s[1])), None)
         if found:
             out[effect.id] = _shown(effect, *found, runs)

@@ -145,7 +145,7 @@ class Stacked:
         """{effect: detectable size over the size that matters}, where that is above `LATE`."""
         out = {}
         for effect, size in ((e, next(iter(shown.values()))) for e, shown in self.sizes.items()):
-            matters = material_sizes(library()[effect], self.model.spread).get(size.parameter.name, 0.0)
+            matters = material_sizes(self.model.law(effect), self.model.spread).get(size.parameter.name, 0.0)
             if matters > 0 and size.coordinate > LATE * matters:
                 out[effect] = size.coordinate / matters
         return out
@@ -243,7 +243,8 @@ def _size(stacked: Stacked, k: int, rows: Array) -> Size | None:
     q = q0 + sqrt(threshold)/d. The size is not below the one that matters.
     """
     s = stacked.found[k]
-    effect, parameter = library()[s.effect], parameter_of(s)
+    effect = stacked.model.law(s.effect)
+    parameter = next(p for p in effect.parameters if p.name == s.parameter)
     strength = float(np.linalg.norm(rows)) / abs(s.size) * parameter.per
     if strength < FAINT:
         return None

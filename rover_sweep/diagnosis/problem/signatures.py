@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, EffectParameter, forms_of
+from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
@@ -66,7 +66,7 @@ def signatures(
         w
         for family in effects
         if family.id not in DEGREES_OF_FREEDOM
-        for e in (forms_of(family.id) if forms else (family,))
+        for e in (model.laws(family.id) if forms else (family,))
         for w in _wanted(problem, base, model, e, at or {}, tolerances)
     ]
     rows = [problem.model(structure, x) - now for _, _, _, structure, x in wanted]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, form_named, forms_of
+from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
@@ -59,7 +59,7 @@ class Trial:
     @property
     def law(self) -> Effect:
         """The law of the effect."""
-        return next(f for f in map(form_named, self.model.effects) if f.id == self.effect)
+        return next(f for f in map(self.model.law, self.model.effects) if f.id == self.effect)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +176,7 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
         return Screened(effect.id, model.with_effect(effect.id), np.inf, {})
     extended = [
         (law, model.with_effect(law.name, run.name if law.in_one_run else "", run.order))
-        for law in forms_of(effect.id)
+        for law in model.laws(effect.id)
         for run in (problem.runs if law.in_one_run else problem.runs[:1])
     ]
     found = [(m, linear_prediction(problem, base, space, m, law)) for law, m in extended]
@@ -188,7 +188,7 @@ def fit_from(problem: Problem, base: Fitted, one: Screened) -> Trial:
     """The model with the effect, fitted from its linear prediction."""
     free, structure = one.model.free, one.model.structure
     known = None if one.effect in DEGREES_OF_FREEDOM else base
-    law = form_named(one.model.effects[-1])
+    law = one.model.law(one.model.effects[-1])
     if any(p.jumps for p in law.parameters):
         return _around_the_scanned(problem, base, one, law)
     found = fit(problem, structure, free, {**base.x, **one.start}, known=known)
@@ -343,7 +343,8 @@ def best_form(problem: Problem, base: Fitted, trial: Trial) -> Trial:
     """
     law = trial.law
     best, tried = trial, {law.form: trial}
-    for other in forms_of(trial.effect):
+    laws = trial.model.laws(trial.effect)
+    for other in laws:
         if other.name == law.name or trial.effect in DEGREES_OF_FREEDOM:
             continue
         effects = tuple(other.name if e == law.name else e for e in trial.model.effects)
@@ -356,6 +357,6 @@ def best_form(problem: Problem, base: Fitted, trial: Trial) -> Trial:
             found = again if again.gain > found.gain else found
         tried[other.form] = found
         best = found if found.gain > best.gain else best
-    first = tried.get(forms_of(trial.effect)[0].form, best)
+    first = tried.get(laws[0].form, best)
     best = first if first.gain > (1.0 - SIMPLER) * best.gain else best
     return replace(best, forms={form: t.gain for form, t in tried.items()})

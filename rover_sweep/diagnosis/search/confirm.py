@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, form_named
+from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.held_out.worth import JUDGED
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem
@@ -113,7 +113,7 @@ def _support(
     judged: tuple[float, float] | None,
     larger: float,
 ) -> EffectSupport:
-    law = next(form_named(e) for e in model.effects if form_named(e).id == effect)
+    law = next(law for law in map(model.law, model.effects) if law.id == effect)
     gain = less.cost - whole.cost
     sure = _unsure_size(law, whole)
     several = len(problem.runs) > 1 and not law.in_one_run and effect not in DEGREES_OF_FREEDOM

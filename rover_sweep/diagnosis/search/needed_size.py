@@ -23,7 +23,7 @@ from math import inf, log
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, EffectParameter, forms_of
+from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
@@ -166,7 +166,7 @@ def sides(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]
     For an effect that is in one run there is one for each run, in the first form only. Forms with the same
     nominal coordinate have the same sides.
     """
-    for law in forms_of(effect.id):
+    for law in model.laws(effect.id):
         if law.first or not law.in_one_run:
             yield from _sides_of(law, model, runs)
 

@@ -19,7 +19,7 @@ from math import inf, isfinite
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, EffectParameter, forms_of
+from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.result import Unseen, UpperBound
 from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
 from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
@@ -64,7 +64,7 @@ def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
     material = material_sizes(effect, last.model.spread)
     largest = max(shown, key=lambda e: abs(e.coordinate) / abs(e.side.parameter.size))
     above = [abs(e.coordinate) > material.get(e.side.parameter.name, 0.0) for e in shown]
-    ranges, why = _ranges(effect, ends, material), BOUND
+    ranges, why = _ranges(effect, last.model.laws(effect.id), ends, material), BOUND
     if effect.id == "velocity_lag" and (gps := _gps_lag(last)):
         ranges, why = {**ranges, "T_gps": gps}, BOUND + GPS
     change = _change(last, signals, largest, material.get(largest.side.parameter.name, 0.0))
@@ -141,11 +141,13 @@ def _change(last: Round, signals: Signals, end: _End, material: float) -> float:
     return max(float(np.sqrt(change / max(whole, 1e-12))) for change, whole in squares.values())
 
 
-def _ranges(effect: Effect, ends: Sequence[_End], material: Mapping[str, float]) -> dict[str, UpperBound]:
+def _ranges(
+    effect: Effect, laws: Sequence[Effect], ends: Sequence[_End], material: Mapping[str, float]
+) -> dict[str, UpperBound]:
     """{reported parameter: its range}, over all signs and runs."""
     values: dict[str, list[float]] = {}
     units, matters = {}, {}
-    for p in {p.name: p for law in forms_of(effect.id) for p in law.parameters}.values():
+    for p in {p.name: p for law in laws for p in law.parameters}.values():
         own = [e for e in ends if e.side.parameter.name == p.name]
         if not any(isfinite(e.coordinate) for e in own):
             continue

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.effects import Effect, form_named, library
+from rover_sweep.diagnosis.effects import Effect, form_named, forms_of, library
 from rover_sweep.diagnosis.effects.kinds import DegreeOfFreedom, SpeedEffect
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -15,6 +15,7 @@ from rover_sweep.diagnosis.simulation.nominal import Coordinate, coordinates
 from rover_sweep.diagnosis.simulation.simulator import Structure
 
 SAME_SPEED = 0.12  # relative
+WHEELBASE, ROLL_MOMENT = 0.5, 3.0  # m and N m of ms g h, for which the sizes of the effects were set
 DEGREES_OF_FREEDOM = frozenset(e.id for e in library().values() if isinstance(e, DegreeOfFreedom))
 
 
@@ -74,7 +75,7 @@ class Model:
             for c in nominal
         ]
         for name in self.effects:
-            out += added_coordinates(form_named(name))
+            out += added_coordinates(self.law(name))
         return tuple(out)
 
     def _nominal(self) -> tuple[Coordinate, ...]:
@@ -89,6 +90,22 @@ class Model:
         if effect.id == "clock_offset" and not self.two_clocks:
             return {"delay": (effect.releases["delay"][0], self.spread.delay)}
         return effect.releases
+
+    def law(self, name: str) -> Effect:
+        """A law by its name, with the sizes that it has on this rover."""
+        return form_named(name).sized(self._growth)
+
+    def laws(self, effect: str) -> tuple[Effect, ...]:
+        """All laws of the effect with this id, with the sizes that they have on this rover."""
+        return tuple(law.sized(self._growth) for law in forms_of(effect))
+
+    @property
+    def _growth(self) -> Mapping[str, float]:
+        moment = (self.rover.sprung_mass or 0.0) * GRAVITY * (self.rover.h or 0.0)
+        return {
+            "wheelbase": max(self.rover.wheelbase / WHEELBASE, 1.0),
+            "roll moment": max(moment / ROLL_MOMENT, 1.0),
+        }
 
     def with_effect(self, effect: str, run: str = "", order: int = 0) -> Model:
         """This model with a law added, by its name; run, order: in which it happened."""
@@ -122,7 +139,7 @@ def possible(
     Effects on the speed are left out: the measured speed drives the model, and `speed_loss` tests them.
     """
     found, unseen = [], {}
-    for effect in library().values():
+    for effect in (model.law(name) for name in library()):
         if isinstance(effect, SpeedEffect) or effect.id in model.ids or effect.id in without:
             continue
         if only and effect.id not in only:
