@@ -12,7 +12,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.choose import Choice, Named, choose
 from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
-from rover_sweep.diagnosis.held_out.speed_finding import speed_finding, unknown_loss
+from rover_sweep.diagnosis.held_out.speed_finding import earned, speed_finding, unknown_loss
 from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
 from rover_sweep.diagnosis.held_out.worth import (
     FittedModel,
@@ -228,8 +228,13 @@ def _speed_answer(
     lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
     if not settings.candidates((SPEED,)):
         return _SpeedAnswer(unknown=unknown_loss(lost) if lost.found else None)
-    found = (speed_finding(lost, full, held_out),) if lost.found else ()
-    return _SpeedAnswer(gains={SPEED: max(lost.gain, 0.0)}, findings=found)
+    gains = {SPEED: max(lost.gain, 0.0)}
+    if not lost.found:
+        return _SpeedAnswer(gains=gains)
+    finding = speed_finding(lost, full, held_out)
+    if not earned(finding):
+        return _SpeedAnswer({SPEED: WORSE}, gains=gains)
+    return _SpeedAnswer(gains=gains, findings=(finding,))
 
 
 def _unknown(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
@@ -58,7 +60,7 @@ def filtered(x: Array, cutoff_hz: float) -> Array:
     return np.asarray(lfilter(top, bottom, x - x[0])) + x[0]
 
 
-def lagged(x: Array, lag: float, form: str) -> Array:
+def lagged(x: Any, lag: float, form: str) -> Any:
     """Through another low-pass, "first order" or "second order" (double pole), or a "delay", of `lag` s."""
     if lag <= 0:
         return x
@@ -68,7 +70,7 @@ def lagged(x: Array, lag: float, form: str) -> Array:
     orders = 2 if form == "second order" else 1
     keep = np.exp(-DT * orders / lag)
     for _ in range(orders):
-        x = np.asarray(lfilter([1 - keep], [1.0, -keep], x - x[0])) + x[0]
+        x = lfilter([1 - keep], [1.0, -keep], x - x[0]) + x[0]
     return x
 
 
@@ -99,10 +101,11 @@ def sensed(motion: Array, rover: Rover, rng: Generator, noise: bool = True) -> d
 def _estimated(
     x: dict[str, Array], i: Instruments, rng: Generator, steps: int, noise: bool
 ) -> dict[str, Array]:
-    """Velocity and attitude of the EKF: a small lag, a wrong heading, slow errors."""
-    found = {}
-    for name, gain in (("vy", i.ekf_gain), ("speed", i.speed_scale)):
-        found[name] = gain * lagged(lagged(x[name], i.ekf_lag, ""), i.velocity_lag, i.velocity_form)
+    """Velocity and attitude of the EKF: a small lag over ground, a wrong heading, slow errors."""
+    towards = np.exp(1j * x["psi"])
+    ground = (x["speed"] + 1j * x["vy"]) * towards  # the EKF holds the velocity in earth axes
+    over = lagged(lagged(ground, i.ekf_lag, ""), i.velocity_lag, i.velocity_form) * np.conj(towards)
+    found = {"vy": i.ekf_gain * over.imag, "speed": i.speed_scale * over.real}
     found["vy"] = found["vy"] + i.ekf_yaw * found["speed"]
     if noise:
         running = 0.2 + 0.8 * np.tanh(np.abs(x["speed"]))
