@@ -12,7 +12,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.choose import Choice, Named, choose
 from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
-from rover_sweep.diagnosis.held_out.speed_finding import earned, speed_finding, unknown_loss
+from rover_sweep.diagnosis.held_out.speed_finding import WORSE, earned, speed_finding, unknown_loss
 from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
 from rover_sweep.diagnosis.held_out.worth import (
     FittedModel,

@@ -12,7 +12,8 @@ and the residual r, the optimum
    that were
    predicted this way must be positive.
 3. Its size must be known: an interval that holds its absent value, or spans a decade, is no finding.
-4. Beside a larger finding its gain must exceed what a wrong form of that one may leave.
+4. Beside a larger finding its gain must exceed what a wrong form of that one may leave; and where no held-out
+   run judges it, it must explain a share of what remains unexplained, since that too is a wrong form.
 
 Cook and Weisberg 1982: Residuals and Influence in Regression, Chapman and Hall.
 """
@@ -36,6 +37,8 @@ from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Mode
 
 DECADE = 10.0  # ratio of the ends of an interval
 FORM_ERROR = 0.02  # share of a larger finding's gain that its wrong form may leave
+OF_EXCESS = 0.15  # least share of what remains above the noise; a bank named a change of ground had 0.08
+CLEAR_EXCESS = 5.0  # standard deviations of the sum of squares, from which something remains
 PLAUSIBLE = 2.5  # share of s^T s; a gain beyond is made by what both models lack
 NEITHER = 4.0  # mean square of a held-out run's rows, from which neither model describes that run
 STEPS = 3  # of the fit without tolerances
@@ -124,7 +127,7 @@ def _support(
         spread = _spread(sizes, law, whole.x)
     held_out, expected = judged or (None, None)
     found = EffectSupport(effect, gain, predicted, held_out, expected, spread)
-    return replace(found, against=_against(found, law, larger, sure))
+    return replace(found, against=_against(found, law, larger, _excess(whole), sure))
 
 
 def _without_tolerances(problem: Problem, fitted: Fitted) -> Fitted:
@@ -132,7 +135,14 @@ def _without_tolerances(problem: Problem, fitted: Fitted) -> Fitted:
     return fit(problem.plain, fitted.structure, fitted.free, fitted.x, steps=STEPS)
 
 
-def _against(found: EffectSupport, law: Effect, larger: float, unsure: str) -> str:
+def _excess(whole: Fitted) -> float:
+    """The sum of squares above the noise that remains with the effect, 0 where chance may make as much."""
+    rows = whole.rows.size
+    excess = whole.data_cost - rows
+    return excess if excess > CLEAR_EXCESS * np.sqrt(2.0 * rows) else 0.0
+
+
+def _against(found: EffectSupport, law: Effect, larger: float, excess: float, unsure: str) -> str:
     if found.held_out is not None and found.held_out <= 0:
         return "it makes the held-out runs worse"
     if found.held_out is None and found.predicted is not None and found.predicted <= 0:
@@ -141,6 +151,8 @@ def _against(found: EffectSupport, law: Effect, larger: float, unsure: str) -> s
         return ""
     if found.gain < FORM_ERROR * larger:
         return "a slightly wrong form of the larger finding would leave as much"
+    if found.held_out is None and found.gain < OF_EXCESS * excess:
+        return "it explains too little of what differs, and no held-out run can judge it"
     return unsure
 
 

@@ -32,7 +32,8 @@ class VehicleNumbers(NamedTuple):
     angle per roll angle, e_rear the same of the rear axle. T_roll: dry friction torque. ln_width: ln of its
     smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a peak that falls. yaw_damp [N m s] and
     yaw_damp_v [N m^2]: yaw moments -yaw_damp r and -yaw_damp_v r/V. compliance [rad/N]: angle of the front
-    wheels that the front side force takes away.
+    wheels that the front side force takes away. track [m^2]: square
+    of the half track, by which the wheels of both sides differ in slip.
     """
 
     m: float
@@ -60,6 +61,7 @@ class VehicleNumbers(NamedTuple):
     yaw_damp: float = 0.0
     yaw_damp_v: float = 0.0
     compliance: float = 0.0
+    track: float = 0.0
 
 
 AT = VehicleNumbers(*range(len(VehicleNumbers._fields)))  # index of each number in the kernel's array
@@ -102,7 +104,7 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
     """Motion (n, 7) in the columns v, r, phi, p, v' + V r, r', p'; SI units, RK4 of step dt [s].
 
     steer (n,): road-wheel angle [rad]. speed (n,): V [m/s]. grip (n,): factor of both axles' stiffness.
-    fy, mz, mx (n,): added side force [N], yaw moment and roll moment [N m]. q (25,): `VehicleNumbers`.
+    fy, mz, mx (n,): added side force [N], yaw moment and roll moment [N m]. q (26,): `VehicleNumbers`.
     roll: False holds phi and p at 0. relaxed: the tyre forces lag by the relaxation length.
 
     The numbers are local and the quotients of constants are computed once: with them in an array that may
@@ -112,6 +114,7 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
     izz, ixz, stiff_f, stiff_r, k_load = q[AT.Izz], q[AT.Ixz], q[AT.Cf], q[AT.Cr], q[AT.k_load]
     e_roll, e_rear, compliance = q[AT.e_roll], q[AT.e_rear], q[AT.compliance]
     inv_mu, half_bend, form, b_phi = q[AT.inv_mu], 0.5 * q[AT.bend], q[AT.tyre_form], q[AT.b_phi]
+    track = q[AT.track]
     yaw_damp, yaw_damp_v, sigma, t_roll = q[AT.yaw_damp], q[AT.yaw_damp_v], q[AT.sigma], q[AT.T_roll]
     load_f, load_r = m * g * b / (a + b), m * g * a / (a + b)
     inv_load_f, inv_load_r = 1.0 / load_f, 1.0 / load_r
@@ -143,8 +146,10 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
             soft = max(1.0 - k_load * shifted * shifted, 0.05) * ground
             cf, cr = stiff_f * soft, stiff_r * soft
             inv_speed = 1.0 / forward
-            alpha_f = _angle((v1 + a * r1) * inv_speed) - d
-            alpha_r = _angle((v1 - b * r1) * inv_speed) - e_rear * phi1
+            turn = r1 * inv_speed
+            both = inv_speed * (1.0 + track * turn * turn)  # mean of 1/(V - s r) and 1/(V + s r)
+            alpha_f = _angle((v1 + a * r1) * both) - d
+            alpha_r = _angle((v1 - b * r1) * both) - e_rear * phi1
             if compliance != 0.0:
                 # the force that takes the angle away, by linear tyres: F = -C (alpha + compliance F)
                 alpha_f -= compliance * cf * alpha_f / (1.0 + compliance * cf)
@@ -203,7 +208,7 @@ def roll_only(across, yaw_rate_dot, mx, q, dt):  # type: ignore[no-untyped-def]
     """(n, 3): phi, p, p' of the sprung mass [rad, rad/s, rad/s^2].
 
     across (n,): given lateral acceleration [m/s^2]. yaw_rate_dot (n,): r' [rad/s^2]. mx (n,): added roll
-    moment [N m]. q (25,): `VehicleNumbers`. dt: step [s].
+    moment [N m]. q (26,): `VehicleNumbers`. dt: step [s].
     """
     n = across.size
     y = np.zeros((n, 3))

@@ -13,6 +13,8 @@ from math import log, pi
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.tolerances import Tolerances
 
+HALF_TRACK = 0.4  # of the wheelbase, of most rovers
+
 
 @dataclass(frozen=True)
 class Coordinate:
@@ -61,11 +63,13 @@ def coordinates(
     if slip:
         stiffness = 3.0 * rover.mass * GRAVITY / 2
         inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
+        wide = (HALF_TRACK * rover.wheelbase) ** 2
         out += [
             _log("C", stiffness, "N/rad"),
             _log("Izz", inertia, "kg m^2"),
             Coordinate("ln_ratio", 0.0, -s.ratio, s.ratio, 0.1),
             Coordinate("bend", s.bend, 0.0, 4 * s.bend, 0.3, 0.6 * s.bend),
+            Coordinate("track", 0.0, 0.0, 3 * wide, 0.5 * wide, wide),
             Coordinate("da", 0.0, -3 * s.cg, 3 * s.cg, 0.01, s.cg),
         ]
     elif baseline == "kinematic":

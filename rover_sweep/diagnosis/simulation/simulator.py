@@ -208,6 +208,7 @@ def vehicle_numbers(structure: Structure, x: Values) -> VehicleNumbers:
         b_phi=exp(x.get("ln_b_phi", 0.0)),
         g=GRAVITY,
         bend=x.get("bend", 0.0),
+        track=x.get("track", 0.0),
     )
     added: dict[str, float] = {}
     for effect in structure.of(VehicleEffect):
