@@ -61,12 +61,16 @@ STILL_ALIKE = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Named:
-    """A selected effect: its trial, the fit `base` without it, its threshold and its look-alikes."""
+    """A selected effect: its trial, the fit `base` without it, its threshold and its look-alikes.
+
+    runner_up: largest gain of any other effect in the same round over its own.
+    """
 
     trial: Trial
     base: Fitted
     threshold: float
     look_alikes: tuple[LookAlike, ...]
+    runner_up: float = 0.0
 
     @property
     def forms_alike(self) -> bool:
@@ -246,7 +250,8 @@ def _named(current: Round, found: Sequence[Trial], seed: int) -> Named:
         seed,
     )
     threshold = current.null.thresholds.get(best.effect, 0.0)
-    return Named(best, current.fitted, threshold, look_alikes)
+    others = max((t.gain for t in current.trials if t.effect != best.effect), default=0.0)
+    return Named(best, current.fitted, threshold, look_alikes, max(others, 0.0) / best.gain)
 
 
 def _explained(first: Round, last: Round, named: Sequence[Named]) -> float:

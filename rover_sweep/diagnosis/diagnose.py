@@ -268,6 +268,15 @@ def _finding(
     effect, last = named.trial.law, choice.last
     values = effect_values(effect, last, drawn)
     evidence = {"gain": named.trial.gain, "threshold": named.threshold}
+    support = choice.support.get(effect.id)
+    measures = {
+        "runner_up": named.runner_up,
+        "remaining": last.fitted.data_cost / last.problem.size - 1.0,
+        "predicted": support and support.predicted,
+        "held_out_gain": support and support.held_out,
+        "held_out_expected": support and support.expected,
+    }
+    evidence |= {name: float(value) for name, value in measures.items() if value is not None}
     evidence |= {f"cosine:{a.effect}": a.cosine for a in named.look_alikes}
     return Finding(
         effect=effect.id,
