@@ -272,9 +272,9 @@ def _finding(
     measures = {
         "runner_up": named.runner_up,
         "remaining": last.fitted.data_cost / last.problem.size - 1.0,
-        "predicted": support and support.predicted,
-        "held_out_gain": support and support.held_out,
-        "held_out_expected": support and support.expected,
+        "predicted": support.predicted if support else None,
+        "held_out_gain": support.held_out if support else None,
+        "held_out_expected": support.expected if support else None,
     }
     evidence |= {name: float(value) for name, value in measures.items() if value is not None}
     evidence |= {f"cosine:{a.effect}": a.cosine for a in named.look_alikes}

@@ -90,13 +90,13 @@ class HeldOut:
 class Finding:
     """One missing effect with its look-alikes: effects that explain the residual nearly as well.
 
-    evidence: {name: number}: "gain" (drop of the whitened cost), "threshold" (bootstrap), "runner_up" (largest
-    gain of another effect over its own), "remaining" (mean square above the noise, after all findings),
-    "predicted" (gain on each run, fitted to the others), "held_out_gain" and "held_out_expected" (of a true
-    effect) where they are known, and "cosine:<id>" for each look-alike. held_out: the full model against the refitted model without this effect; with a
-    single finding, against the nominal model. next_run: the run that would decide. form: the law that
-    the data
-    prefer among those of the effect, "" where it has one; forms: {form: gain}.
+    evidence: {name: number}: "gain" (drop of the whitened cost), "threshold" (bootstrap), "runner_up"
+    (largest gain of another effect over its own), "remaining" (mean square above the noise, after all
+    findings), where they are known "predicted" (gain on each run, fitted to the others), "held_out_gain" and
+    "held_out_expected" (of a true effect), and "cosine:<id>" for each look-alike. held_out: the full model
+    against the refitted model without this effect; with a single finding, against the nominal model.
+    next_run: the run that would decide. form: the law that the data prefer among those of the effect, ""
+    where it has one; forms: {form: gain}.
     """
 
     effect: str

@@ -37,7 +37,7 @@ from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Mode
 
 DECADE = 10.0  # ratio of the ends of an interval
 FORM_ERROR = 0.02  # share of a larger finding's gain that its wrong form may leave
-OF_EXCESS = 0.15  # least share of what remains above the noise; a bank named a change of ground had 0.08
+OF_EXCESS = 0.08  # least share of what remains above the noise; a bank named a change of ground had 0.05
 CLEAR_EXCESS = 5.0  # standard deviations of the sum of squares, from which something remains
 PLAUSIBLE = 2.5  # share of s^T s; a gain beyond is made by what both models lack
 NEITHER = 4.0  # mean square of a held-out run's rows, from which neither model describes that run
