@@ -11,6 +11,7 @@ class Tolerances:
 
     lag, delay [s], ratio (ln Cf/Cr), bias_ay [m/s^2], trim [rad], steering scale, speed scale (relative),
     cg, imu [m], h, roll_inertia (relative), sensor_lag [s], velocity_gain (relative), velocity_lag [s].
+    heading [rad]: of the estimator, which a compass or its mounting makes wrong, so V_y has a part of V.
     together [s]: sum of lag and delay, above which they are a finding. bend: curvature of the tyre force near
     its limit, about friction^-4, in F = C alpha (1 - bend (C alpha/Fz)^4/4). [material] of the vehicle file
     changes them.
@@ -30,5 +31,6 @@ class Tolerances:
     sensor_lag: float = 0.003
     velocity_gain: float = 0.10
     velocity_lag: float = 0.010
+    heading: float = 0.015
     together: float = 0.072
     bend: float = 0.7

@@ -58,6 +58,7 @@ def coordinates(
         Coordinate("ay_lag", 0.0, -3 * s.sensor_lag, 3 * s.sensor_lag, 0.005, s.sensor_lag),
         Coordinate("p_lag", 0.0, -s.sensor_lag, s.sensor_lag, 0.005, s.sensor_lag / 3),
         Coordinate("vy_lag", 0.003, 0.0, s.velocity_lag, 0.02),
+        Coordinate("heading", 0.0, -3 * s.heading, 3 * s.heading, 0.01, s.heading),
         Coordinate("vy_gain", 0.0, -3 * s.velocity_gain, 3 * s.velocity_gain, 0.05, s.velocity_gain),
     ]
     if slip:

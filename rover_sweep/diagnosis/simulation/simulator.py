@@ -30,7 +30,7 @@ from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.kernel import VehicleNumbers, roll_only, servo, single_track
 
 STEP = 1.0 / RATE
-SENSED = {"bias_ay", "imu_x", "imu_z", "ay_lag", "p_lag", "vy_lag", "vy_gain"}  # act on a log only
+SENSED = {"bias_ay", "imu_x", "imu_z", "ay_lag", "p_lag", "vy_lag", "vy_gain", "heading"}  # act on a log only
 Kind = TypeVar("Kind", bound=Effect)
 
 
@@ -241,7 +241,8 @@ def sensed(
         + GRAVITY * np.sin(moved["phi"])
         + x.get("bias_ay", 0.0),
         "vy": _lagged_velocity(moved, moved["v"] + ahead * moved["r"] - above * moved["p"], x)
-        * (1.0 + x.get("vy_gain", 0.0)),
+        * (1.0 + x.get("vy_gain", 0.0))
+        + moved["V"] * x.get("heading", 0.0),
     }
     for effect in structure.of(SensorEffect):
         out = effect.act(out, moved, effect.coordinates(x))
