@@ -9,6 +9,7 @@ from math import exp, log
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
+from rover_sweep.diagnosis.certainty import probability
 from rover_sweep.diagnosis.choose import Choice, Named, choose
 from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
@@ -289,6 +290,7 @@ def _finding(
         equation=effect.equation,
         form=effect.form,
         forms=named.trial.forms,
+        probability=probability(evidence, len(named.look_alikes)),
     )
 
 

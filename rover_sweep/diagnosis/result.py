@@ -96,7 +96,8 @@ class Finding:
     "held_out_expected" (of a true effect), and "cosine:<id>" for each look-alike. held_out: the full model
     against the refitted model without this effect; with a single finding, against the nominal model.
     next_run: the run that would decide. form: the law that the data prefer among those of the effect, ""
-    where it has one; forms: {form: gain}.
+    where it has one; forms: {form: gain}. probability: that this is the right effect, see `certainty`; None
+    where it is not known.
     """
 
     effect: str
@@ -109,6 +110,7 @@ class Finding:
     equation: str
     form: str = ""
     forms: Mapping[str, float] = field(default_factory=dict)
+    probability: float | None = None
 
 
 @dataclass(frozen=True)

@@ -160,14 +160,14 @@ def replaced_by(effect: Effect) -> set[str]:
     return {p.nominal for p in effect.parameters if p.nominal}
 
 
-def sides(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]:
+def sides(effect: Effect, model: Model, runs: tuple[str, ...], every_form: bool = False) -> Iterator[Side]:
     """The signs of an effect's parameters that these runs could show, in all its forms.
 
-    For an effect that is in one run there is one for each run, in the first form only. Forms with the same
-    nominal coordinate have the same sides.
+    For an effect that is in one run there is one for each run. every_form: of such an effect too, not its
+    first form alone. Forms with the same nominal coordinate have the same sides.
     """
     for law in model.laws(effect.id):
-        if law.first or not law.in_one_run:
+        if law.first or every_form or not law.in_one_run:
             yield from _sides_of(law, model, runs)
 
 

@@ -33,6 +33,7 @@ EKF_CROSSOVER = 0.3
 filter with ArduPilot's EK3_ACC_P_NSE each 12 ms and EK3_VELNE_M_NSE at 5 Hz (Gelb 1974, chapter 4)."""
 GPS = "; T_gps: lag of the GPS velocity, most of which an EKF hides"
 BOUND = "a smaller one may not show in these runs"
+HALFWAY = "; sizes for a change halfway through a run, since one at its beginning shows less"
 SIGNIFICANT = 4.0  # gain from which a fitted size counts: two standard deviations
 NO_BOUND = "these runs hardly excite it: they exclude no size"
 
@@ -57,7 +58,7 @@ def upper_bounds(last: Round, only: Sequence[str] = (), without: Sequence[str] =
 
 def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
     runs = tuple(r.name for r in last.problem.runs)
-    ends = [_end(last, signals, side) for side in sides(effect, last.model, runs)]
+    ends = [_end(last, signals, side) for side in sides(effect, last.model, runs, every_form=True)]
     shown = [e for e in ends if isfinite(e.coordinate)]
     if not shown:
         return Unseen(effect.id, NO_BOUND)
@@ -67,6 +68,8 @@ def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
     ranges, why = _ranges(effect, last.model.laws(effect.id), ends, material), BOUND
     if effect.id == "velocity_lag" and (gps := _gps_lag(last)):
         ranges, why = {**ranges, "T_gps": gps}, BOUND + GPS
+    if effect.in_one_run:
+        why += HALFWAY
     change = _change(last, signals, largest, material.get(largest.side.parameter.name, 0.0))
     return Unseen(effect.id, why, ranges, change, any(above))
 

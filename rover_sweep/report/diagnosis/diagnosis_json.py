@@ -111,6 +111,7 @@ def _finding(f: Finding, overlays: Sequence[Overlay]) -> dict[str, Any]:
         "equation": f.equation,
         "form": f.form,
         "forms": f.forms,
+        "probability": f.probability,
     }
 
 

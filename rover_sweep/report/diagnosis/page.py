@@ -9,6 +9,7 @@ from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.diagnosis.pictures import mismatch_section
 from rover_sweep.report.diagnosis.tables import (
     bound_table,
+    certainty_words,
     cost_table,
     evidence_words,
     falsified_table,
@@ -80,7 +81,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "equation": f.equation,
         "parameters": value_table(f.parameters, "Parameters") if f.parameters else None,
         "look_alikes": look_alike_words(f),
-        "evidence": evidence_words(f),
+        "evidence": f"{evidence_words(f)} {certainty_words(f)}".strip(),
         "next_run": sentence(next_words(f)),
         "held_out": held_out_table(f.held_out, WITHOUT_EFFECT, note=False) if f.held_out else None,
     }

@@ -113,6 +113,7 @@ def _finding(f: Mapping[str, Any]) -> Finding:
         f["equation"],
         f.get("form") or "",
         dict(f.get("forms") or {}),
+        f.get("probability"),
     )
 
 

@@ -222,6 +222,13 @@ def evidence_words(f: Finding) -> str:
     return f"Chi-squared falls by {number(gain, 3)} (by chance: at most {number(chance, 3)})."
 
 
+def certainty_words(f: Finding) -> str:
+    """How sure the finding is; "" if unknown."""
+    if f.probability is None:
+        return ""
+    return f"Of findings like this one in test rovers, {100 * f.probability:.0f} % were right."
+
+
 def finding_title(f: Finding) -> str:
     """The name of the effect in words."""
     return capital(title(f.effect))

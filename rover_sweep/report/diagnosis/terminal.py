@@ -9,6 +9,7 @@ from rich.text import Text
 
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
 from rover_sweep.report.diagnosis.tables import (
+    certainty_words,
     cost_table,
     evidence_words,
     falsified_table,
@@ -79,7 +80,7 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
 def _explained(f: Finding) -> Group:
     """The finding's sentence, evidence, look-alikes, and the run that would decide."""
     lines: list[RenderableType] = [Text(f.effect, "bold")]
-    words = [f.sentence, evidence_words(f), look_alike_words(f), next_words(f)]
+    words = [f.sentence, evidence_words(f), certainty_words(f), look_alike_words(f), next_words(f)]
     lines += [_indented(sentence(text)) for text in words if text]
     return Group(*lines)
 
