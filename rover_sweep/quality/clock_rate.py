@@ -36,7 +36,8 @@ def stretched_by_angles(found: Relations) -> Iterator[Note]:
     if abs(roll / heading - 1) < AGREE:
         yield stretched(
             1 / heading,
-            f"heading and roll angle change {heading:.3g} and {roll:.3g} times as fast as r and p",
+            f"heading and roll angle change {heading:.3g} and {roll:.3g} times as fast as r and p, "
+            f"unless both gyros read {1 / heading:.3g} times the true rate",
         )
 
 
