@@ -202,7 +202,8 @@ def _earning(
     larger = max((n.trial.gain for n in named if n.trial.effect not in DEGREES_OF_FREEDOM), default=0.0)
     for k, trial in enumerate(found[:JUDGED_AT_MOST]):
         whole = FittedModel(trial.model, trial.fitted.x)
-        support[trial.effect] = support_of(trial, current, _withheld(current, whole, held), larger)
+        refused = max((t.gain for t in found[:k]), default=0.0)
+        support[trial.effect] = support_of(trial, current, _withheld(current, whole, held), larger, refused)
         if not support[trial.effect].against:
             return list(found[k:])
     return []

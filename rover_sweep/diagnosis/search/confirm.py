@@ -12,8 +12,9 @@ and the residual r, the optimum
    that were
    predicted this way must be positive.
 3. Its size must be known: an interval that holds its absent value, or spans a decade, is no finding.
-4. Beside a larger finding its gain must exceed what a wrong form of that one may leave; and where no held-out
-   run judges it, it must explain a share of what remains unexplained, since that too is a wrong form.
+4. Beside a larger finding its gain must exceed what a wrong form of that one may leave, and G be half of
+   s^T s. Where no held-out run judges it, it must explain a share of what remains unexplained, since that too
+   is a wrong form; and no refused effect may explain far more, since that one is nearer to the truth.
 
 Cook and Weisberg 1982: Residuals and Influence in Regression, Chapman and Hall.
 """
@@ -37,8 +38,12 @@ from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Mode
 
 DECADE = 10.0  # ratio of the ends of an interval
 FORM_ERROR = 0.02  # share of a larger finding's gain that its wrong form may leave
+FAR_MORE = (
+    2.5  # ratio of gains; a slope is named beside 1.8, a change of ground was beside a backlash with 4.4
+)
 OF_EXCESS = 0.08  # least share of what remains above the noise; a bank named a change of ground had 0.05
 CLEAR_EXCESS = 5.0  # standard deviations of the sum of squares, from which something remains
+IN_PART = 0.5  # share of s^T s that a further finding must gain; true ones had 0.8 and more, false ones below
 PLAUSIBLE = 2.5  # share of s^T s; a gain beyond is made by what both models lack
 NEITHER = 4.0  # mean square of a held-out run's rows, from which neither model describes that run
 STEPS = 3  # of the fit without tolerances
@@ -100,11 +105,19 @@ def support_in(effect: str, last: Round, held: Withheld, larger: float) -> Effec
     return _support(effect, last.problem, last.model, whole, less, held.gain(nearest), larger)
 
 
-def support_of(trial: Trial, base: Round, held: Withheld, larger: float) -> EffectSupport:
-    """The support of a trial of a round, beside the round's own effects. larger: their largest gain."""
+def support_of(
+    trial: Trial, base: Round, held: Withheld, larger: float, refused: float = 0.0
+) -> EffectSupport:
+    """The support of a trial of a round, beside the round's own effects.
+
+    larger: their largest gain. refused: the largest gain of a trial of this round that did not earn its name.
+    """
     problem, whole = base.problem, trial.fitted
     nearest = (base.closest, _without_tolerances(problem, whole)) if held.problems else None
-    return _support(trial.effect, problem, trial.model, whole, base.fitted, held.gain(nearest), larger)
+    found = _support(trial.effect, problem, trial.model, whole, base.fitted, held.gain(nearest), larger)
+    if not found.against and found.held_out is None and refused > FAR_MORE * found.gain:
+        return replace(found, against="an effect that is refused explains far more than it")
+    return found
 
 
 def _support(
@@ -149,6 +162,9 @@ def _against(found: EffectSupport, law: Effect, larger: float, excess: float, un
         return "fitted to the other runs, it makes each run worse"
     if law.id in DEGREES_OF_FREEDOM:
         return ""
+    share = found.held_out / found.expected if found.held_out and found.expected else 1.0
+    if found.gain < larger and share < IN_PART:
+        return "beside the larger finding it predicts the held-out runs in part only"
     if found.gain < FORM_ERROR * larger:
         return "a slightly wrong form of the larger finding would leave as much"
     if found.held_out is None and found.gain < OF_EXCESS * excess:
