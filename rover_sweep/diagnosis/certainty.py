@@ -13,21 +13,20 @@ from collections.abc import Mapping
 from math import exp, log
 
 WEIGHTS: Mapping[str, float] = {
-    "one": -0.87,
-    "clear": 0.85,
-    "rivalled": 0.0,
-    "remaining": 0.0,
-    "judged": 0.99,
-    "astray": 0.0,
-    "look-alikes": 0.0,
+    "one": -0.1,
+    "clear": 0.55,
+    "rivalled": -0.8,
+    "remaining": -1.4,
+    "judged": 1.6,
+    "astray": -0.8,
 }
 LEAST, MOST = 0.02, 0.98  # the draws are too few to say more
 
 
-def measures(evidence: Mapping[str, float], look_alikes: int) -> dict[str, float]:
+def measures(evidence: Mapping[str, float]) -> dict[str, float]:
     """{name: z} of a finding; the names are those of `WEIGHTS`.
 
-    evidence: see `result.Finding`. look_alikes: how many effects explain nearly as much.
+    evidence: see `result.Finding`.
     """
     gain, expected = evidence["gain"], evidence.get("held_out_expected")
     ratio = evidence.get("held_out_gain", 0.0) / expected if expected else 1.0
@@ -38,13 +37,12 @@ def measures(evidence: Mapping[str, float], look_alikes: int) -> dict[str, float
         "remaining": log(1.0 + 10.0 * max(evidence["remaining"], 0.0)),
         "judged": 1.0 if expected else 0.0,
         "astray": min(abs(ratio - 1.0), 1.5),
-        "look-alikes": 1.0 if look_alikes else 0.0,
     }
 
 
-def probability(evidence: Mapping[str, float], look_alikes: int) -> float | None:
+def probability(evidence: Mapping[str, float]) -> float | None:
     """How often a finding like this one was right; None without the measures (a speed loss)."""
     if "runner_up" not in evidence or not evidence.get("threshold"):
         return None
-    score = sum(WEIGHTS[name] * z for name, z in measures(evidence, look_alikes).items())
+    score = sum(WEIGHTS[name] * z for name, z in measures(evidence).items())
     return min(max(1.0 / (1.0 + exp(-score)), LEAST), MOST)

@@ -290,7 +290,7 @@ def _finding(
         equation=effect.equation,
         form=effect.form,
         forms=named.trial.forms,
-        probability=probability(evidence, len(named.look_alikes)),
+        probability=probability(evidence),
     )
 
 

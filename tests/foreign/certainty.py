@@ -2,7 +2,8 @@
 
 FILE: what `python -m tests.foreign --json FILE` wrote. Prints a table of the said probability against the
 share of right findings. --fit prints the weights of `rover_sweep.diagnosis.certainty` that fit these findings
-best, and the same table by weights that were fitted to the other nine tenths. --picture FILE draws the table.
+best; the probabilities are then those by weights that were fitted to the other nine tenths. --picture FILE
+draws the table.
 A finding that is near the truth though the law is outside the list (`grade.NEAREST`) counts neither way.
 """
 
@@ -49,11 +50,10 @@ def _judged(one: dict[str, Any]) -> Iterator[Judged]:
     hidden = [h["effect"] for h in one["hidden"]]
     marks = grade(one["set"], "", hidden, one)
     for f in one["findings"]:
-        alike = len(f["look_alikes"])
-        said = probability(f["evidence"], alike)
+        said = probability(f["evidence"])
         if said is None or f["effect"] in marks.nearest:
             continue
-        yield Judged(measures(f["evidence"], alike), said, f["effect"] in marks.first)
+        yield Judged(measures(f["evidence"]), said, f["effect"] in marks.first)
 
 
 def fitted(found: Sequence[Judged]) -> dict[str, float]:
@@ -131,10 +131,11 @@ def main() -> None:
     parser.add_argument("--picture", type=Path)
     args = parser.parse_args()
     found = list(judged(args.files))
+    pairs = [(f.said, f.right) for f in found]
     if args.fit:
-        print({name: round(value, 2) for name, value in fitted(found).items()})
-        print(shown(table(apart(found))))
-    rows = table([(f.said, f.right) for f in found])
+        print({name: round(float(value), 2) for name, value in fitted(found).items()})
+        pairs = apart(found)
+    rows = table(pairs)
     print(shown(rows))
     if args.picture:
         picture(rows, args.picture)

@@ -16,14 +16,14 @@ HELD_OUT = {"held_out_gain": 95.0, "held_out_expected": 100.0}
 
 
 def test_more_gain_and_a_held_out_run_make_a_finding_surer() -> None:
-    faint = probability(CLEAR | {"gain": 30.0}, 0)
-    clear, judged_too = probability(CLEAR, 0), probability(CLEAR | HELD_OUT, 0)
+    faint = probability(CLEAR | {"gain": 30.0})
+    clear, judged_too = probability(CLEAR), probability(CLEAR | HELD_OUT)
     assert faint is not None and clear is not None and judged_too is not None
     assert LEAST <= faint < clear < judged_too <= MOST
 
 
 def test_without_its_measures_a_finding_has_no_probability() -> None:
-    assert probability({"gain": 900.0, "threshold": 20.0}, 0) is None
+    assert probability({"gain": 900.0, "threshold": 20.0}) is None
 
 
 def test_findings_are_read_with_the_truth_beside_them(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_weights_fitted_apart_are_calibrated_and_wrong_ones_show() -> None:
     random = np.random.default_rng(3)
     found = []
     for _ in range(600):
-        z = measures(CLEAR | {"gain": 20.0 * np.exp(random.uniform(0.0, 5.0))}, 0)
+        z = measures(CLEAR | {"gain": 20.0 * np.exp(random.uniform(0.0, 5.0))})
         found.append(Judged(z, 0.95, bool(random.random() < 1.0 / (1.0 + np.exp(1.0 - z["clear"])))))
     assert fitted(found)["clear"] == pytest.approx(1.0, abs=0.2)
     for said, n, _, low, high in table(apart(found)):
