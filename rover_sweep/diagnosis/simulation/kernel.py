@@ -120,7 +120,8 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
     inv_load_f, inv_load_r = 1.0 / load_f, 1.0 / load_r
     inv_m, inv_izz, inv_g, hm = 1.0 / m, 1.0 / izz, 1.0 / g, h * ms / m
     twist = ixz * inv_izz
-    inv_j = 1.0 / (q[AT.Ixx] + ms * h * h - hm * h * ms - ixz * twist)
+    j = q[AT.Ixx] + ms * h * h - hm * h * ms - ixz * twist
+    inv_j = 1.0 / j if roll else 0.0  # 0 where the vehicle file has no roll
     spring = ms * g * h - q[AT.k_phi]
     inv_width = 1.0 / (SGN_WIDTH * exp(q[AT.ln_width]))
     sixth, top_motion, top_force = dt / 6.0, 1e3, 1e3 * m * g
