@@ -8,9 +8,10 @@ From logs to models in Python:
     result.models["roll-yaw"]
     result.report("report")
 
-`read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `simulate`, `to_control`, `to_scipy` and
-`harmonics` are documented at their definitions: in `rover_sweep.api`, `rover_sweep.identification.conversion`
-and `rover_sweep.spectra.harmonics`. Modules are imported at first use.
+`read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `compare`, `simulate`, `to_control`,
+`to_scipy` and `harmonics` are documented at their definitions: in `rover_sweep.api`,
+`rover_sweep.identification.conversion` and `rover_sweep.spectra.harmonics`. Modules are imported at first
+use.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from rover_sweep._version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from rover_sweep.api.compare import compare as compare
     from rover_sweep.api.diagnose import FullDiagnosis as FullDiagnosis
     from rover_sweep.api.diagnose import diagnose as diagnose
     from rover_sweep.api.diagnose import load_diagnosis as load_diagnosis
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "api.read": ("Runs", "read"),
     "api.identify": ("Result", "identify", "load_result"),
+    "api.compare": ("compare",),
     "api.diagnose": ("FullDiagnosis", "diagnose", "load_diagnosis"),
     "api.simulate": ("Simulation", "simulate"),
     "identification.conversion": ("to_control", "to_scipy"),

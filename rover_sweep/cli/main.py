@@ -39,6 +39,7 @@ COMMANDS: dict[str, str] = {
     "coherence": "Check whether a run's coherence is good enough.",
     "replay": "Play a recording: pause, jump, any speed.",
     "redrive": "Repeat a log's steering and speed in a simulation.",
+    "twin": "Correct a simulation until it agrees with recordings.",
     "study": "Repeat the paper's comparison on a virtual rover.",
     "export": "Export a model for MATLAB, python-control, or as JSON.",
     "gains": "Compute steering gains for the autopilot, with margins.",

@@ -30,7 +30,7 @@ def simulated_rover(variant: str, rover_file: str | None) -> PlantParameters:
     """The parameters to simulate. UsageError if the variant or the vehicle file cannot be used."""
     try:
         parameters = load_variant(_path(variant))
-        parameters = parameters if rover_file is None else _as_measured(parameters, load(rover_file))
+        parameters = parameters if rover_file is None else as_measured(parameters, load(rover_file))
         Plant(parameters)  # raises for numbers that are valid one by one but not together
         return parameters
     except ValueError as error:
@@ -82,7 +82,8 @@ def _path(variant: str) -> str | Path:
     return Path(variant).resolve() if variant.endswith(".toml") and Path(variant).is_file() else variant
 
 
-def _as_measured(parameters: PlantParameters, vehicle: Vehicle) -> PlantParameters:
+def as_measured(parameters: PlantParameters, vehicle: Vehicle) -> PlantParameters:
+    """The parameters with the measured numbers of a vehicle file."""
     changes: dict[str, Any] = {
         name: number.value for name in _MEASURED if (number := getattr(vehicle, name)) is not None
     }

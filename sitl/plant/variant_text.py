@@ -13,22 +13,24 @@ OTHER = ("effects", "laws")  # tables of their own
 def variant_text(parameters: PlantParameters) -> str:
     """What `load_variant` reads the same parameters from."""
     numbers = ((f.name, getattr(parameters, f.name)) for f in fields(parameters) if f.name not in OTHER)
-    lines = [f"{name} = {_value(value)}" for name, value in numbers]
+    lines = [f"{name} = {value_text(value)}" for name, value in numbers]
     effects = [f"{name} = {_table(values)}" for name, values in parameters.effects.items()]
-    return "\n".join([*lines, "", "[effects]", *effects, "", *map(_law, parameters.laws)])
+    return "\n".join([*lines, "", "[effects]", *effects, "", *map(law_text, parameters.laws)])
 
 
-def _law(law: PlantLaw) -> str:
-    entries = (f"{f.name} = {_value(getattr(law, f.name))}" for f in fields(law))
+def law_text(law: PlantLaw) -> str:
+    """One table [[table_law]]."""
+    entries = (f"{f.name} = {value_text(getattr(law, f.name))}" for f in fields(law))
     return "\n".join(["[[table_law]]", *entries, ""])
 
 
 def _table(values: object) -> str:
     assert isinstance(values, dict)
-    return "{ " + ", ".join(f"{name} = {_value(value)}" for name, value in values.items()) + " }"
+    return "{ " + ", ".join(f"{name} = {value_text(value)}" for name, value in values.items()) + " }"
 
 
-def _value(value: object) -> str:
+def value_text(value: object) -> str:
+    """A number, text or triple as TOML."""
     if isinstance(value, tuple):
-        return "[" + ", ".join(_value(part) for part in value) + "]"
+        return "[" + ", ".join(value_text(part) for part in value) + "]"
     return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -16,6 +16,7 @@ VERB = "one verb: the core computes it, api orchestrates it, a command or a scre
 REPORTS = "report/identification and report/diagnosis are parallel"
 SAME_NAME = {
     "Overlay": "measured against modelled in an identification and in a diagnosis; saved results name both",
+    "compare": VERB,
     "cost_table": REPORTS,
     "diagnose": VERB,
     "fit": "the fit of each of the two cores",
@@ -27,6 +28,7 @@ SAME_NAME = {
 SAME_FILE = {
     "by_mavsdk": "parameters and logs over MAVSDK in place of MAVLink",
     "coherence": VERB,
+    "compare": VERB,
     "cost": "J of equation (11) for models and for simulated runs",
     "diagnose": VERB,
     "dry_run": VERB,

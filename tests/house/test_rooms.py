@@ -27,12 +27,14 @@ ROOMS: dict[str, set[str]] = {
     "logs": {"data", "files", "quality"},
     "identification": {"data", "files", "quality", "spectra"},
     "diagnosis": {"data", "identification", "manoeuvre", "quality", "spectra"},
+    "comparison": {"data", "diagnosis", "spectra"},
     "gains": {"data", "diagnosis", "identification"},
-    "report": {"data", "diagnosis", "files", "identification", "quality", "spectra"},
+    "report": {"comparison", "data", "diagnosis", "files", "identification", "quality", "spectra"},
     "vehicle": {"files", "firmware_params", "logs", "manoeuvre"},
     "session": {"data", "files", "firmware_params", "logs", "manoeuvre", "sitl", "vehicle"},
     "bench": {"data", "files", "logs", "vehicle"},
     "redrive": {"data", "firmware_params", "logs", "sitl", "vehicle"},
+    "twin": {"comparison", "data", "diagnosis", "logs", "redrive", "report", "sitl"},
     "study": {"data", "files", "identification", "logs", "manoeuvre", "report", "sitl", "spectra"},
     "live": {
         "data",
@@ -48,6 +50,7 @@ ROOMS: dict[str, set[str]] = {
     },
     "api": {
         "bench",
+        "comparison",
         "data",
         "design",
         "diagnosis",
@@ -65,6 +68,7 @@ ROOMS: dict[str, set[str]] = {
     "cli": {
         "api",
         "bench",
+        "comparison",
         "data",
         "design",
         "diagnosis",
@@ -83,6 +87,7 @@ ROOMS: dict[str, set[str]] = {
         "spectra",
         "study",
         "tui",
+        "twin",
         "vehicle",
     },
 }
@@ -90,6 +95,7 @@ LOOSE = {"__init__.py", "__main__.py", "_version.py", "errors.py"}
 OUTSIDE = {
     "identification": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "diagnosis": {"pymavlink", "click", "rich", "matplotlib", "textual"},
+    "comparison": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "spectra": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "report": {"pymavlink", "click", "textual"},
     "api": {"pymavlink", "click", "textual"},

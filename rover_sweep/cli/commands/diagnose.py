@@ -39,8 +39,21 @@ BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
     "--simulation",
     "simulated",
     multiple=True,
-    metavar="RUN",
-    help="Recording of a simulation driven like the RUNs; may be repeated.",
+    metavar="RUN|SIMULATOR",
+    help="Recording of a simulation with the steering of a RUN, to compare; may be repeated. Or plant, "
+    "embedded or ardurover, which is then driven like the RUNs.",
+)
+@click.option(
+    "--variant",
+    metavar="NAME|FILE",
+    help="Simulated rover of --simulation plant, embedded or ardurover (default: nominal, with the vehicle "
+    "file's numbers).",
+)
+@click.option(
+    "--ardurover",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="The ArduRover SITL program of --simulation ardurover (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
 )
 @click.option(
     "--hold-out",
@@ -75,6 +88,8 @@ def diagnose(
     baseline: Baseline | None,
     model_file: str | None,
     simulated: tuple[str, ...],
+    variant: str | None,
+    ardurover: str | None,
     held_out: tuple[str, ...],
     only: tuple[str, ...],
     without: tuple[str, ...],
@@ -90,14 +105,18 @@ def diagnose(
     """Find physical effects in the recorded RUNs that the model leaves out: where, size and evidence.
 
     RUN is a .BIN, a .tlog, a .csv (with --columns), log.BIN+log.tlog, or a session's folder. Runs at two
-    amplitudes and two speeds separate most effects; `rover-sweep plan` shows which. Ctrl-C reports the
-    findings so far and exits with code 130.
+    amplitudes and two speeds separate most effects; `rover-sweep plan` shows which. --simulation compares a
+    simulation with the recordings too, and says what it has otherwise. Ctrl-C reports the findings so far and
+    exits with code 130.
     """
     from rover_sweep.api.diagnosis_input import material
     from rover_sweep.api.read import Reading, load_steered
+    from rover_sweep.cli.driving.show_compared import SimulatorCall, simulator_of
     from rover_sweep.cli.driving.show_diagnosed import show_diagnosed
     from rover_sweep.data.vehicle_file import load as load_vehicle
 
+    simulator = simulator_of(simulated, variant)
+    simulated = () if simulator else simulated
     settings = _settings(baseline, model_file, simulated, only, without, time_limit, seed)
     check_writable(Path(out))
     path = Path(vehicle_path(vehicle_file, runs))
@@ -109,7 +128,13 @@ def diagnose(
         return load_steered(some, vehicle, reading, [s for s in sources if s not in some]) if some else ()
 
     given = material(read(runs), read(held_out), read(simulated))
-    show_diagnosed(given, (vehicle, path), settings, Path(out), as_json)
+    binary = Path(ardurover) if ardurover else None
+    drive = (
+        SimulatorCall((*runs, *held_out), simulator, variant, binary, Path(out), seed, reading)
+        if simulator
+        else None
+    )
+    show_diagnosed(given, (vehicle, path), settings, Path(out), as_json, drive)
 
 
 def _settings(

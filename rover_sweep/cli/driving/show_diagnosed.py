@@ -12,6 +12,7 @@ from rover_sweep.errors import DataRefused
 
 if TYPE_CHECKING:
     from rover_sweep.api.diagnosis_input import Material
+    from rover_sweep.cli.driving.show_compared import SimulatorCall
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.diagnosis.result import Diagnosis
     from rover_sweep.diagnosis.settings import DiagnosisSettings
@@ -20,11 +21,20 @@ if TYPE_CHECKING:
 
 
 def show_diagnosed(
-    given: Material, rover: tuple[Vehicle, Path], settings: DiagnosisSettings, out: Path, as_json: bool
+    given: Material,
+    rover: tuple[Vehicle, Path],
+    settings: DiagnosisSettings,
+    out: Path,
+    as_json: bool,
+    drive: SimulatorCall | None = None,
 ) -> None:
-    """Diagnose, write the report into `out`, print summary and path; DataRefused if data are refused."""
+    """Diagnose, write the report into `out`, print summary and path; DataRefused if data are refused.
+
+    Simulated runs are compared with the recordings; drive: the simulation to drive for that, if any.
+    """
     from datetime import datetime
 
+    from rover_sweep.cli.driving.show_compared import show_compared, with_comparison
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
     from rover_sweep.report.diagnosis.terminal import WIDTH, summary
     from rover_sweep.report.wording.provenance import provenance
@@ -38,8 +48,12 @@ def show_diagnosed(
     shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
     if files.variant:
         shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True, markup=False)
+    document = files.document.read_text(encoding="utf-8")
+    if (given.simulated or drive) and found.model is not None and not interrupted:
+        compared = show_compared(given, rover[0], found, origin.provenance, out, drive, settings.seed, shown)
+        document = with_comparison(document, compared) if as_json else document
     if as_json:
-        echo_json(files.document.read_text(encoding="utf-8"))
+        echo_json(document)
     if found.verdict == "refused":
         raise DataRefused("the data were refused; see the reasons above or in the report")
     if interrupted:

@@ -137,8 +137,8 @@ def overlays(
         floor = _scaled_floor(run, used, after) if unused else used
         one, two, data = before.log(run), after.log(run), centred(run)
         for c, y in data.items():
-            w, left_before = _spectrum(y - one[c], run, floor, c)
-            _, left_after = _spectrum(y - two[c], run, floor, c)
+            w, left_before = spectrum_over_noise(y - one[c], run, floor, c)
+            _, left_after = spectrum_over_noise(y - two[c], run, floor, c)
             k = slice(None, None, EVERY)
             noise = floor.rms(c, 0.1, min(12.0, 0.4 * run.rates[c]))
             mean1, mean2 = np.mean(y - one[c]), np.mean(y - two[c])
@@ -160,7 +160,7 @@ def overlays(
     return tuple(out)
 
 
-def _spectrum(error: Array, run: Experiment, floor: Floor, channel: str) -> tuple[Array, Array]:
+def spectrum_over_noise(error: Array, run: Experiment, floor: Floor, channel: str) -> tuple[Array, Array]:
     """(frequency (k,) [rad/s], power of a residual over that of the noise (k,)) of up to 24 bands."""
     f = np.fft.rfftfreq(error.size, 1 / RATE)
     power = np.abs(np.fft.rfft((error - error.mean()) * run.taper)) ** 2

@@ -17,6 +17,8 @@ import numpy as np
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.problem.least_squares import Fitted
+from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.search.rounds import Round
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
@@ -33,7 +35,7 @@ def draw_coordinates(last: Round, seed: int) -> list[dict[str, float]]:
     """`DRAWS` coordinates {name: value} from the Gaussian at the fit, clipped to the bounds."""
     fitted = last.fitted
     scale = np.array([c.scale for c in fitted.free])
-    values, axes = np.linalg.eigh(_covariance(last))
+    values, axes = np.linalg.eigh(fit_covariance(last.problem, fitted))
     random = np.random.default_rng(seed)
     moves = random.standard_normal((DRAWS, scale.size)) * np.sqrt(np.maximum(values, 0.0)) @ axes.T
     centre = np.array([fitted.x[c.name] for c in fitted.free])
@@ -43,16 +45,15 @@ def draw_coordinates(last: Round, seed: int) -> list[dict[str, float]]:
     return [{**fitted.x, **dict(zip(names, map(float, row), strict=True))} for row in drawn]
 
 
-def _covariance(last: Round) -> Array:
-    """Covariance (k, k) of the coordinates over their scales."""
-    fitted = last.fitted
+def fit_covariance(problem: Problem, fitted: Fitted) -> Array:
+    """Covariance (k, k) of the coordinates of a fit over their scales, see the module."""
     prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
     scanned = np.array([_scanned(c, fitted.x[c.name]) for c in fitted.free])
     inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + scanned + 1e-6))
-    scores = _scores(last)
+    scores = _scores(problem, fitted)
     scores = scores - scores.mean(axis=0)
     spread = scores.T @ scores * (len(scores) / max(len(scores) - 1, 1))
-    return np.asarray(inverse * last.fitted.overdispersion + inverse @ spread @ inverse)
+    return np.asarray(inverse * fitted.overdispersion + inverse @ spread @ inverse)
 
 
 def _scanned(c: Coordinate, value: float) -> float:
@@ -63,10 +64,10 @@ def _scanned(c: Coordinate, value: float) -> float:
     return (c.scale / (SCANNED * abs(value) + 1e-3 * c.scale)) ** 2 if c.step == 0.0 else 0.0
 
 
-def _scores(last: Round) -> Array:
+def _scores(problem: Problem, fitted: Fitted) -> Array:
     """(groups, k): score of each octave of each channel of each run, by coordinate over its scale."""
-    fitted, out = last.fitted, []
-    for rows in last.problem.rows:
+    out = []
+    for rows in problem.rows:
         for low, high in zip(OCTAVES, OCTAVES[1:], strict=False):
             lines = rows.start + np.flatnonzero((rows.f >= low) & (rows.f < high))
             if lines.size >= FEWEST:

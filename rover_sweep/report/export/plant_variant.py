@@ -40,7 +40,7 @@ def variant_text(model: AugmentedModel) -> str:
             "the simulated rover needs tyres and springs, which a lumped model does not have; "
             "diagnose with --baseline roll-yaw, bicycle or kinematic"
         )
-    effects = _effects(model)
+    effects = plant_effects(model)
     same = {number for effect, number in SAME_NUMBER.items() if effect in effects}
     numbers = {name: value for name, value in _numbers(model).items() if name not in same}
     found = ", ".join(model.effects) or "no further effects"
@@ -158,7 +158,7 @@ def _imu(model: AugmentedModel, n: Mapping[str, float], h: float) -> tuple[float
     return n["imu_x"], 0.0, h - n["imu_z"]
 
 
-def _effects(model: AugmentedModel) -> dict[str, dict[str, Value]]:
+def plant_effects(model: AugmentedModel) -> dict[str, dict[str, Value]]:
     """The table [effects]: the findings, and the trim error that every rover has."""
     out: dict[str, dict[str, Value]] = {}
     for effect in model.added:

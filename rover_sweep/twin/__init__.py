@@ -1,0 +1,1 @@
+"""The twin: a simulation that is compared with recordings, corrected, and driven again."""

@@ -1,0 +1,205 @@
+"""Corrects the numbers and effects of a simulated rover by the differences that a comparison found.
+
+A correction is relative to what the simulation has: a new number is the old one plus (or times) what
+separates recordings and simulation in the common model. So a bias of that model cancels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import inf, isfinite, sqrt
+
+from rover_sweep.comparison.answer import Comparison, Difference
+from rover_sweep.comparison.corrected import Correction
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.result import EffectValue
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.report.comparison.difference_tables import value_text
+from rover_sweep.report.export.plant_variant import BEND_ALIKE, LINEAR_TYRES, plant_effects
+from sitl.plant.variant import PlantParameters
+
+Entry = Mapping[str, float | str]
+Changes = dict[str, object]  # {field of PlantParameters: new value}
+LEAST_BEND = BEND_ALIKE / LINEAR_TYRES**2
+NOT_IN_THE_PLANT = {
+    "lag_shape": "the second-order share of the servo's lag",
+    "track": "the second track of wheels",
+    "ay_lag": "a lag of the accelerometer alone",
+    "p_lag": "a lag of the roll gyro alone",
+    "heading": "a wrong heading of the estimator",
+    "vy_gain": "a wrong scale of the estimator's V_y",
+    "speed_scale": "a wrong scale of the logged speed",
+}
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """The rover after a correction; left: sentences on differences that it cannot have."""
+
+    parameters: PlantParameters
+    corrections: tuple[Correction, ...]
+    left: tuple[str, ...]
+
+
+def corrected(rover: PlantParameters, found: Comparison, model: AugmentedModel) -> Corrected:
+    """The rover corrected by all differences, small ones too. model: of the recordings, for new effects."""
+    corrections: list[Correction] = []
+    left: list[str] = []
+    for d in (*found.differences, *found.minor):
+        if d.name in NOT_IN_THE_PLANT:
+            left.append(f"the simulated rover cannot have {NOT_IN_THE_PLANT[d.name]}: {d.sentence}")
+            continue
+        changed = _with_number(rover, d) if d.name in _NUMBERS else _with_effect(rover, d, model)
+        if changed is None:
+            left.append(f"this simulated rover has no such entry: {d.sentence}")
+            continue
+        corrections += _entries(rover, changed, d)
+        rover = changed
+    return Corrected(rover, tuple(corrections), tuple(left))
+
+
+def _entries(before: PlantParameters, after: PlantParameters, d: Difference) -> Iterator[Correction]:
+    """What changed, entry by entry."""
+    shown = value_text(d.recordings[0]) if len(d.recordings) == 1 else _each(d)
+    for name in vars(after):
+        if name != "effects" and getattr(before, name) != getattr(after, name):
+            yield Correction(
+                name, _text(getattr(before, name)), _text(getattr(after, name)), shown, d.sentence
+            )
+    for name in {**before.effects, **after.effects}:
+        one, two = before.effects.get(name), after.effects.get(name)
+        if one != two:
+            yield Correction(f"effects.{name}", _entry_text(one), _entry_text(two), shown, d.sentence)
+
+
+def _each(d: Difference) -> str:
+    return "; ".join(f"{v.name} {value_text(v)}" for v in d.recordings)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_text(part) for part in value) + "]"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _entry_text(entry: Entry | None) -> str:
+    return "" if entry is None else ", ".join(f"{name} {_text(value)}" for name, value in entry.items())
+
+
+def _change(d: Difference) -> float:
+    return next(iter(d.change.values()))
+
+
+def _with_number(rover: PlantParameters, d: Difference) -> PlantParameters | None:
+    try:
+        return replace(rover, **_NUMBERS[d.name](rover, _change(d)))  # type: ignore[arg-type]
+    except ValueError:  # the new number is impossible beside the others
+        return None
+
+
+def _times(*names: str) -> Callable[[PlantParameters, float], Changes]:
+    return lambda rover, factor: {name: getattr(rover, name) * factor for name in names}
+
+
+def _plus(name: str, effect: str = "", parameter: str = "T") -> Callable[[PlantParameters, float], Changes]:
+    """Adds to a number that is never negative, or to the effect that replaces it."""
+
+    def change(rover: PlantParameters, shift: float) -> Changes:
+        if effect in rover.effects:
+            entry = rover.effects[effect]
+            whole = {**entry, parameter: max(float(entry.get(parameter, 0.0)) + shift, 0.0)}
+            return {"effects": {**rover.effects, effect: whole}}
+        return {name: max(getattr(rover, name) + shift, 0.0)}
+
+    return change
+
+
+def _trim(rover: PlantParameters, shift: float) -> Changes:
+    now = float(rover.effects.get("steering_trim", {}).get("u0", 0.0))
+    return {"effects": {**rover.effects, "steering_trim": {"u0": now + shift}}}
+
+
+def _bend(rover: PlantParameters, shift: float) -> Changes:
+    """The friction whose tyres bend by so much more."""
+    bend = max(BEND_ALIKE / rover.friction**2 + shift, LEAST_BEND)
+    return {"friction": sqrt(BEND_ALIKE / bend)}
+
+
+def _centre_of_mass(rover: PlantParameters, shift: float) -> Changes:
+    front, rear = rover.cg_to_front_axle + shift, rover.cg_to_rear_axle - shift
+    return {"cg_to_front_axle": front, "cg_to_rear_axle": rear}
+
+
+def _imu(forward: float, up: float) -> Callable[[PlantParameters, float], Changes]:
+    def change(rover: PlantParameters, shift: float) -> Changes:
+        x, y, down = rover.imu_position
+        return {"imu_position": (x + forward * shift, y, down - up * shift)}
+
+    return change
+
+
+def _accelerometer(rover: PlantParameters, shift: float) -> Changes:
+    x, y, z = rover.accel_bias
+    return {"accel_bias": (x, y - shift, z)}  # right positive
+
+
+_NUMBERS: Mapping[str, Callable[[PlantParameters, float], Changes]] = {
+    "C": _times("front_cornering_stiffness", "rear_cornering_stiffness"),
+    "Cf": _times("front_cornering_stiffness"),
+    "Cr": _times("rear_cornering_stiffness"),
+    "Izz": _times("yaw_inertia"),
+    "L_eff": _times("cg_to_front_axle", "cg_to_rear_axle"),
+    "k_phi": _times("roll_stiffness"),
+    "b_phi": _times("roll_damping"),
+    "h": _times("cg_height_above_roll_centre"),
+    "Ixx": _times("roll_inertia"),
+    "rad_per_us": _times("rad_per_us"),
+    "servo_lag": _plus("servo_lag", "servo_lag"),
+    "servo_delay": _plus("servo_delay", "transport_delay"),
+    "velocity_lag": _plus("velocity_lag", "velocity_lag"),
+    "steering_trim": _trim,
+    "tyre_bend": _bend,
+    "cg_to_front_axle": _centre_of_mass,
+    "imu_x": _imu(1.0, 0.0),
+    "imu_z": _imu(0.0, 1.0),
+    "bias_ay": _accelerometer,
+}
+
+
+def _with_effect(rover: PlantParameters, d: Difference, model: AugmentedModel) -> PlantParameters | None:
+    """The rover with an effect added, removed or changed in size."""
+    effects = {name: entry for name, entry in rover.effects.items() if name != d.name}
+    if d.kind != "too much":
+        known = rover.effects.get(d.name)
+        entry = _resized(known, d) if known else plant_effects(model).get(d.name)
+        if not entry:
+            return None
+        effects[d.name] = entry  # type: ignore[assignment]
+    return replace(rover, effects=effects)
+
+
+def _resized(entry: Entry, d: Difference) -> Entry:
+    """The entry with each parameter moved by what separates recordings and simulation."""
+    forms = {p.name: p.form for p in library()[d.name].parameters}
+    out = dict(entry)
+    for one, two in zip(d.simulation, d.recordings, strict=True):
+        now = entry.get(one.name)
+        if (
+            isinstance(now, float)
+            and (new := _moved(now, one, two, forms.get(one.name, "plain"))) is not None
+        ):
+            out[one.name] = new
+    return out
+
+
+def _moved(now: float, one: EffectValue, two: EffectValue, form: str) -> float | None:
+    if form == "inverse":
+        inverse = 1.0 / now + _inverse(two) - _inverse(one)
+        return 1.0 / inverse if inverse > 0 else None
+    new = now * two.value / one.value if form == "ratio" and one.value else now + two.value - one.value
+    return new if isfinite(new) else None
+
+
+def _inverse(v: EffectValue) -> float:
+    return 0.0 if v.value >= 1e5 or v.value == inf else 1.0 / v.value

@@ -1,0 +1,186 @@
+"""The loop of a twin: drive the simulation, compare, correct, until it agrees or nothing helps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+
+from rover_sweep.comparison.answer import Comparison
+from rover_sweep.comparison.compare import Compared
+from rover_sweep.comparison.corrected import Correction, Twin, TwinDrive
+from rover_sweep.comparison.pictured import bode, driven_again, histories_of
+from rover_sweep.data.recording import Recording
+from rover_sweep.diagnosis.effects import form_named, library
+from rover_sweep.diagnosis.effects.kinds import SpeedEffect
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected
+from sitl.plant.effects_table import FORMS
+from sitl.plant.variant import PlantParameters
+
+MOST_DRIVES = 4
+AGREES = 1.3  # rms of each run over the noise of both
+HELPED = 0.98  # of the level before, below which a correction helped
+SETTLED = 1.0  # level at which small differences are left alone
+
+Drive = Callable[[PlantParameters], Sequence[Recording]]
+Compare = Callable[[Sequence[Recording], tuple[str, ...]], Compared]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """One drive: the rover, what was corrected to get it, and its comparison."""
+
+    rover: PlantParameters
+    by: Corrected
+    compared: Compared
+
+    @property
+    def level(self) -> float:
+        """RMS over the noise of the runs that were used."""
+        used = [a.overall for a in self.compared.answer.agreement if not a.held_out]
+        return sqrt(sum(x * x for x in used) / len(used))
+
+
+def twin_of(
+    rover: PlantParameters,
+    measured: Sequence[Correction],
+    model: AugmentedModel,
+    drive: Drive,
+    compare: Compare,
+    say: Say = lambda words: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> tuple[Twin, PlantParameters]:
+    """(the twin, its rover). Only runs that are not held out decide what is corrected and what is kept.
+
+    rover: to begin with; measured: entries of it that were replaced by those of a vehicle file. model: of the
+    recordings. drive(rover) -> its recordings with the steering of all recorded runs; compare(recordings,
+    names of the laws that the simulation has).
+    """
+    started = time.monotonic()
+    driven = [_Driven(rover, Corrected(rover, (), ()), _compared(rover, model, drive, compare))]
+    say(_progress(driven))
+    remarks: list[str] = []
+    while len(driven) < MOST_DRIVES and not stop():
+        last = driven[-1]
+        if not _to_correct(last.compared.answer):
+            break
+        by = corrected(last.rover, last.compared.answer, model)
+        if not by.corrections:
+            break
+        again = _Driven(by.parameters, by, _compared(by.parameters, model, drive, compare))
+        driven.append(again)
+        say(_progress(driven))
+        if again.level > HELPED * last.level and again.level > SETTLED:
+            break
+    best = min(driven, key=lambda d: d.level)
+    if best is not driven[-1]:
+        remarks.append("the last correction did not help, so it was taken back")
+    kept = driven[: driven.index(best) + 1]
+    left = corrected(best.rover, best.compared.answer, model).left
+    return _twin(driven, kept, measured, left, tuple(remarks), time.monotonic() - started), best.rover
+
+
+def with_last_drive(
+    twin: Twin, rover: PlantParameters, model: AugmentedModel, drive: Drive, compare: Compare, simulator: str
+) -> Twin:
+    """The twin with one more drive of its rover on another simulator, which decides whether it agrees."""
+    last = _compared(rover, model, drive, compare).answer
+    agrees = all(a.overall <= AGREES for a in last.agreement)
+    words = _sentence(agrees, last, len(twin.corrections), len(twin.rounds) + 1)
+    rounds = (*twin.rounds, TwinDrive(last, (), simulator))
+    return replace(twin, sentence=f"driven on {simulator}: {words}", agrees=agrees, rounds=rounds)
+
+
+def _to_correct(found: Comparison) -> bool:
+    """True where a difference matters that the rover can have, or the runs still differ for small ones."""
+    if any(d.name not in NOT_IN_THE_PLANT for d in found.differences):
+        return True
+    return bool(found.minor) and any(a.overall > AGREES for a in found.agreement if not a.held_out)
+
+
+def _compared(rover: PlantParameters, model: AugmentedModel, drive: Drive, compare: Compare) -> Compared:
+    return compare(drive(rover), laws_of(rover, model))
+
+
+def laws_of(rover: PlantParameters, model: AugmentedModel) -> tuple[str, ...]:
+    """Names of the laws of a simulated rover, without those that act on the speed alone.
+
+    A change of ground counts only where the recordings' model has it, with its run.
+    """
+    known = library()
+    own = {form_named(name).id for name in model.effects}
+    return tuple(
+        _law(name, entry)
+        for name, entry in rover.effects.items()
+        if name in known
+        and not isinstance(known[name], SpeedEffect)
+        and (name in own or not known[name].in_one_run)
+    )
+
+
+def _law(name: str, entry: Mapping[str, float | str]) -> str:
+    form = entry.get("form")
+    return name if form is None or form == FORMS.get(name, (form,))[0] else f"{name}/{form}"
+
+
+def _progress(driven: Sequence[_Driven]) -> str:
+    last = driven[-1]
+    worst = max((a.overall for a in last.compared.answer.agreement), default=0.0)
+    return f"drive {len(driven)}: the difference of a run is at most {worst:.2g} times the noise of both"
+
+
+def _twin(
+    driven: Sequence[_Driven],
+    kept: Sequence[_Driven],
+    measured: Sequence[Correction],
+    left: tuple[str, ...],
+    remarks: tuple[str, ...],
+    seconds: float,
+) -> Twin:
+    first, last = driven[0].compared, kept[-1].compared
+    agrees = all(a.overall <= AGREES for a in last.answer.agreement)
+    after = [*driven[1:], None]
+    rounds = tuple(
+        TwinDrive(d.compared.answer, n.by.corrections if n else ())
+        for d, n in zip(driven, after, strict=True)
+    )
+    shown = [
+        *(driven_again(first.unused, last.unused, True) if first.unused and last.unused else ()),
+        *driven_again(first.used, last.used, False),
+    ]
+    corrections = together([measured, *(d.by.corrections for d in kept)])
+    return Twin(
+        _sentence(agrees, last.answer, len(corrections), len(kept)),
+        agrees,
+        rounds,
+        corrections,
+        left,
+        histories_of(shown),
+        bode(shown),
+        remarks,
+        seconds=seconds,
+    )
+
+
+def _sentence(agrees: bool, last: Comparison, changed: int, drives: int) -> str:
+    held = [a.overall for a in last.agreement if a.held_out]
+    worst = max(held or [a.overall for a in last.agreement])
+    where = "on the held-out runs" if held else "on the runs that were used; no run was held out"
+    size = f"their difference is {worst:.2f} times the noise of both {where}"
+    if agrees and not changed:
+        return f"the simulation agreed with the recordings as it was: {size}"
+    if agrees:
+        return f"after {changed} correction(s) the simulation agrees with the recordings: {size}"
+    return f"the simulation still differs from the recordings after {drives} drive(s): {size}"
+
+
+def together(parts: Sequence[Sequence[Correction]]) -> tuple[Correction, ...]:
+    """All corrections of an entry as one, from its first value to its last."""
+    out: dict[str, Correction] = {}
+    for c in (c for part in parts for c in part):
+        first = out.get(c.entry)
+        out[c.entry] = replace(c, before=first.before, reason=first.reason) if first else c
+    return tuple(c for c in out.values() if c.before != c.after)
