@@ -1,0 +1,57 @@
+"""The search for the fewest quantities that explain a difference."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rover_sweep.comparison.fewest_quantities import PENALTY, Subsets, fewest
+
+K = 12
+
+
+def _correlated(seed: int) -> np.ndarray:
+    """A covariance (K, K) whose coordinates depend strongly on each other."""
+    a = np.random.default_rng(seed).standard_normal((K, K))
+    return a @ a.T / K + 0.02 * np.eye(K)
+
+
+def _columns() -> list[np.ndarray]:
+    return [np.eye(K)[:, [k]] for k in range(K)]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_names_the_two_that_differ(seed):
+    covariance = _correlated(seed)
+    noise = np.random.default_rng(100 + seed).multivariate_normal(np.zeros(K), covariance)
+    size = 12.0 * np.sqrt(np.diag(covariance))
+    difference = noise + np.eye(K)[3] * size[3] - np.eye(K)[8] * size[8]
+    assert fewest(Subsets(difference, covariance, _columns())) == (3, 8)
+
+
+def test_names_nothing_where_only_noise_differs():
+    wrong = 0
+    for seed in range(60):
+        covariance = _correlated(seed)
+        noise = np.random.default_rng(500 + seed).multivariate_normal(np.zeros(K), covariance)
+        wrong += bool(fewest(Subsets(noise, covariance, _columns())))
+    assert wrong <= 2
+
+
+def test_one_direction_instead_of_two_coordinates():
+    """A number that moves two coordinates is preferred to both of them."""
+    both = np.zeros((K, 1))
+    both[2], both[5] = 0.5, -1.0
+    difference = 9.0 * both[:, 0]
+    candidates = [*_columns(), both]
+    assert fewest(Subsets(difference, 0.05 * np.eye(K), candidates)) == (K,)
+
+
+def test_amount_is_what_was_put_in():
+    difference = 4.0 * np.eye(K)[6]
+    subsets = Subsets(difference, 0.25 * np.eye(K), _columns())
+    amount, sd = subsets.amount(6, (6,))
+    assert amount == pytest.approx(4.0)
+    assert sd == pytest.approx(0.5)
+    assert subsets.left(()) == pytest.approx(64.0)
+    assert subsets.score((6,)) == pytest.approx(PENALTY)

@@ -1,0 +1,121 @@
+"""Differences become entries of a simulated rover."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from rover_sweep.comparison.answer import Comparison, Difference
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.diagnosis.result import EffectValue
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.twin.correct import corrected
+from rover_sweep.twin.variant_file import variant_with_reasons
+from sitl.plant.variant import load_variant
+
+NOMINAL = load_variant("nominal")
+ROVER = Geometry(mass=2.66, a=0.203, b=0.188, yaw_inertia=0.07)
+
+
+def _value(name: str, value: float) -> EffectValue:
+    return EffectValue(name, "", value, 0.9 * value, 1.1 * value)
+
+
+def _difference(name: str, simulation: float, recordings: float, **more) -> Difference:
+    parameter, kind = more.get("parameter", name), more.get("kind", "number")
+    relative = more.get("relative", False)
+    change = recordings / simulation if relative else recordings - simulation
+    one, two = _value(parameter, simulation), _value(parameter, recordings)
+    return Difference(kind, name, (one,), (two,), {parameter: change}, relative, 100.0, (), f"{name} differs")
+
+
+def _corrected(d: Difference, rover=NOMINAL, effects=(), x=None):
+    model = AugmentedModel("bicycle", ROVER, effects, x or {}, 2.0)
+    return corrected(rover, Comparison("differ", "", differences=(d,)), model)
+
+
+def test_a_relative_number_is_multiplied():
+    done = _corrected(_difference("Izz", 0.05, 0.06, relative=True))
+    assert done.parameters.yaw_inertia == pytest.approx(1.2 * NOMINAL.yaw_inertia)
+    (entry,) = done.corrections
+    assert (entry.entry, entry.before) == ("yaw_inertia", "0.071")
+    assert entry.reason == "Izz differs"
+
+
+def test_both_axles_are_multiplied_by_c():
+    done = _corrected(_difference("C", 30.0, 33.0, relative=True)).parameters
+    assert done.front_cornering_stiffness == pytest.approx(1.1 * NOMINAL.front_cornering_stiffness)
+    assert done.rear_cornering_stiffness == pytest.approx(1.1 * NOMINAL.rear_cornering_stiffness)
+
+
+def test_centre_of_mass_keeps_the_wheelbase():
+    done = _corrected(_difference("cg_to_front_axle", 0.20, 0.21)).parameters
+    assert done.cg_to_front_axle == pytest.approx(NOMINAL.cg_to_front_axle + 0.01)
+    whole = NOMINAL.cg_to_front_axle + NOMINAL.cg_to_rear_axle
+    assert done.cg_to_front_axle + done.cg_to_rear_axle == pytest.approx(whole)
+
+
+def test_a_lag_is_never_negative():
+    done = _corrected(_difference("servo_lag", 0.05, 0.0)).parameters
+    assert done.servo_lag == 0.0
+
+
+def test_the_imu_moves_up_against_the_plants_axis():
+    done = _corrected(_difference("imu_z", 0.0, 0.01, kind="instrument")).parameters
+    assert done.imu_position[2] == pytest.approx(NOMINAL.imu_position[2] - 0.01)
+
+
+def test_a_more_bent_tyre_has_less_friction():
+    assert _corrected(_difference("tyre_bend", 0.0, 3.0)).parameters.friction < NOMINAL.friction
+
+
+def test_physics_that_was_left_out_is_added():
+    d = _difference("tyre_relaxation", 0.001, 0.2, kind="left out", parameter="sigma")
+    done = _corrected(d, effects=("tyre_relaxation",), x={"tyre_relaxation.sigma": 0.2})
+    assert done.parameters.effects["tyre_relaxation"]["sigma"] == pytest.approx(0.2)
+    assert done.corrections[0].before == ""
+
+
+def test_physics_too_much_is_removed():
+    rover = replace(NOMINAL, effects={"steering_backlash": {"b": 0.01}})
+    d = _difference("steering_backlash", 0.01, 0.0001, kind="too much", parameter="b")
+    assert _corrected(d, rover).parameters.effects == {}
+
+
+def test_an_effect_of_another_size_moves_by_the_difference():
+    """The simulation's own value moves, so that a bias of the common model cancels."""
+    rover = replace(NOMINAL, effects={"tyre_relaxation": {"sigma": 0.10}})
+    d = _difference("tyre_relaxation", 0.12, 0.22, kind="size", parameter="sigma")
+    assert _corrected(d, rover).parameters.effects["tyre_relaxation"]["sigma"] == pytest.approx(0.20)
+
+
+def test_a_limit_moves_by_its_inverse():
+    rover = replace(NOMINAL, effects={"servo_rate_limit": {"R": 2.0}})
+    d = _difference("servo_rate_limit", 2.2, 1.5, kind="size", parameter="R")
+    expected = 1.0 / (1 / 2.0 + 1 / 1.5 - 1 / 2.2)
+    assert _corrected(d, rover).parameters.effects["servo_rate_limit"]["R"] == pytest.approx(expected)
+
+
+def test_what_the_rover_cannot_have_is_said():
+    done = _corrected(_difference("vy_gain", 0.0, 0.2, kind="instrument"))
+    assert not done.corrections
+    assert "cannot have a wrong scale of the estimator's V_y" in done.left[0]
+
+
+def test_an_impossible_number_is_said_and_left():
+    done = _corrected(_difference("k_phi", 10.0, 0.1, relative=True))
+    assert not done.corrections
+    assert done.parameters == NOMINAL
+    assert done.left
+
+
+def test_the_variant_file_gives_the_same_rover(tmp_path):
+    rover = replace(NOMINAL, yaw_inertia=0.08, effects={"tyre_relaxation": {"sigma": 0.2}})
+    done = _corrected(_difference("Izz", 0.05, 0.06, relative=True), rover)
+    path = tmp_path / "variant.toml"
+    path.write_text(variant_with_reasons(done.parameters, done.corrections, "nominal"), encoding="utf-8")
+    again = load_variant(path)
+    assert again.yaw_inertia == pytest.approx(done.parameters.yaw_inertia)
+    assert again.effects == done.parameters.effects
+    assert "# was 0.08: Izz differs" in path.read_text(encoding="utf-8")

@@ -1,0 +1,141 @@
+"""The loop drives, compares and corrects until it agrees or nothing helps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import pytest
+
+from rover_sweep.comparison.answer import Agreement, Comparison, Difference
+from rover_sweep.data.geometry import Geometry
+from rover_sweep.diagnosis.result import EffectValue
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.twin import loop
+from rover_sweep.twin.loop import laws_of, together, twin_of
+from sitl.plant.variant import PlantParameters, load_variant
+
+NOMINAL = load_variant("nominal")
+MODEL = AugmentedModel("bicycle", Geometry(mass=2.66, a=0.203, b=0.188), (), {}, 2.0)
+
+
+@dataclass
+class FakeCompared:
+    answer: Comparison
+    used: object = None
+    unused: object = None
+
+
+@dataclass
+class World:
+    """The recordings' yaw inertia; a comparison says the factor to it, `gain` of the way."""
+
+    true: float
+    gain: float = 1.0
+    held: float = 1.0
+    drives: list[PlantParameters] = field(default_factory=list)
+    laws: list[tuple[str, ...]] = field(default_factory=list)
+
+    def drive(self, rover: PlantParameters) -> Sequence[object]:
+        self.drives.append(rover)
+        return [rover]
+
+    def compare(self, simulated, laws):
+        (rover,) = simulated
+        self.laws.append(laws)
+        factor = (self.true / rover.yaw_inertia) ** self.gain
+        level = 1.0 + 10.0 * abs(self.true / rover.yaw_inertia - 1.0)
+        found = () if abs(factor - 1.0) < 0.01 else (_izz(factor),)
+        agreement = (
+            Agreement("run1", "sim1", False, level, {}),
+            Agreement("run2", "sim2", True, self.held * level, {}),
+        )
+        verdict = "differ" if found else "agree"
+        return FakeCompared(Comparison(verdict, "", differences=found, agreement=agreement))
+
+
+def _izz(factor: float) -> Difference:
+    one, two = EffectValue("Izz", "", 1.0, 0.9, 1.1), EffectValue("Izz", "", factor, 0.9 * factor, 1.1 * factor)
+    return Difference("number", "Izz", (one,), (two,), {"Izz": factor}, True, 99.0, (), "Izz differs")
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    for name in ("histories_of", "bode"):
+        monkeypatch.setattr(loop, name, lambda shown: ())
+    monkeypatch.setattr(loop, "driven_again", lambda before, after, held_out: ())
+
+
+def _twin(world: World, **more):
+    return twin_of(NOMINAL, (), MODEL, world.drive, world.compare, **more)
+
+
+def test_one_drive_where_it_agrees():
+    world = World(NOMINAL.yaw_inertia)
+    twin, rover = _twin(world)
+    assert len(world.drives) == 1
+    assert rover == NOMINAL
+    assert twin.agrees
+    assert "as it was" in twin.sentence
+
+
+def test_drives_again_with_the_correction():
+    world = World(0.09)
+    twin, rover = _twin(world)
+    assert rover.yaw_inertia == pytest.approx(0.09)
+    assert len(world.drives) == 2
+    assert twin.agrees
+    assert [c.entry for c in twin.corrections] == ["yaw_inertia"]
+    assert [len(r.corrections) for r in twin.rounds] == [1, 0]
+
+
+def test_goes_on_while_it_helps():
+    world = World(0.14, gain=0.7)
+    twin, rover = _twin(world)
+    assert len(world.drives) > 2
+    assert rover.yaw_inertia == pytest.approx(0.14, rel=0.05)
+    assert len(twin.corrections) == 1  # of all rounds together
+    assert twin.corrections[0].before == "0.071"
+
+
+def test_a_correction_that_does_not_help_is_taken_back():
+    world = World(0.09, gain=-1.0)
+    twin, rover = _twin(world)
+    assert rover == NOMINAL
+    assert not twin.agrees
+    assert not twin.corrections
+    assert "taken back" in twin.remarks[0]
+
+
+def test_held_out_runs_decide_nothing_but_the_verdict():
+    world = World(0.09, held=3.0)
+    twin, rover = _twin(world)
+    assert rover.yaw_inertia == pytest.approx(0.09)
+    assert not twin.agrees
+
+
+def test_stops_when_asked():
+    world = World(0.09)
+    twin, _ = _twin(world, stop=lambda: True)
+    assert len(world.drives) == 1
+    assert not twin.agrees
+
+
+def test_laws_of_the_variant_are_told_to_the_comparison():
+    effects = {
+        "tyre_saturation": {"mu": 0.6, "form": "brush"},
+        "steering_backlash": {"b": 0.01},
+        "speed_variation": {"D": 0.01},
+        "surface_change": {"ratio": 0.7, "t": 10.0},
+    }
+    rover = load_variant("nominal")
+    rover = type(rover)(**{**vars(rover), "effects": effects})
+    assert laws_of(rover, MODEL) == ("tyre_saturation/brush", "steering_backlash")
+
+
+def test_together_leaves_out_what_came_back():
+    from rover_sweep.comparison.corrected import Correction
+
+    there = Correction("yaw_inertia", "1", "2", "", "there")
+    back = Correction("yaw_inertia", "2", "1", "", "back")
+    assert together([[there], [back]]) == ()
