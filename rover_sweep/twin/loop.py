@@ -16,6 +16,7 @@ from rover_sweep.diagnosis.effects import form_named, library
 from rover_sweep.diagnosis.effects.kinds import SpeedEffect
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected
+from rover_sweep.twin.simulated_drives import MEASURED
 from sitl.plant.effects_table import FORMS
 from sitl.plant.variant import PlantParameters
 
@@ -177,10 +178,15 @@ def _sentence(agrees: bool, last: Comparison, changed: int, drives: int) -> str:
     return f"the simulation still differs from the recordings after {drives} drive(s): {size}"
 
 
+def _reason(first: Correction, last: Correction) -> str:
+    """The first difference is the largest; a measured number has the reason of its correction."""
+    return last.reason if first.reason == MEASURED else first.reason
+
+
 def together(parts: Sequence[Sequence[Correction]]) -> tuple[Correction, ...]:
     """All corrections of an entry as one, from its first value to its last."""
     out: dict[str, Correction] = {}
     for c in (c for part in parts for c in part):
         first = out.get(c.entry)
-        out[c.entry] = replace(c, before=first.before, reason=first.reason) if first else c
+        out[c.entry] = replace(c, before=first.before, reason=_reason(first, c)) if first else c
     return tuple(c for c in out.values() if c.before != c.after)

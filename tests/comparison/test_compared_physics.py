@@ -1,0 +1,122 @@
+"""The comparison on recordings of the simulated rover, whose laws share nothing with the identification."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import rover_sweep as rs
+from rover_sweep.api.compare import compared
+from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.diagnosis.search.rounds import fit_with_floor
+from rover_sweep.diagnosis.simulation.augmented import augmented
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import experiment
+from rover_sweep.errors import DataRefused, UsageError
+from sitl.plant.variant import load_variant
+from tests.comparison.pairs import RECORDED, drive, vehicle_file
+
+NOMINAL = load_variant("nominal")
+ROVER = replace(NOMINAL, friction=1.5, yaw_inertia=0.075)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """(folder, runs, held-out run, model) of a rover that repeats two sweeps and a doublet."""
+    import numpy as np
+
+    folder = tmp_path_factory.mktemp("pair")
+    originals = [RECORDED / f"{run}.BIN" for run in ("run1", "run4")]
+    paths = drive(ROVER, originals, folder / "recorded", 11)
+    vehicle = folder / "rover.toml"
+    vehicle.write_text(vehicle_file(ROVER, np.random.default_rng(3)), encoding="utf-8")
+    runs = rs.read(str(paths[0]), vehicle=vehicle)
+    held = rs.read(str(paths[1]), vehicle=vehicle)
+    return folder, paths, runs, held, Diagnosis("none", "", "roll-yaw", model=_model(runs))
+
+
+def _model(runs):
+    """The baseline fitted to the runs, as a diagnosis without findings leaves it."""
+    from rover_sweep.data.tolerances import Tolerances
+    from rover_sweep.data.vehicle_geometry import geometry_of
+
+    model = Model("roll-yaw", geometry_of(runs.vehicle), Tolerances())
+    used = [experiment(run) for run in runs]
+    found = fit_with_floor(used, model, {})[1]
+    return augmented(model, found.x, list(runs), [run.begin for run in used])
+
+
+def _answer(recorded, rover, laws=(), seed=50):
+    folder, paths, runs, held, diagnosis = recorded
+    place = folder / f"sim{seed}"
+    simulated = drive(rover, paths, place, seed)
+    sims = rs.read(*map(str, simulated), vehicle=folder / "rover.toml")
+    return compared(tuple(runs), tuple(held), tuple(sims), diagnosis, laws).answer
+
+
+def test_the_same_rover_agrees(recorded):
+    found = _answer(recorded, ROVER, seed=60)
+    assert found.verdict == "agree", found.sentence
+    assert not found.differences
+    assert all(a.overall < 1.3 for a in found.agreement)
+    assert [a.held_out for a in found.agreement] == [False, True]
+    izz = found.could_differ["Izz"]["Izz"]
+    assert izz.low is not None
+    assert izz.high is not None
+    assert -0.1 < izz.low < 0.0 < izz.high < 0.1
+    assert {b.run for b in found.bode} == {"recorded-run1"}
+
+
+def test_a_wrong_inertia_is_a_number(recorded):
+    found = _answer(recorded, replace(ROVER, yaw_inertia=0.8 * ROVER.yaw_inertia), seed=70)
+    assert found.verdict == "differ"
+    (only,) = found.differences
+    assert (only.name, only.kind) == ("Izz", "number")
+    assert only.change["Izz"] == pytest.approx(1.25, rel=0.06)
+    assert "too small" in only.sentence
+    assert found.places[0].channel in ("r", "ay", "p", "vy")
+
+
+def test_physics_too_much(recorded):
+    rover = replace(ROVER, effects={"tyre_relaxation": {"sigma": 0.2}})
+    found = _answer(recorded, rover, ("tyre_relaxation",), seed=80)
+    (only,) = found.differences
+    assert (only.name, only.kind) == ("tyre_relaxation", "too much")
+    assert only.simulation[0].value == pytest.approx(0.2, rel=0.1)
+    assert only.recordings[0].value < 0.03
+
+
+def test_another_filter_is_an_instrument(recorded):
+    rover = replace(ROVER, velocity_lag=ROVER.velocity_lag + 0.06)
+    found = _answer(recorded, rover, seed=90)
+    assert [d.kind for d in found.differences] == ["instrument"]
+    assert found.differences[0].name == "velocity_lag"
+
+
+def test_refuses_a_simulation_of_another_drive(recorded):
+    folder, _, runs, held, diagnosis = recorded
+    other = drive(ROVER, [RECORDED / "run2.BIN"], folder / "other", 5)
+    sims = rs.read(str(other[0]), vehicle=folder / "rover.toml")
+    with pytest.raises(DataRefused, match="does not have the steering"):
+        compared(tuple(runs), tuple(held), tuple(sims), diagnosis)
+
+
+def test_nothing_to_compare(recorded):
+    _, _, runs, held, diagnosis = recorded
+    with pytest.raises(UsageError, match="no simulated run"):
+        rs.compare(runs, (), held_out=held, diagnosis=diagnosis)
+
+
+def test_report_has_both_sides(recorded, tmp_path):
+    from rover_sweep.report.comparison.report_folder import write_comparison
+    from rover_sweep.report.wording.provenance import provenance
+
+    found = _answer(recorded, replace(ROVER, yaw_inertia=0.8 * ROVER.yaw_inertia), seed=95)
+    page = write_comparison(found, tmp_path, provenance())
+    text = page.read_text(encoding="utf-8")
+    assert "Izz" in text
+    assert "simulation" in text
+    assert text.count("<img") == 2
+    assert Path(tmp_path / "comparison.json").is_file()
