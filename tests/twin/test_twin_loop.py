@@ -55,7 +55,10 @@ class World:
 
 
 def _izz(factor: float) -> Difference:
-    one, two = EffectValue("Izz", "", 1.0, 0.9, 1.1), EffectValue("Izz", "", factor, 0.9 * factor, 1.1 * factor)
+    one, two = (
+        EffectValue("Izz", "", 1.0, 0.9, 1.1),
+        EffectValue("Izz", "", factor, 0.9 * factor, 1.1 * factor),
+    )
     return Difference("number", "Izz", (one,), (two,), {"Izz": factor}, True, 99.0, (), "Izz differs")
 
 
