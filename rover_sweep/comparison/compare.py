@@ -12,7 +12,7 @@ from rover_sweep.comparison.differences import Found, differences, found_between
 from rover_sweep.comparison.direct import Direct, direct
 from rover_sweep.comparison.hidden import could_differ, largest_score
 from rover_sweep.comparison.instruments import instruments
-from rover_sweep.comparison.pairing import Pair, pairs_by_steering
+from rover_sweep.comparison.pairing import Pair, pairs_by_steering, shared
 from rover_sweep.comparison.pictured import bode, histories_of, predicted
 from rover_sweep.comparison.sentences import answer_sentence
 from rover_sweep.diagnosis.choose import choose
@@ -67,7 +67,8 @@ def compare(
     started = time.monotonic()
     progress("comparing simulation and recordings", 0.0)
     pairs, held = _in_two(pairs_by_steering((*recorded, *held_out), simulated), {id(run) for run in held_out})
-    options = Options((), (), seed, progress, stop)
+    options, known = Options((), (), seed, progress, stop), pairs
+    pairs, held = [shared(p) for p in pairs], [shared(p) for p in held]
     recordings, simulation = _sides(pairs, model, effects, options, {} if fitted is None else fitted)
     progress("comparing simulation and recordings", 0.8)
     found = found_between(recordings, simulation, seed)
@@ -82,7 +83,7 @@ def compare(
         mismatches(plain.problem, plain.rows) if verdict != "agree" else (),
         clear,
         minor,
-        instruments(pairs, recordings.plain.floor, simulation.plain.floor),
+        instruments(known, recordings.plain.floor, simulation.plain.floor),
         agreement,
         seconds=time.monotonic() - started,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -41,6 +41,20 @@ def pairs_by_steering(recorded: Sequence[Experiment], simulated: Sequence[Experi
             raise DataRefused(_refusal(sim, off))
         found[k] = Pair(recorded[k], sim, late)
     return [found[k] for k in sorted(found)]
+
+
+def shared(pair: Pair) -> Pair:
+    """The pair with the channels that both sides have. DataRefused where the yaw rate is not one of them."""
+    both = [c for c in pair.recorded.measured if c in pair.simulated.measured]
+    if "r" not in both:
+        raise DataRefused(
+            f"{pair.simulated.name} and {pair.recorded.name} do not both have the yaw rate r, so they cannot "
+            f"be compared; {pair.simulated.name} has {', '.join(pair.simulated.measured) or 'no channel'}"
+        )
+    one, two = (
+        replace(run, measured={c: run.measured[c] for c in both}) for run in (pair.recorded, pair.simulated)
+    )
+    return replace(pair, recorded=one, simulated=two)
 
 
 def _refusal(sim: Experiment, off: float) -> str:
