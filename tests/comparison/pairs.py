@@ -19,7 +19,13 @@ from typing import Any
 
 import numpy as np
 
+from rover_sweep.api.compare import compare, compared
+from rover_sweep.api.diagnose import FullDiagnosis
+from rover_sweep.api.read import Runs
+from rover_sweep.comparison.answer import Agreement, Comparison
 from rover_sweep.redrive.recorded_course import course_of
+from rover_sweep.twin.correct import corrected
+from rover_sweep.twin.loop import laws_of
 from sitl.plant.variant import PlantParameters, load_variant
 from sitl.redrive.open_loop import redrive
 
@@ -156,7 +162,6 @@ def vehicle_file(rover: PlantParameters, random: np.random.Generator) -> str:
 def answered(pair: Drawn, folder: Path, seed: int) -> dict[str, Any]:
     """Drive the pair, compare it, and return answer and truth."""
     import rover_sweep as rs
-    from rover_sweep.api.compare import compare
 
     originals = [RECORDED / f"{run}.BIN" for run in RUNS]
     recorded = drive(pair.recorded, originals, folder / "recorded", 100 + seed)
@@ -168,6 +173,7 @@ def answered(pair: Drawn, folder: Path, seed: int) -> dict[str, Any]:
     held, sims = rs.read(str(recorded[2]), vehicle=vehicle), rs.read(*map(str, simulated), vehicle=vehicle)
     found = rs.diagnose(runs, held_out=held)
     answer = compare(runs, sims, held_out=held, diagnosis=found)
+    again = _driven_again(pair.simulated, answer, found, (runs, held), recorded, folder, seed)
     return {
         "kind": pair.kind,
         "seed": seed,
@@ -179,9 +185,30 @@ def answered(pair: Drawn, folder: Path, seed: int) -> dict[str, Any]:
         "minor": [d.name for d in answer.minor],
         "sentences": [d.sentence for d in answer.differences],
         "agreement": [round(a.overall, 3) for a in answer.agreement],
+        "corrected": [round(a.overall, 3) for a in again],
         "right": right(pair, answer.verdict, [(d.name, d.kind) for d in answer.differences]),
         "seconds": round(time.monotonic() - started, 1),
     }
+
+
+def _driven_again(
+    rover: PlantParameters,
+    answer: Comparison,
+    found: FullDiagnosis,
+    runs: tuple[Runs, Runs],
+    recorded: Sequence[Path],
+    folder: Path,
+    seed: int,
+) -> tuple[Agreement, ...]:
+    """The runs after one correction, driven again; the held-out run last."""
+    import rover_sweep as rs
+
+    assert found.model is not None
+    by = corrected(rover, answer, found.model)
+    simulated = drive(by.parameters, recorded, folder / "corrected", 1300 + seed)
+    sims = rs.read(*map(str, simulated), vehicle=folder / "rover.toml")
+    laws = laws_of(by.parameters, found.model)
+    return compared(runs[0], runs[1], sims, found, laws, fitted={}).answer.agreement
 
 
 def right(pair: Drawn, verdict: str, said: Sequence[tuple[str, str]]) -> bool:
