@@ -78,7 +78,9 @@ def drawn(kind: str, seed: int) -> Drawn:
     """One pair of a kind. The same seed gives the same pair."""
     random = np.random.default_rng([seed, KINDS.index(kind)])
     recorded = _rover(random)
-    simulated, truth, words = recorded, [], {}
+    simulated = recorded
+    truth: list[tuple[str, ...]] = []
+    words: dict[str, Any] = {}
     if kind in ("effect", "both"):
         name = str(random.choice(list(EFFECTS)))
         size = {p: v * random.uniform(0.85, 1.2) for p, v in EFFECTS[name].items()}

@@ -35,10 +35,10 @@ def recorded(tmp_path_factory):
     vehicle.write_text(vehicle_file(ROVER, np.random.default_rng(3)), encoding="utf-8")
     runs = rs.read(str(paths[0]), vehicle=vehicle)
     held = rs.read(str(paths[1]), vehicle=vehicle)
-    return folder, paths, runs, held, Diagnosis("none", "", "roll-yaw", model=_model(runs))
+    return folder, paths, runs, held, Diagnosis("none", "", "roll-yaw", model=baseline_model(runs))
 
 
-def _model(runs):
+def baseline_model(runs):
     """The baseline fitted to the runs, as a diagnosis without findings leaves it."""
     from rover_sweep.data.tolerances import Tolerances
     from rover_sweep.data.vehicle_geometry import geometry_of
