@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from rover_sweep.data.recording import Array
+from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.result import EffectValue, Mismatch, Overlay, UpperBound
 from rover_sweep.spectra.exponentials import Complex
 
@@ -82,8 +83,8 @@ class Bode:
     band: tuple[float, float] | None
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
     """Simulation against recordings.
 
     sentence: the answer. places: where they differ, in sizes of both noise floors together. minor: quantities
@@ -104,3 +105,18 @@ class Comparison:
     bode: tuple[Bode, ...] = ()
     remarks: tuple[str, ...] = ()
     seconds: float = 0.0
+
+    def table(self) -> ShortTable:
+        """The differences with the values of both sides; then each run."""
+        rows = []
+        for d in (*self.differences, *self.minor):
+            for k, (one, two) in enumerate(zip(d.simulation, d.recordings, strict=True)):
+                kind = d.kind if d in self.differences else "within tolerance"
+                first = (d.name, kind) if k == 0 else ("", "")
+                values = (plain_number(one.value, 3), plain_number(two.value, 3))
+                interval = f"{plain_number(two.low, 3)} .. {plain_number(two.high, 3)}"
+                rows.append((*first, one.name, *values, interval, two.unit))
+        runs = ", ".join(f"{a.run} {a.overall:.2f}" for a in self.agreement)
+        notes = [f"difference over the noise of both: {runs}", *(i.sentence for i in self.instruments)]
+        headings = ("what", "kind", "", "simulation", "recordings", "90 %", "unit")
+        return ShortTable(self.sentence, headings, tuple(rows), tuple(notes))
