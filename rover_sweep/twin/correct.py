@@ -63,14 +63,28 @@ def _entries(before: PlantParameters, after: PlantParameters, d: Difference) -> 
     """What changed, entry by entry."""
     shown = value_text(d.recordings[0]) if len(d.recordings) == 1 else _each(d)
     for name in vars(after):
-        if name != "effects" and getattr(before, name) != getattr(after, name):
-            yield Correction(
-                name, _text(getattr(before, name)), _text(getattr(after, name)), shown, d.sentence
-            )
+        one, two = getattr(before, name), getattr(after, name)
+        if name != "effects" and one != two:
+            yield Correction(name, _text(one), _text(two), _in_plant(name, two, d) or shown, d.sentence)
     for name in {**before.effects, **after.effects}:
         one, two = before.effects.get(name), after.effects.get(name)
         if one != two:
             yield Correction(f"effects.{name}", _entry_text(one), _entry_text(two), shown, d.sentence)
+
+
+def _in_plant(name: str, value: object, d: Difference) -> str:
+    """The recordings' value in the simulated rover's terms: the corrected one with the interval's width.
+
+    "" where the entry is not the quantity itself.
+    """
+    v = d.recordings[0]
+    if not isinstance(value, float) or name == "friction" or v.low is None or v.high is None or not v.value:
+        return ""
+    ends = (v.low / v.value, v.high / v.value) if d.relative else (v.low - v.value, v.high - v.value)
+    low, high = (value * end if d.relative else value + end for end in ends)
+    if name == "cg_to_rear_axle":  # it moves against the front one
+        low, high = 2 * value - high, 2 * value - low
+    return value_text(replace(v, value=value, low=low, high=high))
 
 
 def _each(d: Difference) -> str:

@@ -40,6 +40,7 @@ def test_a_relative_number_is_multiplied():
     assert done.parameters.yaw_inertia == pytest.approx(1.2 * NOMINAL.yaw_inertia)
     (entry,) = done.corrections
     assert (entry.entry, entry.before) == ("yaw_inertia", "0.071")
+    assert entry.recordings == "0.0852 (0.0767 to 0.0937)"  # 90 to 110 % of 0.0852
     assert entry.reason == "Izz differs"
 
 
