@@ -23,6 +23,7 @@ from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.problem.signatures import columns
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
+from rover_sweep.diagnosis.search.bounds import cost_of
 from rover_sweep.diagnosis.search.parameter_intervals import fit_covariance
 from rover_sweep.diagnosis.search.rounds import fit_with_floor
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
@@ -92,12 +93,28 @@ def common_model(recordings: AugmentedModel, effects: Sequence[str]) -> Model:
     )
 
 
-def side_of(runs: Sequence[Experiment], model: Model, start: Mapping[str, float]) -> FittedSide:
-    """The model fitted to one side. start: {coordinate: value} to begin from."""
-    plain, closest = fit_with_floor(runs, model, start, near=True)
+def side_of(runs: Sequence[Experiment], model: Model, *starts: Mapping[str, float]) -> FittedSide:
+    """The model fitted to one side. starts: {coordinate: value} to begin from; the best fit counts.
+
+    A simulation without an effect of the recordings, fitted from its size there, may end in a false minimum.
+    """
+    fits = [fit_with_floor(runs, model, start, near=True) for start in starts]
+    problem = fits[0][0]  # one floor for all, since a bad fit raises its own
+    plain, closest = min(fits, key=lambda one: cost_of(problem, one[1]))
     metric = plain.in_metric(columns(speed_drift(plain, closest), plain.size))
     fitted = _seen(metric, fit(metric, model.structure, model.free, closest.x), model)
     return FittedSide(model, plain, metric, fitted, fit_covariance(metric, fitted))
+
+
+def without_effects(model: Model, x: Mapping[str, float], kept: Sequence[str] = ()) -> dict[str, float]:
+    """The coordinates with the added ones of the effects at 0, but for those that are kept, by their ids."""
+    gone = {
+        c.name
+        for name in model.effects
+        if form_named(name).id not in kept
+        for c in added_coordinates(model.law(name))
+    }
+    return {name: 0.0 if name in gone else value for name, value in x.items()}
 
 
 def _seen(problem: Problem, fitted: Fitted, model: Model) -> Fitted:

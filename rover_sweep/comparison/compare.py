@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rover_sweep.comparison.answer import Agreement, Comparison, Difference, Verdict
-from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of
+from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of, without_effects
 from rover_sweep.comparison.differences import Found, differences, found_between
 from rover_sweep.comparison.direct import Direct, direct
 from rover_sweep.comparison.hidden import could_differ, largest_score
@@ -16,6 +16,7 @@ from rover_sweep.comparison.pairing import Pair, pairs_by_steering, shared
 from rover_sweep.comparison.pictured import bode, histories_of, predicted
 from rover_sweep.comparison.sentences import answer_sentence
 from rover_sweep.diagnosis.choose import choose
+from rover_sweep.diagnosis.effects import form_named
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.search.rounds import Options
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
@@ -138,7 +139,8 @@ def _sides(
 
     common = common_model(model, effects or ())
     first = recordings(common, model.x)
-    own = side_of(raw, common, model.x)
+    bare = without_effects(common, model.x, [form_named(name).id for name in effects or ()])
+    own = side_of(raw, common, *([bare] if effects is not None else [model.x, bare]))
     simulated = as_noisy(raw, own.plain.floor, first.plain.floor)
     if any(a is not b for a, b in zip(simulated, raw, strict=True)):
         own = side_of(simulated, common, own.fitted.x)
