@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import irfft, rfft
 
+from rover_sweep.comparison.fewest_quantities import PENALTY
 from rover_sweep.data.recording import Array
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import form_named
@@ -25,7 +26,7 @@ from rover_sweep.diagnosis.problem.signatures import columns
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
 from rover_sweep.diagnosis.search.bounds import cost_of
 from rover_sweep.diagnosis.search.parameter_intervals import fit_covariance
-from rover_sweep.diagnosis.search.rounds import fit_with_floor
+from rover_sweep.diagnosis.search.rounds import with_floor_of
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.candidates import Model, added_coordinates
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
@@ -48,6 +49,7 @@ WIDE = Tolerances(
     velocity_lag=0.30,
     heading=0.05,
     together=0.20,
+    bend=3.0,
 )
 ABSENT, STEP = 0.3, 0.5  # of an effect's usual size: absent below, and step of its difference quotient
 QUIET = 0.5  # share of the recordings' noise density below which a simulation has its noise added
@@ -93,28 +95,46 @@ def common_model(recordings: AugmentedModel, effects: Sequence[str]) -> Model:
     )
 
 
-def side_of(runs: Sequence[Experiment], model: Model, *starts: Mapping[str, float]) -> FittedSide:
-    """The model fitted to one side. starts: {coordinate: value} to begin from; the best fit counts.
+def side_of(
+    runs: Sequence[Experiment], model: Model, start: Mapping[str, float], present: Sequence[str] | None = ()
+) -> FittedSide:
+    """The model fitted to one side. start: {coordinate: value} to begin from.
 
-    A simulation without an effect of the recordings, fitted from its size there, may end in a false minimum.
+    present: ids of the effects that this side may have; the others stay absent. None: all of them, where that
+    lowers the cost by more than chance; else none. An effect that is fitted to a side without it may end in a
+    false minimum, or take a part of a lag.
     """
-    fits = [fit_with_floor(runs, model, start, near=True) for start in starts]
-    problem = fits[0][0]  # one floor for all, since a bad fit raises its own
-    plain, closest = min(fits, key=lambda one: cost_of(problem, one[1]))
+    every = {form_named(name).id for name in model.effects}
+    plain, closest = _closest(runs, model, start, every if present is None else set(present))
+    if present is None and every:
+        bare = _closest(runs, model, start, set())
+        added = sum(len(added_coordinates(model.law(name))) for name in model.effects)
+        if cost_of(bare[0], bare[1]) < cost_of(bare[0], closest) + PENALTY * added:
+            plain, closest = bare
     metric = plain.in_metric(columns(speed_drift(plain, closest), plain.size))
-    fitted = _seen(metric, fit(metric, model.structure, model.free, closest.x), model)
+    fitted = fit(metric, model.structure, closest.free, closest.x)
+    fitted = _seen(metric, replace(fitted, free=model.free), model)
     return FittedSide(model, plain, metric, fitted, fit_covariance(metric, fitted))
 
 
-def without_effects(model: Model, x: Mapping[str, float], kept: Sequence[str] = ()) -> dict[str, float]:
-    """The coordinates with the added ones of the effects at 0, but for those that are kept, by their ids."""
-    gone = {
+def _closest(
+    runs: Sequence[Experiment], model: Model, start: Mapping[str, float], present: set[str]
+) -> tuple[Problem, Fitted]:
+    """The fit with the floor of its own residual; effects that are not present are held at 0."""
+    absent = {
         c.name
         for name in model.effects
-        if form_named(name).id not in kept
+        if form_named(name).id not in present
         for c in added_coordinates(model.law(name))
     }
-    return {name: 0.0 if name in gone else value for name, value in x.items()}
+    x = {**{c.name: c.start for c in model.free}, **start, **dict.fromkeys(absent, 0.0)}
+    free = tuple(c for c in model.free if c.name not in absent)
+    problem = with_floor_of(runs, model, x)
+    first = fit(problem, model.structure, free, x)
+    if not absent:
+        return problem, first
+    problem = with_floor_of(runs, model, first.x)  # the start was far off, and its residual no noise
+    return problem, fit(problem, model.structure, free, first.x)
 
 
 def _seen(problem: Problem, fitted: Fitted, model: Model) -> Fitted:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rover_sweep.comparison.answer import Agreement, Comparison, Difference, Verdict
-from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of, without_effects
+from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of
 from rover_sweep.comparison.differences import Found, differences, found_between
 from rover_sweep.comparison.direct import Direct, direct
 from rover_sweep.comparison.hidden import could_differ, largest_score
@@ -134,22 +134,24 @@ def _sides(
 
     def recordings(common: Model, begin: Mapping[str, float]) -> FittedSide:
         if common.effects not in fitted:
-            fitted[common.effects] = side_of(recorded, common, begin)
+            has = [form_named(name).id for name in common.effects]
+            fitted[common.effects] = side_of(recorded, common, begin, has)
         return fitted[common.effects]
 
     common = common_model(model, effects or ())
     first = recordings(common, model.x)
-    bare = without_effects(common, model.x, [form_named(name).id for name in effects or ()])
-    own = side_of(raw, common, *([bare] if effects is not None else [model.x, bare]))
+    has = None if effects is None else [form_named(name).id for name in effects]
+    own = side_of(raw, common, model.x, has)
     simulated = as_noisy(raw, own.plain.floor, first.plain.floor)
     if any(a is not b for a, b in zip(simulated, raw, strict=True)):
-        own = side_of(simulated, common, own.fitted.x)
+        own = side_of(simulated, common, own.fitted.x, has)
     if effects is not None or not _more_in(own):
         return first, own
     both = common_model(model, _searched(simulated, common, first, options))
     if both.effects == common.effects:
         return first, own
-    return recordings(both, first.fitted.x), side_of(simulated, both, own.fitted.x)
+    has = [form_named(name).id for name in both.effects]
+    return recordings(both, first.fitted.x), side_of(simulated, both, own.fitted.x, has)
 
 
 def _more_in(side: FittedSide) -> bool:
