@@ -27,6 +27,7 @@ ROOMS: dict[str, set[str]] = {
     "logs": {"data", "files", "quality"},
     "identification": {"data", "files", "quality", "spectra"},
     "diagnosis": {"data", "identification", "manoeuvre", "quality", "spectra"},
+    "investigation": {"diagnosis"},
     "gains": {"data", "diagnosis", "identification"},
     "report": {"data", "diagnosis", "files", "identification", "quality", "spectra"},
     "vehicle": {"files", "firmware_params", "logs", "manoeuvre"},
@@ -55,6 +56,7 @@ ROOMS: dict[str, set[str]] = {
         "firmware_params",
         "gains",
         "identification",
+        "investigation",
         "logs",
         "quality",
         "report",
@@ -90,6 +92,7 @@ LOOSE = {"__init__.py", "__main__.py", "_version.py", "errors.py"}
 OUTSIDE = {
     "identification": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "diagnosis": {"pymavlink", "click", "rich", "matplotlib", "textual"},
+    "investigation": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "spectra": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "report": {"pymavlink", "click", "textual"},
     "api": {"pymavlink", "click", "textual"},
