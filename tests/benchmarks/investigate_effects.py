@@ -23,6 +23,7 @@ from pathlib import Path
 
 from rover_sweep.api.diagnosis_input import diagnosed, material
 from rover_sweep.api.investigation import Bounds, RunDriver, investigation
+from rover_sweep.cli.driving.investigate_simulated import simulated_driver
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle, load
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
@@ -30,8 +31,10 @@ from rover_sweep.diagnosis.plans.proposals import manoeuvre_for
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.investigation.open_questions import open_questions
+from rover_sweep.session.simulated_rover import SimulatedRover
 from rover_sweep.study.virtual_drive import Firmware, virtual_drive
 from sitl.plant.variant import PlantParameters, load_variant
+from sitl.plant.variant_text import variant_text
 from sitl.rover_file import rover_file
 
 EFFECTS: Mapping[str, Mapping[str, float | str]] = {
@@ -153,7 +156,13 @@ def driver_for(effect: str, embedded: bool, seed: int, folder: Path) -> Iterator
     if not embedded:
         yield PlantDriver(concealing(effect), seed)
         return
-    raise SystemExit("not yet")
+    variant, rover = folder / "variant.toml", folder / "rover.toml"
+    folder.mkdir(parents=True)
+    variant.write_text(variant_text(concealing(effect)))
+    rover.write_text(rover_file(load_variant("nominal"), "nominal"))
+    simulation = SimulatedRover("embedded", variant=variant, seed=seed, prepared=False)
+    with simulated_driver(simulation, folder / "run", (load(rover), rover), {}, True) as driver:
+        yield driver
 
 
 def table(rows: list[Row]) -> str:
