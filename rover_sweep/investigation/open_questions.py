@@ -1,23 +1,23 @@
 """What a diagnosis leaves open: pairs of effects to separate, and bounds to lower.
 
-A finding is settled if
-- no look-alike remains,
-- its probability, where it is known, is at least `SURE`,
-- a held-out run confirms it: the model with the finding predicts that run better than without it.
+The verdict `explained` is settled if
+- no finding has a look-alike,
+- the probability that all findings are right is at least `SURE`: the product of theirs, where they are known,
+- held-out runs confirm each finding: the model with it predicts them better than without it.
 
-The verdict `explained` is settled if all findings are. The verdict `none` is settled if each effect is
+The verdict `none` is settled if each effect is
 excluded from the size that matters on. `partly explained` and `unexplained` are never settled.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, log
+from math import inf, log, prod
 
 from rover_sweep.diagnosis.plans.next_run import OpenPoints, Pair
 from rover_sweep.diagnosis.result import Diagnosis, Finding, UpperBound
 
-SURE = 0.8  # probability of a finding; of those above it, 81 to 97 % were right (README)
+SURE = 0.8  # probability of the findings; of single ones with 78 % and more, 75 to 97 % were right (README)
 RIVALS = 3  # other effects that are considered where nothing names one
 FOLLOWS = 0.3  # share of the largest gain, from which on an effect is considered
 
@@ -37,7 +37,8 @@ def open_questions(found: Diagnosis) -> OpenQuestions:
     if found.verdict == "none":
         return _bounds(found)
     if found.verdict == "explained":
-        return _joined([_of_finding(f, found) for f in found.findings])
+        asked = _joined([_of_finding(f, found) for f in found.findings])
+        return asked if asked.why else _of_all(found)
     left = (found.unknown.sentence if found.unknown else found.sentence).partition(";")[0]
     weak = tuple(f.effect for f in found.findings) or tuple(_strongest(found)[:1])
     points = OpenPoints(_unexplained(found), {}, weak)
@@ -51,15 +52,31 @@ def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
         verb = "explains" if len(finding.look_alikes) == 1 else "explain"
         pairs = tuple((effect, other) for other in finding.look_alikes)
         return OpenQuestions(OpenPoints(pairs), f"{others} {verb} the runs as well as {effect}")
-    if finding.probability is not None and finding.probability < SURE:
-        share = f"{100 * finding.probability:.0f} %"
-        return OpenQuestions(_doubtful(effect, found), f"the probability of {effect} is only {share}")
-    shares = [h.share_removed for h in finding.held_out if h.share_removed is not None]
-    if any(share <= 0 for share in shares):
+    if _refuted(finding):
         return OpenQuestions(_doubtful(effect, found), f"held-out data do not confirm {effect}")
     if not finding.held_out:
         return OpenQuestions(OpenPoints(), f"{effect} is not tested on a held-out run", (effect,))
     return OpenQuestions(OpenPoints())
+
+
+def _refuted(finding: Finding) -> bool:
+    """A held-out run is not predicted better with the finding. Where the residual of all of them is at the
+    noise floor without it, the gain in chi-squared decides."""
+    shares = [h.share_removed for h in finding.held_out if h.share_removed is not None]
+    if shares:
+        return any(share <= 0.0 for share in shares)
+    return finding.evidence.get("held_out_gain", 1.0) <= 0.0
+
+
+def _of_all(found: Diagnosis) -> OpenQuestions:
+    """Whether all findings together are probable; if not, the least probable one is in question."""
+    known = {f.effect: f.probability for f in found.findings if f.probability is not None}
+    together = prod(known.values())
+    if together >= SURE:
+        return OpenQuestions(OpenPoints())
+    least = min(known, key=lambda effect: known[effect])
+    what = least if len(known) == 1 else f"all of {', '.join(known)}"
+    return OpenQuestions(_doubtful(least, found), f"the probability of {what} is only {100 * together:.0f} %")
 
 
 def _joined(parts: list[OpenQuestions]) -> OpenQuestions:

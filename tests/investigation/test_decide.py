@@ -60,6 +60,14 @@ def test_look_alikes_are_separated_by_the_run_that_the_plan_names() -> None:
     [
         (replace(PLAY, probability=0.6), "the probability of steering_backlash is only 60 %"),
         (
+            replace(
+                PLAY,
+                held_out=(replace(PLAY.held_out[0], share_removed=None),),
+                evidence={"held_out_gain": -2.0},
+            ),
+            "held-out data do not confirm steering_backlash",
+        ),
+        (
             replace(PLAY, held_out=(replace(PLAY.held_out[0], share_removed=-0.1),)),
             "held-out data do not confirm steering_backlash",
         ),
@@ -70,6 +78,14 @@ def test_a_doubtful_finding_is_compared_with_its_strongest_rival(finding: Findin
     step = next_step(explained(finding), DRIVEN, MEANS, ranking)
     assert step.action == "drive" and step.reason.startswith(why)
     assert ranking.asked[0].pairs == (PAIR,) and ranking.asked[0].weak == ("steering_backlash",)
+
+
+def test_findings_must_be_probable_together() -> None:
+    other = replace(PLAY, effect="roll_steer", probability=0.82)
+    ranking = Ranking(TELLS)
+    step = next_step(explained(PLAY, other), DRIVEN, MEANS, ranking)
+    assert step.reason.startswith("the probability of all of steering_backlash, roll_steer is only 78 %")
+    assert ranking.asked[0].weak == ("roll_steer",)
 
 
 def test_a_finding_that_no_held_out_run_tested_gets_a_doublet() -> None:
