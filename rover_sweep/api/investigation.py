@@ -42,8 +42,8 @@ Diagnose = Callable[[Material], Diagnosis]
 class Bounds:
     """What the person allows. runs: largest number; speed [m/s], amplitude_us [us]: largest.
 
-    ground: (length, width) [m] in the direction of the drive, None if it is not limited. headings: whether
-    a person can turn the rover before a run.
+    slowest [m/s]: no run is slower. ground: (length, width) [m] in the direction of the drive, None if it is
+    not limited. headings: whether a person can turn the rover before a run.
     """
 
     runs: int = MOST_RUNS
@@ -51,6 +51,7 @@ class Bounds:
     amplitude_us: float | None = None
     ground: tuple[float, float] | None = None
     headings: bool = True
+    slowest: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,8 @@ def _ranking(
 def _limits(vehicle: Vehicle, bounds: Bounds) -> Limits:
     usual = planning_limits(vehicle)
     amplitude = min(bounds.amplitude_us or usual.amplitude_us, usual.amplitude_us)
-    return replace(usual, amplitude_us=amplitude, speed=(min(usual.speed[0], bounds.speed), bounds.speed))
+    slowest = min(max(usual.speed[0], bounds.slowest), bounds.speed)
+    return replace(usual, amplitude_us=amplitude, speed=(slowest, bounds.speed))
 
 
 def first_sweep(vehicle: Vehicle, bounds: Bounds) -> PlannedRun:

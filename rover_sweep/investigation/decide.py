@@ -101,7 +101,7 @@ def _settled(found: Diagnosis) -> str:
     if not found.findings:
         return "no effect is missing, and the bounds of all effects are below the size that matters"
     names = _listed([f.effect for f in found.findings])
-    return f"{names}: no look-alike is left, and a held-out run confirms it"
+    return f"{names}: no look-alike is left, and held-out data confirm it"
 
 
 def _purpose(best: RunValue, asked: OpenQuestions) -> str:

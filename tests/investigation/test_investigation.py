@@ -105,6 +105,7 @@ def test_choices_keep_speed_amplitude_headings_and_ground(vehicle: Vehicle) -> N
     assert {run.kind for run in found} <= {"sweep", "bias_sweep", "multisine"}
     assert any(run.heading is not None for run in choices(found, vehicle, replace(bounds, headings=True)))
     assert not choices(found, vehicle, replace(bounds, ground=(5.0, 5.0)))
+    assert {run.speed for run in choices(found, vehicle, replace(bounds, slowest=1.8))} == {2.0}
     assert fits(found[0], vehicle, (1000.0, 1000.0))
 
 

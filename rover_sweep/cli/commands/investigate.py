@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.link.access import Access
     from rover_sweep.vehicle.run.controls import Trigger
 
+ABOVE_LEAST = 1.2  # a run is so much faster than the least speed of the applet
 _PILOT_PATIENCE = 900.0  # s, as `run` waits for the pilot
 
 
@@ -116,7 +117,8 @@ def investigate(
 
     applet = dict(limits)
     largest = min((v for v in (amplitude, applet.get("pwm_max")) if v is not None), default=None)
-    bounds = Bounds(most, speed, largest, ground)
+    slowest = ABOVE_LEAST * applet.get("v_min", 0.0)
+    bounds = Bounds(most, speed, largest, ground, slowest=slowest)
     if vehicle in SIMULATORS:
         from rover_sweep.cli.driving.investigate_simulated import investigate_simulated
 
