@@ -26,6 +26,7 @@ COMMANDS: dict[str, str] = {
     "dry-run": "Run the whole workflow on a simulated rover (no hardware).",
     "session": "Work through a whole session on one screen.",
     "run": "Drive a real rover, record, check the data, identify.",
+    "investigate": "Drive, diagnose, choose the next run, until it is settled.",
     "resume": "Drive the remaining runs of a session.",
     "status": "Show a session's runs and what remains to drive.",
     "firmware": "Write, check or install the Lua applet and parameters.",

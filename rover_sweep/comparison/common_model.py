@@ -166,7 +166,8 @@ def _with_noise(run: Experiment, own: Floor, floor: Floor, random: np.random.Gen
     for channel, y in run.measured.items():
         if channel in own.density and channel in floor.density and _quieter(channel, own, floor):
             white = rfft(random.standard_normal(y.size))
-            measured[channel] = y + irfft(white * np.sqrt(0.5 * RATE * floor.at(channel, f)), y.size)
+            density = np.where(f < floor.f[1], 0.0, floor.at(channel, f))  # below, drift and not noise
+            measured[channel] = y + irfft(white * np.sqrt(0.5 * RATE * density), y.size)
     return replace(run, measured=measured)
 
 

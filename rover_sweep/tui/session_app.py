@@ -202,6 +202,17 @@ class SessionApp(App[None]):
             self.desk.propose(self.plan, self.setup.vehicle_path)
             self.redraw()
 
+    def choose_next(self) -> None:
+        """Start the choice of the next run from the complete runs; it is added to the plan, not driven."""
+        folder, vehicle = self.setup.folder, self.setup.vehicle_path
+        if folder is not None and vehicle is not None:
+            fastest = max((row.speed for row in self.plan), default=SPEED)
+            self.desk.choose_next(command_inputs(self.state, folder), vehicle, fastest, self._add_next)
+            self.redraw()
+
+    def _add_next(self, rows: tuple[Row, ...]) -> None:
+        self.replan((*self.plan, *rows), self.chosen)  # a row that waits to be driven stays the next one
+
     def can_analyse(self, kind: str) -> bool:
         """True if the session has the recordings or the report that the command needs."""
         folder = self.setup.folder

@@ -27,6 +27,7 @@ ROOMS: dict[str, set[str]] = {
     "logs": {"data", "files", "quality"},
     "identification": {"data", "files", "quality", "spectra"},
     "diagnosis": {"data", "identification", "manoeuvre", "quality", "spectra"},
+    "investigation": {"diagnosis"},
     "comparison": {"data", "diagnosis", "spectra"},
     "gains": {"data", "diagnosis", "identification"},
     "report": {"comparison", "data", "diagnosis", "files", "identification", "quality", "spectra"},
@@ -58,6 +59,7 @@ ROOMS: dict[str, set[str]] = {
         "firmware_params",
         "gains",
         "identification",
+        "investigation",
         "logs",
         "quality",
         "report",
@@ -95,6 +97,7 @@ LOOSE = {"__init__.py", "__main__.py", "_version.py", "errors.py"}
 OUTSIDE = {
     "identification": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "diagnosis": {"pymavlink", "click", "rich", "matplotlib", "textual"},
+    "investigation": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "comparison": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "spectra": {"pymavlink", "click", "rich", "matplotlib", "textual"},
     "report": {"pymavlink", "click", "textual"},

@@ -108,7 +108,10 @@ def _telemetry(event: Event, granted: dict[str, float], logs: bool) -> str:
 
 def _kept(folder: Path, finished: list[RunFinished]) -> str:
     """A sentence that lists the recordings, and marks those without a complete run."""
+    from rover_sweep.session.folder import read_folder
+
     whole = {run.tlog.name for run in finished if run.completed}
+    whole |= {run.tlog for run in read_folder(folder).runs if run.state == "done"}
     tlogs = [p.name for p in sorted(folder.glob("*.tlog")) if p.stem not in ("connect", "fetch")]
     files = [name if name in whole else f"{name} (no complete run)" for name in tlogs]
     files += [p.name for p in sorted(folder.glob("*.BIN"))]

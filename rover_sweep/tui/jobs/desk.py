@@ -28,7 +28,8 @@ class Desk:
     """Starts commands; `changed` is called at every change of one.
 
     proposal: rows proposed by `rover-sweep plan`; proposing: its status as text; next_runs: runs proposed by
-    a diagnosis.
+    a diagnosis; next_step: the step chosen by `rover-sweep investigate`, with its reason; choosing: while it
+    is computed.
     """
 
     def __init__(self, changed: Callable[[], object], folder: Path | None = None) -> None:
@@ -37,6 +38,7 @@ class Desk:
         self.proposal: tuple[Row, ...] = ()
         self.proposing = ""
         self.next_runs: tuple[str, ...] = ()
+        self.next_step, self.choosing = "", False
         self._tasks: dict[tuple[str, ...], asyncio.Task[None]] = {}
 
     def start(self, kind: str, state: State, folder: Path, vehicle: Path, report: Path | None = None) -> None:
@@ -79,6 +81,19 @@ class Desk:
         self.proposing, self.proposal = "this takes about 20 s", ()
         self._tasks[job.arguments] = asyncio.create_task(self._proposed(job))
 
+    def choose_next(
+        self, inputs: tuple[Path, ...], vehicle: Path, speed: float, add: Callable[[tuple[Row, ...]], object]
+    ) -> None:
+        """Start `rover-sweep investigate` on recorded runs; `add` gets the row to drive next, if any.
+
+        speed: the largest [m/s].
+        """
+        runs = (str(path) for path in inputs)
+        arguments = ("investigate", *runs, "--vehicle", str(vehicle), "--speed", f"{speed:g}", "--json")
+        job = AnalysisJob("investigate", arguments)
+        self.next_step, self.choosing = "diagnosing the runs; this takes up to a minute", True
+        self._tasks[arguments] = asyncio.create_task(self._chosen(job, add))
+
     async def _follow(self, job: AnalysisJob) -> None:
         mine = job.arguments
         try:
@@ -107,6 +122,21 @@ class Desk:
             self.proposing = "" if self.proposal else _none(job)
         except (OSError, ValueError, KeyError, TypeError) as error:
             self.proposing = f"no proposal: {error}"
+        self._tasks.pop(job.arguments, None)
+        self._changed()
+
+    async def _chosen(self, job: AnalysisJob, add: Callable[[tuple[Row, ...]], object]) -> None:
+        try:
+            async with contextlib.aclosing(run_job(job)) as going:
+                async for going_on in going:
+                    job = going_on
+            document = json.loads(job.output) if job.outcome == "done" else {}
+            self.next_step = str(document["sentence"]) if document else f"no next step: {job.last}"
+            if rows := rows_of_plan(document):
+                add(rows)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            self.next_step = f"no next step: {error}"
+        self.choosing = False
         self._tasks.pop(job.arguments, None)
         self._changed()
 

@@ -17,7 +17,10 @@ from rover_sweep.tui.screens.session_screen import SessionScreen
 
 
 class PlanScreen(SessionScreen):
-    """A, D, M, B add rows; E changes one; G drives it; P proposes rows by `rover-sweep plan`, T adds them."""
+    """A, D, M, B add rows; E changes one; G drives it; P proposes rows by `rover-sweep plan`, T adds them.
+
+    N adds the run that decides best what a diagnosis of the complete runs leaves open.
+    """
 
     view = "plan"
     BINDINGS = [
@@ -32,6 +35,7 @@ class PlanScreen(SessionScreen):
         Binding("x", "remove", "remove"),
         Binding("p", "propose", "propose"),
         Binding("t", "take", "take"),
+        Binding("n", "choose_next", "next step"),
     ]
 
     @property
@@ -48,7 +52,8 @@ class PlanScreen(SessionScreen):
             (1, 12, -8, -4, 11, -4, 9, width - 56) if not wide else (2, 16, -10, -8, 18, -8, 16, width - 85)
         )
         rows.add(cells(("", "run", "us", "m/s", "rad/s", "s", "space", "driven"), sizes), style=palette.quiet)
-        room = max(3, height - 7 - (4 if session.desk.proposal or session.desk.proposing else 0))
+        desk = session.desk
+        room = max(3, height - 7 - (4 if desk.proposal or desk.proposing or desk.next_step else 0))
         for n in window(len(plan), self.chosen, room):
             row, space = plan[n], asked.spaces[n]
             ground = f"{space.length:.0f}x{space.width:.0f} m" if space else "?"
@@ -105,6 +110,8 @@ class PlanScreen(SessionScreen):
             rows.sentence(f"PROPOSED (T adds them): {runs}", f"bold {palette.accent}", most=3)
             for settles in dict.fromkeys(row.settles for row in proposal if row.settles):
                 rows.sentence(settles, palette.accent, most=2)
+        if session.desk.next_step:
+            rows.sentence(f"Next step: {session.desk.next_step}", palette.accent, most=4)
         for sentence in session.desk.next_runs[:2]:
             rows.sentence(f"The diagnosis proposes: {sentence}", palette.accent, most=2)
 
@@ -142,6 +149,9 @@ class PlanScreen(SessionScreen):
         rows, session.desk.proposal = session.desk.proposal, ()
         session.replan((*session.plan, *(replace(row) for row in rows)), len(session.plan))
 
+    def action_choose_next(self) -> None:
+        self.session.choose_next()
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "go":
             return self.session.may_drive
@@ -149,6 +159,8 @@ class PlanScreen(SessionScreen):
             return self.session.next_row is not None
         if action == "choose":
             return bool(self.session.plan)
+        if action == "choose_next":
+            return self.session.can_analyse("diagnose") and not self.session.desk.choosing
         if action == "take":
             return bool(self.session.desk.proposal)
         if action == "propose":

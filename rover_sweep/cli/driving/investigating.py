@@ -1,0 +1,105 @@
+"""Show an investigation while it is driven, and write its documents."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rover_sweep.api.diagnosis_input import Material
+    from rover_sweep.api.investigation import Bounds, Decision, RunDriver
+    from rover_sweep.data.vehicle_file import Vehicle
+    from rover_sweep.diagnosis.result import Diagnosis
+
+TITLES = {"drive": "next run", "settled": "settled", "used up": "ended", "open": "open"}
+
+
+def show_investigation(
+    driver: RunDriver, rover: tuple[Vehicle, Path], bounds: Bounds, out: Path, as_json: bool
+) -> None:
+    """Drive until the last decision; then print the diagnosis and write the report.
+
+    investigation.json is written before each run. Ctrl-C releases the rover, writes the report on the runs so
+    far, and raises KeyboardInterrupt.
+    """
+    from rover_sweep.api.investigation import investigation
+    from rover_sweep.api.investigation_json import steps_before, write_investigation
+
+    earlier = steps_before(out)
+    decisions: list[Decision] = []
+    try:
+        for decision in investigation(driver, rover[0], bounds, diagnosing(rover[0])):
+            decisions.append(decision)
+            write_investigation(out, decisions, earlier)
+            show_step(decision)
+    finally:
+        _write_report(decisions, rover, out, as_json)
+    show_document(decisions, out, as_json, earlier)
+
+
+def show_document(
+    decisions: list[Decision], out: Path | None, as_json: bool, earlier: tuple[Any, ...] = ()
+) -> None:
+    """The JSON with as_json, else the path of the document."""
+    from rover_sweep.api.investigation_json import DOCUMENT, investigation_document
+    from rover_sweep.cli.views.output import echo_json, results
+    from rover_sweep.report.wording.strict_json import strict_json
+
+    if as_json:
+        echo_json(strict_json(investigation_document(decisions, earlier)))
+    elif out is not None:
+        results().print(f"steps: {out / DOCUMENT}", soft_wrap=True, markup=False)
+
+
+def diagnosing(vehicle: Vehicle) -> Callable[[Material], Diagnosis]:
+    """A diagnosis with its progress on stderr."""
+
+    def diagnose(given: Material) -> Diagnosis:
+        from rover_sweep.api.diagnosis_input import diagnosed
+        from rover_sweep.cli.views.output import narration
+        from rover_sweep.diagnosis.settings import DiagnosisSettings
+
+        names = ", ".join(run.name for run in (*given.runs, *given.held_out))
+        with narration().status(f"diagnosing {names}") as status:
+            return diagnosed(
+                given,
+                vehicle,
+                DiagnosisSettings(),
+                lambda what, share: status.update(f"diagnosing: {100 * share:3.0f} %  {what}"),
+            )
+
+    return diagnose
+
+
+def show_step(decision: Decision) -> None:
+    """What the runs so far say, and the step with its reason."""
+    from rover_sweep.cli.views.output import narration
+
+    console, found = narration(), decision.diagnosis
+    if found is not None:
+        console.print(f"diagnosis: {found.verdict}: {found.sentence}", markup=False, soft_wrap=True)
+    step = decision.step
+    console.print(f"{TITLES[step.action]}: {step.reason}", style="bold", markup=False, soft_wrap=True)
+
+
+def _write_report(decisions: list[Decision], rover: tuple[Vehicle, Path], out: Path, as_json: bool) -> None:
+    """The report of the last diagnosis into report/, and its summary on the terminal."""
+    from datetime import datetime
+
+    from rover_sweep.cli.views.output import results
+    from rover_sweep.diagnosis.settings import DiagnosisSettings
+    from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+    from rover_sweep.report.diagnosis.terminal import WIDTH, summary
+    from rover_sweep.report.wording.provenance import provenance
+
+    last = next((d for d in reversed(decisions) if d.diagnosis and d.given), None)
+    if last is None or last.diagnosis is None or last.given is None:
+        return
+    command = " ".join(["rover-sweep", *sys.argv[1:]])
+    made = provenance(*rover, last.given.held_out, command, datetime.now().astimezone())
+    files = write_diagnosis(last.diagnosis, out / "report", last.given.origin(made, DiagnosisSettings()))
+    shown = results(as_json)
+    shown.print(summary(last.diagnosis), width=min(shown.width, WIDTH))
+    shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)

@@ -1,0 +1,138 @@
+"""When an investigation is settled, what it asks the plan, and when it ends without an answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from fabricated import (
+    DOUBLET,
+    DRIVEN,
+    MEANS,
+    PLAY,
+    SLOW,
+    SWEEP,
+    Ranking,
+    explained,
+    nothing_missing,
+    unexplained,
+)
+
+from rover_sweep.diagnosis.plans.next_run import RunValue
+from rover_sweep.diagnosis.result import Finding, UpperBound
+from rover_sweep.investigation.decide import first_run, next_step
+from rover_sweep.investigation.next_step import Means
+from rover_sweep.investigation.open_questions import times_over
+
+ALIKE = replace(PLAY, look_alikes=("steering_deadband",))
+PAIR = ("steering_backlash", "steering_deadband")
+TELLS = RunValue(SLOW, (PAIR,), (), 1.0)
+
+
+def test_the_first_set_is_one_sweep_and_one_doublet_that_is_held_out() -> None:
+    first = first_run((), SWEEP, MEANS)
+    assert first is not None and (first.action, first.run) == ("drive", SWEEP)
+    second = first_run(DRIVEN[:1], SWEEP, MEANS)
+    assert second is not None and second.run == DOUBLET and "held out" in second.reason
+    assert first_run(DRIVEN, SWEEP, MEANS) is None
+
+
+def test_a_confirmed_finding_without_look_alike_is_settled_and_nothing_is_planned() -> None:
+    ranking = Ranking(TELLS)
+    step = next_step(explained(PLAY), DRIVEN, MEANS, ranking)
+    assert (step.action, step.run, step.effects) == ("settled", None, ("steering_backlash",))
+    assert not ranking.asked
+
+
+def test_look_alikes_are_separated_by_the_run_that_the_plan_names() -> None:
+    ranking = Ranking(TELLS)
+    step = next_step(explained(ALIKE), DRIVEN, MEANS, ranking)
+    assert (step.action, step.run) == ("drive", SLOW)
+    assert step.reason == (
+        "steering_deadband explains the runs as well as steering_backlash; sweep of 240 us at 1.4 m/s "
+        "separates steering_backlash from steering_deadband"
+    )
+    assert ranking.asked[0].pairs == (PAIR,)
+
+
+@pytest.mark.parametrize(
+    ("finding", "why"),
+    [
+        (replace(PLAY, probability=0.6), "the probability of steering_backlash is only 60 %"),
+        (
+            replace(
+                PLAY,
+                held_out=(replace(PLAY.held_out[0], share_removed=None),),
+                evidence={"held_out_gain": -2.0},
+            ),
+            "held-out data do not confirm steering_backlash",
+        ),
+        (
+            replace(PLAY, held_out=(replace(PLAY.held_out[0], share_removed=-0.1),)),
+            "held-out data do not confirm steering_backlash",
+        ),
+    ],
+)
+def test_a_doubtful_finding_is_compared_with_its_strongest_rival(finding: Finding, why: str) -> None:
+    ranking = Ranking(replace(TELLS, separates=()))
+    step = next_step(explained(finding), DRIVEN, MEANS, ranking)
+    assert step.action == "drive" and step.reason.startswith(why)
+    assert ranking.asked[0].pairs == (PAIR,) and ranking.asked[0].weak == ("steering_backlash",)
+
+
+def test_findings_must_be_probable_together() -> None:
+    other = replace(PLAY, effect="roll_steer", probability=0.82)
+    ranking = Ranking(TELLS)
+    step = next_step(explained(PLAY, other), DRIVEN, MEANS, ranking)
+    assert step.reason.startswith("the probability of all of steering_backlash, roll_steer is only 78 %")
+    assert ranking.asked[0].weak == ("roll_steer",)
+
+
+def test_a_finding_that_no_held_out_run_tested_gets_a_doublet() -> None:
+    step = next_step(explained(replace(PLAY, held_out=())), DRIVEN[:1], MEANS, Ranking())
+    assert step.run == DOUBLET and "is not tested on a held-out run" in step.reason
+
+
+def test_nothing_missing_is_settled_when_no_bound_matters_or_no_run_lowers_one() -> None:
+    assert next_step(nothing_missing(servo_lag=0.8), DRIVEN, MEANS, Ranking()).action == "settled"
+    ranking = Ranking(RunValue(SLOW, (), (), 0.3))
+    step = next_step(nothing_missing(servo_lag=1.8), DRIVEN, MEANS, ranking)
+    assert step.action == "settled" and "no run is expected" in step.reason
+    assert ranking.asked[0].bounds == pytest.approx({"servo_lag": 1.8})
+
+
+def test_nothing_missing_goes_on_while_a_run_lowers_a_bound_below_what_matters() -> None:
+    ranking = Ranking(RunValue(SLOW, (), ("servo_lag",), 0.6))
+    step = next_step(nothing_missing(servo_lag=1.8), DRIVEN, MEANS, ranking)
+    assert step.run == SLOW and "brings servo_lag below it" in step.reason
+
+
+def test_what_has_no_name_is_never_settled_and_gets_a_new_operating_point() -> None:
+    step = next_step(unexplained(PLAY), DRIVEN, MEANS, Ranking())
+    assert step.run == SLOW and "a part of the residual has no name" in step.reason
+    all_driven = (*DRIVEN, *MEANS.choices)
+    assert next_step(unexplained(), all_driven, MEANS, Ranking()).action == "open"
+
+
+@pytest.mark.parametrize(
+    ("means", "why"),
+    [
+        (replace(MEANS, runs_left=0), "all runs that were allowed are driven"),
+        (replace(MEANS, choices=()), "no run fits on the ground"),
+        (replace(MEANS, spent="the battery has 9 % left"), "the battery has 9 % left"),
+    ],
+)
+def test_runs_ground_and_battery_end_it(means: Means, why: str) -> None:
+    ranking = Ranking(TELLS)
+    step = next_step(explained(ALIKE), DRIVEN, means, ranking)
+    assert (step.action, step.run) == ("used up", None) and why in step.reason and not ranking.asked
+    first = first_run((), SWEEP, means)
+    assert first is not None and first.action == "used up"
+    assert next_step(explained(PLAY), DRIVEN, means, ranking).action == "settled"
+
+
+def test_bounds_over_what_matters() -> None:
+    assert times_over(UpperBound("s", 0.0, 0.14, 0.07)) == pytest.approx(2.0)
+    assert times_over(UpperBound("-", 0.8, 1.25, 1.15)) == pytest.approx(1.6, abs=0.01)
+    assert times_over(UpperBound("rad/s", 2.0, None, 4.0)) == pytest.approx(2.0)
+    assert times_over(UpperBound("s", 0.0, 0.14, None)) == float("inf")
