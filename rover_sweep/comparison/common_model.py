@@ -51,6 +51,7 @@ WIDE = Tolerances(
     together=0.20,
     bend=3.0,
 )
+NEAR = 1e-3  # of a coordinate's scale: at its bound
 ABSENT, STEP = 0.3, 0.5  # of an effect's usual size: absent below, and step of its difference quotient
 QUIET = 0.5  # share of the recordings' noise density below which a simulation has its noise added
 SEED = 5
@@ -74,6 +75,16 @@ class FittedSide:
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The k fitted coordinates."""
         return self.fitted.free
+
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Names of coordinates with a prior that ended at a bound, three standard deviations away."""
+        x = self.fitted.x
+        return tuple(
+            c.name
+            for c in self.coordinates
+            if c.prior and c.low < 0.0 and not c.low + NEAR * c.scale < x[c.name] < c.high - NEAR * c.scale
+        )
 
     @property
     def values(self) -> Array:

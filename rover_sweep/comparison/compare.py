@@ -86,6 +86,7 @@ def compare(
         minor,
         instruments(known, recordings.plain.floor, simulation.plain.floor),
         agreement,
+        remarks=_far_off(simulation),
         seconds=time.monotonic() - started,
     )
     if fitted is None:
@@ -167,6 +168,18 @@ def _searched(
     return tuple(n.trial.law.name for n in found.named)
 
 
+def _far_off(simulation: FittedSide) -> tuple[str, ...]:
+    """A sentence where the simulation has laws that the model of the recordings does not reach."""
+    ends = simulation.at_bounds
+    if not ends:
+        return ()
+    return (
+        "the simulation is no rover of the recordings' model: its fit ends at the bounds of "
+        f"{', '.join(ends)}, so the values of its numbers are not to be trusted; compare a simulation with "
+        "roll, with its sensors at the IMU, and with the filters of the recordings",
+    )
+
+
 def _verdict(
     clear: Sequence[Difference],
     agreement: Sequence[Agreement],
@@ -176,6 +189,7 @@ def _verdict(
     """Agree without a difference that matters, and without a residual above the noise."""
     far = max((a.overall for a in agreement), default=0.0) > AGREE
     unexplained = any(side.fitted.overdispersion > UNEXPLAINED for side in (recordings, simulation))
+    unexplained |= bool(simulation.at_bounds)
     if not clear:
         return "differ for an unknown reason" if far else "agree"
     return "differ for an unknown reason" if unexplained and far else "differ"
