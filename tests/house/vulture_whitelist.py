@@ -26,6 +26,10 @@ _ = [
     it.file_transfer_protocol_send,
     it.recv_match,
     it.idle_detection_time,
+    # columns of an exported rover's motion, written by their names
+    it.V_x,
+    it.V_y,
+    it.a_y,
     # called by the applet in Lua (sitl/autopilot/lua_api.lua)
     it.add_parameter,
     it.get_parameter,

@@ -40,18 +40,34 @@ JUDGED_GOOD = ("good", "acceptable", "none", "explained")
 @click.option(
     "--plant", is_flag=True, help="Export the model of a diagnosis as a simulated rover, for --variant."
 )
+@click.option(
+    "--python",
+    "script",
+    metavar="FILE.py",
+    help="Write the simulated rover as one Python file that does not need rover-sweep.",
+)
 @click.option("-o", "--output", metavar="FILE", default="-", help="File to write. [default: stdout]")
 def export(
-    place: str, name: str | None, form: str | None, speed: float | None, plant: bool, output: str
+    place: str,
+    name: str | None,
+    form: str | None,
+    speed: float | None,
+    plant: bool,
+    script: str | None,
+    output: str,
 ) -> None:
     """Export a model from DIR, the report folder of `identify` or `diagnose`, or from a diagnosis.json.
 
-    From a diagnosis, exports the linear part of the model and describes the rest; --plant exports all of it.
+    From a diagnosis, exports the linear part of the model and describes the rest. --plant and --python export
+    all of it, nonlinear; --python also takes any FILE.toml of a simulated rover.
 
     Writes continuous-time A, B, C, D (and M, F, G, H0, H1), names and units of states, input and outputs,
     and the input delay tau. The sensors' low-pass filters are listed separately: they are not part of the
     rover. The python file computes responses with numpy alone; its system() needs `pip install control`.
     """
+    if script is not None:
+        _rover(Path(place), script, (name, form, speed, plant or None, None if output == "-" else output))
+        return
     if plant:
         _plant(Path(place), (name, form, speed), output)
         return
@@ -81,6 +97,16 @@ def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
         )
     model, _ = read_augmented_model(found)
     _write(output, variant_text(model), f"{model.name} model as a simulated rover")
+
+
+def _rover(place: Path, script: str, other: tuple[object, ...]) -> None:
+    """Write the simulated rover of a variant as a Python file."""
+    from rover_sweep.cli.driving.exported_rover import rover_at, rover_script
+
+    if any(option is not None for option in other):
+        raise UsageError("--python writes the whole rover; remove --model, --format, --speed, --plant and -o")
+    rover = rover_at(place)
+    _write(script, rover_script(rover, Path(script)), f"simulated rover of {rover.source}")
 
 
 def _model(place: Path, name: str | None, speed: float | None) -> dict[str, Any]:
