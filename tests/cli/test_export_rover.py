@@ -1,9 +1,10 @@
-"""`export --python`: the simulated rover of a variant, a report folder or a diagnosis as one Python file."""
+"""`export --python` and `--fmu`: the simulated rover of a variant or a folder for other programs."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -52,10 +53,13 @@ def test_a_variant_is_found_by_file_and_folder(
     [
         (["report", "--python", "rover-twin.py"], "Python cannot import this name"),
         (["report", "--python", "rover.toml"], "Python cannot import this name"),
+        (["report", "--fmu", "rover-twin.fmu"], "not a name for an FMU"),
+        (["report", "--fmu", "rover.fmi"], "not a name for an FMU"),
+        (["report", "--fmu", "rover.fmu", "-o", "x"], "write the whole rover"),
         (["report", "--python", "absent/rover.py"], "there is no folder"),
-        (["report", "--python", "rover.py", "--plant"], "--python writes the whole rover"),
-        (["report", "--python", "rover.py", "-o", "x"], "--python writes the whole rover"),
-        (["report", "--python", "rover.py", "--speed", "2"], "--python writes the whole rover"),
+        (["report", "--python", "rover.py", "--plant"], "write the whole rover"),
+        (["report", "--python", "rover.py", "-o", "x"], "write the whole rover"),
+        (["report", "--python", "rover.py", "--speed", "2"], "write the whole rover"),
         (["empty", "--python", "rover.py"], "holds no simulated rover"),
         (["absent.toml", "--python", "rover.py"], "holds no simulated rover"),
         (["wrong.toml", "--python", "rover.py"], "there is no effect tires"),
@@ -79,3 +83,35 @@ def test_wrong_words_are_refused(
     assert run(["export", *words]) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "rover.py").exists()
+
+
+def test_an_fmu_without_pythonfmu_is_refused(
+    variant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sitl.twin.fmu_file.can_build", lambda: False)
+    assert run(["export", str(variant), "--fmu", str(tmp_path / "rover.fmu")]) == 2
+    assert "run: pip install pythonfmu" in capsys.readouterr().err
+    assert not (tmp_path / "rover.fmu").exists()
+
+
+def test_an_fmu_holds_the_rover_of_the_variant(variant: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pythonfmu")
+    out = tmp_path / "my_rover.fmu"
+    assert run(["export", str(variant.parent), "--fmu", str(out)]) == 0
+    with zipfile.ZipFile(out) as fmu:
+        (twin,) = (name for name in fmu.namelist() if "/rover_twin" in name)
+        text = fmu.read(twin).decode()
+        assert "binaries/linux64/my_rover.so" in fmu.namelist()
+    assert "mass=3.5," in text and "the numbers of variant.toml." in text
+    assert all(str(tmp_path) not in words for words in (text, out.read_bytes().decode("latin-1")))
+
+
+def test_a_failed_build_says_why(
+    variant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pythonfmu that breaks down: here one that is no package."""
+    (tmp_path / "pythonfmu.py").write_text("raise SystemExit('no binary for this machine')")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert run(["export", str(variant), "--fmu", str(tmp_path / "rover.fmu")]) == 2
+    assert "could not build the FMU: no binary for this machine" in capsys.readouterr().err

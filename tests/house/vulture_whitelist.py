@@ -30,6 +30,11 @@ _ = [
     it.V_x,
     it.V_y,
     it.a_y,
+    # the slave in an FMU, called and read by pythonfmu
+    it.RoverTwin,
+    it.modelName,
+    it.setup_experiment,
+    it.do_step,
     # called by the applet in Lua (sitl/autopilot/lua_api.lua)
     it.add_parameter,
     it.get_parameter,

@@ -57,6 +57,20 @@ def rover_script(rover: ExportedRover, target: Path) -> str:
     return python_file(rover.parameters, rover.origin, target.stem)
 
 
+def rover_fmu(rover: ExportedRover, target: Path) -> bytes:
+    """The rover as the FMU file `target`; UsageError without pythonfmu."""
+    from sitl.twin.fmu_file import can_build, fmu_file
+
+    if target.suffix != ".fmu" or not target.stem.isidentifier():
+        raise UsageError(f"{target}: not a name for an FMU; give letters, digits and _, as in rover_twin.fmu")
+    if not can_build():
+        raise UsageError("--fmu needs pythonfmu, which is not installed; run: pip install pythonfmu")
+    try:
+        return fmu_file(rover.parameters, rover.origin, target.stem)
+    except RuntimeError as error:
+        raise UsageError(str(error)) from error
+
+
 def _diagnosed(place: Path) -> ExportedRover:
     from rover_sweep.api.export import diagnosis_file, read_augmented_model
     from rover_sweep.report.export.plant_variant import variant_text
