@@ -59,20 +59,22 @@ class _Bundle:
         for used in piece.uses:
             if used.id in module.libraries:
                 self._take_library(used.id, module.libraries[used.id])
-            elif target := self._home(name, used.id):
-                self._take(target[0], self._module(target[0]).definition(target[1]))
+            elif (home := self._home(name, used.id)) and (found := self._module(home[0]).definition(home[1])):
+                self._take(home[0], found)
 
     def _take_library(self, name: str, source: tuple[str, str]) -> None:
         if self._libraries.setdefault(name, source) != source:
             raise ValueError(f"two imports have the name {name}: {source}, {self._libraries[name]}")
 
     def _home(self, name: str, used: str) -> Key | None:
-        """Where a name of a module is defined; None for a builtin."""
+        """Where a name of a module is defined; None for a builtin, ValueError for an import of nothing."""
         module = self._module(name)
-        if used in module.own_imports:
-            other, original = module.own_imports[used]
-            return self._home(other, original)
-        return (name, used) if module.defines(used) else None
+        if used not in module.own_imports:
+            return (name, used) if module.definition(used) else None
+        other, original = module.own_imports[used]
+        if home := self._home(other, original):
+            return home
+        raise ValueError(f"{other} does not define {original}, which {name} imports")
 
     def _order(self) -> list[str]:
         """The modules that have a taken piece, each after those that it imports."""

@@ -54,15 +54,9 @@ class ModuleSource:
         own, libraries = _imports(tree)
         return ModuleSource(name, lines, tree, tuple(_pieces(tree, lines)), own, libraries)
 
-    def defines(self, name: str) -> bool:
-        return any(name in piece.names for piece in self.pieces)
-
-    def definition(self, name: str) -> Piece:
-        """The piece that defines a name; ValueError where there is none."""
-        for piece in self.pieces:
-            if name in piece.names:
-                return piece
-        raise ValueError(f"{self.name} does not define {name}")
+    def definition(self, name: str) -> Piece | None:
+        """The piece that defines a name."""
+        return next((piece for piece in self.pieces if name in piece.names), None)
 
     def renamed(self, piece: Piece, new: Mapping[str, str]) -> str:
         """The text of a piece with other names for the definitions in `new`."""
