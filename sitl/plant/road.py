@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import exp, sqrt
 
-import numpy as np
-
 from sitl.plant.variant import PlantParameters
 
 
@@ -27,6 +25,8 @@ class Road:
 
     def advance(self, distance: float, speed: float) -> None:
         """Drive a distance [m] >= 0 at a speed [m/s] >= 0."""
+        if not any(self._rms):
+            return
         keep = exp(-distance / self._length)
         fresh = sqrt(1.0 - keep * keep)
         noise, colour = self._noise, self._colour
@@ -43,6 +43,8 @@ class Road:
 
 def normals(seed: int, stream: int) -> Iterator[float]:
     """Endless standard normal numbers; the same for the same seed and stream."""
-    generator = np.random.default_rng((seed, stream))
+    from numpy.random import default_rng  # here, so that an exported rover on an even road needs no numpy
+
+    generator = default_rng((seed, stream))
     while True:
         yield from generator.standard_normal(4096).tolist()

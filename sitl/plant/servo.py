@@ -16,7 +16,7 @@ class Servo:
     """Delay, first-order lag with a rate limit, end stops; solved exactly for any step.
 
     `angle` is the road-wheel angle [rad], left positive, 0 at the trim. What a variant's effects put before
-    and behind the servo is in `sitl.plant.effects.steering_effects`.
+    and behind the servo is in `Linkage`.
     """
 
     __slots__ = (

@@ -25,7 +25,7 @@ class PlantParameters:
     its own CG; roll_yaw_inertia [kg m2], Ixz in the sign of equation (18); roll_stiffness [N m/rad] and
     roll_damping [N m s/rad] of the suspension.
     Tyres, per axle: front_cornering_stiffness, rear_cornering_stiffness [N/rad] at zero slip; friction [-]
-    peak lateral force over axle load; tyre_shape [-], see `sitl.plant.tyre`.
+    peak lateral force over axle load; tyre_shape [-], see `lateral_force`.
     Steering: steering_trim_us [us]; rad_per_us [rad/us], positive when a larger PWM turns right;
     steering_limit [rad]; servo_lag [s] first order; servo_delay [s]; servo_rate_limit [rad/s] of the wheel.
     Drive: throttle_trim_us, throttle_deadband_us [us]; speed_per_us [m/s/us] without resistance;
@@ -37,7 +37,7 @@ class PlantParameters:
     gyro_bias (FRD) [rad/s], accel_bias (FRD) [m/s2].
     Estimator: velocity_lag [s], velocity_error [m/s rms], attitude_error [rad rms], error_time [s].
     GPS: gps_interval, gps_lag [s]; gps_position_error [m rms], gps_velocity_error [m/s rms].
-    effects: beyond all this, by id and parameter, see `sitl.plant.effects_table`; mostly none.
+    effects: beyond all this, by id and parameter, see `effects_table.py`; mostly none. laws: see `PlantLaw`.
     """
 
     mass: float

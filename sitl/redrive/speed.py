@@ -18,7 +18,7 @@ class SpeedFollower:
 
     def __init__(self, parameters: PlantParameters, period: float) -> None:
         self._parameters = parameters
-        self._period = period
+        self.period = period
         self._integral = 0.0
 
     def throttle(self, wanted: float, rate: float, speed: float) -> float:
@@ -31,5 +31,5 @@ class SpeedFollower:
         limit = q.drive_force_limit / q.mass
         demand = rate + error / FOLLOW_S + self._integral
         if abs(demand) < limit:
-            self._integral += error * self._period / (FOLLOW_S * INTEGRAL_S)
+            self._integral += error * self.period / (FOLLOW_S * INTEGRAL_S)
         return q.throttle_trim_us + (speed + q.speed_lag * demand) / q.speed_per_us

@@ -26,6 +26,15 @@ _ = [
     it.file_transfer_protocol_send,
     it.recv_match,
     it.idle_detection_time,
+    # columns of an exported rover's motion, written by their names
+    it.V_x,
+    it.V_y,
+    it.a_y,
+    # the slave in an FMU, called and read by pythonfmu
+    it.RoverTwin,
+    it.modelName,
+    it.setup_experiment,
+    it.do_step,
     # called by the applet in Lua (sitl/autopilot/lua_api.lua)
     it.add_parameter,
     it.get_parameter,

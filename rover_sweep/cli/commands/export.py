@@ -40,18 +40,41 @@ JUDGED_GOOD = ("good", "acceptable", "none", "explained")
 @click.option(
     "--plant", is_flag=True, help="Export the model of a diagnosis as a simulated rover, for --variant."
 )
+@click.option(
+    "--python",
+    "script",
+    metavar="FILE.py",
+    help="Write the simulated rover as one Python file that does not need rover-sweep.",
+)
+@click.option(
+    "--fmu",
+    metavar="FILE.fmu",
+    help="Write the simulated rover as an FMU (FMI 2.0 co-simulation). Needs pip install pythonfmu.",
+)
 @click.option("-o", "--output", metavar="FILE", default="-", help="File to write. [default: stdout]")
 def export(
-    place: str, name: str | None, form: str | None, speed: float | None, plant: bool, output: str
+    place: str,
+    name: str | None,
+    form: str | None,
+    speed: float | None,
+    plant: bool,
+    script: str | None,
+    fmu: str | None,
+    output: str,
 ) -> None:
     """Export a model from DIR, the report folder of `identify` or `diagnose`, or from a diagnosis.json.
 
-    From a diagnosis, exports the linear part of the model and describes the rest; --plant exports all of it.
+    From a diagnosis, exports the linear part of the model and describes the rest. --plant, --python and
+    --fmu export all of it, nonlinear; the last two also take any FILE.toml of a simulated rover.
 
     Writes continuous-time A, B, C, D (and M, F, G, H0, H1), names and units of states, input and outputs,
     and the input delay tau. The sensors' low-pass filters are listed separately: they are not part of the
     rover. The python file computes responses with numpy alone; its system() needs `pip install control`.
     """
+    if script is not None or fmu is not None:
+        other = (name, form, speed, plant or None, None if output == "-" else output)
+        _rover(Path(place), script, fmu, other)
+        return
     if plant:
         _plant(Path(place), (name, form, speed), output)
         return
@@ -81,6 +104,21 @@ def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
         )
     model, _ = read_augmented_model(found)
     _write(output, variant_text(model), f"{model.name} model as a simulated rover")
+
+
+def _rover(place: Path, script: str | None, fmu: str | None, other: tuple[object, ...]) -> None:
+    """Write the simulated rover of a variant as a Python file, an FMU, or both."""
+    from rover_sweep.cli.driving.exported_rover import rover_at, rover_fmu, rover_script
+
+    if any(option is not None for option in other):
+        raise UsageError(
+            "--python and --fmu write the whole rover; remove --model, --format, --speed, --plant and -o"
+        )
+    rover = rover_at(place)
+    if script is not None:
+        _write(script, rover_script(rover, Path(script)), f"simulated rover of {rover.source}")
+    if fmu is not None:
+        _write(fmu, rover_fmu(rover, Path(fmu)), f"FMU of {rover.source}")
 
 
 def _model(place: Path, name: str | None, speed: float | None) -> dict[str, Any]:

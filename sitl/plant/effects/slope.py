@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from math import cos, sin
 
+from sitl.plant.axles import GRAVITY
 from sitl.plant.effects_table import Effects, number
-
-GRAVITY = 9.80665
 
 
 class Slope:

@@ -1,4 +1,4 @@
-"""The forces and steering angles that the tables of a variant add, see `sitl.plant.plant_law`."""
+"""The forces and steering angles that the tables of a variant add, see `PlantLaw`."""
 
 from __future__ import annotations
 

@@ -1,0 +1,233 @@
+"""The exported Python file moves as the plant does, where nothing of this project can be imported."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sitl.plant.plant import Plant
+from sitl.plant.variant import PlantParameters, load_variant
+from sitl.redrive.course import Course
+from sitl.redrive.open_loop import redrive
+from sitl.twin.python_file import python_file
+
+DT, STEPS = 0.0025, 1600
+VARIANTS = {
+    "nominal": 'base = "nominal"\n',
+    "effects": """base = "nominal"
+[effects]
+tyre_relaxation = { sigma = 0.25 }
+steering_backlash = { b = 0.012 }
+tyre_saturation = { mu = 0.7, form = "brush" }
+roll_steer = { e = 0.1 }
+imu_offset = { x = 0.1, z = 0.02 }
+suspension_friction = { T = 0.1 }
+surface_change = { ratio = 0.8, t = 2.0 }
+cross_slope = { b = 0.03, psi0 = 0.5 }
+servo_lag = { T = 0.05, q = 0.4, form = "second order" }
+imu_tilt = { roll = 0.02 }
+""",
+    "table": """base = "nominal"
+[effects]
+steering_deadband = { w = 0.01 }
+[[table_law]]
+place = "yaw moment"
+over = "r"
+x = [-2.0, 0.0, 1.0]
+y = [0.9, 0.0, -0.6]
+[[table_law]]
+place = "side force front"
+over = "delta"
+x = [-0.3, 0.3]
+y = [-1.0, 1.0]
+times = "a_y"
+play = 0.02
+""",
+}
+ALONE = """
+import sys
+for name in ("sitl", "rover_sweep", "firmware_params"):
+    sys.modules[name] = None  # its import now fails
+{numpy}
+sys.path.insert(0, sys.argv[1])
+from math import sin
+import json
+import rover_twin
+rover = rover_twin.Rover({seed})
+rows = [rover.step(1500 + 250 * sin(2.5 * k * {dt}), 1750, {dt}) for k in range({steps})]
+print(json.dumps(rows))
+"""
+WITHOUT_NUMPY = 'sys.modules["numpy"] = None'
+
+
+def parameters_of(text: str, folder: Path) -> PlantParameters:
+    (folder / "variant.toml").write_text(text)
+    return load_variant(folder / "variant.toml")
+
+
+def even(q: PlantParameters) -> PlantParameters:
+    return replace(q, road_force=0.0, road_yaw_moment=0.0, road_roll_moment=0.0)
+
+
+def moved_alone(folder: Path, seed: int | None) -> np.ndarray:
+    """(STEPS, 11) of the file rover_twin.py in the folder; on an even road without numpy."""
+    words = {"seed": "" if seed is None else seed, "dt": DT, "steps": STEPS}
+    code = ALONE.format(numpy=WITHOUT_NUMPY if seed is None else "", **words)
+    done = subprocess.run([sys.executable, "-I", "-c", code, str(folder)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return np.array(json.loads(done.stdout))
+
+
+def moved_by_the_plant(q: PlantParameters, seed: int) -> np.ndarray:
+    plant, rows = Plant(q, seed), []
+    s = plant.state
+    for k in range(STEPS):
+        plant.step(1500 + 250 * np.sin(2.5 * k * DT), 1750, DT)
+        rows.append((s.t, s.x, s.y, s.psi, s.vx, s.vy, s.r, s.phi, s.p, s.ay, s.delta))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("seed", [None, 1])
+@pytest.mark.parametrize("name", VARIANTS)
+def test_the_file_alone_moves_as_the_plant(name: str, seed: int | None, tmp_path: Path) -> None:
+    q = parameters_of(VARIANTS[name], tmp_path)
+    (tmp_path / "rover_twin.py").write_text(python_file(q, ["Numbers of a test."]))
+    alone = moved_alone(tmp_path, seed)
+    plant = moved_by_the_plant(q if seed else even(q), seed or 0)
+    np.testing.assert_allclose(alone, plant, rtol=0, atol=1e-9)
+    assert np.ptp(plant[:, 6]) > 0.5, "it turns"
+
+
+def test_the_variants_differ(tmp_path: Path) -> None:
+    """By far more than the tolerance, so the comparison above can fail."""
+    ends = [moved_by_the_plant(even(parameters_of(text, tmp_path)), 0)[-1] for text in VARIANTS.values()]
+    for k, one in enumerate(ends):
+        assert all(abs(one - other)[6] > 1e-3 for other in ends[k + 1 :])
+
+
+def test_the_file_is_whole(tmp_path: Path) -> None:
+    """Every name in it is defined once, and it imports only Python's own modules and numpy."""
+    path = tmp_path / "rover_twin.py"
+    path.write_text(python_file(load_variant("nominal"), ["Numbers of a test."]))
+    words = ["ruff", "check", "--isolated", "--select", "F,E9,A", str(path)]
+    done = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            module = node.module if isinstance(node, ast.ImportFrom) else node.names[0].name
+            assert (module or "").partition(".")[0] in {*sys.stdlib_module_names, "numpy"}
+
+
+def test_the_file_says_which_effects_are_of_sensors(tmp_path: Path) -> None:
+    assert "sensors only: imu_tilt." in python_file(parameters_of(VARIANTS["effects"], tmp_path), ["x"])
+    assert "sensors only" not in python_file(load_variant("nominal"), ["x"])
+
+
+def test_a_strange_origin_stays_in_the_docstring() -> None:
+    origin = ['Numbers of a\\b""" + print(1) + """.toml']
+    tree = ast.parse(python_file(load_variant("nominal"), origin))
+    assert "print(1)" in (ast.get_docstring(tree) or "")
+
+
+@pytest.fixture(scope="module")
+def course() -> Course:
+    t = 5.0 + np.arange(0.0, 12.0, 0.01)
+    speed = np.clip(t - 6.0, 0.0, 2.5)
+    steering = 1500 + np.where(t > 9.0, 200 * np.sin(4.0 * (t - 9.0)), 0.0)
+    return Course(t, steering, speed, t, steering)
+
+
+@pytest.fixture
+def twin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The exported nominal rover as a module."""
+    (tmp_path / "rover_twin.py").write_text(python_file(load_variant("nominal"), ["Numbers of a test."]))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "rover_twin", raising=False)
+    import rover_twin  # type: ignore[import-not-found]
+
+    yield rover_twin
+    sys.modules.pop("rover_twin")
+
+
+def test_a_recorded_drive_is_repeated_as_by_redrive(course: Course, twin, tmp_path: Path) -> None:
+    speeds = redrive(course, load_variant("nominal"), tmp_path / "out.BIN", seed=1)
+    motion = twin.Rover(seed=1).drive(course.t, course.steering, course.speed)
+    np.testing.assert_allclose(motion["V_x"], speeds, rtol=0, atol=1e-9)
+    assert speeds.max() > 2.3 and np.ptp(motion["r"]) > 0.5
+
+
+def test_a_drive_with_few_samples_keeps_its_speed(twin) -> None:
+    t = np.arange(0.0, 10.0, 0.2)
+    motion = twin.Rover().drive(t, np.full(t.size, 1500.0), np.full(t.size, 2.0))
+    np.testing.assert_allclose(motion["V_x"], 2.0, atol=0.05)
+    np.testing.assert_allclose(motion["t"], t)
+
+
+@pytest.mark.parametrize(
+    ("t", "speed", "said"),
+    [
+        ([0.0], [1.0], "of one length, 2 or more"),
+        ([0.0, 0.1], [1.0], "of one length"),
+        ([0.0, 0.2, 0.1], [1.0] * 3, "must ascend; it does not after 0.2 s"),
+        ([0.0, 0.1], [1.0, np.nan], "not numbers"),
+        ([0.0, 20.0], [1.0, 1.0], "a gap of 20 s"),
+    ],
+)
+def test_unusable_arrays_are_refused(twin, t: list[float], speed: list[float], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        twin.Rover().drive(t, [1500.0] * len(t), speed)
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.1, np.nan])
+def test_an_impossible_step_is_refused(twin, dt: float) -> None:
+    with pytest.raises(ValueError, match="is impossible"):
+        twin.Rover().step(1500, 1600, dt)
+
+
+def test_long_steps_are_divided(twin) -> None:
+    rover, other = twin.Rover(), twin.Rover()
+    for _ in range(40):
+        other.step(1600, 1700, 0.0025)
+    assert rover.step(1600, 1700, 0.1) == pytest.approx(other.motion, abs=1e-9)
+
+
+def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    words = (sys.executable, "-I", str(folder / "rover_twin.py"), *words)
+    return subprocess.run(words, capture_output=True, text=True)
+
+
+def test_the_file_drives_a_csv_file(twin, tmp_path: Path) -> None:
+    t = np.arange(0.0, 3.0, 0.02)
+    table = np.column_stack((t, 1500 + 100 * np.sin(t), np.full(t.size, 2.0)))
+    source = tmp_path / "drive.csv"
+    np.savetxt(source, table, delimiter=",", header="time,steering,speed", comments="")
+    done = command(tmp_path, str(source))
+    assert (done.returncode, done.stderr) == (0, "")
+    with (tmp_path / "drive_motion.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    expected = twin.Rover().drive(*table.T)
+    for name, column in expected.items():
+        np.testing.assert_allclose([float(row[name]) for row in rows], column, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time,steer,speed\n0,1500,1\n", "lacks the columns steering"),
+        ("time,steering,speed\n0,1500,1\n0.1,x,1\n", "line 3 has something that is not a number"),
+        ("time,steering,speed\n", "of one length, 2 or more"),
+        ("", "lacks the columns time"),
+    ],
+)
+def test_a_wrong_csv_file_is_refused(twin, text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "drive.csv").write_text(text)
+    done = command(tmp_path, str(tmp_path / "drive.csv"))
+    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
