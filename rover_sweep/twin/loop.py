@@ -15,12 +15,14 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.effects import form_named, library
 from rover_sweep.diagnosis.effects.kinds import SpeedEffect
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.errors import RoverSweepError
 from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected
 from rover_sweep.twin.simulated_drives import MEASURED
 from sitl.plant.effects_table import FORMS
 from sitl.plant.variant import PlantParameters
 
 MOST_DRIVES = 4
+MOST_IN_VAIN = 2  # drives in a row that do not help; near the limit of grip one correction alone may fail
 AGREES = 1.3  # rms of each run over the noise of both
 HELPED = 0.98  # of the level before, below which a correction helped
 SETTLED = 1.0  # level at which small differences are left alone
@@ -64,6 +66,7 @@ def twin_of(
     driven = [_Driven(rover, Corrected(rover, (), ()), _compared(rover, model, drive, compare))]
     say(_progress(driven))
     remarks: list[str] = []
+    in_vain = 0
     while len(driven) < MOST_DRIVES and not stop():
         last = driven[-1]
         if not _to_correct(last.compared.answer):
@@ -71,14 +74,20 @@ def twin_of(
         by = corrected(last.rover, last.compared.answer, model)
         if not by.corrections:
             break
-        again = _Driven(by.parameters, by, _compared(by.parameters, model, drive, compare))
+        try:
+            again = _Driven(by.parameters, by, _compared(by.parameters, model, drive, compare))
+        except RoverSweepError as error:  # it overturns, or its run is too short to be compared
+            remarks.append(f"the rover could not be driven with the next corrections: {error}")
+            break
         driven.append(again)
         say(_progress(driven))
-        if again.level > HELPED * last.level and again.level > SETTLED:
+        helped = again.level < HELPED * min(d.level for d in driven[:-1]) or again.level < SETTLED
+        in_vain = 0 if helped else in_vain + 1
+        if in_vain == MOST_IN_VAIN:
             break
     best = min(driven, key=lambda d: d.level)
     if best is not driven[-1]:
-        remarks.append("the last correction did not help, so it was taken back")
+        remarks.append("the corrections after that drive did not help, so they were taken back")
     kept = driven[: driven.index(best) + 1]
     left = corrected(best.rover, best.compared.answer, model).left
     return _twin(driven, kept, measured, left, tuple(remarks), time.monotonic() - started), best.rover

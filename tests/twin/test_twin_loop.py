@@ -11,6 +11,7 @@ from rover_sweep.comparison.answer import Agreement, Comparison, Difference
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.errors import UsageError
 from rover_sweep.twin import loop
 from rover_sweep.twin.loop import laws_of, together, twin_of
 from sitl.plant.variant import PlantParameters, load_variant
@@ -115,6 +116,20 @@ def test_held_out_runs_decide_nothing_but_the_verdict():
     twin, rover = _twin(world)
     assert rover.yaw_inertia == pytest.approx(0.09)
     assert not twin.agrees
+
+
+def test_a_rover_that_overturns_ends_the_corrections():
+    world = World(0.09)
+    plain = world.drive
+
+    def drive(rover):
+        if world.drives:
+            raise UsageError("the simulated rover overturns")
+        return plain(rover)
+
+    twin, rover = twin_of(NOMINAL, (), MODEL, drive, world.compare)
+    assert rover == NOMINAL
+    assert "overturns" in twin.remarks[0]
 
 
 def test_stops_when_asked():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.errors import DataRefused
+from rover_sweep.errors import DataRefused, UsageError
 
 if TYPE_CHECKING:
     from rover_sweep.api.diagnosis_input import Material
@@ -82,7 +82,12 @@ def _begin(call: TwinCall, vehicle: Vehicle) -> tuple[PlantParameters, tuple[Cor
     rover = simulated_rover(call.variant, None)
     if call.simulator != "plant":
         refuse_instant(rover, call.simulator)
-    return (rover, ()) if call.variant.endswith(".toml") else with_measured(rover, vehicle)
+    if call.variant.endswith(".toml"):
+        return rover, ()
+    try:
+        return with_measured(rover, vehicle)
+    except ValueError as error:  # numbers that are valid one by one but not together
+        raise UsageError(f"{call.vehicle}: {error}") from error
 
 
 def _twin(
