@@ -10,7 +10,7 @@ from rover_sweep.comparison.answer import Agreement, Comparison, Difference, Ver
 from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of
 from rover_sweep.comparison.differences import Found, differences, found_between
 from rover_sweep.comparison.direct import Direct, direct
-from rover_sweep.comparison.hidden import could_differ, largest_score
+from rover_sweep.comparison.hidden import could_differ, largest_score, suspect
 from rover_sweep.comparison.instruments import instruments
 from rover_sweep.comparison.pairing import Pair, pairs_by_steering, shared
 from rover_sweep.comparison.pictured import bode, histories_of, predicted
@@ -31,6 +31,7 @@ SOME_LEFT, SUSPICIOUS = 1.1, 20.0
 """Variance of a row and score of an effect from which effects are searched in a simulation.
 
 A score above 20 by chance is rarer than 1 in 1000 for 40 parameters; the search itself decides."""
+MOST_SUSPECTS = 2
 Progress = Callable[[str, float], None]
 
 
@@ -70,7 +71,9 @@ def compare(
     pairs, held = _in_two(pairs_by_steering((*recorded, *held_out), simulated), {id(run) for run in held_out})
     options, known = Options((), (), seed, progress, stop), pairs
     pairs, held = [shared(p) for p in pairs], [shared(p) for p in held]
-    recordings, simulation = _sides(pairs, model, effects, options, {} if fitted is None else fitted)
+    known_fits = {} if fitted is None else fitted
+    recordings, simulation = _sides(pairs, model, effects, options, known_fits)
+    recordings, simulation = _with_suspects(pairs, recordings, simulation, known_fits)
     progress("comparing simulation and recordings", 0.8)
     found = found_between(recordings, simulation, seed)
     clear, minor = differences(found)
@@ -153,6 +156,27 @@ def _sides(
         return first, own
     has = [form_named(name).id for name in both.effects]
     return recordings(both, first.fitted.x), side_of(simulated, both, own.fitted.x, has)
+
+
+def _with_suspects(
+    pairs: Sequence[Pair],
+    recordings: FittedSide,
+    simulation: FittedSide,
+    fitted: dict[tuple[str, ...], FittedSide],
+) -> tuple[FittedSide, FittedSide]:
+    """Both sides with the effects added in which they differ clearly, though no diagnosis named them."""
+    for _ in range(MOST_SUSPECTS):
+        name = suspect(recordings, simulation)
+        if not name:
+            break
+        model = recordings.model.with_effect(name)
+        if model.effects not in fitted:
+            fitted[model.effects] = side_of(
+                [p.recorded for p in pairs], model, recordings.fitted.x, model.ids
+            )
+        recordings = fitted[model.effects]
+        simulation = side_of(simulation.plain.runs, model, simulation.fitted.x, model.ids)
+    return recordings, simulation
 
 
 def _more_in(side: FittedSide) -> bool:

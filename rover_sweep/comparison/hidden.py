@@ -16,6 +16,7 @@ from rover_sweep.diagnosis.search.candidate_fits import tangent
 from rover_sweep.diagnosis.simulation.candidates import possible
 
 ONE_SIDED = 1.645
+CLEAR = 30.0  # chi-squared of a difference; by chance rarer than 1 in 100 000 for 40 parameters
 FAINT = 1e-3  # length of a signature that no data show
 
 
@@ -53,6 +54,16 @@ def _of_effects(recordings: FittedSide, simulation: FittedSide) -> dict[str, dic
 def largest_score(side: FittedSide) -> float:
     """The largest drop of chi-squared that an effect outside the model predicts, to first order."""
     return max((a * a / v for _, a, v in _amounts(side).values()), default=0.0)
+
+
+def suspect(recordings: FittedSide, simulation: FittedSide) -> str:
+    """The effect outside of the model in which both sides differ most clearly, "" where none is clear."""
+    one, two = _amounts(recordings), _amounts(simulation)
+    clear = {
+        key: (one[key][1] - two[key][1]) ** 2 / (one[key][2] + two[key][2]) for key in one.keys() & two.keys()
+    }
+    best = max(clear, key=lambda key: clear[key], default=None)
+    return best[0] if best is not None and clear[best] > CLEAR else ""
 
 
 def _amounts(side: FittedSide) -> Mapping[tuple[str, str], tuple[EffectParameter, float, float]]:

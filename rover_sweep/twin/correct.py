@@ -16,11 +16,13 @@ from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.report.comparison.difference_tables import value_text
-from rover_sweep.report.export.plant_variant import BEND_ALIKE, LINEAR_TYRES, plant_effects
+from rover_sweep.report.export.plant_variant import ABSENT, BEND_ALIKE, LINEAR_TYRES, plant_effects
+from sitl.plant.effects_table import PARAMETERS
 from sitl.plant.variant import PlantParameters
 
 Entry = Mapping[str, float | str]
 Changes = dict[str, object]  # {field of PlantParameters: new value}
+OTHER_UNITS = {"yaw_damping", "steering_compliance"}
 LEAST_BEND = BEND_ALIKE / LINEAR_TYRES**2
 NOT_IN_THE_PLANT = {
     "lag_shape": "the second-order share of the servo's lag",
@@ -186,11 +188,18 @@ def _with_effect(rover: PlantParameters, d: Difference, model: AugmentedModel) -
     effects = {name: entry for name, entry in rover.effects.items() if name != d.name}
     if d.kind != "too much":
         known = rover.effects.get(d.name)
-        entry = _resized(known, d) if known else plant_effects(model).get(d.name)
+        entry = _resized(known, d) if known else plant_effects(model).get(d.name) or _as_said(d)
         if not entry:
             return None
         effects[d.name] = entry  # type: ignore[assignment]
     return replace(rover, effects=effects)
+
+
+def _as_said(d: Difference) -> Entry:
+    """The effect as the comparison found it; empty where the simulated rover has it in another unit."""
+    if d.name in OTHER_UNITS or any(v.name not in PARAMETERS[d.name] for v in d.recordings):
+        return {}
+    return {v.name: v.value for v in d.recordings if abs(v.value) < ABSENT}
 
 
 def _resized(entry: Entry, d: Difference) -> Entry:

@@ -96,6 +96,15 @@ def test_physics_too_much(recorded):
     assert only.recordings[0].value < 0.03
 
 
+def test_an_effect_that_no_diagnosis_named(recorded):
+    """The recordings' rover steers straight; the simulation's is 8 % stronger to the left."""
+    rover = replace(ROVER, effects={"steering_asymmetry": {"e": 0.08}})
+    found = _answer(recorded, rover, (), seed=85)
+    (only,) = found.differences
+    assert (only.name, only.kind) == ("steering_asymmetry", "too much")
+    assert only.simulation[0].value == pytest.approx(0.08, abs=0.02)
+
+
 def test_another_filter_is_an_instrument(recorded):
     rover = replace(ROVER, velocity_lag=ROVER.velocity_lag + 0.06)
     found = _answer(recorded, rover, seed=90)

@@ -78,6 +78,13 @@ def test_physics_that_was_left_out_is_added():
     assert done.corrections[0].before == ""
 
 
+def test_an_effect_that_no_diagnosis_named_is_added_as_found():
+    d = _difference("steering_asymmetry", 0.0, 0.06, kind="left out", parameter="e")
+    assert _corrected(d).parameters.effects == {"steering_asymmetry": {"e": 0.06}}
+    other = _difference("yaw_damping", 0.0, 6.0, kind="left out", parameter="c")  # 1/s here, N m s there
+    assert not _corrected(other).corrections
+
+
 def test_physics_too_much_is_removed():
     rover = replace(NOMINAL, effects={"steering_backlash": {"b": 0.01}})
     d = _difference("steering_backlash", 0.01, 0.0001, kind="too much", parameter="b")
