@@ -21,7 +21,7 @@ from rover_sweep.twin.simulated_drives import MEASURED
 from sitl.plant.effects_table import FORMS
 from sitl.plant.variant import PlantParameters
 
-MOST_DRIVES = 4
+MOST_DRIVES = 5
 MOST_IN_VAIN = 2  # drives in a row that do not help; near the limit of grip one correction alone may fail
 AGREES = 1.3  # rms of each run over the noise of both
 HELPED = 0.98  # of the level before, below which a correction helped
@@ -81,13 +81,14 @@ def twin_of(
             break
         driven.append(again)
         say(_progress(driven))
-        helped = again.level < HELPED * min(d.level for d in driven[:-1]) or again.level < SETTLED
+        helped = again.level < HELPED * last.level or again.level < SETTLED
         in_vain = 0 if helped else in_vain + 1
         if in_vain == MOST_IN_VAIN:
             break
     best = min(driven, key=lambda d: d.level)
     if best is not driven[-1]:
-        remarks.append("the corrections after that drive did not help, so they were taken back")
+        number = driven.index(best) + 1
+        remarks.append(f"the corrections after drive {number} did not help, so they were taken back")
     kept = driven[: driven.index(best) + 1]
     left = corrected(best.rover, best.compared.answer, model).left
     return _twin(driven, kept, measured, left, tuple(remarks), time.monotonic() - started), best.rover
