@@ -96,6 +96,7 @@ def test_serve_without_the_firmware_says_how(run_program, tmp_path):
     assert "--physics serves the JSON interface alone" in done.err
 
 
+@pytest.mark.slow
 def test_diagnose_drives_a_simulator_and_compares(run_program, drawn, tmp_path, monkeypatch):
     from rover_sweep.api import diagnosis_input
 

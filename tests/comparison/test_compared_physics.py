@@ -96,6 +96,7 @@ def test_physics_too_much(recorded):
     assert only.recordings[0].value < 0.03
 
 
+@pytest.mark.slow
 def test_an_effect_that_no_diagnosis_named(recorded):
     """The recordings' rover steers straight; the simulation's is 8 % stronger to the left."""
     rover = replace(ROVER, effects={"steering_asymmetry": {"e": 0.08}})
@@ -105,6 +106,7 @@ def test_an_effect_that_no_diagnosis_named(recorded):
     assert only.simulation[0].value == pytest.approx(0.08, abs=0.02)
 
 
+@pytest.mark.slow
 def test_another_filter_is_an_instrument(recorded):
     rover = replace(ROVER, velocity_lag=ROVER.velocity_lag + 0.06)
     found = _answer(recorded, rover, seed=90)
@@ -137,6 +139,7 @@ def test_a_simulator_of_another_kind(recorded, tmp_path):
     assert "the simulation has no p" in [i.sentence for i in found.instruments]
 
 
+@pytest.mark.slow
 def test_a_simulator_without_roll_is_not_trusted(recorded, tmp_path):
     """Its a_y lacks the part of gravity, for which no number of the model stands."""
     columns = {"time": "t", "delta": "d", "speed": "V", "r": "r", "ay": "ay", "axes": "iso"}
