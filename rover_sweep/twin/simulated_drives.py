@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 from rover_sweep.comparison.corrected import Correction
+from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.errors import UsageError
 from rover_sweep.logs.read import read_logs, runs_of
@@ -15,12 +17,14 @@ from rover_sweep.redrive.grown_rover import as_measured_size, grown
 from rover_sweep.redrive.recorded_course import course_of
 from rover_sweep.redrive.vehicle_variant import as_measured, on_the_clock, refuse_instant
 from sitl.plant.variant import PlantParameters
+from sitl.redrive.course import Course
 from sitl.redrive.open_loop import redrive
 
 MEASURED = "measured, in the vehicle file"
 GROWN = "of the nominal rover, scaled by the mass and size of the vehicle file"
 LONG_AGO = 60.0  # s
 Say = Callable[[str], None]
+Columns = Mapping[str, Any] | str | None
 
 
 def with_measured(rover: PlantParameters, vehicle: Vehicle) -> tuple[PlantParameters, tuple[Correction, ...]]:
@@ -45,8 +49,31 @@ def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
+@dataclass(frozen=True, eq=False)
+class RecordedDrive:
+    """One log to repeat. name: of its source; runs: found in it."""
+
+    name: str
+    course: Course
+    runs: tuple[Recording, ...]
+
+
+def recorded_drives(sources: Sequence[str], columns: Columns = None) -> tuple[RecordedDrive, ...]:
+    """The drives in all logs. columns: the map of a .csv.
+
+    UsageError where a source is no log, DataRefused where one has no steering output, gyro or speed.
+    """
+    for source in sources:
+        if Path(source).is_dir():
+            raise UsageError(
+                f"{source} is a folder; give the .BIN or .tlog in it whose drive is to be repeated"
+            )
+    logs = [(source, log) for source in sources for log in read_logs(source, column_map=columns)]
+    return tuple(RecordedDrive(Path(s).name, course_of(screened(log)), runs_of(log)) for s, log in logs)
+
+
 def simulated_drives(
-    sources: Sequence[str],
+    drives: Sequence[RecordedDrive],
     rover: PlantParameters,
     folder: Path,
     simulator: str = "plant",
@@ -54,48 +81,39 @@ def simulated_drives(
     seed: int = 1,
     say: Say = lambda words: None,
 ) -> tuple[str, ...]:
-    """Paths of the recordings of a rover that repeats each log, on the clock of that log.
+    """Paths of the recordings of a rover that repeats each drive, on the clock of its log.
 
-    simulator: "plant", "embedded" or "ardurover". UsageError where the rover overturns, DataRefused where a
-    log has no steering, LinkError where the simulated rover does not drive it.
+    simulator: "plant", "embedded" or "ardurover". UsageError where the rover overturns, LinkError where the
+    simulated rover does not drive it.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    return tuple(_all(sources, rover, folder, simulator, ardurover, seed, say))
+    if simulator == "plant":
+        return tuple(_by_plant(drives, rover, folder, seed))
+    from rover_sweep.redrive.on_autopilot import drive_course
+
+    refuse_instant(rover, simulator)
+    targets = []
+    for k, drive in enumerate(drives):
+        targets.append(folder / f"sim{k + 1}.BIN")
+        for words in drive_course(drive.course, rover, targets[k], simulator, ardurover, seed + k):
+            say(f"{drive.name}: {words}")
+    return tuple(map(str, targets))
 
 
-def _all(
-    sources: Sequence[str],
-    rover: PlantParameters,
-    folder: Path,
-    simulator: str,
-    ardurover: Path | None,
-    seed: int,
-    say: Say,
+def _by_plant(
+    drives: Sequence[RecordedDrive], rover: PlantParameters, folder: Path, seed: int
 ) -> Iterator[str]:
-    number, changed = 0, False  # changed: the ground, in a log before
-    for source in sources:
-        for log in read_logs(source):
-            number += 1
-            target = folder / f"sim{number}.BIN"
-            course = course_of(screened(log))
-            if simulator == "plant":
-                runs = runs_of(log)
-                here = on_the_clock(rover, runs)
-                here = _changed_before(rover, float(course.t[0])) if changed else here
-                changed |= rover.effects.get("surface_change", {}).get("run") in [run.name for run in runs]
-                try:
-                    redrive(course, here, target, seed + number)
-                except ValueError as error:  # the rover overturns
-                    raise UsageError(str(error)) from error
-            else:
-                refuse_instant(rover, simulator)
-                from rover_sweep.redrive.on_autopilot import drive_course
-
-                for words in drive_course(
-                    course, replace(rover), target, simulator, ardurover, seed + number
-                ):
-                    say(f"{Path(source).name}: {words}")
-            yield str(target)
+    changed = False  # the ground, in a drive before
+    for k, drive in enumerate(drives):
+        target = folder / f"sim{k + 1}.BIN"
+        here = on_the_clock(rover, drive.runs)
+        here = _changed_before(rover, float(drive.course.t[0])) if changed else here
+        changed |= rover.effects.get("surface_change", {}).get("run") in [run.name for run in drive.runs]
+        try:
+            redrive(drive.course, here, target, seed + k)
+        except ValueError as error:  # the rover overturns
+            raise UsageError(str(error)) from error
+        yield str(target)
 
 
 def _changed_before(rover: PlantParameters, start: float) -> PlantParameters:

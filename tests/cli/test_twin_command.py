@@ -68,6 +68,27 @@ def test_twin_says_what_is_wrong(run_program, drawn, tmp_path, arguments, words)
     assert not (tmp_path / "twin").exists()
 
 
+def test_a_table_without_pwm_is_refused_at_once(run_program, drawn, tmp_path):
+    """The simulated rover repeats a steering output, so a table of angles cannot be driven again."""
+    t = np.arange(0.0, 40.0, 0.01)
+    delta = 0.1 * np.sin(2 * np.pi * (0.2 + 0.03 * t) * t)
+    table = np.column_stack((t, delta, np.full(t.size, 2.0), 5.0 * delta))
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,d,V,r", comments="")
+    columns = 'time = "t"\ndelta = "d"\nspeed = "V"\nr = "r"\n'
+    (tmp_path / "a.toml").write_text(columns)
+    where = (
+        "--columns",
+        str(tmp_path / "a.toml"),
+        "--vehicle",
+        str(drawn[1]),
+        "--out",
+        str(tmp_path / "twin"),
+    )
+    done = run_program("twin", str(tmp_path / "a.csv"), *where)
+    assert done.code == 3
+    assert "no steering output in us was recorded" in done.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -83,7 +83,7 @@ def _driven(
     from rover_sweep.cli.views.output import narration
     from rover_sweep.redrive.vehicle_variant import simulated_rover
     from rover_sweep.twin.loop import laws_of
-    from rover_sweep.twin.simulated_drives import simulated_drives, with_measured
+    from rover_sweep.twin.simulated_drives import recorded_drives, simulated_drives, with_measured
 
     console = narration()
 
@@ -94,7 +94,8 @@ def _driven(
     rover = rover if drive.variant else with_measured(rover, vehicle)[0]
     say(f"driving the simulated rover ({drive.simulator}) like the recordings")
     folder = drive.out / "simulated"
-    paths = simulated_drives(drive.sources, rover, folder, drive.simulator, drive.ardurover, drive.seed, say)
+    drives = recorded_drives(drive.sources, drive.reading.columns)
+    paths = simulated_drives(drives, rover, folder, drive.simulator, drive.ardurover, drive.seed, say)
     reading = replace(drive.reading, columns=None)
     assert found.model is not None
     return load_steered(paths, vehicle, reading, drive.sources), laws_of(rover, found.model)

@@ -105,10 +105,11 @@ def _twin(
     from rover_sweep.comparison.common_model import FittedSide
     from rover_sweep.comparison.compare import Compared
     from rover_sweep.twin.loop import twin_of, with_last_drive
-    from rover_sweep.twin.simulated_drives import simulated_drives
+    from rover_sweep.twin.simulated_drives import recorded_drives, simulated_drives
     from rover_sweep.twin.variant_file import variant_with_reasons
 
-    console, drives = narration(), 0
+    console, count = narration(), 0
+    drives = recorded_drives((*call.runs, *call.held_out), call.reading.columns)
     fitted: dict[tuple[str, ...], FittedSide] = {}
     found = _diagnosed(given, vehicle, call.seed, stop)
     if found.model is None:
@@ -120,14 +121,13 @@ def _twin(
     say(f"recordings: {found.sentence}")
 
     def drive(rover: PlantParameters, simulator: str = "plant") -> Sequence[Recording]:
-        nonlocal drives
-        drives += 1
-        folder = call.out / "simulated" / f"drive{drives}"
-        sources = (*call.runs, *call.held_out)
+        nonlocal count
+        count += 1
+        folder = call.out / "simulated" / f"drive{count}"
         paths = simulated_drives(
-            sources, rover, folder, simulator, call.ardurover, call.seed + 10 * drives, say
+            drives, rover, folder, simulator, call.ardurover, call.seed + 10 * count, say
         )
-        return load_steered(paths, vehicle, replace(call.reading, columns=None), sources)
+        return load_steered(paths, vehicle, replace(call.reading, columns=None), (*call.runs, *call.held_out))
 
     def compare(simulated: Sequence[Recording], laws: tuple[str, ...]) -> Compared:
         return compared(given.runs, given.held_out, simulated, found, laws, call.seed, fitted=fitted)
