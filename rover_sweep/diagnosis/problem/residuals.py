@@ -13,7 +13,6 @@ tolerances count the same and ordinary least squares is the maximum likelihood a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from scipy.fft import rfft
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.noise_floor import Floor, floor_of
+from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged, motion, motion_coordinates
 
@@ -124,8 +124,7 @@ class Problem:
         def of(which: Sequence[int]) -> list[Array]:
             return self.of_one_motion(structure, [xs[k] for k in which])
 
-        with ThreadPoolExecutor(2) as pool:
-            found = [rows for part in pool.map(of, alike.values()) for rows in part]
+        found = [rows for part in side_by_side(of, tuple(alike.values())) for rows in part]
         place = np.argsort([k for which in alike.values() for k in which])
         return list(self.of(np.column_stack([found[k] for k in place])).T)
 

@@ -28,6 +28,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.diagnosis.simulation.simulator import Structure
 
@@ -69,7 +70,7 @@ def signatures(
         for e in (model.laws(family.id) if forms else (family,))
         for w in _wanted(problem, base, model, e, at or {}, tolerances)
     ]
-    rows = [problem.model(structure, x) - now for _, _, _, structure, x in wanted]
+    rows = side_by_side(lambda w: problem.model(w[3], w[4]) - now, wanted)
     return [
         Signature(e.id, p.name, size, e.signed, r, e.name if forms else "")
         for (e, p, size, _, _), r in zip(wanted, rows, strict=True)

@@ -17,6 +17,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 
 SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
@@ -242,34 +243,30 @@ def fit_candidates(
     where the base is far off: it may have settled where no effect helps, so all are fitted from there too.
     """
     screened: list[Screened] = []
-    for k, effect in enumerate(effects):
-        if stop():
-            break
+    tested = side_by_side(lambda e: None if stop() else screen(problem, base, space, model, e), effects)
+    for k, (effect, found) in enumerate(zip(effects, tested, strict=True)):
         progress(f"testing {effect.title}", 0.5 * k / max(len(effects), 1))
-        one = screen(problem, base, space, model, effect)
-        screened += [one] if one is not None else []
+        screened += [found] if found is not None else []
     screened.sort(key=lambda x: -x.predicted)
     promising = [x for x in screened if x.predicted >= FITTED_FROM * thresholds.get(x.effect, 0.0)][:FITTED]
     out = [Trial(x.effect, x.model, base, x.predicted) for x in screened if x not in promising]
-    for k, one in enumerate(promising):
-        if stop():
-            out += [
-                Trial(x.effect, x.model, base, x.predicted)
-                for x in promising[k:]
-                if x.effect not in DEGREES_OF_FREEDOM
-            ]
-            break
+    fits = side_by_side(lambda x: None if stop() else fit_from(problem, base, x), promising)
+    for k, (one, trial) in enumerate(zip(promising, fits, strict=True)):
         progress(f"fitting {one.effect}", 0.5 + 0.5 * k / len(promising))
-        out.append(fit_from(problem, base, one))
+        if trial is not None:
+            out.append(trial)
+        elif one.effect not in DEGREES_OF_FREEDOM:
+            out.append(Trial(one.effect, one.model, base, one.predicted))
     if origin is not None:
-        out = [_from_origin(problem, base, origin, model, t) if not stop() else t for t in out]
         known = {t.effect for t in out}
-        out += [
-            t
+        others = [
+            _unfitted(model, base, e)
             for e in effects
-            if e.id not in known and not e.in_one_run and not stop()
-            if (t := _from_origin(problem, base, origin, model, _unfitted(model, base, e))).fitted is not base
+            if e.id not in known and not e.in_one_run and e.id not in DEGREES_OF_FREEDOM
         ]
+        every = (*out, *others)
+        again = side_by_side(lambda t: t if stop() else _from_origin(problem, base, origin, model, t), every)
+        out = [t for t, before in zip(again, every, strict=True) if before in out or t.fitted is not base]
     return sorted(out, key=lambda t: -t.gain)
 
 
@@ -299,23 +296,26 @@ def refit_candidates(
 ) -> list[Trial]:
     """The trials, the best fitted again with their own Jacobian; thresholds: {effect: gain}."""
     best = max((t.gain for t in trials), default=0.0)
-    out = []
-    for rank, trial in enumerate(trials):
+
+    def again(ranked: tuple[int, Trial]) -> Trial:
+        rank, trial = ranked
         near = trial.gain > max(REFITTED_FROM * thresholds.get(trial.effect, 0.0), RIVAL * best)
-        fitted = trial.fitted is not base
-        again = fitted and near and rank < REFITTED and not stop()
-        found = refitted(problem, base, trial) if again else trial
-        if again and rank < RESTARTED and base.overdispersion > FAR:
+        if trial.fitted is base or not near or rank >= REFITTED or stop():
+            return trial
+        found = refitted(problem, base, trial)
+        if rank < RESTARTED and base.overdispersion > FAR:
             other = _restarted(problem, base, found)
             found = other if other.gain > found.gain else found
-        out.append(found)
-    out.sort(key=lambda t: -t.gain)
+        return found
+
+    out = sorted(side_by_side(again, list(enumerate(trials))), key=lambda t: -t.gain)
     rivals = [
         t
         for t in out[:FORMS_OF]
         if t.fitted is not base and t.gain > max(RIVAL_FORMS * out[0].gain, thresholds.get(t.effect, 0.0))
     ]
-    compared = {t.effect: best_form(problem, base, t) for t in rivals if not stop()}
+    forms = side_by_side(lambda t: t if stop() else best_form(problem, base, t), rivals)
+    compared = {t.effect: t for t in forms}
     return sorted((compared.get(t.effect, t) for t in out), key=lambda t: -t.gain)
 
 

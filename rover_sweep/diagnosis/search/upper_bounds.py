@@ -20,6 +20,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
+from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.result import Unseen, UpperBound
 from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
 from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
@@ -53,7 +54,8 @@ def upper_bounds(last: Round, only: Sequence[str] = (), without: Sequence[str] =
     """
     effects = possible(last.model, last.problem.runs, only, without)[0]
     signals = Signals(last.problem, last.model, last.fitted)
-    return tuple(_unseen(last, signals, e) for e in effects if e.id not in DEGREES_OF_FREEDOM)
+    judged = [e for e in effects if e.id not in DEGREES_OF_FREEDOM]
+    return tuple(side_by_side(lambda e: _unseen(last, signals, e), judged))
 
 
 def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:

@@ -10,7 +10,7 @@ corrected, with nonlinear tyre slip angles:
 
 from __future__ import annotations
 
-from math import atan, copysign, exp, sin, sqrt, tanh
+from math import atan, copysign, cos, exp, sin, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -224,6 +224,30 @@ def roll_only(across, yaw_rate_dot, mx, q, dt):  # type: ignore[no-untyped-def]
         p += dt * p_dot
         phi += dt * p
     return y
+
+
+@njit(cache=True, nogil=True)
+def lagged_over_ground(forward, across, r, lag, dt):  # type: ignore[no-untyped-def]
+    """Lateral velocity (n,) m/s of a velocity that lags by `lag` [s] over ground.
+
+    forward, across (n,): velocity in body axes [m/s]. r (n,): yaw rate [rad/s]. dt: step [s]. The lag is that
+    of the trapezoidal rule, whose delay equals it; its state is kept in body axes, which turn by r dt.
+    """
+    out = np.empty(r.size)
+    keep = (2.0 * lag - dt) / (2.0 * lag + dt)
+    new = 0.5 * (1.0 - keep)
+    x, y = forward[0], across[0]  # of the lagged velocity
+    before_x, before_y = x, y  # of the velocity one step before
+    out[0] = y
+    for k in range(1, r.size):
+        c, s = cos(r[k] * dt), sin(r[k] * dt)
+        sum_x = keep * x + new * before_x
+        sum_y = keep * y + new * before_y
+        x = c * sum_x + s * sum_y + new * forward[k]
+        y = c * sum_y - s * sum_x + new * across[k]
+        before_x, before_y = forward[k], across[k]
+        out[k] = y
+    return out
 
 
 @njit(cache=True, nogil=True)

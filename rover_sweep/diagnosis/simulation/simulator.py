@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, pi
 from typing import Any, TypeVar
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import lfilter
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.recording import Array
@@ -27,10 +26,17 @@ from rover_sweep.diagnosis.effects.kinds import (
 )
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.kernel import VehicleNumbers, roll_only, servo, single_track
+from rover_sweep.diagnosis.simulation.kernel import (
+    VehicleNumbers,
+    lagged_over_ground,
+    roll_only,
+    servo,
+    single_track,
+)
 
 STEP = 1.0 / RATE
 SENSED = {"bias_ay", "imu_x", "imu_z", "ay_lag", "p_lag", "vy_lag", "vy_gain", "heading"}  # act on a log only
+MOST_LAGS = 8  # kept responses of a run's sensors
 Kind = TypeVar("Kind", bound=Effect)
 
 
@@ -257,24 +263,21 @@ def _lagged_velocity(moved: Mapping[str, Array], across: Array, x: Values) -> Ar
     lag = x.get("vy_lag", 0.0)
     if lag <= 1e-5:
         return across
-    turned = np.exp(1j * np.cumsum(moved["r"]) * STEP)
-    keep = (2 * lag - STEP) / (2 * lag + STEP)  # trapezoidal rule, whose delay equals the lag
-    new = 0.5 * (1.0 - keep)
-    ground = (moved["V"] + 1j * across) * turned
-    slow = lfilter([new, new], [1.0, -keep], ground, zi=[(1.0 - new) * ground[0]])[0]
-    return np.asarray((slow * np.conj(turned)).imag)
+    return np.asarray(lagged_over_ground(moved["V"], across, moved["r"], lag, STEP))
 
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
     """Low-passes and lags of the channels of a run, at the frequencies of its padded Fourier transform.
 
-    size: length of the padded run. w (k,): rad/s. known: {channel: response (k,)} of the known filters.
+    size: length of the padded run. w (k,): rad/s. known: {channel: response (k,)} of the known filters. lags:
+    {lag [s]: response (k,)} of those that were computed last.
     """
 
     size: int
     w: Array
     known: Mapping[str, Any]
+    lags: dict[float, Any] = field(default_factory=dict)
 
     @staticmethod
     def of(run: Experiment) -> Sensors:
@@ -323,7 +326,12 @@ class Sensors:
         lag_s = x.get(lag, 0.0) if lag else 0.0
         if lag_s == 0.0:
             return 1.0
-        return np.exp(-1j * self.w * lag_s)
+        response = self.lags.get(lag_s)
+        if response is None:  # most columns of a Jacobian have the same lag
+            if len(self.lags) >= MOST_LAGS:
+                self.lags.clear()
+            response = self.lags[lag_s] = np.exp(-1j * self.w * lag_s)
+        return response
 
 
 def motion_coordinates(structure: Structure, x: Values) -> dict[str, float]:

@@ -12,7 +12,6 @@ nonlinear dynamical systems, PNAS 113(15).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.residuals import over_noise
+from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.problem.signatures import Signature
 from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
 from rover_sweep.diagnosis.search.rounds import MOST_NOISE, Round
@@ -155,8 +155,7 @@ def _tested_laws(last: Round, seed: int) -> _TestedLaws:
 
     recorded = {r.channel for r in problem.rows}
     every = tuple(w for w in every if not w.place.startswith("sensor") or w.place.split()[-1] in recorded)
-    with ThreadPoolExecutor(2) as pool:
-        rows = list(pool.map(signature, every))
+    rows = list(side_by_side(signature, every))
     kept: list[tuple[Law, Array, Array]] = []
     for law, row in zip(every, rows, strict=True):
         outside = last.tangent.outside(row)

@@ -1,0 +1,29 @@
+"""Independent simulations at the same time: compiled loops and transforms release Python's lock."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+THREADS = 2
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+_here = threading.local()  # its `busy` is true in a thread that works for side_by_side already
+
+
+def side_by_side(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    """work(item) of each item, in their order, on two threads; one after the other within such a thread.
+
+    The results are the same as without threads, bit for bit.
+    """
+    if len(items) < 2 or getattr(_here, "busy", False):
+        yield from map(work, items)
+        return
+    with ThreadPoolExecutor(THREADS, initializer=_begin) as pool:
+        yield from pool.map(work, items)
+
+
+def _begin() -> None:
+    _here.busy = True
