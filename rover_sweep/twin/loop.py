@@ -97,8 +97,14 @@ def twin_of(
 def with_last_drive(
     twin: Twin, rover: PlantParameters, model: AugmentedModel, drive: Drive, compare: Compare, simulator: str
 ) -> Twin:
-    """The twin with one more drive of its rover on another simulator, which decides whether it agrees."""
-    last = _compared(rover, model, drive, compare).answer
+    """The twin with one more drive of its rover on another simulator, which decides whether it agrees.
+
+    Where that drive fails or cannot be compared, the twin with a remark that says why.
+    """
+    try:
+        last = _compared(rover, model, drive, compare).answer
+    except RoverSweepError as error:
+        return replace(twin, remarks=(*twin.remarks, f"the drive on {simulator} does not count: {error}"))
     agrees = all(a.overall <= AGREES for a in last.agreement)
     words = _sentence(agrees, last, len(twin.corrections), len(twin.rounds) + 1)
     rounds = (*twin.rounds, TwinDrive(last, (), simulator))
