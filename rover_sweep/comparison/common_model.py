@@ -35,6 +35,7 @@ from rover_sweep.diagnosis.simulation.nominal import Coordinate
 WIDE = Tolerances(
     lag=0.25,
     delay=0.25,
+    early=0.03,  # a simulation may log its step's end with the input of its beginning
     ratio=1.0,
     bias_ay=1.5,
     trim=0.06,
@@ -92,12 +93,16 @@ class FittedSide:
         return np.array([self.fitted.x[c.name] / c.scale for c in self.fitted.free])
 
 
-def common_model(recordings: AugmentedModel, effects: Sequence[str]) -> Model:
-    """The model of the recordings with wide tolerances, and the simulation's effects, by name."""
+def common_model(recordings: AugmentedModel, effects: Sequence[str], roll_seen: bool = True) -> Model:
+    """The model of the recordings with wide tolerances, and the simulation's effects, by name.
+
+    roll_seen: False where no compared channel shows roll: a model without it then replaces roll-yaw.
+    """
     own = {form_named(name).id for name in recordings.effects}
     more = tuple(name for name in effects if form_named(name).id not in own)
+    bare = recordings.baseline == "roll-yaw" and not roll_seen and not recordings.effects
     return Model(
-        recordings.baseline,
+        "bicycle" if bare else recordings.baseline,
         recordings.rover,
         WIDE,
         (*recordings.effects, *more),

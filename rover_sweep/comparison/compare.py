@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from threadpoolctl import threadpool_limits
+
 from rover_sweep.comparison.answer import Agreement, Comparison, Difference, Verdict
 from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of
 from rover_sweep.comparison.differences import Found, differences, found_between
@@ -47,6 +49,7 @@ class Compared:
     unused: Direct | None
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # both cores are used by the simulations
 def compare(
     recorded: Sequence[Experiment],
     held_out: Sequence[Experiment],
@@ -142,7 +145,8 @@ def _sides(
             fitted[common.effects] = side_of(recorded, common, begin, has)
         return fitted[common.effects]
 
-    common = common_model(model, effects or ())
+    seen = any({"p", "ay"} & set(run.measured) for run in recorded)
+    common = common_model(model, effects or (), seen)
     first = recordings(common, model.x)
     has = None if effects is None else [form_named(name).id for name in effects]
     own = side_of(raw, common, model.x, has)
@@ -151,7 +155,7 @@ def _sides(
         own = side_of(simulated, common, own.fitted.x, has)
     if effects is not None or not _more_in(own):
         return first, own
-    both = common_model(model, _searched(simulated, common, first, options))
+    both = common_model(model, _searched(simulated, common, first, options), seen)
     if both.effects == common.effects:
         return first, own
     has = [form_named(name).id for name in both.effects]

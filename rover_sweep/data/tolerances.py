@@ -13,8 +13,8 @@ class Tolerances:
     cg, imu [m], h, roll_inertia (relative), sensor_lag [s], velocity_gain (relative), velocity_lag [s].
     heading [rad]: of the estimator, which a compass or its mounting makes wrong, so V_y has a part of V.
     together [s]: sum of lag and delay, above which they are a finding. bend: curvature of the tyre force near
-    its limit, about friction^-4, in F = C alpha (1 - bend (C alpha/Fz)^4/4). [material] of the vehicle file
-    changes them.
+    its limit, about friction^-4, in F = C alpha (1 - bend (C alpha/Fz)^4/4). early [s]: by which a log may
+    date the motion before the steering that causes it. [material] of the vehicle file changes them.
     """
 
     lag: float = 0.040
@@ -34,3 +34,4 @@ class Tolerances:
     heading: float = 0.015
     together: float = 0.072
     bend: float = 0.7
+    early: float = 0.0

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
+from threadpoolctl import threadpool_limits
+
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.certainty import probability
@@ -81,6 +83,7 @@ class _SpeedAnswer:
     unknown: Unknown | None = None
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # both cores are used by the simulations
 def diagnose(
     runs: Sequence[Recording],
     rover: Geometry,

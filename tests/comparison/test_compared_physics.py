@@ -164,8 +164,9 @@ def _write_bicycle(path, run, inertia):
     v = r = 0.0
     rows = []
     for now, d, fast in zip(t - t[0], delta, speed, strict=True):
-        for _ in range(5):
+        for step in range(5):
             one, two = front * (d - (v + a * r) / fast), rear * (b * r - v) / fast
+            if step == 0:
+                rows.append((now, d, fast, r, (one + two) / m))
             v, r = v + 0.002 * ((one + two) / m - fast * r), r + 0.002 * (a * one - b * two) / inertia
-        rows.append((now, d, fast, r, (one + two) / m))
     np.savetxt(path, rows, delimiter=",", header="t,d,V,r,ay", comments="")

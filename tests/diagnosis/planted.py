@@ -37,7 +37,7 @@ def sweeps(seed: int, plan: Sequence[tuple[float, float]] = PLAN) -> list[Experi
     out = []
     for k, (amplitude, speed) in enumerate(plan):
         law = Sweep()
-        t = np.arange(13600) / RATE
+        t = np.arange(int(68.0 * RATE)) / RATE
         steer = amplitude * law.wave(t) / law.amplitude
         taper = np.clip(np.minimum(t, t[-1] - t), 0.0, 1.0)
         run = Experiment(

@@ -85,7 +85,14 @@ def test_small_motion_is_that_of_the_linear_part(case: str) -> None:
     t = run.t
     steer = TINY * np.sin(2 * np.pi * (0.3 * t + 0.12 * t * t)) * np.minimum(1.0, t)
     straight = {c: np.zeros(t.size) for c in ("r", "ay", "p", "vy")}
-    run = replace(run, steer=steer, speed=np.full(t.size, SPEED), measured=straight, filters=chosen.filters)
+    run = replace(
+        run,
+        steer=steer,
+        commanded=None,
+        speed=np.full(t.size, SPEED),
+        measured=straight,
+        filters=chosen.filters,
+    )
     expected = logged(run, chosen.structure, chosen.x, Sensors.of(run))
     exported = exported_augmented(chosen, "explained", SPEED)
     fine = 10  # a held input is late by half a step
@@ -95,7 +102,7 @@ def test_small_motion_is_that_of_the_linear_part(case: str) -> None:
         y = found[channel][::fine]
         if fraction := exported["sensor_filters"].get(channel):
             y = _through(fraction, found[channel], fine * RATE)[::fine]
-        measured = np.gradient(expected["vy"], 1 / RATE) if channel == "vydot" else expected[channel]
+        measured = _slope(expected["vy"]) if channel == "vydot" else expected[channel]
         inside = slice(100, -200)
         size = max(float(np.sqrt(np.mean(measured[inside] ** 2))), 1e-9)
         error = float(np.sqrt(np.mean((y - measured)[inside] ** 2))) / size
@@ -103,6 +110,12 @@ def test_small_motion_is_that_of_the_linear_part(case: str) -> None:
         # its implicit Euler adds 0.025 to the damping ratio of a servo that swings at 20 rad/s
         room = 0.06 if case == "swinging servo" else 0.1 if "vy_lag" in linear(chosen).values else 0.03
         assert error < room, (channel, error)
+
+
+def _slope(y: np.ndarray) -> np.ndarray:
+    """dy/dt by five points: two lose 7 % of 10 Hz at this rate."""
+    near = [np.roll(y, -k) for k in (-2, -1, 1, 2)]
+    return (near[0] - 8 * near[1] + 8 * near[2] - near[3]) / (12 / RATE)
 
 
 def _through(fraction: dict[str, list[float]], y: np.ndarray, rate: float) -> np.ndarray:

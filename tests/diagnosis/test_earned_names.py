@@ -27,7 +27,7 @@ def driven(law: str, size: float, plan, seed: int, steps: bool = False) -> list[
     for run in sweeps(seed, plan):
         if steps:
             wave = np.sign(np.sin(2 * np.pi * run.t / 4.0)) * (np.abs(np.sin(2 * np.pi * run.t / 8.0)) > 0.5)
-            run = replace(run, steer=run.amplitude * wave)
+            run = replace(run, steer=run.amplitude * wave, commanded=None)
         clean = logged(run, model.structure, {**X, key: size}, Sensors.of(run))
         noisy = {c: y + 3.0 * NOISE[c] * random.standard_normal(y.size) for c, y in clean.items()}
         out.append(replace(run, measured=noisy))

@@ -93,7 +93,7 @@ def test_residual_power_grows_as_the_vocabulary_says(effect, growth):
     model = replace(MODEL, effects=(e.id,))
     power = []
     for scale in (0.5, 1.0):
-        run = replace(RUN, steer=scale * RUN.steer)
+        run = replace(RUN, steer=scale * RUN.steer, commanded=None)
         with_it = logged(run, model.structure, {**NOMINAL, **coordinates_of(e, 1.0)}, SENSORS)
         without = logged(run, MODEL.structure, NOMINAL, SENSORS)
         power.append(np.mean((with_it["r"] - without["r"]) ** 2))

@@ -68,7 +68,7 @@ def test_a_quieter_run_is_judged_by_its_own_noise() -> None:
     clean = logged(run, BOTH.structure, TRUE, Sensors.of(run))
     quiet = replace(run, measured={c: y + 0.5 * (run.measured[c] - y) for c, y in clean.items()})
     found = compare_held_out(HeldOutRun.of(quiet, FLOOR, whole), rest, whole)
-    assert found.share_removed == pytest.approx(1.0, abs=0.05)
+    assert found.share_removed == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_model_at_the_floor_has_nothing_to_remove() -> None:
@@ -89,7 +89,7 @@ def test_an_effect_counts_by_what_the_others_cannot_explain() -> None:
     held = HeldOutRun.of(driven(4)[0], FLOOR, FittedModel(BOTH, TRUE))
     rest = refitted_without("steering_trim", with_floor(driven(3), FLOOR), whole)
     assert rest.model.effects == ("tyre_relaxation",)
-    assert compare_held_out(held, rest, whole).share_removed == pytest.approx(1.0, abs=0.05)
+    assert compare_held_out(held, rest, whole).share_removed == pytest.approx(1.0, abs=0.1)
     nothing = FittedModel(MODEL, {**X, "trim": 0.0})
     left = [float(held.residual(m) @ held.residual(m)) for m in (whole, rest, nothing)]
     assert left[0] < left[1] < left[2]

@@ -40,6 +40,7 @@ def _shortened(run: Experiment) -> Experiment:
         run,
         t=t,
         steer=run.steer[PART],
+        commanded=None,
         speed=run.speed[PART],
         heading=run.heading[PART],
         taper=tapered(t.size),

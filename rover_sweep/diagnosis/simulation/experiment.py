@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.fft import next_fast_len
 
 from rover_sweep.data.recording import Array, LowPass, Recording
+from rover_sweep.diagnosis.simulation.between_samples import on_grid
 
-RATE = 200.0  # Hz, of the simulation
+RATE = 100.0  # Hz, of the simulation; rows are compared up to 12 Hz
+FINE = 2  # times as many points of the commanded steering, whose corners a rate limit or play shows
 MARGIN = 1.5  # s of driving before and after the manoeuvre that are used, if recorded
 CHANNELS = ("r", "ay", "p", "vy")
 SMOOTH = 0.25  # s
@@ -28,7 +31,8 @@ class Experiment:
     known low-passes. taper (n,): 0 at both ends, 1 between. rates: {channel: sampling rate [Hz]}.
     steer_rate: that of the steering [Hz]. begin: time of t = 0 on the clock of the recording [s].
     two_clocks: steering and motion come from different clocks. order: place among the runs in the order of
-    driving; driven: time driven in the runs before [s].
+    driving; driven: time driven in the runs before [s]. commanded (FINE n,): `steer` on a finer grid, None
+    where there is none.
     """
 
     name: str
@@ -48,6 +52,15 @@ class Experiment:
     begin: float = 0.0
     order: int = 0
     driven: float = 0.0
+    commanded: Array | None = None
+
+    @cached_property
+    def fine_steer(self) -> Array:
+        """Commanded road-wheel angle (FINE n,) rad at `FINE` times the rate."""
+        if self.commanded is not None:
+            return self.commanded
+        fine = np.arange(FINE * self.t.size) / FINE
+        return np.interp(fine, np.arange(self.t.size), self.steer)
 
     @property
     def mean_speed(self) -> float:
@@ -64,7 +77,7 @@ def experiment(run: Recording) -> Experiment:
     """The run with up to `MARGIN` before and after its manoeuvre, while the rover was driving."""
     start, end = _driven(run)
     grid = start + np.arange(_fast(int((end - start) * RATE) + 1)) / RATE
-    measured = {c: run[c].on(grid) for c in CHANNELS if c in run}
+    measured = {c: on_grid(run[c], grid) for c in CHANNELS if c in run}
     speed = smoothed(run["speed"].on(grid))
     slowest = min(SLOWEST, SLOW_SHARE * float(np.median(speed)))
     heading = np.unwrap(run["psi"].on(grid)) if "psi" in run else np.zeros(grid.size)
@@ -73,7 +86,7 @@ def experiment(run: Recording) -> Experiment:
         run.name,
         run.kind,
         grid - grid[0],
-        run["delta"].on(grid),
+        on_grid(run["delta"], grid),
         np.maximum(speed, slowest),
         heading,
         measured,
@@ -85,6 +98,7 @@ def experiment(run: Recording) -> Experiment:
         len({_clock(run, c) for c in ("delta", "r")}) > 1,
         run["delta"].rate,
         float(grid[0]),
+        commanded=on_grid(run["delta"], grid[0] + np.arange(FINE * grid.size) / (FINE * RATE)),
     )
 
 

@@ -19,7 +19,8 @@ from numba import njit
 V, R, PHI, P = range(4)  # rows of a state of the lumped model: m/s, rad/s, rad, rad/s
 SGN_WIDTH = 0.01  # rad/s, within which dry friction is smooth, times exp(ln_width)
 FALLING = 1.6  # shape factor C of the magic formula; the force falls beyond its peak
-FASTEST = 300.0  # 1/s, of the tyre relaxation; a faster one has no effect at this step
+FASTEST = 300.0  # 1/s, of the tyre relaxation; a faster one has no effect
+STABLE, MOST_PARTS = 2.0, 8  # rate times step within which RK4 is stable; parts of a step at low speed
 
 
 class VehicleNumbers(NamedTuple):
@@ -124,76 +125,84 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
     inv_j = 1.0 / j if roll else 0.0  # 0 where the vehicle file has no roll
     spring = ms * g * h - q[AT.k_phi]
     inv_width = 1.0 / (SGN_WIDTH * exp(q[AT.ln_width]))
-    sixth, top_motion, top_force = dt / 6.0, 1e3, 1e3 * m * g
+    top_motion, top_force = 1e3, 1e3 * m * g
 
     n = steer.size
     y = np.zeros((n, 7))
     v = r = phi = p = lag_f = lag_r = across = shifted = 0.0
+    rigid = (stiff_f + stiff_r) * inv_m + (a * a * stiff_f + b * b * stiff_r) * inv_izz
     for k in range(n):
         last = k + 1 == n
         end = k if last else k + 1
-        sum_v = sum_r = sum_phi = sum_p = sum_f = sum_rear = 0.0
-        dv = dr = dphi = dp = df = drear = 0.0
-        for stage in range(4):
-            later = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # share of the step
-            kept = 1.0 - later
-            d = kept * steer[k] + later * steer[end]
-            forward = kept * speed[k] + later * speed[end]
-            ground = kept * grip[k] + later * grip[end]
-            step = later * dt
-            v1, r1, phi1, p1 = v + step * dv, r + step * dr, phi + step * dphi, p + step * dp
+        fastest = rigid / speed[k] + (min(speed[k] / sigma, FASTEST) if relaxed else 0.0)
+        parts = 1 if last else min(int(fastest * dt / STABLE) + 1, MOST_PARTS)
+        width = dt / parts
+        for part in range(parts):
+            sum_v = sum_r = sum_phi = sum_p = sum_f = sum_rear = 0.0
+            dv = dr = dphi = dp = df = drear = 0.0
+            for stage in range(4):
+                share = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # of the part
+                later = (part + share) / parts  # share of the step
+                kept = 1.0 - later
+                d = kept * steer[k] + later * steer[end]
+                forward = kept * speed[k] + later * speed[end]
+                ground = kept * grip[k] + later * grip[end]
+                step = share * width
+                v1, r1, phi1, p1 = v + step * dv, r + step * dr, phi + step * dphi, p + step * dp
 
-            d += e_roll * phi1
-            soft = max(1.0 - k_load * shifted * shifted, 0.05) * ground
-            cf, cr = stiff_f * soft, stiff_r * soft
-            inv_speed = 1.0 / forward
-            turn = r1 * inv_speed
-            both = inv_speed * (1.0 + track * turn * turn)  # mean of 1/(V - s r) and 1/(V + s r)
-            alpha_f = _angle((v1 + a * r1) * both) - d
-            alpha_r = _angle((v1 - b * r1) * both) - e_rear * phi1
-            if compliance != 0.0:
-                # the force that takes the angle away, by linear tyres: F = -C (alpha + compliance F)
-                alpha_f -= compliance * cf * alpha_f / (1.0 + compliance * cf)
-            front = _tyre(alpha_f, cf, load_f, inv_load_f, inv_mu, half_bend, form)
-            rear = _tyre(alpha_r, cr, load_r, inv_load_r, inv_mu, half_bend, form)
-            if relaxed:
-                f1, rear1 = lag_f + step * df, lag_r + step * drear
-                rate = min(forward / sigma, FASTEST)
-                df, drear = rate * (front - f1), rate * (rear - rear1)
-                front, rear = f1, rear1
-            front *= 1.0 - d * d * (0.5 - d * d / 24.0)
-            side = front + rear + kept * fy[k] + later * fy[end]
-            yaw = a * front - b * rear + kept * mz[k] + later * mz[end]
-            yaw -= (yaw_damp + yaw_damp_v * inv_speed) * r1
-            if roll:
-                torque = spring * phi1 - b_phi * p1 + kept * mx[k] + later * mx[end]
-                if t_roll != 0.0:
-                    torque -= t_roll * tanh(p1 * inv_width)
-                # lateral acceleration v' + V r and p' of the first and third equation, r' of the second
-                dp = (torque + hm * side - twist * yaw) * inv_j
-                across = side * inv_m + hm * dp
-                dr = (yaw - ixz * dp) * inv_izz
-                dphi = p1
-            else:
-                across = side * inv_m
-                dr = yaw * inv_izz
-            dv = across - forward * r1
+                d += e_roll * phi1
+                soft = max(1.0 - k_load * shifted * shifted, 0.05) * ground
+                cf, cr = stiff_f * soft, stiff_r * soft
+                inv_speed = 1.0 / forward
+                turn = r1 * inv_speed
+                both = inv_speed * (1.0 + track * turn * turn)  # mean of 1/(V - s r) and 1/(V + s r)
+                alpha_f = _angle((v1 + a * r1) * both) - d
+                alpha_r = _angle((v1 - b * r1) * both) - e_rear * phi1
+                if compliance != 0.0:
+                    # the force that takes the angle away, by linear tyres: F = -C (alpha + compliance F)
+                    alpha_f -= compliance * cf * alpha_f / (1.0 + compliance * cf)
+                front = _tyre(alpha_f, cf, load_f, inv_load_f, inv_mu, half_bend, form)
+                rear = _tyre(alpha_r, cr, load_r, inv_load_r, inv_mu, half_bend, form)
+                if relaxed:
+                    f1, rear1 = lag_f + step * df, lag_r + step * drear
+                    rate = min(forward / sigma, FASTEST)
+                    df, drear = rate * (front - f1), rate * (rear - rear1)
+                    front, rear = f1, rear1
+                front *= 1.0 - d * d * (0.5 - d * d / 24.0)
+                side = front + rear + kept * fy[k] + later * fy[end]
+                yaw = a * front - b * rear + kept * mz[k] + later * mz[end]
+                yaw -= (yaw_damp + yaw_damp_v * inv_speed) * r1
+                if roll:
+                    torque = spring * phi1 - b_phi * p1 + kept * mx[k] + later * mx[end]
+                    if t_roll != 0.0:
+                        torque -= t_roll * tanh(p1 * inv_width)
+                    # lateral acceleration v' + V r and p' of the first and third equation, r' of the second
+                    dp = (torque + hm * side - twist * yaw) * inv_j
+                    across = side * inv_m + hm * dp
+                    dr = (yaw - ixz * dp) * inv_izz
+                    dphi = p1
+                else:
+                    across = side * inv_m
+                    dr = yaw * inv_izz
+                dv = across - forward * r1
 
-            if stage == 0:
-                y[k, 0], y[k, 1], y[k, 2], y[k, 3] = v, r, phi, p
-                y[k, 4], y[k, 5], y[k, 6] = across, dr, dp
-                shifted = across * inv_g  # the load that has moved: of the step's start, so no loop arises
-                if last:
-                    break
-            share = sixth if stage in (0, 3) else 2.0 * sixth
-            sum_v += share * dv
-            sum_r += share * dr
-            sum_phi += share * dphi
-            sum_p += share * dp
-            sum_f += share * df
-            sum_rear += share * drear
-        v, r, phi, p = v + sum_v, r + sum_r, phi + sum_phi, p + sum_p
-        lag_f, lag_r = lag_f + sum_f, lag_r + sum_rear
+                if stage == 0 and part == 0:
+                    y[k, 0], y[k, 1], y[k, 2], y[k, 3] = v, r, phi, p
+                    y[k, 4], y[k, 5], y[k, 6] = across, dr, dp
+                    shifted = (
+                        across * inv_g
+                    )  # the load that has moved: of the step's start, so no loop arises
+                    if last:
+                        break
+                weight = width / 6.0 if stage in (0, 3) else width / 3.0
+                sum_v += weight * dv
+                sum_r += weight * dr
+                sum_phi += weight * dphi
+                sum_p += weight * dp
+                sum_f += weight * df
+                sum_rear += weight * drear
+            v, r, phi, p = v + sum_v, r + sum_r, phi + sum_phi, p + sum_p
+            lag_f, lag_r = lag_f + sum_f, lag_r + sum_rear
         # an unstable trial of a fit
         v = v if abs(v) < top_motion else 0.0
         r = r if abs(r) < top_motion else 0.0
@@ -217,12 +226,24 @@ def roll_only(across, yaw_rate_dot, mx, q, dt):  # type: ignore[no-untyped-def]
     ms, h, g = q[AT.ms], q[AT.h], q[AT.g]
     j = q[AT.Ixx] + ms * h * h
     for k in range(n):
-        friction = _dry(q[AT.T_roll], p, q[AT.ln_width])
-        torque = (ms * g * h - q[AT.k_phi]) * phi - q[AT.b_phi] * p - friction + mx[k]
-        p_dot = (torque + h * ms * across[k] - q[AT.Ixz] * yaw_rate_dot[k]) / j
-        y[k, 0], y[k, 1], y[k, 2] = phi, p, p_dot
-        p += dt * p_dot
-        phi += dt * p
+        end = min(k + 1, n - 1)
+        sum_phi = sum_p = dphi = dp = 0.0
+        for stage in range(4):
+            later = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # share of the step
+            kept = 1.0 - later
+            phi1, p1 = phi + later * dt * dphi, p + later * dt * dp
+            torque = (
+                (ms * g * h - q[AT.k_phi]) * phi1 - q[AT.b_phi] * p1 - _dry(q[AT.T_roll], p1, q[AT.ln_width])
+            )
+            torque += kept * mx[k] + later * mx[end] + h * ms * (kept * across[k] + later * across[end])
+            torque -= q[AT.Ixz] * (kept * yaw_rate_dot[k] + later * yaw_rate_dot[end])
+            dphi, dp = p1, torque / j
+            if stage == 0:
+                y[k, 0], y[k, 1], y[k, 2] = phi, p, dp
+            weight = dt / 6.0 if stage in (0, 3) else dt / 3.0
+            sum_phi += weight * dphi
+            sum_p += weight * dp
+        phi, p = phi + sum_phi, p + sum_p
     return y
 
 
@@ -240,7 +261,8 @@ def lagged_over_ground(forward, across, r, lag, dt):  # type: ignore[no-untyped-
     before_x, before_y = x, y  # of the velocity one step before
     out[0] = y
     for k in range(1, r.size):
-        c, s = cos(r[k] * dt), sin(r[k] * dt)
+        turn = 0.5 * (r[k - 1] + r[k]) * dt
+        c, s = cos(turn), sin(turn)
         sum_x = keep * x + new * before_x
         sum_y = keep * y + new * before_y
         x = c * sum_x + s * sum_y + new * forward[k]

@@ -48,7 +48,7 @@ def coordinates(
     out = [
         Coordinate("lag", 0.02, 0.0, s.lag, 0.01),
         Coordinate("lag_shape", 0.1, 0.0, 0.5, 0.1, 0.2),  # first order to a damping of .71
-        Coordinate("delay", 0.015, 0.0, s.delay, 0.01),
+        Coordinate("delay", 0.015, -s.early, s.delay, 0.01),
         Coordinate("scale", 0.0, -3 * s.scale, 3 * s.scale, 0.02, s.scale),
         Coordinate("vscale", 0.0, -3 * s.speed, 3 * s.speed, 0.02, s.speed),
         Coordinate("trim", 0.0, -s.trim, s.trim, 0.005),

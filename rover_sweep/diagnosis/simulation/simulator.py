@@ -25,7 +25,7 @@ from rover_sweep.diagnosis.effects.kinds import (
     VehicleEffect,
 )
 from rover_sweep.diagnosis.simulation import lumped_baseline
-from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.experiment import FINE, RATE, Experiment
 from rover_sweep.diagnosis.simulation.kernel import (
     VehicleNumbers,
     lagged_over_ground,
@@ -68,25 +68,32 @@ Values = Mapping[str, float]
 def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
     """Road-wheel angle (n,) rad from the commanded one through delay, command, servo, linkage and trim."""
     limits = {name: value for e in structure.of(ServoEffect) for name, value in e.numbers(x).items()}
-    d = late(run.steer * (1.0 + x.get("scale", 0.0)), run.t, x.get("delay", 0.0))
+    d = late(run.fine_steer * (1.0 + x.get("scale", 0.0)), x.get("delay", 0.0) * FINE * RATE)
     for effect in structure.of(CommandEffect):
         d = effect.act(d, effect.coordinates(x))
-    d = servo(d, max(x.get("lag", 0.0), 0.0), x.get("lag_shape", 0.0), limits.get("inv_rate", 0.0), STEP)
+    lag, shape = max(x.get("lag", 0.0), 0.0), x.get("lag_shape", 0.0)
+    d = servo(d, lag, shape, limits.get("inv_rate", 0.0), STEP / FINE)[::FINE].copy()
     for linkage in structure.of(LinkageEffect):
         d = linkage.act(d, linkage.coordinates(x))
     return d - x.get("trim", 0.0)
 
 
-def late(u: Array, t: Array, delay: float) -> Array:
-    """u (n,) delayed by `delay` [s], linear between samples."""
-    if delay == 0.0:
+def late(u: Array, shift: float) -> Array:
+    """u (n,) delayed by `shift` samples, a cubic through four samples between them."""
+    if shift == 0.0:
         return u
-    shift = delay * RATE
     whole = int(np.floor(shift))
-    part = shift - whole
-    index = np.arange(u.size) - whole
-    one, two = np.clip(index, 0, u.size - 1), np.clip(index - 1, 0, u.size - 1)
-    return (1.0 - part) * u[one] + part * u[two]
+    x = shift - whole
+    padded = np.pad(u, (abs(whole) + 2, abs(whole) + 2), "edge")
+    first = abs(whole) + 2 - whole  # of u[k - whole] in the padded signal
+    at = [padded[first - j : first - j + u.size] for j in (-1, 0, 1, 2)]
+    weights = (
+        -x * (x - 1.0) * (x - 2.0) / 6.0,
+        (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
+        -(x + 1.0) * x * (x - 2.0) / 2.0,
+        (x + 1.0) * x * (x - 1.0) / 6.0,
+    )
+    return np.asarray(sum(w * part for w, part in zip(weights, at, strict=True)))
 
 
 def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
