@@ -80,8 +80,12 @@ def _in_plant(name: str, value: object, d: Difference) -> str:
     "" where the entry is not the quantity itself.
     """
     v = d.recordings[0]
-    if not isinstance(value, float) or name == "friction" or v.low is None or v.high is None or not v.value:
+    if not isinstance(value, float) or v.low is None or v.high is None or not v.value:
         return ""
+    if name == "friction":  # it falls where the tyres bend more, and bend is what was compared
+        bend = BEND_ALIKE / value**2
+        low, high = (_friction(bend + end - v.value) for end in (v.high, v.low))
+        return value_text(replace(v, value=value, unit="", low=low, high=high))
     ends = (v.low / v.value, v.high / v.value) if d.relative else (v.low - v.value, v.high - v.value)
     low, high = (value * end if d.relative else value + end for end in ends)
     if name == "cg_to_rear_axle":  # it moves against the front one
@@ -138,8 +142,11 @@ def _trim(rover: PlantParameters, shift: float) -> Changes:
 
 def _bend(rover: PlantParameters, shift: float) -> Changes:
     """The friction whose tyres bend by so much more."""
-    bend = max(BEND_ALIKE / rover.friction**2 + shift, LEAST_BEND)
-    return {"friction": sqrt(BEND_ALIKE / bend)}
+    return {"friction": _friction(BEND_ALIKE / rover.friction**2 + shift)}
+
+
+def _friction(bend: float) -> float:
+    return sqrt(BEND_ALIKE / max(bend, LEAST_BEND))
 
 
 def _centre_of_mass(rover: PlantParameters, shift: float) -> Changes:

@@ -39,6 +39,14 @@ def test_finds_the_shift_of_the_grids(shift):
     assert pair.late == pytest.approx(shift / RATE)
 
 
+def test_a_loop_of_the_firmware_on_the_way_is_the_same_steering():
+    """A first-order lag of 10 ms and a step of a us, as the firmware puts them into what it repeats."""
+    recorded = _run("one", _sweep(0.05))
+    late = np.interp(recorded.t - 0.01, recorded.t, recorded.steer)
+    (pair,) = pairs_by_steering([recorded], [_run("sim", np.round(late / 0.001) * 0.001)])
+    assert pair.late == pytest.approx(0.01)
+
+
 def test_refuses_another_steering():
     with pytest.raises(DataRefused, match="sim does not have the steering of any of the runs"):
         pairs_by_steering([_run("one", _sweep(0.05))], [_run("sim", _sweep(0.11))])

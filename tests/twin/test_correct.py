@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -69,6 +70,14 @@ def test_the_imu_moves_up_against_the_plants_axis():
 
 def test_a_more_bent_tyre_has_less_friction():
     assert _corrected(_difference("tyre_bend", 0.0, 3.0)).parameters.friction < NOMINAL.friction
+
+
+def test_a_friction_has_the_interval_of_its_bend():
+    """Friction falls where bend rises."""
+    (entry,) = _corrected(_difference("tyre_bend", 0.0, 3.0)).corrections
+    shown, low, high = (float(part) for part in re.findall(r"[0-9.]+[0-9]", entry.recordings))
+    assert shown == pytest.approx(float(entry.after), rel=1e-2)
+    assert low < shown < high < 1.3 * low
 
 
 def test_physics_that_was_left_out_is_added():

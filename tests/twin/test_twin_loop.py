@@ -13,7 +13,7 @@ from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import UsageError
 from rover_sweep.twin import loop
-from rover_sweep.twin.loop import laws_of, together, twin_of
+from rover_sweep.twin.loop import laws_of, together, twin_of, with_last_drive
 from sitl.plant.variant import PlantParameters, load_variant
 
 NOMINAL = load_variant("nominal")
@@ -137,6 +137,29 @@ def test_stops_when_asked():
     twin, _ = _twin(world, stop=lambda: True)
     assert len(world.drives) == 1
     assert not twin.agrees
+
+
+def test_the_last_drive_decides_whether_it_agrees():
+    world = World(0.09)
+    twin, rover = _twin(world)
+    other = World(0.12)
+    after = with_last_drive(twin, rover, MODEL, other.drive, other.compare, "ardurover")
+    assert twin.agrees
+    assert not after.agrees
+    assert after.rounds[-1].simulator == "ardurover"
+    assert after.sentence.startswith("driven on ardurover")
+
+
+def test_a_last_drive_that_fails_leaves_the_twin_as_it_was():
+    world = World(0.09)
+    twin, rover = _twin(world)
+
+    def fails(rover):
+        raise UsageError("the firmware did not arm")
+
+    after = with_last_drive(twin, rover, MODEL, fails, world.compare, "ardurover")
+    assert (after.agrees, after.rounds, after.corrections) == (twin.agrees, twin.rounds, twin.corrections)
+    assert "the drive on ardurover does not count: the firmware did not arm" in after.remarks
 
 
 def test_laws_of_the_variant_are_told_to_the_comparison():

@@ -135,7 +135,10 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
         last = k + 1 == n
         end = k if last else k + 1
         fastest = rigid / speed[k] + (min(speed[k] / sigma, FASTEST) if relaxed else 0.0)
-        parts = 1 if last else min(int(fastest * dt / STABLE) + 1, MOST_PARTS)
+        wanted = fastest * dt / STABLE
+        parts = 1 if last else MOST_PARTS
+        if wanted < MOST_PARTS:  # not true of a number that is none, in a trial of a fit
+            parts = 1 if last else int(wanted) + 1
         width = dt / parts
         for part in range(parts):
             sum_v = sum_r = sum_phi = sum_p = sum_f = sum_rear = 0.0
