@@ -20,6 +20,7 @@ V, R, PHI, P = range(4)  # rows of a state of the lumped model: m/s, rad/s, rad,
 SGN_WIDTH = 0.01  # rad/s, within which dry friction is smooth, times exp(ln_width)
 FALLING = 1.6  # shape factor C of the magic formula; the force falls beyond its peak
 FASTEST = 300.0  # 1/s, of the tyre relaxation; a faster one has no effect
+FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # not nnan, ninf: a trial of a fit may overflow
 STABLE, MOST_PARTS = 2.0, 8  # rate times step within which RK4 is stable; parts of a step at low speed
 
 
@@ -68,7 +69,7 @@ class VehicleNumbers(NamedTuple):
 AT = VehicleNumbers(*range(len(VehicleNumbers._fields)))  # index of each number in the kernel's array
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def _tyre(alpha, c, load, inv_load, inv_mu, half_bend, form):  # type: ignore[no-untyped-def]
     """Side force [N]: -C alpha, less from the fifth order on (bend), saturating by a form (inv_mu)."""
     force = -c * alpha
@@ -85,7 +86,7 @@ def _tyre(alpha, c, load, inv_load, inv_mu, half_bend, form):  # type: ignore[no
     return force
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def _angle(slope: float) -> float:
     """atan [rad]; its series below 0.2, where the series is exact to 1e-6 rad."""
     if -0.2 < slope < 0.2:
@@ -94,13 +95,13 @@ def _angle(slope: float) -> float:
     return atan(slope)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def _dry(torque: float, p: float, ln_width: float) -> float:
     """Dry friction [N m] at the roll rate p [rad/s]; skips tanh when the friction is zero."""
     return torque * tanh(p / (SGN_WIDTH * exp(ln_width))) if torque != 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type: ignore[no-untyped-def]
     """Motion (n, 7) in the columns v, r, phi, p, v' + V r, r', p'; SI units, RK4 of step dt [s].
 
@@ -136,9 +137,7 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
         end = k if last else k + 1
         fastest = rigid / speed[k] + (min(speed[k] / sigma, FASTEST) if relaxed else 0.0)
         wanted = fastest * dt / STABLE
-        parts = 1 if last else MOST_PARTS
-        if wanted < MOST_PARTS:  # not true of a number that is none, in a trial of a fit
-            parts = 1 if last else int(wanted) + 1
+        parts = 1 if last else (int(wanted) + 1 if wanted < MOST_PARTS else MOST_PARTS)
         width = dt / parts
         for part in range(parts):
             sum_v = sum_r = sum_phi = sum_p = sum_f = sum_rear = 0.0
@@ -216,7 +215,7 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
     return y
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def roll_only(across, yaw_rate_dot, mx, q, dt):  # type: ignore[no-untyped-def]
     """(n, 3): phi, p, p' of the sprung mass [rad, rad/s, rad/s^2].
 
