@@ -186,6 +186,7 @@ def answered(pair: Drawn, folder: Path, seed: int) -> dict[str, Any]:
         "diagnosis": found.sentence,
         "said": [[d.kind, d.name, *d.look_alikes] for d in answer.differences],
         "minor": [d.name for d in answer.minor],
+        "gains": [round(d.gain, 1) for d in (*answer.differences, *answer.minor)],
         "sentences": [d.sentence for d in answer.differences],
         "agreement": [round(a.overall, 3) for a in answer.agreement],
         "corrected": [round(a.overall, 3) for a in again],
