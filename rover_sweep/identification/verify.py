@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.signal import bilinear, lfilter
 
 from rover_sweep.data.recording import Array, LowPass, Recording
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
@@ -140,6 +139,8 @@ def _states(a: Array, b: Array, u: Array, rate: float) -> Array:
 def _filtered(y: Array, rate: float, low_pass: LowPass | None) -> Array:
     if low_pass is None:
         return y
+    from scipy.signal import bilinear, lfilter  # loads half of scipy
+
     w0 = 2 * np.pi * low_pass.cutoff_hz
     return lfilter(*bilinear([1.0], [1 / w0**2, np.sqrt(2) / w0, 1.0], rate), y)
 

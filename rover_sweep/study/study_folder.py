@@ -8,6 +8,7 @@ from pathlib import Path
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.identification.page import by_section
 from rover_sweep.report.identification.pictures import Picture
+from rover_sweep.report.pictures.drawing_processes import pngs
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.provenance import versions
 from rover_sweep.report.wording.strict_json import strict_json
@@ -41,9 +42,10 @@ def write_study(
     """Writes all files, each replaced atomically. UsageError if the directory cannot be written."""
     document = write_file(directory / "study.json", strict_json(study_document(study, found)))
     plan, drawn = tuple(figures(study)), []
+    made = pngs(plan)
     for k, picture in enumerate(plan):
         progress(k / len(plan), f"drawing {picture.name}")
-        drawn.append((picture, picture.png()))
+        drawn.append((picture, next(made)))
     paths = tuple(write_file(directory / "figures" / f"{p.name}.png", data) for p, data in drawn)
     page = write_file(directory / "study.html", _page(study, found, drawn))
     return StudyFiles(document, page, paths)

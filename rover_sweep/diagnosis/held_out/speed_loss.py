@@ -20,7 +20,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
@@ -118,6 +117,8 @@ def _drive(run: Experiment, structure: Structure, x: Values) -> Drive:
 
 def _through(u: Array, lag: float) -> Array:
     """Speed change (n,) [m/s] by an acceleration u (n,) [m/s^2] that the drive corrects with the lag [s]."""
+    from scipy.signal import lfilter  # loads half of scipy
+
     return smoothed(np.asarray(lfilter([1.0 / RATE], [1.0, -np.exp(-1.0 / (RATE * lag))], u)))
 
 
@@ -130,6 +131,8 @@ def _rows(drive: Drive, lag: float) -> Rows:
 
 
 def _whitened(rows: Array, white: Array) -> Array:
+    from scipy.signal import lfilter
+
     return np.asarray(lfilter(np.concatenate(([1.0], -white)), [1.0], rows, axis=0))[ORDER:]
 
 

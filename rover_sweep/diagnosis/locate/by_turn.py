@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from math import erfc, log, sqrt
+
 import numpy as np
-from scipy.stats import chi2, norm
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.locate.place_sentences import channel_name, compass_point, noise_ratio
@@ -23,7 +24,7 @@ TURNED = np.pi / 2  # rad, least range of headings
 OCTANTS = ("N", "NW", "W", "SW", "S", "SE", "E", "NE")
 BREAK = 0.1  # of a signal's size, over which its sign changes smoothly
 SLOW = 1.0  # rad/s, highest frequency in the picture over headings
-CHANCE = float(chi2.isf(2 * norm.sf(SIGMAS), 2))  # drop by two signals that is as rare as `SIGMAS`
+CHANCE = -2 * log(erfc(SIGMAS / sqrt(2)))  # drop by two signals that is as rare as `SIGMAS`
 UNITS = {"r": (180 / np.pi, "deg/s"), "ay": (1.0, "m/s²")}
 
 

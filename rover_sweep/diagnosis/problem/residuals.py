@@ -21,9 +21,9 @@ from scipy.fft import rfft
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.noise_floor import Floor, floor_of
-from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged, motion, motion_coordinates
+from rover_sweep.spectra.side_by_side import side_by_side
 
 TOP = 12.0  # Hz, highest line of all channels
 LOWEST = {"r": 0.0, "ay": 0.0, "p": 0.1, "vy": 0.5}  # Hz; below about 3 rad/s the GPS distorts the EKF's V_y

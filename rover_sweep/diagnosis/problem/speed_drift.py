@@ -14,9 +14,9 @@ import numpy as np
 
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem, whitened
-from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.problem.signatures import Signature
 from rover_sweep.diagnosis.simulation.simulator import logged
+from rover_sweep.spectra.side_by_side import side_by_side
 
 ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers specify 0.05 m/s before filtering
 FASTEST = 0.3  # Hz; over shorter times the accelerometer determines the estimate

@@ -17,8 +17,8 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
+from rover_sweep.spectra.side_by_side import side_by_side
 
 SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
 SCANNED = np.geomspace(0.25, 4.0, 112)  # sizes of a law that jumps: 2.5 % apart

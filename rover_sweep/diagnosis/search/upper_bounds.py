@@ -20,13 +20,13 @@ import numpy as np
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
-from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.result import Unseen, UpperBound
 from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
 from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
 from rover_sweep.diagnosis.search.rounds import LAGS, Round
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, possible
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.spectra.side_by_side import side_by_side
 
 ONE_SIDED = 1.645  # standard deviations: 95 % of a normal distribution lie below
 EKF_CROSSOVER = 0.3

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array
@@ -132,6 +131,8 @@ def remembered(x: Array, memory: str, size: float) -> Array:
 
 def lagged(x: Array, lag: float) -> Array:
     """x (n,) through a first-order lag [s]."""
+    from scipy.signal import lfilter  # loads half of scipy
+
     keep = float(np.exp(-1 / (RATE * lag)))
     return np.asarray(lfilter([1 - keep], [1, -keep], x, zi=[keep * x[0]])[0])
 

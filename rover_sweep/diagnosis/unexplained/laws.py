@@ -15,7 +15,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
@@ -93,6 +92,8 @@ def _of_sensor(channel: str, f: Callable[[Array, Mapping[str, Array]], Array]) -
 
 
 def _late(x: Array, memory: float) -> Array:
+    from scipy.signal import lfilter  # loads half of scipy
+
     keep = float(np.exp(-1 / (RATE * memory)))
     return np.asarray(lfilter([1 - keep], [1, -keep], x))
 

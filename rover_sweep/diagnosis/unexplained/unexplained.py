@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.residuals import over_noise
-from rover_sweep.diagnosis.problem.side_by_side import side_by_side
 from rover_sweep.diagnosis.problem.signatures import Signature
 from rover_sweep.diagnosis.result import THROUGHOUT, Mismatch, Unknown
 from rover_sweep.diagnosis.search.rounds import MOST_NOISE, Round
 from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.diagnosis.unexplained.laws import Law, laws
+from rover_sweep.spectra.side_by_side import side_by_side
 
 PREDICTS = 0.3  # share of the residual above the floor that the terms must predict in the other rows
 BLOCK = 8  # lines that are used, or held out, together

@@ -10,6 +10,7 @@ from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.grouping import Group, Settings
 from rover_sweep.identification.model_results import ModelResult
+from rover_sweep.spectra.side_by_side import side_by_side
 
 
 def with_intervals(
@@ -27,12 +28,17 @@ def with_intervals(
     def bootstrap_of(outputs: tuple[str, ...], count: int) -> Bootstrap:
         return Bootstrap(groups[:count], [g.condition(outputs) for g in groups[:count]])
 
-    def bootstrapped(model: ModelResult) -> ModelResult:
-        count = 1 if model.fit.structure.name == "lumped" else len(groups)
-        bootstrap = bootstrap_of(tuple(model.fit.costs), count)
-        return replace(model, fit=_with_bootstrap(model.fit, bootstrap, settings.bootstrap))
+    def of(model: ModelResult) -> Bootstrap:
+        return bootstrap_of(
+            tuple(model.fit.costs), 1 if model.fit.structure.name == "lumped" else len(groups)
+        )
 
-    return {name: bootstrapped(model) for name, model in models.items()}
+    def bootstrapped(model: ModelResult) -> ModelResult:
+        return replace(model, fit=_with_bootstrap(model.fit, of(model), settings.bootstrap))
+
+    for model in models.values():  # before the threads, which would build the same one twice
+        of(model)
+    return dict(zip(models, side_by_side(bootstrapped, list(models.values())), strict=True))
 
 
 def _with_bootstrap(fit: FitResult, bootstrap: Bootstrap, replicates: int) -> FitResult:

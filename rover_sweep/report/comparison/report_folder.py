@@ -19,8 +19,10 @@ def write_comparison(found: Comparison, directory: Path, provenance: Provenance)
     """Write comparison.html and comparison.json; the path of the page. UsageError if it is not writable."""
     from rover_sweep.report.comparison.page import comparison_page
     from rover_sweep.report.comparison.pictures import drawn_pictures
+    from rover_sweep.report.pictures.drawing_processes import pngs
 
-    pictures = [(p, p.png()) for p in drawn_pictures(found.overlays, found.bode, PREDICTED)]
+    plan = drawn_pictures(found.overlays, found.bode, PREDICTED)
+    pictures = list(zip(plan, pngs(plan), strict=True))
     page = comparison_page(found, provenance, pictures)
     document = strict_json(comparison_document(found, provenance))
     html = write_file(directory / "comparison.html", page)
@@ -32,8 +34,10 @@ def write_twin(found: Twin, directory: Path, provenance: Provenance) -> Path:
     """Write twin.html, variant.toml and twin.json; the path of the page."""
     from rover_sweep.report.comparison.page import twin_page
     from rover_sweep.report.comparison.pictures import drawn_pictures
+    from rover_sweep.report.pictures.drawing_processes import pngs
 
-    pictures = [(p, p.png()) for p in drawn_pictures(found.overlays, found.bode, AGAIN)]
+    plan = drawn_pictures(found.overlays, found.bode, AGAIN)
+    pictures = list(zip(plan, pngs(plan), strict=True))
     page = twin_page(found, provenance, pictures)
     document = strict_json(twin_document(found, provenance))
     write_file(directory / "variant.toml", found.variant)

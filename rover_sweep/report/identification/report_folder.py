@@ -40,6 +40,7 @@ def write_report(
     """
     from rover_sweep.report.identification.page import page
     from rover_sweep.report.identification.pictures import planned
+    from rover_sweep.report.pictures.drawing_processes import pngs
 
     report = progress or _silent
     report(0.0, "identification.json")
@@ -47,9 +48,10 @@ def write_report(
     models = _models(result, provenance)
     plan = planned(result, provenance)
     drawn = []
+    made = pngs(plan)
     for k, picture in enumerate(plan):
         report(0.05 + 0.85 * k / len(plan), f"pictures/{picture.name}.png")
-        drawn.append((picture, picture.png()))
+        drawn.append((picture, next(made)))
     report(0.95, "report.html")
     html = page(result, provenance, drawn)
     pictures = {f"{picture.name}.png": data for picture, data in drawn}

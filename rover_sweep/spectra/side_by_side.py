@@ -1,4 +1,4 @@
-"""Independent simulations at the same time: compiled loops and transforms release Python's lock."""
+"""Independent work at the same time: compiled loops, transforms and matrix products release Python's lock."""
 
 from __future__ import annotations
 
