@@ -27,7 +27,7 @@ import numpy as np
 from rover_sweep.data.intervals import LEVEL, Intervals
 from rover_sweep.data.recording import Array
 from rover_sweep.identification.bootstrap.refit import logarithmic, refitted_replicates
-from rover_sweep.identification.bootstrap.replicates import GroupReplicator
+from rover_sweep.identification.bootstrap.replicates import GroupReplicator, Known
 from rover_sweep.identification.cost import Condition, restricted
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.grouping import Group
@@ -35,10 +35,16 @@ from rover_sweep.identification.structure.state_space import Parameter
 
 
 class Bootstrap:
-    """Replicates of the responses of these groups, shared by all models that are refitted to them."""
+    """Replicates of the responses of these groups, shared by all models that are refitted to them.
 
-    def __init__(self, groups: Sequence[Group], conditions: Sequence[Condition]) -> None:
-        self.groups = [GroupReplicator(g, c) for g, c in zip(groups, conditions, strict=True)]
+    known: the runs' replicators of other bootstraps of the same runs, to use and to add to.
+    """
+
+    def __init__(
+        self, groups: Sequence[Group], conditions: Sequence[Condition], known: Known | None = None
+    ) -> None:
+        found: Known = {} if known is None else known
+        self.groups = [GroupReplicator(g, c, found) for g, c in zip(groups, conditions, strict=True)]
 
     def intervals(
         self, fit: FitResult, replicates: int = 200, level: float = LEVEL, seed: int = 0

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
+from rover_sweep.identification.bootstrap.replicates import Known
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.grouping import Group, Settings
 from rover_sweep.identification.model_results import ModelResult
@@ -24,9 +25,11 @@ def with_intervals(
     if not settings.bootstrap or any(g.others for g in groups):
         return dict(models)
 
+    known: Known = {}
+
     @cache
     def bootstrap_of(outputs: tuple[str, ...], count: int) -> Bootstrap:
-        return Bootstrap(groups[:count], [g.condition(outputs) for g in groups[:count]])
+        return Bootstrap(groups[:count], [g.condition(outputs) for g in groups[:count]], known)
 
     def of(model: ModelResult) -> Bootstrap:
         return bootstrap_of(

@@ -100,17 +100,24 @@ def _sums(x: Complex, y: Complex, noise: NDArray[np.complex64]) -> tuple[Array, 
     """
     power = np.zeros(noise.shape[1:])
     cross = np.zeros(noise.shape[1:], dtype=complex)
-    for xs, ys, ns in zip(x, y, noise, strict=True):
+    mirrored, short = x.conj().astype(np.complex64), y.astype(np.complex64)
+    for xs, ys, ns in zip(mirrored, short, noise, strict=True):
         both = ys + ns
         power += both.real**2 + both.imag**2
-        cross += xs.conj() * both
+        cross += xs * both
     return np.sum(np.abs(x) ** 2, axis=0), power, cross
 
 
-class GroupReplicator:
-    """The runs of one speed: generates replicates of the fitted responses for any model."""
+Known = dict[tuple[int, tuple[float, ...], bytes], RunReplicator]  # by run, windows and frequencies
 
-    def __init__(self, group: Group, condition: Condition) -> None:
+
+class GroupReplicator:
+    """The runs of one speed: generates replicates of the fitted responses for any model.
+
+    known: replicators that other models' responses have made already, and which this one adds to.
+    """
+
+    def __init__(self, group: Group, condition: Condition, known: Known) -> None:
         if any(d.input != "delta" for d in condition.data):
             raise ValueError("the bootstrap needs responses to the steering only, without other inputs")
         self.condition = condition
@@ -118,7 +125,13 @@ class GroupReplicator:
         first = self.responses[condition.data[0].output]
         self.w, self.windows = first.w, first.windows
         self.averages = [effective_averages([run.span for run in group.runs], n) for n in self.windows]
-        self.runs = [RunReplicator(run, self.windows, self.w) for run in group.runs]
+        self.runs = [self._of(run, known) for run in group.runs]
+
+    def _of(self, run: Recording, known: Known) -> RunReplicator:
+        key = (id(run), tuple(self.windows), self.w.tobytes())
+        if key not in known:
+            known[key] = RunReplicator(run, self.windows, self.w)
+        return known[key]
 
     def __call__(
         self, structure: ModelStructure, count: int, rng: np.random.Generator
