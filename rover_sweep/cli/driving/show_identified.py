@@ -41,13 +41,13 @@ def show_identified(
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     with console.status("identifying"):
         result = identified_models(sweeps, checks, rover, settings, structures, command=command)
-    with console.status("writing the report") as status:
-        files = result.report(out, lambda share, what: status.update(f"writing {what}"))
     shown.print(comparison(result, result.origin, verbose))
     if more is not None:
         shown.print(more(result))
         shown.print()
     shown.print(conclusion(result, result.origin))
+    with console.status("writing the report") as status:
+        files = result.report(out, lambda share, what: status.update(f"writing {what}"))
     shown.print(f"report: {files.page}", soft_wrap=True, markup=False)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))
