@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from rover_sweep.diagnosis.effects.kinds import NominalEffect
 from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
+from rover_sweep.diagnosis.problem.residuals import Stopped
 from rover_sweep.diagnosis.search.bounds import ExceededBound, cost_of, exceeded_bound
 from rover_sweep.diagnosis.search.candidate_fits import Trial, fit_candidate, tangent
 from rover_sweep.diagnosis.search.confirm import EffectSupport, Withheld, support_in, support_of
@@ -105,7 +107,23 @@ def choose(
     options: Options,
     held: Sequence[Experiment] = (),
 ) -> Choice:
-    """Add and remove effects until neither helps, then keep those that earn their names.
+    """Add and remove effects until neither helps, then keep those that earn their names, see `_chosen`.
+
+    Where options.stop is true the effects so far, at once.
+    """
+    found = _chosen(runs, model, start, options, held)
+    first, last = (replace(r, problem=r.problem.to_the_end) for r in (found.first, found.last))
+    return replace(found, first=first, last=first if found.last is found.first else last)
+
+
+def _chosen(
+    runs: Sequence[Experiment],
+    model: Model,
+    start: Mapping[str, float],
+    options: Options,
+    held: Sequence[Experiment],
+) -> Choice:
+    """The choice, whose problems raise `Stopped` where the search was stopped.
 
     A removed effect is not added again. start: {coordinate: value} to begin the first fit from. held: runs
     that only judge the effects that were chosen.
@@ -113,11 +131,12 @@ def choose(
     support: dict[str, EffectSupport] = {}
     first, current, named, removed = _search(runs, model, start, options, held, support)
     if named and not options.stop():
-        current, named = _confirmed(runs, current, named, options, held, support)
+        with suppress(Stopped):
+            current, named = _confirmed(runs, current, named, options, held, support)
     stopped = options.stop()
     if stopped and not named and (found := current.significant()):  # not compared with others, but fitted
         named = [Named(found[0], first.fitted, first.null.thresholds.get(found[0].effect, 0.0), ())]
-        current = replace(first, model=found[0].model, fitted=found[0].fitted, trials=())
+        current = _fitted_only(first, found[0])
     further = _further_findings(current, named, removed) if len(named) == MAX_EFFECTS else []
     too_many = further and _scatter_remains(first, current)
     effects = tuple(n.trial.effect for n in named)
@@ -152,23 +171,38 @@ def _search(
     removed: set[str] = set()
     while len(named) < MAX_EFFECTS and not options.stop():
         found = _further_findings(current, named, removed)
-        found = _earning(_nominal_first(found, current), current, named, held, support)
+        try:
+            found = _earning(_nominal_first(found, current), current, named, held, support)
+        except Stopped:
+            break
         if not found:
             break
         best = found[0]
         named.append(_named(current, found, options.seed))
-        current = round_of(runs, best.model, best.fitted.x, options, near=True)
-        named = _still_needed(named, current, options)
-        laws = tuple(n.trial.law.name for n in named)
-        if laws != current.model.effects:
-            removed |= {*current.model.ids} - {n.trial.effect for n in named}
-            fewer = replace(current.model, effects=laws)
-            current = round_of(runs, fewer, current.fitted.x, options, near=True)
+        try:
+            current = round_of(runs, best.model, best.fitted.x, options, near=True)
+        except Stopped:
+            current = _fitted_only(current, best)
+            break
+        with suppress(Stopped):
+            needed = _still_needed(named, current)
+            laws = tuple(n.trial.law.name for n in needed)
+            if laws != current.model.effects:
+                fewer = replace(current.model, effects=laws)
+                less = round_of(runs, fewer, current.fitted.x, options, near=True)
+                removed |= {*current.model.ids} - {n.trial.effect for n in needed}
+                current = less
+            named = needed
         if named and best.effect not in DEGREES_OF_FREEDOM:
             further = _further_findings(current, named, removed)
             if _no_progress(first, current, further):
                 break
     return first, current, named, removed
+
+
+def _fitted_only(current: Round, best: Trial) -> Round:
+    """The round of an effect that was fitted, but not compared with others any more."""
+    return replace(current, model=best.model, closest=best.fitted, fitted=best.fitted, trials=())
 
 
 def _nominal_first(found: Sequence[Trial], current: Round) -> list[Trial]:
@@ -307,11 +341,11 @@ def _competes(trial: Trial, best: Trial) -> bool:
     )
 
 
-def _still_needed(named: Sequence[Named], current: Round, options: Options) -> list[Named]:
+def _still_needed(named: Sequence[Named], current: Round) -> list[Named]:
     """The named effects that are still significant together, with the look-alikes that still are such."""
     out = list(named)
     for one in named:
-        if options.stop() or one.trial.effect in DEGREES_OF_FREEDOM:
+        if one.trial.effect in DEGREES_OF_FREEDOM:
             continue
         rest = current.model.without(one.trial.effect)
         less = fit(current.problem, rest.structure, rest.free, current.fitted.x, known=current.fitted)

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.diagnosis.result import Diagnosis
     from rover_sweep.diagnosis.settings import DiagnosisSettings
-    from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-    from rover_sweep.report.diagnosis.report_folder import DiagnosisFiles
 
 
 def show_diagnosed(
@@ -36,6 +34,7 @@ def show_diagnosed(
 
     from rover_sweep.cli.driving.show_compared import show_compared, with_comparison
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
+    from rover_sweep.report.diagnosis.report_folder import write_diagnosis
     from rover_sweep.report.diagnosis.terminal import WIDTH, summary
     from rover_sweep.report.wording.provenance import provenance
 
@@ -43,8 +42,10 @@ def show_diagnosed(
     print_warnings(console, (*given.runs, *given.held_out))
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
-    found, files, interrupted = _computed(given, rover[0], settings, origin, out)
+    found, interrupted = _computed(given, rover[0], settings)
     shown.print(summary(found), width=min(shown.width, WIDTH))
+    with console.status("writing the report") as status:
+        files = write_diagnosis(found, out, origin, lambda share, what: status.update(what))
     shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
     if files.variant:
         shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True, markup=False)
@@ -60,10 +61,8 @@ def show_diagnosed(
         raise click.Abort  # so that a script sees from the exit code that the search was stopped early
 
 
-def _computed(
-    given: Material, vehicle: Vehicle, settings: DiagnosisSettings, origin: DiagnosisOrigin, out: Path
-) -> tuple[Diagnosis, DiagnosisFiles, bool]:
-    """(diagnosis, its files, True if stopped early), with a progress bar.
+def _computed(given: Material, vehicle: Vehicle, settings: DiagnosisSettings) -> tuple[Diagnosis, bool]:
+    """(diagnosis, True if stopped early), with a progress bar.
 
     The first Ctrl-C ends the search, the second the program.
     """
@@ -72,7 +71,6 @@ def _computed(
     from rover_sweep.api.diagnosis_input import diagnosed
     from rover_sweep.cli.views.interruption import Interruption
     from rover_sweep.cli.views.output import narration
-    from rover_sweep.report.diagnosis.report_folder import write_diagnosis
 
     console = narration()
     columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(), TimeElapsedColumn())
@@ -81,11 +79,8 @@ def _computed(
         bar = progress.add_task("", total=1.0)
 
         def report(what: str, share: float) -> None:
-            progress.update(bar, completed=0.9 * share, description=what)
+            progress.update(bar, completed=share, description=what)
 
         with Interruption(lambda: console.print(words, style="yellow")) as asked:
             found = diagnosed(given, vehicle, settings, report, asked.to_stop)
-        files = write_diagnosis(
-            found, out, origin, lambda share, what: progress.update(bar, completed=0.9 + 0.1 * share)
-        )
-    return found, files, asked.to_stop()
+    return found, asked.to_stop()

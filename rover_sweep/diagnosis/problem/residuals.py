@@ -12,8 +12,8 @@ tolerances count the same and ordinary least squares is the maximum likelihood a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,11 +75,21 @@ class Metric:
         return rows + self.u @ (self.shrink[:, None] * along if along.ndim == 2 else self.shrink * along)
 
 
+class Stopped(Exception):
+    """A simulation was wanted after the search had been stopped."""
+
+
+def never() -> bool:
+    """False: a search that goes on to its end."""
+    return False
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Runs, their noise floor and the rows that compare them with a model.
 
-    measured (size,): whitened rows of the recordings in the metric; plain_measured (size,): without it.
+    measured (size,): whitened rows of the recordings in the metric; plain_measured (size,): without it. stop:
+    True lets each further simulation raise `Stopped`, so that a search ends at once.
     """
 
     runs: tuple[Experiment, ...]
@@ -89,11 +99,17 @@ class Problem:
     measured: Array
     plain_measured: Array
     metric: Metric | None = None
+    stop: Callable[[], bool] = field(default=never, kw_only=True)
 
     @property
     def size(self) -> int:
         """Number of rows."""
         return self.measured.size
+
+    @property
+    def to_the_end(self) -> Problem:
+        """The same problem for what is done after a search, stopped or not."""
+        return replace(self, stop=never)
 
     def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
         """The model's whitened rows (size,). x: {coordinate: value, SI units}."""
@@ -101,6 +117,8 @@ class Problem:
 
     def of_one_motion(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The model's whitened rows (size,) without the metric for coordinates that share a motion."""
+        if self.stop():
+            raise Stopped
         moved = [motion(run, structure, xs[0]) for run in self.runs]
         per_run = list(zip(self.runs, self.sensors, moved, strict=True))
         logs = ([logged(run, structure, x, s, m) for run, s, m in per_run] for x in xs)

@@ -7,8 +7,9 @@ their own Jacobian.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.linalg import qr
@@ -16,9 +17,12 @@ from scipy.linalg import qr
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
-from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 from rover_sweep.spectra.side_by_side import side_by_side
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
 SCANNED = np.geomspace(0.25, 4.0, 112)  # sizes of a law that jumps: 2.5 % apart
@@ -233,24 +237,23 @@ def fit_candidates(
     effects: Sequence[Effect],
     thresholds: Mapping[str, float],
     progress: Callable[[str, float], None],
-    stop: Callable[[], bool],
     origin: Fitted | None = None,
 ) -> list[Trial]:
-    """Every effect added alone to a model, the largest gain first; fewer when stopped.
+    """Every effect added alone to a model, the largest gain first; fewer when the problem's stop is true.
 
     Those with the largest predicted gains near their thresholds {effect: gain} are fitted, with the
     nominal Jacobian of the base. The others keep their predicted gain. origin: the model at its start values,
     where the base is far off: it may have settled where no effect helps, so all are fitted from there too.
     """
     screened: list[Screened] = []
-    tested = side_by_side(lambda e: None if stop() else screen(problem, base, space, model, e), effects)
+    tested = _until_stopped(lambda e: screen(problem, base, space, model, e), effects, lambda e: None)
     for k, (effect, found) in enumerate(zip(effects, tested, strict=True)):
         progress(f"testing {effect.title}", 0.5 * k / max(len(effects), 1))
         screened += [found] if found is not None else []
     screened.sort(key=lambda x: -x.predicted)
     promising = [x for x in screened if x.predicted >= FITTED_FROM * thresholds.get(x.effect, 0.0)][:FITTED]
     out = [Trial(x.effect, x.model, base, x.predicted) for x in screened if x not in promising]
-    fits = side_by_side(lambda x: None if stop() else fit_from(problem, base, x), promising)
+    fits = _until_stopped(lambda x: fit_from(problem, base, x), promising, lambda x: None)
     for k, (one, trial) in enumerate(zip(promising, fits, strict=True)):
         progress(f"fitting {one.effect}", 0.5 + 0.5 * k / len(promising))
         if trial is not None:
@@ -265,9 +268,23 @@ def fit_candidates(
             if e.id not in known and not e.in_one_run and e.id not in DEGREES_OF_FREEDOM
         ]
         every = (*out, *others)
-        again = side_by_side(lambda t: t if stop() else _from_origin(problem, base, origin, model, t), every)
+        again = _until_stopped(lambda t: _from_origin(problem, base, origin, model, t), every, lambda t: t)
         out = [t for t, before in zip(again, every, strict=True) if before in out or t.fitted is not base]
     return sorted(out, key=lambda t: -t.gain)
+
+
+def _until_stopped(
+    work: Callable[[Item], Result], items: Sequence[Item], instead: Callable[[Item], Result]
+) -> Iterator[Result]:
+    """work(item) of each item side by side, instead(item) of those that a stop cut off."""
+
+    def one(item: Item) -> Result:
+        try:
+            return work(item)
+        except Stopped:
+            return instead(item)
+
+    return side_by_side(one, items)
 
 
 def _unfitted(model: Model, base: Fitted, effect: Effect) -> Trial:
@@ -288,11 +305,7 @@ def _from_origin(problem: Problem, base: Fitted, origin: Fitted, model: Model, t
 
 
 def refit_candidates(
-    problem: Problem,
-    base: Fitted,
-    trials: Sequence[Trial],
-    thresholds: Mapping[str, float],
-    stop: Callable[[], bool],
+    problem: Problem, base: Fitted, trials: Sequence[Trial], thresholds: Mapping[str, float]
 ) -> list[Trial]:
     """The trials, the best fitted again with their own Jacobian; thresholds: {effect: gain}."""
     best = max((t.gain for t in trials), default=0.0)
@@ -300,7 +313,7 @@ def refit_candidates(
     def again(ranked: tuple[int, Trial]) -> Trial:
         rank, trial = ranked
         near = trial.gain > max(REFITTED_FROM * thresholds.get(trial.effect, 0.0), RIVAL * best)
-        if trial.fitted is base or not near or rank >= REFITTED or stop():
+        if trial.fitted is base or not near or rank >= REFITTED:
             return trial
         found = refitted(problem, base, trial)
         if rank < RESTARTED and base.overdispersion > FAR:
@@ -308,13 +321,14 @@ def refit_candidates(
             found = other if other.gain > found.gain else found
         return found
 
-    out = sorted(side_by_side(again, list(enumerate(trials))), key=lambda t: -t.gain)
+    refits = _until_stopped(again, list(enumerate(trials)), lambda ranked: ranked[1])
+    out = sorted(refits, key=lambda t: -t.gain)
     rivals = [
         t
         for t in out[:FORMS_OF]
         if t.fitted is not base and t.gain > max(RIVAL_FORMS * out[0].gain, thresholds.get(t.effect, 0.0))
     ]
-    forms = side_by_side(lambda t: t if stop() else best_form(problem, base, t), rivals)
+    forms = _until_stopped(lambda t: best_form(problem, base, t), rivals, lambda t: t)
     compared = {t.effect: t for t in forms}
     return sorted((compared.get(t.effect, t) for t in out), key=lambda t: -t.gain)
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
-from rover_sweep.diagnosis.problem.residuals import Problem, centred, problem
+from rover_sweep.diagnosis.problem.residuals import Problem, centred, never, problem
 from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
 from rover_sweep.diagnosis.search.candidate_fits import (
@@ -151,15 +151,20 @@ def matters(trial: Trial) -> bool:
 
 
 def fit_with_floor(
-    runs: Sequence[Experiment], model: Model, start: Mapping[str, float], near: bool = False
+    runs: Sequence[Experiment],
+    model: Model,
+    start: Mapping[str, float],
+    near: bool = False,
+    stop: Callable[[], bool] = never,
 ) -> tuple[Problem, Fitted]:
     """The model fitted with the noise floor of its own residual.
 
-    start: {coordinate: value}. near: it comes from an earlier fit, so one pass is enough.
+    start: {coordinate: value}. near: it comes from an earlier fit, so one pass is enough. stop: that of
+    the problem.
     """
     x = {**{c.name: c.start for c in model.free}, **start}
     for _ in range(1 if near else 2):
-        found = with_floor_of(runs, model, x)
+        found = replace(with_floor_of(runs, model, x), stop=stop)
         fitted = fit(found, model.structure, model.free, x)
         x = dict(fitted.x)
     return found, fitted
@@ -185,9 +190,13 @@ def _at_start(metric: Problem, model: Model) -> Fitted:
 def round_of(
     runs: Sequence[Experiment], model: Model, start: Mapping[str, float], options: Options, near: bool = False
 ) -> Round:
-    """One round: fit the model in the metric of the tolerances and add each candidate to it."""
+    """One round: fit the model in the metric of the tolerances and add each candidate to it.
+
+    Where the search is stopped, a round that is near an earlier one raises `Stopped`; a first one fits its
+    model and has fewer candidates.
+    """
     options.progress("fitting the model", 0.0)
-    plain, closest = fit_with_floor(runs, model, start, near)
+    plain, closest = fit_with_floor(runs, model, start, near, options.stop if near else never)
     usual = signatures(plain, closest, model, possible(model, runs)[0], tolerances=True)
     usual += speed_drift(plain, closest)
     metric = plain.in_metric(columns(usual, plain.size))
@@ -204,10 +213,9 @@ def round_of(
     origin = None
     if not near and closest.overdispersion > FAR_OFF:
         origin = _at_start(metric, model)
-    trials = fit_candidates(
-        metric, fitted, space, model, effects, needed, options.progress, options.stop, origin
-    )
-    trials = refit_candidates(metric, fitted, trials, needed, options.stop)
+    metric = replace(metric, stop=options.stop)
+    trials = fit_candidates(metric, fitted, space, model, effects, needed, options.progress, origin)
+    trials = refit_candidates(metric, fitted, trials, needed)
     return Round(
         model=model,
         problem=metric,

@@ -1,0 +1,68 @@
+"""A search that is stopped ends at the next simulation and keeps what it has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rover_sweep.diagnosis.choose import choose
+from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
+from rover_sweep.diagnosis.search.rounds import Options, fit_with_floor
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
+
+ONLY = ("steering_trim", "transport_delay")
+LATE = {**X, "delay": 0.16}
+
+
+def _runs() -> list:
+    random = np.random.default_rng(1)
+    model = MODEL.with_effect("transport_delay")
+    return [
+        replace(
+            run,
+            measured={
+                c: y + NOISE[c] * random.standard_normal(y.size)
+                for c, y in logged(run, model.structure, LATE, Sensors.of(run)).items()
+            },
+        )
+        for run in sweeps(1, ((0.1, 2.2),))
+    ]
+
+
+class Counted:
+    """Stops after some questions, and counts those that come later."""
+
+    def __init__(self, after: int) -> None:
+        self.after, self.asked = after, 0
+
+    def __call__(self) -> bool:
+        self.asked += 1
+        return self.asked > self.after
+
+
+def test_a_simulation_after_the_stop_raises() -> None:
+    problem, fitted = fit_with_floor(_runs(), MODEL, X, near=True)
+    stopped = replace(problem, stop=lambda: True)
+    with pytest.raises(Stopped):
+        stopped.model(fitted.structure, fitted.x)
+    assert stopped.to_the_end.model(fitted.structure, fitted.x).shape == (problem.size,)
+
+
+@pytest.mark.parametrize("after", [0, 3, 25, 60])
+def test_the_answer_so_far_can_be_simulated(after: int) -> None:
+    found = choose(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: None, Counted(after)))
+    assert found.stopped
+    for part in (found.first, found.last):
+        assert isinstance(part.problem, Problem)
+        assert part.problem.model(part.model.structure, part.fitted.x).shape == (part.problem.size,)
+    for one in found.named:
+        assert one.trial.effect in found.last.model.ids
+
+
+def test_without_a_stop_the_effect_is_named() -> None:
+    found = choose(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: None, lambda: False))
+    assert [n.trial.effect for n in found.named] == ["transport_delay"]
+    assert not found.stopped
