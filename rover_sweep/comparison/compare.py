@@ -12,7 +12,7 @@ from rover_sweep.comparison.answer import Agreement, Comparison, Difference, Ver
 from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of
 from rover_sweep.comparison.differences import Found, differences, found_between
 from rover_sweep.comparison.direct import Direct, direct
-from rover_sweep.comparison.hidden import could_differ, largest_score, suspect
+from rover_sweep.comparison.hidden import could_differ, largest_score, suspects
 from rover_sweep.comparison.instruments import instruments
 from rover_sweep.comparison.pairing import Pair, pairs_by_steering, shared
 from rover_sweep.comparison.pictured import bode, histories_of, predicted
@@ -170,16 +170,18 @@ def _with_suspects(
 ) -> tuple[FittedSide, FittedSide]:
     """Both sides with the effects added in which they differ clearly, though no diagnosis named them."""
     for _ in range(MOST_SUSPECTS):
-        name = suspect(recordings, simulation)
-        if not name:
+        tried = []
+        for name in suspects(recordings, simulation):
+            model = recordings.model.with_effect(name)
+            if model.effects not in fitted:
+                fitted[model.effects] = side_of(
+                    [p.recorded for p in pairs], model, recordings.fitted.x, model.ids
+                )
+            other = side_of(simulation.plain.runs, model, simulation.fitted.x, model.ids)
+            tried.append((fitted[model.effects], other))
+        if not tried:
             break
-        model = recordings.model.with_effect(name)
-        if model.effects not in fitted:
-            fitted[model.effects] = side_of(
-                [p.recorded for p in pairs], model, recordings.fitted.x, model.ids
-            )
-        recordings = fitted[model.effects]
-        simulation = side_of(simulation.plain.runs, model, simulation.fitted.x, model.ids)
+        recordings, simulation = min(tried, key=lambda sides: sides[0].fitted.cost + sides[1].fitted.cost)
     return recordings, simulation
 
 

@@ -17,6 +17,7 @@ from rover_sweep.diagnosis.simulation.candidates import possible
 
 ONE_SIDED = 1.645
 CLEAR = 30.0  # chi-squared of a difference; by chance rarer than 1 in 100 000 for 40 parameters
+NEARLY, MOST = 0.3, 3  # share of the clearest one's chi-squared, and number, of suspects that are fitted
 FAINT = 1e-3  # length of a signature that no data show
 
 
@@ -56,14 +57,18 @@ def largest_score(side: FittedSide) -> float:
     return max((a * a / v for _, a, v in _amounts(side).values()), default=0.0)
 
 
-def suspect(recordings: FittedSide, simulation: FittedSide) -> str:
-    """The effect outside of the model in which both sides differ most clearly, "" where none is clear."""
+def suspects(recordings: FittedSide, simulation: FittedSide) -> tuple[str, ...]:
+    """Effects outside of the model in which both sides differ clearly, those nearly as clear as the first.
+
+    A straight line tells play from sticking poorly, so the fits decide between them.
+    """
     one, two = _amounts(recordings), _amounts(simulation)
     clear = {
         key: (one[key][1] - two[key][1]) ** 2 / (one[key][2] + two[key][2]) for key in one.keys() & two.keys()
     }
-    best = max(clear, key=lambda key: clear[key], default=None)
-    return best[0] if best is not None and clear[best] > CLEAR else ""
+    ranked = sorted(clear, key=lambda key: -clear[key])
+    enough = max(CLEAR, NEARLY * clear[ranked[0]]) if ranked else 0.0
+    return tuple(dict.fromkeys(effect for effect, p in ranked if clear[effect, p] > enough))[:MOST]
 
 
 def _amounts(side: FittedSide) -> Mapping[tuple[str, str], tuple[EffectParameter, float, float]]:

@@ -21,7 +21,7 @@ SGN_WIDTH = 0.01  # rad/s, within which dry friction is smooth, times exp(ln_wid
 FALLING = 1.6  # shape factor C of the magic formula; the force falls beyond its peak
 FASTEST = 300.0  # 1/s, of the tyre relaxation; a faster one has no effect
 FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # not nnan, ninf: a trial of a fit may overflow
-STABLE, MOST_PARTS = 2.0, 8  # rate times step within which RK4 is stable; parts of a step at low speed
+STABLE, MOST_PARTS = 2.0, 12  # rate times step within which RK4 is stable; parts of a step
 
 
 class VehicleNumbers(NamedTuple):
@@ -131,11 +131,12 @@ def single_track(steer, speed, grip, fy, mz, mx, q, roll, relaxed, dt):  # type:
     n = steer.size
     y = np.zeros((n, 7))
     v = r = phi = p = lag_f = lag_r = across = shifted = 0.0
+    rubbing = t_roll * inv_width * inv_j  # 1/s, of dry friction about rest
     rigid = (stiff_f + stiff_r) * inv_m + (a * a * stiff_f + b * b * stiff_r) * inv_izz
     for k in range(n):
         last = k + 1 == n
         end = k if last else k + 1
-        fastest = rigid / speed[k] + (min(speed[k] / sigma, FASTEST) if relaxed else 0.0)
+        fastest = rigid / speed[k] + rubbing + (min(speed[k] / sigma, FASTEST) if relaxed else 0.0)
         wanted = fastest * dt / STABLE
         parts = 1 if last else (int(wanted) + 1 if wanted < MOST_PARTS else MOST_PARTS)
         width = dt / parts
