@@ -22,7 +22,7 @@ from rover_sweep.diagnosis.result import EffectValue
 
 DRAWS, LEVEL = 400, (5.0, 95.0)
 ALIKE = 0.85  # share of a quantity's gain from which another one in its place is a look-alike
-ABSENT_SHARE = 0.15  # of the other side's size, up to which an effect counts as absent on one side
+ABSENT_SHARE = 0.2  # of the other side's size, up to which an effect counts as absent on one side
 UNBOUNDED = 1e9
 
 
