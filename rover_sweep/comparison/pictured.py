@@ -21,7 +21,7 @@ from rover_sweep.diagnosis.result import Overlay
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
-EVERY = 4  # a picture has every 4th sample
+EVERY = 2  # a picture has every 2nd sample
 Signals = dict[str, Array]
 
 

@@ -29,7 +29,7 @@ from rover_sweep.report.identification.remarks import (
     finding,
     to_do,
 )
-from rover_sweep.report.identification.terminal import comparison, conclusion
+from rover_sweep.report.identification.terminal import comparison, conclusion, short_answer
 from rover_sweep.report.wording.number_format import band, change, number, percent, symbol
 
 
@@ -192,17 +192,18 @@ def test_what_to_do_first_names_runs_to_repeat_refusals_and_missing_verification
     assert any("roll rate does not follow" in text for text in to_do(*stock))
 
 
-def terminal(case: Any, width: int, verbose: bool = False) -> str:
+def terminal(case: Any, width: int, full: bool = False) -> str:
     out = io.StringIO()
     console = Console(file=out, width=width, force_terminal=False)
-    console.print(comparison(*case, verbose=verbose))
-    console.print(conclusion(*case))
+    if full:
+        console.print(comparison(*case))
+    console.print((conclusion if full else short_answer)(*case))
     return out.getvalue()
 
 
 @pytest.mark.parametrize("width", [80, 100])
 def test_the_terminal_shows_all_tables_within_its_width(nominal: Any, width: int) -> None:
-    text = terminal(nominal, width, verbose=True)
+    text = terminal(nominal, width, full=True)
     for words in (
         "Runs",
         "Bicycle model",
@@ -220,11 +221,14 @@ def test_the_terminal_shows_all_tables_within_its_width(nominal: Any, width: int
     assert "use the roll-yaw model" in text
 
 
-def test_the_terminal_is_short_unless_asked(nominal: Any, defaults: Any) -> None:
+def test_the_terminal_is_short_unless_asked(nominal: Any) -> None:
     text = terminal(nominal, 80)
-    assert "Model structure reduction" not in text and "If the sensors' filters" not in text
-    assert "ignores the sensors' low-pass filters has the same cost" in " ".join(text.split())
-    assert "If the sensors' filters" in terminal(defaults, 80)  # a parameter moves by more than 3 %
+    assert "Bicycle model" not in text and "If the sensors' filters" not in text
+    assert len(text.splitlines()) < 32
+    assert "Roll-yaw model" in text and "use the roll-yaw model" in text
+    assert "On run4 (not in the fit) J_rms" in text
+    whole = terminal(nominal, 80, full=True)
+    assert "ignores the sensors' low-pass filters has the same cost" in " ".join(whole.split())
 
 
 def test_a_diagnosis_is_proposed_where_a_response_is_missed_and_only_there(nominal: Any) -> None:

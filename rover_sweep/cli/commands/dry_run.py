@@ -131,7 +131,7 @@ def dry_run(
     bias_sweeps: tuple[BiasSweep, ...],
     seed: int,
     as_json: bool,
-    verbose: bool,
+    full: bool,
 ) -> None:
     """Run the whole workflow on a simulated rover: no hardware, about half a minute.
 
@@ -163,7 +163,7 @@ def dry_run(
     folder = session_folder(out, "dry-run", also=() if rover_file else ("rover.toml",))
     rover = vehicle_in(folder, rover_file, text)
     session = show_session(drive(settings, folder, access), folder)
-    identify_session(session, rover, as_json, verbose, None if settings.url else truth_view(variant))
+    identify_session(session, rover, as_json, full, None if settings.url else truth_view(variant))
 
 
 def _sweep(amplitude: float, wmin: float, wmax: float, trec: float) -> Any:

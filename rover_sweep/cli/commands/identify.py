@@ -129,7 +129,7 @@ def identify(
     system: int | None,
     out: str,
     as_json: bool,
-    verbose: bool,
+    full: bool,
     structures: tuple[str, ...],
     condition_on: tuple[str, ...],
     bootstrap: int,
@@ -168,7 +168,7 @@ def identify(
         condition_on=tuple(dict.fromkeys(condition_on)),
         bootstrap=bootstrap,
     )
-    show_identified(sweeps, checks, (vehicle, path), settings, Path(out), as_json, verbose, structures=own)
+    show_identified(sweeps, checks, (vehicle, path), settings, Path(out), as_json, full, structures=own)
 
 
 def _swept(wmin: float | None, wmax: float | None) -> tuple[float, float] | None:

@@ -61,7 +61,7 @@ def resume(
     throw_switch: Trigger,
     no_log: bool,
     as_json: bool,
-    verbose: bool,
+    full: bool,
 ) -> None:
     """Drive the remaining runs of the session in FOLDER, and identify models from all its runs.
 
@@ -90,7 +90,7 @@ def resume(
     announce(plan, folder)
     events = drive(connect, folder, plan, vehicle_file=path, access=access)
     session = show_session(events, folder, talk=True, go_on=True, answer=answer)
-    identify_session(session, (vehicle, path), as_json, verbose)
+    identify_session(session, (vehicle, path), as_json, full)
 
 
 def _plan(

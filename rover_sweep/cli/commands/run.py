@@ -121,7 +121,7 @@ def run(
     diagnose: bool,
     out: str | None,
     as_json: bool,
-    verbose: bool,
+    full: bool,
     **simulated: Any,
 ) -> None:
     """Drive sweeps and doublets on a rover, record them, check their quality, and identify models.
@@ -148,7 +148,7 @@ def run(
     else:
         refuse_without_simulation(connect, simulated)
         rover, session, more = *_on_rover(job, connect or "", access, vehicle, out, arm, throttle), None
-    identify_session(session, rover, as_json, verbose, more)
+    identify_session(session, rover, as_json, full, more)
     if diagnose:
         diagnose_session(session, rover)
 

@@ -135,7 +135,7 @@ def identify_session(
     session: SessionFinished,
     rover: tuple[Vehicle, Path],
     as_json: bool,
-    verbose: bool,
+    full: bool,
     more: Callable[[Identification], RenderableType] | None = None,
 ) -> None:
     """Identify from the complete runs of a session, verify on its doublets, write its report/."""
@@ -148,4 +148,4 @@ def identify_session(
     for words in origin_words(session.folder, runs):
         narration().print(words, markup=False, soft_wrap=True)
     sweeps, doublets = divided(runs)
-    show_identified(sweeps, doublets, rover, Settings(), session.folder / "report", as_json, verbose, more)
+    show_identified(sweeps, doublets, rover, Settings(), session.folder / "report", as_json, full, more)

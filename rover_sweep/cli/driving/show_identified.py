@@ -24,30 +24,34 @@ def show_identified(
     settings: Settings,
     out: Path,
     as_json: bool,
-    verbose: bool = False,
+    full: bool = False,
     more: Callable[[Identification], RenderableType] | None = None,
     structures: Sequence[ModelStructure] = (),
 ) -> None:
-    """Identify, write the report into `out`, print comparison, `more`, conclusion and the report's path.
+    """Identify, print the answer and `more`, write the report into `out`, print its path.
 
-    structures: the user's own. as_json: identification.json on stdout, everything else on stderr.
+    full: all tables before the answer. structures: the user's own. as_json: identification.json on stdout,
+    everything else on stderr.
     """
     from rover_sweep.api.identify import identified as identified_models
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
-    from rover_sweep.report.identification.terminal import comparison, conclusion
+    from rover_sweep.report.identification.terminal import comparison, conclusion, short_answer
 
     console, shown = narration(), results(as_json)
     print_warnings(console, (*sweeps, *checks))
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     with console.status("identifying"):
         result = identified_models(sweeps, checks, rover, settings, structures, command=command)
-    shown.print(comparison(result, result.origin, verbose))
+    if full:
+        shown.print(comparison(result, result.origin))
     if more is not None:
         shown.print(more(result))
         shown.print()
-    shown.print(conclusion(result, result.origin))
+    shown.print((conclusion if full else short_answer)(result, result.origin))
     with console.status("writing the report") as status:
         files = result.report(out, lambda share, what: status.update(f"writing {what}"))
+    if not full:
+        shown.print("all models, costs and handling: in the report, or here with --full", style="dim")
     shown.print(f"report: {files.page}", soft_wrap=True, markup=False)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))

@@ -160,12 +160,14 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--json and --verbose, of the commands that identify."""
+    """--json and --full, of the commands that identify."""
     for decorate in (
         click.option(
+            "--full",
             "--verbose",
+            "full",
             is_flag=True,
-            help="Also show the steps of the structure reduction and the fits without sensor filters.",
+            help="Show all tables: every model, costs, verification, handling, steps of the reduction.",
         ),
         click.option(
             "--json",

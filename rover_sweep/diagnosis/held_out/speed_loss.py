@@ -26,7 +26,7 @@ from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, smoothed
 from rover_sweep.diagnosis.simulation.simulator import Structure, Values, motion
 
-EVERY = 40  # one row for 40 samples of the simulation; the measured speed is smoothed over 50
+EVERY = int(0.2 * RATE)  # samples of the simulation for one row; the measured speed is smoothed over .25 s
 LAGS = np.geomspace(0.2, 5.0, 13)  # s, of the drive: speed controller, motor and mass
 ORDER = 3  # of the autoregression
 UNSURE = 0.1  # relative standard deviation of the rover's own drag: toe and scrub of the wheels

@@ -19,7 +19,7 @@ from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.spectra.response import FrequencyResponse
 
 UNITS = {"r": 180 / np.pi, "ay": 1 / 0.3048, "p": 180 / np.pi}  # deg/s, ft/s^2, deg/s: those of J_rms
-EVERY = 4  # an overlay has every 4th sample of the simulation
+EVERY = 2  # an overlay has every 2nd sample of the simulation
 WORSE = 3.0  # standard deviations from which a channel counts as worse
 JUDGED = 9.0  # sum of squares of the difference of two models, from which a run can judge them
 EXPLAINABLE = 1.05  # mean square of the rows above which a share removed is computed

@@ -42,12 +42,6 @@ def filters_remark(result: Identification) -> str | None:
     )
 
 
-def filters_moved(result: Identification) -> float:
-    """Largest change [%] of a free parameter other than the delay, over all models, without the filters."""
-    pairs = [(m.fit, m.variants[IGNORED]) for m in usable(result).values() if IGNORED in m.variants]
-    return max((abs(x) for fit, other in pairs for x in _changes(fit, other).values()), default=0.0)
-
-
 def _changes(fit: FitResult, other: FitResult) -> dict[str, float]:
     """Change [%] of each free parameter except the delay."""
     free = [e for e in fit.estimates if e.free and e.value and e.name not in fit.structure.delays]
@@ -78,10 +72,17 @@ def finding(result: Identification) -> str | None:
         f"{symbol(e.name)} {number(e.value, 3)} {unit(e.unit)} (CR {percent(e.cr_percent)} %)" for e in free
     ]
     text = f"At {model.fit.speed:.2f} m/s: " + ", ".join(words)
-    if model.verification:
-        v = model.verification[0]
-        text += f"; on {v.run} (not in the fit) J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}"
-    return text + "."
+    unseen = prediction_sentence(result)
+    return f"{text}; {unseen}" if unseen else f"{text}."
+
+
+def prediction_sentence(result: Identification) -> str | None:
+    """How the recommended model predicts the first run that is not in its fit; None without one."""
+    model = result.models.get(result.recommended or "")
+    if model is None or not model.verification:
+        return None
+    v = model.verification[0]
+    return f"on {v.run} (not in the fit) J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}."
 
 
 def diagnosis_remark(result: Identification) -> str | None:

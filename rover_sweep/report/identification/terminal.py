@@ -24,12 +24,11 @@ from rover_sweep.report.identification.comparison import (
 )
 from rover_sweep.report.identification.handling_table import handling_table
 from rover_sweep.report.identification.remarks import (
-    SMALL_CHANGE,
     diagnosis_remark,
     filters_known,
-    filters_moved,
     filters_remark,
     finding,
+    prediction_sentence,
     to_do,
 )
 from rover_sweep.report.wording.provenance import Provenance
@@ -57,12 +56,23 @@ class Sentence:
         yield Text("\n".join(lines).replace("\N{NO-BREAK SPACE}", " "), self.style)
 
 
-def comparison(result: Identification, provenance: Provenance, verbose: bool = False) -> Group:
-    """Runs, parameters, costs, verification, inertia, handling and filters, for `Console.print`.
+def comparison(result: Identification, provenance: Provenance) -> Group:
+    """Runs, parameters, costs, verification, inertia, handling and filters, for `Console.print`."""
+    return Group(*_spaced(_parts(result, provenance)))
 
-    verbose: also the steps of the structure reductions and, in every case, the fits without filters.
-    """
-    return Group(*_spaced(_parts(result, provenance, verbose)))
+
+def short_answer(result: Identification, provenance: Provenance) -> Group:
+    """Which model, its numbers with intervals, how it predicts, and what to do first."""
+    lines: list[RenderableType] = [rich_table(coherence_table(result)), Text("")]
+    if result.recommended and result.recommended in result.models:
+        lines += [rich_table(parameter_table(result, result.recommended, fixed_rows=False)), Text("")]
+    lines += [Sentence(sentence, "bold") for sentence in result.summary]
+    if words := prediction_sentence(result):
+        lines.append(Sentence(f"O{words[1:]}"))
+    lines += [Sentence(f"- {sentence}") for sentence in to_do(result, provenance)]
+    if words := diagnosis_remark(result):
+        lines.append(Sentence(words))
+    return Group(*lines)
 
 
 def conclusion(result: Identification, provenance: Provenance) -> Group:
@@ -90,11 +100,11 @@ def rich_table(table: Table) -> RenderableType:
     )  # a separate title, as rich would wrap it to the table
 
 
-def _parts(result: Identification, provenance: Provenance, verbose: bool) -> Iterator[RenderableType]:
+def _parts(result: Identification, provenance: Provenance) -> Iterator[RenderableType]:
     yield rich_table(coherence_table(result))
     for name, model in ordered(result).items():
         yield rich_table(parameter_table(result, name, fixed_rows=False))
-        if verbose and (steps := reduction_table(model)):
+        if steps := reduction_table(model):
             yield rich_table(steps)
         yield Sentence(
             f"{TITLES.get(name, name)}: {model.verdict.level}. " + "; ".join(model.verdict.sentences)
@@ -107,17 +117,16 @@ def _parts(result: Identification, provenance: Provenance, verbose: bool) -> Ite
         yield rich_table(inertia)
     if handling := handling_table(result):
         yield rich_table(handling)
-    yield from _filters(result, verbose)
+    yield from _filters(result)
 
 
-def _filters(result: Identification, verbose: bool) -> Iterator[RenderableType]:
-    """The filters, and the fits without them if verbose or if a parameter other than the delay changes."""
+def _filters(result: Identification) -> Iterator[RenderableType]:
+    """The filters, and the fits without them."""
     table = filters_table(result)
     if table is None:
         return
     yield Sentence(filters_known(result))
-    if verbose or filters_moved(result) > SMALL_CHANGE:
-        yield rich_table(table)
+    yield rich_table(table)
     if remark := filters_remark(result):
         yield Sentence(remark)
 
