@@ -48,7 +48,7 @@ def found_between(recordings: FittedSide, simulation: FittedSide, seed: int = 1)
     columns = [q.columns(coordinates) for q in candidates]
     covariance = recordings.covariance + simulation.covariance
     subsets = Subsets(recordings.values - simulation.values, covariance, columns)
-    chosen = fewest(subsets)
+    chosen = fewest(subsets, {k for k, q in enumerate(candidates) if q.effect is not None})
     b = np.column_stack([np.zeros((len(coordinates), 0)), *(columns[k] for k in chosen)])
     both = _both(recordings, simulation, b, seed)
     return Found(candidates, chosen, subsets, *both)

@@ -7,14 +7,14 @@ B, the set T of candidates leaves
 
 The set with the least Q(T) + PENALTY |T| is searched by adding, removing and exchanging one at a time, from
 the full set and from the best of all sets of up to three (Miller 2002, Subset Selection in Regression).
-Under no difference, one of 30 candidates gains more than PENALTY in less than 1 % of cases. The columns are
-straight lines where the true path is a curve, so a large difference leaves a small false one beside it: a
-candidate that gains less than SPILL of the largest gain is left out.
+Under no difference, one of 30 candidates gains more than PENALTY in less than 1 % of cases. The law of
+an effect is never quite the true one, so a large effect leaves small false differences beside it: a candidate
+that gains less than SPILL of the largest effect is left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -22,7 +22,7 @@ import numpy as np
 from rover_sweep.data.recording import Array
 
 PENALTY = 14.0
-SPILL = 0.005  # a true difference of 374 and a false one of 44 stood beside 32 000
+SPILL = 0.01  # a true difference of 374 and a false one of 44 stood beside an effect of 32 000
 ALL_OF = 3  # candidates of the sets that are all tried
 MOST = 14  # candidates of one set
 Chosen = tuple[int, ...]
@@ -66,20 +66,21 @@ class Subsets:
         return self.left(chosen) + PENALTY * sum(self.columns[k].shape[1] for k in chosen)
 
 
-def fewest(subsets: Subsets) -> Chosen:
-    """The best set that the search finds, in the order of the candidates."""
+def fewest(subsets: Subsets, effects: Collection[int] = ()) -> Chosen:
+    """The best set that the search finds, in the order of the candidates. effects: those that are one."""
     every = range(len(subsets.columns))
     starts = [_shrunk(subsets, tuple(every))]
     starts += [min(combinations(every, n), key=subsets.score) for n in range(min(ALL_OF, len(every)) + 1)]
-    return _without_spill(subsets, min((_improved(subsets, start) for start in starts), key=subsets.score))
+    best = min((_improved(subsets, start) for start in starts), key=subsets.score)
+    return _without_spill(subsets, best, effects)
 
 
-def _without_spill(subsets: Subsets, chosen: Chosen) -> Chosen:
-    """The set without candidates, the least first, that gain less than `SPILL` of the largest gain."""
+def _without_spill(subsets: Subsets, chosen: Chosen, effects: Collection[int]) -> Chosen:
+    """The set without candidates, the least first, that gain less than `SPILL` of the largest effect."""
     while chosen:
         gains = {k: subsets.left(_without(chosen, k)) - subsets.left(chosen) for k in chosen}
         least = min(chosen, key=lambda k: gains[k])
-        if gains[least] >= SPILL * max(gains.values()):
+        if gains[least] >= SPILL * max((gains[k] for k in chosen if k in effects), default=0.0):
             break
         chosen = _without(chosen, least)
     return chosen
