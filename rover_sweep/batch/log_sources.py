@@ -1,4 +1,4 @@
-"""Logs by path or URL: found in folders, identified by their contents, copied to the worker that needs them."""
+"""Logs by path or URL: found in folders, identified by their contents, copied to their worker."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _without_pairs(source: str, names: Sequence[str]) -> list[str]:
 
 
 def identity(source: str) -> str:
-    """A hash that changes with the contents: of a file its sha256, of a URL what fsspec knows; "" for none."""
+    """A hash that changes with the contents: a file's sha256, what fsspec knows of a URL; "" for none."""
     try:
         if is_url(source):
             fs, path = _opened(source)

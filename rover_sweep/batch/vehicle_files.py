@@ -1,7 +1,7 @@
 """The vehicle files of a fleet, and which one belongs to a log.
 
-A folder holds one file per vehicle, named after it: rover-07.toml. A log belongs to it when one of its folders
-or the beginning of its own name is `rover-07`, or when fleet.toml in the same folder lists its board:
+A folder holds one file per vehicle, named after it: rover-07.toml. A log belongs to it when one of its
+folders or the beginning of its own name is `rover-07`, or when fleet.toml in the same folder lists its board:
 
     [boards]
     rover-07 = ["CubeOrange 0028001F 3432510D 37343231"]

@@ -1,13 +1,13 @@
 """The changes of a vehicle over its days: which quantity, when, how large; one at a time.
 
 For each quantity q (direction b in the coordinates) and each time shape g (a step before a day, a ramp from a
-day on), the score test of the model without it gives the drop of chi-squared in closed form:
+day on, one odd day), the score test of the model without it gives the drop of chi-squared in closed form:
 
     gain = (b^T z)^2/(b^T S b),  z = sum_d g_d s_d,
     S = sum_d g_d^2 W_d - A (sum_d W_d + P)^-1 A^T,  A = sum_d g_d W_d
 
 The best shapes of the best quantities are then fitted with a scatter of their own, and the most likely one is
-added where its size over its standard deviation exceeds the threshold of Student's distribution, divided by the
+added where its size over its standard deviation exceeds the threshold of Student's distribution for the
 number of all tests of the season (Bonferroni).
 """
 
@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from scipy.stats import t as student
@@ -25,7 +26,8 @@ from rover_sweep.data.recording import Array
 from rover_sweep.season.scatter import USUAL_WEIGHT, Days, Explained, Term, explained
 
 FALSE_ALARM = 0.01  # of a whole season
-TRIED = 6  # quantities that are fitted in each round
+TRIED = 5  # quantities that are fitted in each round
+WORTH = 15.0  # gain with the usual scatter from which a change is fitted; the threshold is never lower
 MOST = 6  # changes of one vehicle
 FEWEST = 4  # days; fewer show no drift
 SIDE = 2  # days before and after a step, so that one odd day is no change
@@ -35,10 +37,10 @@ PROFILE = 1.92  # drop of the log likelihood at the end of a 95 % interval
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A course in time (n,), 0 before and 1 at the end. at: index of the first day after a step, or of the
-    last day before a ramp begins."""
+    """A course in time (n,), 0 before and 1 at the end. at: index of the first day after a step, of the last
+    day before a ramp begins, or of the odd day."""
 
-    gradual: bool
+    kind: Literal["step", "gradual", "day"]
     at: int
     course: Array
 
@@ -46,7 +48,7 @@ class Shape:
 @dataclass(frozen=True, eq=False)
 class FoundChange:
     """A quantity's change. size: along its direction, with standard deviation sd. ratio: size/sd when it was
-    added. possible: `at` of all shapes of its kind within the 95 % interval. look_alikes: other quantities."""
+    added. possible: `at` of all shapes of its kind within the 95 % interval. look_alikes: others."""
 
     quantity: int
     shape: Shape
@@ -59,7 +61,7 @@ class FoundChange:
 
 @dataclass(frozen=True, eq=False)
 class VehicleTests:
-    """Everything that is tested on one vehicle. times (n,): days as numbers; quantities with directions (k, q)."""
+    """What is tested on one vehicle. times (n,): days as numbers; quantities with directions (k, q)."""
 
     days: Days
     times: Array
@@ -68,11 +70,12 @@ class VehicleTests:
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
-        """All steps with `SIDE` days on both sides, and all ramps over at least `SIDE` days."""
+        """Steps with `SIDE` days on both sides, ramps over at least `SIDE` days, and each day alone."""
         n = self.times.size
-        steps = [Shape(False, i, (np.arange(n) >= i).astype(float)) for i in range(SIDE, n - SIDE + 1)]
-        ramps = [Shape(True, i, _ramp(self.times, i)) for i in range(n - SIDE)]
-        return (*steps, *ramps)
+        steps = [Shape("step", i, (np.arange(n) >= i).astype(float)) for i in range(SIDE, n - SIDE + 1)]
+        ramps = [Shape("gradual", i, _ramp(self.times, i)) for i in range(n - SIDE)]
+        days = [Shape("day", i, row) for i, row in enumerate(np.eye(n))]
+        return (*steps, *ramps, *days)
 
     @property
     def count(self) -> int:
@@ -111,21 +114,20 @@ def _with_sizes(found: Sequence[FoundChange], last: Explained) -> list[FoundChan
 def _next(vehicle: VehicleTests, terms: Sequence[Term], tests: int) -> FoundChange | None:
     """The most likely further change, None where none is significant."""
     gains = _gains(vehicle, explained(vehicle.days, terms, vehicle.days.usual))  # (shapes, quantities)
-    best = np.argsort(-gains.max(axis=0), kind="stable")[:TRIED]
+    most = gains.max(axis=0)
+    best = np.argsort(-most, kind="stable")[:TRIED]
     fits = []
-    for q in best.tolist():
+    for q in best[most[best] > WORTH].tolist():
         shape = vehicle.shapes[int(gains[:, q].argmax())]
         fits.append((explained(vehicle.days, [*terms, vehicle.term(q, shape)]), q, shape))
+    if not fits:
+        return None
     fit, q, shape = max(fits, key=lambda f: f[0].log_likelihood)
     ratio = float(fit.sizes[-1] / np.sqrt(fit.covariance[-1, -1]))
     freedom = USUAL_WEIGHT + vehicle.times.size - 1 - fit.sizes.size
     if 2.0 * student.sf(abs(ratio), freedom) * max(tests, 1) > FALSE_ALARM:
         return None
-    others = [
-        other
-        for other in np.flatnonzero(gains.max(axis=0) > ALIKE * gains[:, q].max()).tolist()
-        if other != q
-    ]
+    others = [other for other in np.flatnonzero(most > ALIKE * most[q]).tolist() if other != q]
     possible = _possible(vehicle, terms, q, shape, fit)
     return FoundChange(q, shape, 0.0, 0.0, ratio, possible, tuple(others))
 
@@ -150,7 +152,7 @@ def _possible(
     """`at` of the shapes of the same kind that are nearly as likely, with the best one's scatter."""
     found = []
     for shape in vehicle.shapes:
-        if shape.gradual == best.gradual:
+        if shape.kind == best.kind:
             other = explained(vehicle.days, [*terms, vehicle.term(q, shape)], fit.scatter)
             if other.log_likelihood >= fit.log_likelihood - PROFILE:
                 found.append(shape.at)

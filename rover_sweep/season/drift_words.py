@@ -19,6 +19,8 @@ def drift_sentence(d: Drift, previous: str, last: str) -> str:
     if d.kind == "gradual":
         begins = d.day if d.earliest == d.latest else f"{d.day} ({d.earliest} to {d.latest})"
         words = f"{d.quantity} ({d.meaning}) drifts {values} by {last}, {size}; it begins after {begins}"
+    elif d.kind == "day":
+        words = f"{d.quantity} ({d.meaning}) was different on {d.day} only, {values}, {size}"
     else:
         when = f"between {previous} and {d.day}"
         if d.earliest != d.latest:

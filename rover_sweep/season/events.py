@@ -9,7 +9,7 @@ from itertools import pairwise
 from rover_sweep.season.grouping import VehicleDay
 from rover_sweep.season.result import Drift, ParameterChange
 
-# Statistics, calibrations and estimates that the firmware itself changes on every flight; the manoeuvre's settings
+# Statistics and calibrations that the firmware itself changes; settings of the manoeuvre
 _BY_ITSELF = re.compile(
     r"STAT_|SWP_|BARO\d?_|INS_.*(OFFS|_ID|CALTEMP|SCAL)|INS\d_|COMPASS_|GND_|FORMAT_VERSION|SYSID_SW|RC\d+_(MIN|MAX|TRIM)|"
     r"AHRS_GPS|MIS_TOTAL|FENCE_TOTAL|RALLY_TOTAL|LOG_|BRD_SERIAL"
@@ -68,7 +68,10 @@ def event_drifts(vehicle: str, days: Sequence[VehicleDay], changes: Sequence[Par
 
 
 def _of_parameter(vehicle: str, c: ParameterChange) -> Drift:
-    words = f"{vehicle}: {c.name} was changed from {c.before:g} to {c.after:g} between {c.day_before} and {c.day_after}"
+    words = (
+        f"{vehicle}: {c.name} was changed from {c.before:g} to {c.after:g} "
+        f"between {c.day_before} and {c.day_after}"
+    )
     meaning = "parameter of the firmware"
     return Drift(
         vehicle,

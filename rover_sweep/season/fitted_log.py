@@ -7,8 +7,8 @@ likelihood of the day at its fit, without the priors,
     log L(x) = -1/2 x^T D x + h^T x,   D = J^T J/v,   h = D x_fit + J^T r/v
 
 keeps all of it, so that the days of a vehicle can share every coordinate that did not change. J: Jacobian of
-the rows by the coordinates over their scales, r: residual rows, v: their variance. The priors count once for a
-vehicle, not once a day.
+the rows by the coordinates over their scales, r: residual rows, v: their variance. The priors count once for
+a vehicle, not once a day.
 """
 
 from __future__ import annotations

@@ -48,8 +48,9 @@ def _drift(
     parameters: Sequence[ParameterChange],
 ) -> Drift:
     q, b = tests.quantities[c.quantity], tests.directions[:, c.quantity]
-    # without this change, and with it, on the last day
-    without = last.means[-1] - b * c.size * c.shape.course[-1]
+    # without this change, and with it, on the last day that has all of it
+    at = int(np.flatnonzero(c.shape.course == c.shape.course.max())[-1])
+    without = last.means[at] - b * c.size
     before, unit, meaning = _value(q, coordinates, without)
     after, _, _ = _value(q, coordinates, without + b * c.size)
     ends = [c.size + side * HALF_90 * c.sd for side in (-1.0, 1.0)]
@@ -58,11 +59,12 @@ def _drift(
     else:
         low, high = sorted(_value(q, coordinates, without + b * e)[0] - before for e in ends)
     earliest, latest = days[c.possible[0]], days[c.possible[-1]]
-    first = days[max(c.possible[0] - (0 if c.shape.gradual else 1), 0)]
-    end = days[-1] if c.shape.gradual else latest
+    gradual = c.shape.kind == "gradual"
+    first = days[max(c.possible[0] - (0 if gradual else 1), 0)]
+    end = days[-1] if gradual else latest
     drift = Drift(
         name,
-        "gradual" if c.shape.gradual else "step",
+        c.shape.kind,
         q.name,
         meaning,
         unit,

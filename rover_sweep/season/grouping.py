@@ -62,7 +62,7 @@ def _swapped(logs: Sequence[MeasuredLog]) -> dict[tuple[str, str], str]:
             boards = spans[folder_of(log.source)]
             first, _ = boards.get(log.board, (log.day, log.day))
             boards[log.board] = first, log.day
-    out = {}
+    out: dict[tuple[str, str], str] = {}
     for folder, boards in spans.items():
         ordered = sorted(boards.values())
         chain = all(a[1] < b[0] for a, b in zip(ordered, ordered[1:], strict=False))

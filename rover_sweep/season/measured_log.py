@@ -31,8 +31,8 @@ class MeasuredLog:
 
     source: path or URL as given. sha256: of its contents. day: ISO date (UTC), "" if not known; day_from:
     "GPS", "telemetry", "file name" or "file time". board: name and id of the autopilot's board, "" if not
-    logged. system: MAVLink id, "" if not known. vehicle: its name, where a vehicle file is named after it, else
-    "". vehicle_file: name of the file whose numbers were used.
+    logged. system: MAVLink id, "" if not known. vehicle: its name, where a vehicle file is named after it,
+    else "". vehicle_file: name of the file whose numbers were used.
     refused: the sentence of a log that cannot be used, "" for one that was fitted.
     """
 

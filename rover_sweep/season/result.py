@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-DriftKind = Literal["gradual", "step", "board", "parameter"]
-"""gradual: grows from a day on. step: other from a day on. board: another autopilot. parameter: of the firmware,
-which changes the recorded signals or the steering."""
+DriftKind = Literal["gradual", "step", "day", "board", "parameter"]
+"""gradual: grows from a day on. step: another value from a day on. day: on one day only, which is no drift.
+board: another autopilot. parameter: one of the firmware that changes the recorded signals or the steering."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Drift:
 
     quantity: its name. day: first day after a step, or last day before a gradual change begins; earliest,
     latest: its 95 % interval (days of logs). before, after: the quantity (at the end of the season where
-    gradual), None for a board. low, high: 90 % interval of after minus before, of after/before where `relative`.
-    ratio: change over its standard deviation. matters: False where it is smaller than normal tolerance.
+    gradual), None for a board. low, high: 90 % interval of after minus before, or of after/before where
+    `relative`. ratio: change over its standard deviation. matters: False where within tolerance.
     cause: event at the same time that explains it, "" for none. parameters: changes at that time.
     """
 
@@ -52,6 +52,11 @@ class Drift:
     cause: str = ""
     parameters: tuple[ParameterChange, ...] = ()
     sentence: str = ""
+
+    @property
+    def counts(self) -> bool:
+        """False for what is within tolerance, on one day only, or caused by another change."""
+        return self.matters and not self.cause and self.kind != "day"
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ class VehicleSeason:
 
 @dataclass(frozen=True)
 class Season:
-    """A fleet's season. refused: (source, why) of every log without a fit. tests: made on the whole season."""
+    """A fleet's season. refused: (source, why) of every log without a fit. tests: their number."""
 
     sentence: str
     vehicles: tuple[VehicleSeason, ...]
@@ -106,4 +111,4 @@ class Season:
     @property
     def drifts(self) -> tuple[Drift, ...]:
         """Those of all vehicles that matter and that no other event explains."""
-        return tuple(d for v in self.vehicles for d in v.drifts if d.matters and not d.cause)
+        return tuple(d for v in self.vehicles for d in v.drifts if d.counts)

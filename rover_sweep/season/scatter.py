@@ -20,7 +20,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Array
 
-ROUNDS = 25
+ROUNDS = 15
 USUAL_WEIGHT = 6.0  # days that the usual scatter counts as
 Term = tuple[Array, Array]  # (direction b (k,), time shape g (n,))
 
@@ -41,14 +41,16 @@ class Days:
 class Explained:
     """A vehicle's days with changes. means (n, k): m_d. sizes (m,), covariance (m, m): of the changes.
 
-    scatter (k,): s^2. weight (n, k, k): W_d. score (n, k): of the residual, dlogL/dm_d. curvature (k, k): of
-    mu. log_likelihood: marginal, with the prior of the scatter.
+    scatter (k,): s^2, and `next_scatter` (k,) of a further round of its estimation. weight (n, k, k): W_d.
+    score (n, k): of the residual, dlogL/dm_d. curvature (k, k): of mu. log_likelihood: marginal, with the
+    prior of the scatter.
     """
 
     means: Array
     sizes: Array
     covariance: Array
     scatter: Array
+    next_scatter: Array
     weight: Array
     score: Array
     curvature: Array
@@ -59,11 +61,10 @@ def explained(days: Days, terms: Sequence[Term], scatter: Array | None = None) -
     """The best mu and sizes. scatter (k,): s^2 to use; None estimates it."""
     if scatter is not None:
         return _solved(days, terms, scatter)
-    s2 = days.usual
+    found = _solved(days, terms, days.usual)
     for _ in range(ROUNDS):
-        found = _solved(days, terms, s2)
-        s2 = _scatter(days, found)
-    return _solved(days, terms, s2)
+        found = _solved(days, terms, found.next_scatter)
+    return found
 
 
 def with_usual(days: Days, usual: Array) -> Days:
@@ -93,17 +94,13 @@ def _solved(days: Days, terms: Sequence[Term], s2: Array) -> Explained:
     mu = theta[:k]
     inside = days.linear - (days.information @ means[:, :, None])[:, :, 0]
     value = np.sum(days.linear * means) - 0.5 * np.sum(means * (days.linear - inside))
-    value += 0.5 * np.einsum("di,dij,dj->", inside, v, inside)
+    u = (v @ inside[:, :, None])[:, :, 0]  # expected u_d
+    value += 0.5 * np.sum(inside * u)
     value += 0.5 * np.sum(np.linalg.slogdet(v)[1]) - 0.5 * n * np.sum(np.log(s2))
     value -= 0.5 * np.sum(days.prior * (mu - days.centre) ** 2)
     value -= 0.5 * USUAL_WEIGHT * np.sum(np.log(s2 / days.usual) + days.usual / s2)
-    return Explained(means, theta[k:], inverse[k:, k:], s2, weight, score, normal[:k, :k], float(value))
-
-
-def _scatter(days: Days, found: Explained) -> Array:
-    """The next s^2 (k,): prior and expected squares of u_d together."""
-    v = np.linalg.inv(days.information + np.diag(1.0 / found.scatter))
-    inside = days.linear - (days.information @ found.means[:, :, None])[:, :, 0]
-    u = (v @ inside[:, :, None])[:, :, 0]
     squares = np.sum(u**2 + np.diagonal(v, axis1=1, axis2=2), axis=0)
-    return np.asarray((USUAL_WEIGHT * days.usual + squares) / (USUAL_WEIGHT + len(u)))
+    after = (USUAL_WEIGHT * days.usual + squares) / (USUAL_WEIGHT + n)
+    return Explained(
+        means, theta[k:], inverse[k:, k:], s2, after, weight, score, normal[:k, :k], float(value)
+    )

@@ -216,12 +216,11 @@ def spoil(paths: Sequence[Path], seed: int = 1) -> dict[Path, str]:
 
 
 def _as_boat(data: bytearray) -> bytearray:
-    """FRAME_CLASS in place of a parameter that nothing needs."""
+    """FRAME_CLASS 2 in place of the rover's."""
     fmt = FORMATS["PARM"]
-    head = HEAD + bytes([fmt.type])
-    at = data.index(head)
-    row = fmt.packer.pack(
-        *(encoded(c, v) for c, v in zip(fmt.codes, (0, "FRAME_CLASS", 2.0, 1.0), strict=True))
-    )
-    data[at : at + len(head) + len(row)] = head + row
+    codes = zip(fmt.codes[1:], ("FRAME_CLASS", 2.0, 1.0), strict=True)
+    row = fmt.packer.pack(0, *(encoded(c, v) for c, v in codes))
+    name = row[8:24]
+    at = data.index(name) - 8
+    data[at + 8 : at + len(row)] = row[8:]
     return data

@@ -65,8 +65,8 @@ def season_columns(season: Season, logs: Sequence[MeasuredLog]) -> dict[str, Col
     return {
         "quantities": _table("vehicle day quantity unit value low high fitted", values),
         "drifts": _table(
-            "vehicle kind quantity unit day earliest latest before after low high relative ratio matters cause "
-            "sentence",
+            "vehicle kind quantity unit day earliest latest before after low high relative ratio matters "
+            "cause sentence",
             drifts,
         ),
         "parameters": _table("vehicle parameter day_before day_after before after", changed),

@@ -42,9 +42,9 @@ def fleet_page(season: Season) -> str:
         sections.append(
             ("with", "What changed with them", (drift_table(follow, "At the same time"),), "", ())
         )
-    minor = [d for v in season.vehicles for d in v.drifts if not d.matters]
+    minor = [d for v in season.vehicles for d in v.drifts if not d.counts and not d.cause]
     if minor:
-        heading = "Smaller than normal tolerance"
+        heading = "Within normal tolerance, or on one day only"
         sections.append(("minor", heading, (drift_table(minor, heading),), "", ()))
     if season.refused:
         sections.append(("refused", "Logs that could not be used", (refused_table(season),), "", ()))
@@ -62,7 +62,7 @@ def fleet_page(season: Season) -> str:
 
 def vehicle_page(vehicle: VehicleSeason, pictures: Drawn) -> str:
     """The page of a vehicle. pictures: each with its PNG."""
-    found = [d for d in vehicle.drifts if d.matters]
+    found = [d for d in vehicle.drifts if d.counts]
     sections: list[Section] = []
     if vehicle.drifts:
         sections.append(("drifts", "What changed", (drift_table(vehicle.drifts, "What changed"),), "", ()))
@@ -86,7 +86,7 @@ def vehicle_page(vehicle: VehicleSeason, pictures: Drawn) -> str:
 
 
 def _summary(vehicle: VehicleSeason) -> str:
-    found = [d.quantity for d in vehicle.drifts if d.matters and not d.cause]
+    found = [d.quantity for d in vehicle.drifts if d.counts]
     return ", ".join(found) if found else "–"
 
 

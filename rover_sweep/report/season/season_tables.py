@@ -8,9 +8,15 @@ from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.wording.number_format import number, symbol, unit
 from rover_sweep.season.result import Drift, ParameterChange, Season, VehicleSeason
 
-KINDS = {"gradual": "gradual", "step": "from a day on", "board": "board swapped", "parameter": "parameter"}
+KINDS = {
+    "gradual": "gradual",
+    "step": "from a day on",
+    "day": "one day only",
+    "board": "board swapped",
+    "parameter": "parameter",
+}
 INTERVAL = (
-    "90 % interval of the change. Days: a gradual change begins after the day, any other is first seen on it; "
+    "90 % interval of the change. Days: a gradual change begins after the day, others are seen on it first; "
     "in brackets the 95 % interval."
 )
 

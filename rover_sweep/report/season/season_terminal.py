@@ -13,7 +13,7 @@ def season_summary(season: Season, console: Console) -> None:
     console.print(sentence(season.sentence), style="bold", markup=False, soft_wrap=True)
     for vehicle in season.vehicles:
         for drift in vehicle.drifts:
-            if drift.matters:
+            if drift.counts or (drift.cause and drift.matters):
                 mark = "  " if drift.cause else "- "
                 console.print(f"{mark}{drift.sentence}", markup=False, soft_wrap=True)
     for source, why in season.refused:
