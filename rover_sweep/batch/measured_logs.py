@@ -88,7 +88,7 @@ def _saved(path: Path, source: str, files: VehicleFiles) -> MeasuredLog | None:
         document: dict[str, Any] = read_json(path.read_text(encoding="utf-8"))
         log = from_document(document)
         name = log.vehicle_file
-        if log.board or log.sha256:  # it was read, so the choice of its file can be repeated
+        if log.day or log.parameters:  # it was read, so the choice of its file can be repeated
             name = _file_name(files, source, log.board)
         same = name == log.vehicle_file and document["made_by"] == made_by(name, files)
         return log if same else None

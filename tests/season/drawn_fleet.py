@@ -146,7 +146,7 @@ def _drive(
     part = target.with_suffix(".part")
     redrive(again, rover, part, int(random.integers(1, 2**31)))
     with part.open("ab") as file:
-        file.write(_gps(float(course.t[-1]), day))
+        file.write(gps_message(float(course.t[-1]), day))
     part.replace(target)
 
 
@@ -181,7 +181,7 @@ def _changed(
     return replace(rover, **more), found
 
 
-def _gps(t: float, day: date) -> bytes:
+def gps_message(t: float, day: date) -> bytes:
     """A GPS message with the date at noon."""
     since = datetime(day.year, day.month, day.day, 12, tzinfo=UTC) - GPS_EPOCH
     week, rest = divmod(since, timedelta(weeks=1))
