@@ -59,7 +59,7 @@ def _without_pairs(source: str, names: Sequence[str]) -> list[str]:
     return [name for name in names if not (name.lower().endswith(".tlog") and name[:-5] in flash)]
 
 
-def identity(source: str) -> str:
+def content_key(source: str) -> str:
     """A hash that changes with the contents: a file's sha256, what fsspec knows of a URL; "" for none."""
     try:
         if is_url(source):

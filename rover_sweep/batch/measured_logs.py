@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.batch.log_sources import identity
+from rover_sweep.batch.log_sources import content_key
 from rover_sweep.batch.measure import made_by, measure
 from rover_sweep.batch.vehicle_files import VehicleFiles
 from rover_sweep.errors import DataRefused, RoverSweepError
@@ -79,7 +79,7 @@ def _new(
 
 def _key(source: str) -> str:
     """Name of the saved values: of the place and the contents of a log."""
-    return hashlib.sha256(f"{source}\0{identity(source)}".encode()).hexdigest()[:24]
+    return hashlib.sha256(f"{source}\0{content_key(source)}".encode()).hexdigest()[:24]
 
 
 def _saved(path: Path, source: str, files: VehicleFiles) -> MeasuredLog | None:

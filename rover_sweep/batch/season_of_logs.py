@@ -10,8 +10,8 @@ from rover_sweep.batch.vehicle_files import VehicleFiles
 from rover_sweep.data.vehicle_file import parse
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.season.measured_log import MeasuredLog
-from rover_sweep.season.result import Season
 from rover_sweep.season.season import season
+from rover_sweep.season.season_result import Season
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # so that sums do not depend on the number of threads

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rover_sweep.season.result import Drift, Season
+from rover_sweep.season.season_result import Drift, Season
 
 
 def drift_sentence(d: Drift, previous: str, last: str) -> str:

@@ -13,9 +13,9 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.season.changes import FoundChange, VehicleTests
 from rover_sweep.season.drift_words import drift_sentence
-from rover_sweep.season.events import within
-from rover_sweep.season.result import DayValue, Drift, ParameterChange, TrackedQuantity
+from rover_sweep.season.firmware_events import within
 from rover_sweep.season.scatter import Explained
+from rover_sweep.season.season_result import DayValue, Drift, ParameterChange, TrackedQuantity
 
 HALF_90 = 1.645  # half width of a 90 % interval in standard deviations
 

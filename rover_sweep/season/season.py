@@ -14,13 +14,13 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.season.changes import FEWEST, FoundChange, VehicleTests, changes_of
 from rover_sweep.season.drift_words import season_sentence
-from rover_sweep.season.events import event_drifts, parameter_changes
+from rover_sweep.season.firmware_events import event_drifts, parameter_changes
 from rover_sweep.season.fitted_log import season_model
 from rover_sweep.season.found_drifts import drifts_with_events, tracked
-from rover_sweep.season.grouping import VehicleDay, by_vehicle, days_of
 from rover_sweep.season.measured_log import MeasuredLog
-from rover_sweep.season.result import Season, VehicleSeason
 from rover_sweep.season.scatter import Days, Explained, explained, with_usual
+from rover_sweep.season.season_result import Season, VehicleSeason
+from rover_sweep.season.vehicle_days import VehicleDay, by_vehicle, days_of
 
 QUANTITIES = (
     "C",

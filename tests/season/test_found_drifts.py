@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from rover_sweep.season.result import Drift, Season
 from rover_sweep.season.season import season
+from rover_sweep.season.season_result import Drift, Season
 from tests.season.prepared_days import ROVER, Course, day_name, vehicle_logs
 
 DAYS = 9

@@ -9,7 +9,7 @@ from typing import Any
 
 from rover_sweep.errors import UsageError
 from rover_sweep.season.measured_log import MeasuredLog
-from rover_sweep.season.result import Season
+from rover_sweep.season.season_result import Season
 
 Columns = Mapping[str, Sequence[Any]]
 

@@ -12,7 +12,7 @@ from rover_sweep.report.season.season_page import fleet_page, page_names, vehicl
 from rover_sweep.report.season.season_pictures import course_pictures
 from rover_sweep.report.wording.strict_json import strict_json
 from rover_sweep.season.measured_log import MeasuredLog
-from rover_sweep.season.result import Season
+from rover_sweep.season.season_result import Season
 
 
 def write_season(season: Season, logs: Sequence[MeasuredLog], directory: Path, parquet: bool = False) -> Path:

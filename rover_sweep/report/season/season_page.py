@@ -12,12 +12,12 @@ from rover_sweep.report.season.season_tables import (
     drift_table,
     parameter_change_table,
     refused_table,
-    value_table,
+    season_value_table,
 )
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.effect_names import sentence
 from rover_sweep.report.wording.provenance import versions
-from rover_sweep.season.result import Drift, Season, VehicleSeason
+from rover_sweep.season.season_result import Drift, Season, VehicleSeason
 
 Section = tuple[str, str, Sequence[Table], str, Sequence[str]]  # anchor, heading, tables, pictures, texts
 
@@ -68,7 +68,7 @@ def vehicle_page(vehicle: VehicleSeason, pictures: Drawn) -> str:
         sections.append(("drifts", "What changed", (drift_table(vehicle.drifts, "What changed"),), "", ()))
     if vehicle.quantities:
         sections.append(("courses", "Day by day", (), "courses", ()))
-        sections.append(("values", "Values", (value_table(vehicle),), "", ()))
+        sections.append(("values", "Values", (season_value_table(vehicle),), "", ()))
     if vehicle.parameters:
         table = parameter_change_table(vehicle.parameters)
         sections.append(("parameters", "Parameters that changed", (table,), "", ()))

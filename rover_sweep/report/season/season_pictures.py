@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from rover_sweep.report.identification.pictures import Picture
 from rover_sweep.report.pictures.style import BAND, DATA, WIDTH
-from rover_sweep.season.result import Drift, TrackedQuantity, VehicleSeason
+from rover_sweep.season.season_result import Drift, TrackedQuantity, VehicleSeason
 
 CAPTION = (
     "Each day with its 90 % interval (of differences between days). Line: the course that the season shows; "

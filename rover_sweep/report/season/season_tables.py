@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.wording.number_format import number, symbol, unit
-from rover_sweep.season.result import Drift, ParameterChange, Season, VehicleSeason
+from rover_sweep.season.season_result import Drift, ParameterChange, Season, VehicleSeason
 
 KINDS = {
     "gradual": "gradual",
@@ -73,7 +73,7 @@ def parameter_change_table(changes: Sequence[ParameterChange]) -> Table:
     return Table("Parameters that changed", ("parameter", "between", "before", "after"), rows, text_columns=2)
 
 
-def value_table(vehicle: VehicleSeason) -> Table:
+def season_value_table(vehicle: VehicleSeason) -> Table:
     """First and last value of each quantity, with its scatter from day to day."""
     rows = tuple(
         (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 
 from rover_sweep.report.wording.effect_names import sentence
-from rover_sweep.season.result import Season
+from rover_sweep.season.season_result import Season
 
 
 def season_summary(season: Season, console: Console) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from rover_sweep.season.grouping import by_vehicle, days_of
 from rover_sweep.season.measured_log import MeasuredLog, as_document, from_document
+from rover_sweep.season.vehicle_days import by_vehicle, days_of
 from tests.season.prepared_days import vehicle_logs
 
 

@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from rover_sweep.season.grouping import VehicleDay
-from rover_sweep.season.result import Drift, ParameterChange
+from rover_sweep.season.season_result import Drift, ParameterChange
+from rover_sweep.season.vehicle_days import VehicleDay
 
 # Statistics and calibrations that the firmware itself changes; settings of the manoeuvre
 _BY_ITSELF = re.compile(
