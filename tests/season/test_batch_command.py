@@ -20,6 +20,7 @@ from rover_sweep.batch.vehicle_files import VehicleFiles, read_vehicle_files
 from rover_sweep.batch.workers import workers
 from rover_sweep.cli.main import run
 from rover_sweep.errors import DataRefused, RoverSweepError, UsageError
+from tests.season.prepared_days import vehicle_logs
 
 RECORDED = Path(__file__).parents[1] / "data" / "concealed-ardurover"
 
@@ -62,7 +63,7 @@ def test_a_season_and_its_restart(
     out = tmp_path / "out"
     assert run(["batch", str(logs), "--out", str(out)]) == 0
     said = capfd.readouterr()
-    assert "2026-03-20.BIN is not a DataFlash log" in said.out and "3 of 3 logs measured" in said.err
+    assert "2026-03-20.BIN is not a DataFlash log" in said.out and "3 of 3 logs done" in said.err
     season = json.loads((out / "season.json").read_text())
     assert [len(v["logs"]) for v in season["vehicles"]] == [2]
     assert len(season["refused"]) == 1 and "1 could not be used" in season["sentence"]
@@ -76,7 +77,26 @@ def test_a_season_and_its_restart(
     monkeypatch.setattr(measured_module, "measure", lambda *_: pytest.fail("measured again"))
     assert run(["batch", str(logs), "--out", str(out)]) == 0
     assert contents(out) == before
-    assert "3 of 3 logs were measured before" in capfd.readouterr().err
+    assert "3 of 3 logs were done before" in capfd.readouterr().err
+
+
+def test_each_day_is_diagnosed_once(
+    logs: Path, tmp_path: Path, in_threads: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def fake(sources: tuple[str, ...], name: str, text: str) -> dict:
+        asked.append(tuple(Path(s).name for s in sources))
+        return {"sentence": "none: nothing is missing", "files": {"diagnosis.html": "<p>"}}
+
+    monkeypatch.setattr("rover_sweep.batch.measure._fitted", lambda *_: vehicle_logs("rover", 1, 1)[0].fit)
+    monkeypatch.setattr("rover_sweep.batch.diagnosed_days.diagnose_day", fake)
+    call = ["batch", str(logs), "--diagnose", "--out", str(tmp_path)]
+    assert run(call) == run(call) == 0
+    assert asked == [("2026-03-01.BIN",), ("2026-03-15.BIN",)]
+    pages = [p for p in (tmp_path / "vehicles").iterdir() if "nothing is missing" in p.read_text()]
+    assert len(pages) == 1
+    assert len(list((tmp_path / "diagnoses").glob("*/2026-03-*/diagnosis.html"))) == 2
 
 
 def test_another_vehicle_file_measures_again(

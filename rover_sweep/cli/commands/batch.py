@@ -23,6 +23,7 @@ import click
     metavar="N",
     help="Local processes (default: one per processor; not with --scheduler).",
 )
+@click.option("--diagnose", is_flag=True, help="Also diagnose each day of each vehicle (a minute each).")
 @click.option("--parquet", is_flag=True, help="Write the tables as Parquet too (needs pyarrow).")
 @click.option(
     "--out",
@@ -39,6 +40,7 @@ def batch(
     vehicles: str | None,
     scheduler: str | None,
     workers: int | None,
+    diagnose: bool,
     parquet: bool,
     out: str,
     as_json: bool,
@@ -59,5 +61,7 @@ def batch(
             "--workers is for local processes; start the workers of the cluster with dask worker"
         )
     check_writable(Path(out))
-    call = BatchCall(logs, Path(vehicles) if vehicles else None, scheduler, workers, parquet, Path(out))
+    call = BatchCall(
+        logs, Path(vehicles) if vehicles else None, scheduler, workers, diagnose, parquet, Path(out)
+    )
     show_season(call, as_json)

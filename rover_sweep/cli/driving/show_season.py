@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from rover_sweep.batch.measured_logs import Progress
+    from rover_sweep.batch.finished_work import Progress
 
 KEPT = "measured"  # folder of the saved values
 
@@ -24,12 +25,14 @@ class BatchCall:
     vehicles: Path | None
     scheduler: str | None
     workers: int | None
+    diagnose: bool
     parquet: bool
     out: Path
 
 
 def show_season(call: BatchCall, as_json: bool) -> None:
     """Measure, analyse, write, print the summary."""
+    from rover_sweep.batch.diagnosed_days import diagnosed_days
     from rover_sweep.batch.log_sources import log_sources
     from rover_sweep.batch.measured_logs import measured_logs
     from rover_sweep.batch.season_of_logs import season_of_logs
@@ -41,12 +44,18 @@ def show_season(call: BatchCall, as_json: bool) -> None:
 
     sources = log_sources(call.logs)
     files = read_vehicle_files(call.vehicles) if call.vehicles else files_beside(sources)
-    with _progress(len(sources)) as progress:
-        logs = measured_logs(
-            sources, files, call.out / KEPT, lambda: workers(call.workers, call.scheduler), progress
-        )
+
+    def pool() -> AbstractContextManager[Executor]:
+        return workers(call.workers, call.scheduler)
+
+    with _progress("log", len(sources)) as progress:
+        logs = measured_logs(sources, files, call.out / KEPT, pool, progress)
     found = season_of_logs(logs, files)
-    page = write_season(found, logs, call.out, call.parquet)
+    said = {}
+    if call.diagnose:
+        with _progress("day", sum(len(v.logs) for v in found.vehicles)) as progress:
+            said = diagnosed_days(found, logs, files, call.out, pool, progress)
+    page = write_season(found, logs, call.out, call.parquet, said)
     shown = results(as_json)
     season_summary(found, shown)
     shown.print(f"report: {page}", markup=False, soft_wrap=True)
@@ -55,7 +64,7 @@ def show_season(call: BatchCall, as_json: bool) -> None:
 
 
 @contextmanager
-def _progress(count: int) -> Iterator[Progress]:
+def _progress(what: str, count: int) -> Iterator[Progress]:
     """A bar with an estimate on a terminal; a line each tenth elsewhere."""
     import time
 
@@ -73,14 +82,14 @@ def _progress(count: int) -> Iterator[Progress]:
         console=console,
         transient=True,
     ) as bar:
-        task = bar.add_task("measuring the logs", total=count)
+        task = bar.add_task(f"{what}s", total=count)
 
         def show(done: int, left: int) -> None:
             if not done and left < count:
-                console.print(f"{count - left} of {count} logs were measured before")
+                console.print(f"{count - left} of {count} {what}s were done before")
             bar.update(task, completed=done, total=left)
             if not console.is_terminal and done and (done == left or done % max(1, left // 10) == 0):
                 rest = (time.monotonic() - started) / done * (left - done)
-                click.echo(f"{done} of {left} logs measured, about {rest:.0f} s left", err=True)
+                click.echo(f"{done} of {left} {what}s done, about {rest:.0f} s left", err=True)
 
         yield show

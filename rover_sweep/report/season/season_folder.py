@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -15,10 +15,16 @@ from rover_sweep.season.measured_log import MeasuredLog
 from rover_sweep.season.season_result import Season
 
 
-def write_season(season: Season, logs: Sequence[MeasuredLog], directory: Path, parquet: bool = False) -> Path:
+def write_season(
+    season: Season,
+    logs: Sequence[MeasuredLog],
+    directory: Path,
+    parquet: bool = False,
+    diagnoses: Mapping[tuple[str, str], str] | None = None,
+) -> Path:
     """Write season.html, vehicles/*.html, season.json and the tables; the path of the fleet's page.
 
-    The same season gives the same bytes.
+    diagnoses: {(vehicle, day): sentence} of days that were diagnosed. The same season gives the same bytes.
     """
     tables = season_columns(season, logs)
     if parquet:
@@ -28,8 +34,11 @@ def write_season(season: Season, logs: Sequence[MeasuredLog], directory: Path, p
         write_file(directory / f"{name}.csv", as_csv(columns))
     names = page_names(season)
     for vehicle in season.vehicles:
+        said = {day: text for (name, day), text in (diagnoses or {}).items() if name == vehicle.name}
         pictures = [(p, p.png()) for p in course_pictures(vehicle)]
-        write_file(directory / "vehicles" / f"{names[vehicle.name]}.html", vehicle_page(vehicle, pictures))
+        write_file(
+            directory / "vehicles" / f"{names[vehicle.name]}.html", vehicle_page(vehicle, pictures, said)
+        )
     write_file(directory / "season.json", season_document(season))
     return write_file(directory / "season.html", fleet_page(season))
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rover_sweep.report.identification.comparison import Table
 from rover_sweep.report.identification.page import Drawn, by_section
 from rover_sweep.report.season.season_tables import (
     day_table,
+    diagnosis_table,
     drift_table,
     parameter_change_table,
     refused_table,
@@ -60,8 +61,8 @@ def fleet_page(season: Season) -> str:
     )
 
 
-def vehicle_page(vehicle: VehicleSeason, pictures: Drawn) -> str:
-    """The page of a vehicle. pictures: each with its PNG."""
+def vehicle_page(vehicle: VehicleSeason, pictures: Drawn, diagnoses: Mapping[str, str] | None = None) -> str:
+    """The page of a vehicle. pictures: each with its PNG. diagnoses: {day: sentence}."""
     found = [d for d in vehicle.drifts if d.counts]
     sections: list[Section] = []
     if vehicle.drifts:
@@ -72,6 +73,8 @@ def vehicle_page(vehicle: VehicleSeason, pictures: Drawn) -> str:
     if vehicle.parameters:
         table = parameter_change_table(vehicle.parameters)
         sections.append(("parameters", "Parameters that changed", (table,), "", ()))
+    if diagnoses:
+        sections.append(("diagnoses", "Diagnosis of each day", (diagnosis_table(diagnoses),), "", ()))
     boards = tuple(f"{board}: from {day} on." for board, day in vehicle.boards.items())
     sections.append(
         ("days", "Days and logs", (day_table(vehicle),), "", (*boards, *map(sentence, vehicle.remarks)))

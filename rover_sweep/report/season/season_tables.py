@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.wording.number_format import number, symbol, unit
@@ -94,6 +94,13 @@ def season_value_table(vehicle: VehicleSeason) -> Table:
         "interval of a single day explains."
     )
     return Table("Values", headings, rows, note, 2)
+
+
+def diagnosis_table(sentences: Mapping[str, str]) -> Table:
+    """The sentence of each day's diagnosis."""
+    rows = tuple((Cell(day), Cell(text)) for day, text in sentences.items())
+    note = "The reports are in diagnoses/, by vehicle and day."
+    return Table("Diagnosis of each day", ("day", "left out by the model"), rows, note, 2)
 
 
 def day_table(vehicle: VehicleSeason) -> Table:
