@@ -6,6 +6,7 @@ import hashlib
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 from rover_sweep._version import __version__
 from rover_sweep.api.diagnose import diagnose
 from rover_sweep.api.read import read
-from rover_sweep.batch.finished_work import Pool, Progress, finished
+from rover_sweep.batch.finished_work import Progress, finished
 from rover_sweep.batch.log_sources import local_file
 from rover_sweep.batch.vehicle_files import VehicleFiles
 from rover_sweep.data.vehicle_file import parse
@@ -36,7 +37,7 @@ def diagnosed_days(
     logs: Sequence[MeasuredLog],
     files: VehicleFiles,
     out: Path,
-    pool: Pool,
+    pool: Executor,
     progress: Progress = lambda done, left: None,
 ) -> Sentences:
     """Diagnose the logs of each day; reports in out/diagnoses/<page of the vehicle>/<day>.

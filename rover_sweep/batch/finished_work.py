@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager
 from typing import Any, TypeVar
 
 from rover_sweep.errors import RoverSweepError
 
 Key = TypeVar("Key")
-Pool = Callable[[], AbstractContextManager[Executor]]
 Progress = Callable[[int, int], None]
 """progress(done now, to do now)."""
 
 
 def finished(
-    pool: Pool, work: Callable[..., dict[str, Any]], given: Mapping[Key, tuple[Any, ...]], progress: Progress
+    pool: Executor,
+    work: Callable[..., dict[str, Any]],
+    given: Mapping[Key, tuple[Any, ...]],
+    progress: Progress,
 ) -> Iterator[tuple[Key, dict[str, Any] | Exception]]:
     """(key, result of work(*arguments)) in the order in which they end.
 
@@ -25,28 +26,21 @@ def finished(
     RoverSweepError where the local processes are lost.
     """
     progress(0, len(given))
-    if not given:
-        return
-    done = 0
-    with pool() as executor:
-        futures = {executor.submit(work, *arguments): key for key, arguments in given.items()}
-        try:
-            for future in as_completed(futures):
-                result: dict[str, Any] | Exception
-                try:
-                    result = future.result()
-                except BrokenProcessPool:
-                    raise
-                except Exception as error:
-                    result = error
-                yield futures[future], result
-                done += 1
-                progress(done, len(given))
-        except BrokenProcessPool:
-            raise RoverSweepError(
-                f"a worker process ended unexpectedly (killed, or out of memory) after {done} of "
-                f"{len(given)}; finished work is kept: run the same command again"
-            ) from None
-        except BaseException:
-            executor.shutdown(wait=False, cancel_futures=True)
-            raise
+    futures = {pool.submit(work, *arguments): key for key, arguments in given.items()}
+    try:
+        for done, future in enumerate(as_completed(futures), 1):
+            result: dict[str, Any] | Exception
+            try:
+                result = future.result()
+            except BrokenProcessPool:
+                raise RoverSweepError(
+                    f"a worker process ended unexpectedly (killed, or out of memory) after {done - 1} of "
+                    f"{len(given)}; finished work is kept: run the same command again"
+                ) from None
+            except Exception as error:
+                result = error
+            yield futures[future], result
+            progress(done, len(given))
+    finally:
+        for future in futures:
+            future.cancel()  # what has not begun, after an error or Ctrl-C

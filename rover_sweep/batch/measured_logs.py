@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.batch.finished_work import Pool, Progress, finished
+from rover_sweep.batch.finished_work import Progress, finished
 from rover_sweep.batch.log_sources import content_key
 from rover_sweep.batch.measure import made_by, measure
 from rover_sweep.batch.vehicle_files import VehicleFiles
@@ -22,10 +23,10 @@ def measured_logs(
     sources: Sequence[str],
     files: VehicleFiles,
     kept: Path,
-    pool: Pool,
+    pool: Executor,
     progress: Progress = lambda done, left: None,
 ) -> tuple[MeasuredLog, ...]:
-    """All logs in the order of the sources. kept: folder of the saved values. pool: makes the workers.
+    """All logs in the order of the sources. kept: folder of the saved values. pool: the workers.
 
     RoverSweepError where the workers are lost; what is done is kept.
     """

@@ -107,8 +107,9 @@ def test_another_vehicle_file_measures_again(
     other = VehicleFiles({"rover": files.texts["rover"] + "# lighter\n"})
     monkeypatch.setattr("rover_sweep.batch.measure._fitted", lambda *_: None)
     left: list[int] = []
-    for given in (files, files, other, VehicleFiles({}), files):
-        measured_logs([source], given, tmp_path, threads, lambda done, rest: done or left.append(rest))
+    with threads() as pool:
+        for given in (files, files, other, VehicleFiles({}), files):
+            measured_logs([source], given, tmp_path, pool, lambda done, rest: done or left.append(rest))
     assert left == [1, 0, 1, 1, 1]
 
 
@@ -125,8 +126,8 @@ def test_a_killed_process_keeps_what_is_done(tmp_path: Path, monkeypatch: pytest
         (tmp_path / name).write_text(name)
     sources = [str(tmp_path / name) for name in ("a.BIN", "b.BIN")]
     monkeypatch.setattr(measured_module, "measure", killed)
-    with pytest.raises(RoverSweepError, match="run the same command again"):
-        measured_logs(sources, VehicleFiles({}), tmp_path / "kept", threads)
+    with pytest.raises(RoverSweepError, match="run the same command again"), threads() as pool:
+        measured_logs(sources, VehicleFiles({}), tmp_path / "kept", pool)
     assert len(list((tmp_path / "kept").iterdir())) == 1
 
 
@@ -137,7 +138,8 @@ def test_logs_by_url(logs: Path, tmp_path: Path) -> None:
         memory.pipe(f"/rover-1/{name}", b"not a log")
     sources = log_sources(["memory://rover-1/*.BIN"])
     assert [s.rpartition("/")[2] for s in sources] == ["2026-04-01.BIN", "2026-04-02.BIN"]
-    found = measured_logs(sources, VehicleFiles({}), tmp_path, threads)
+    with threads() as pool:
+        found = measured_logs(sources, VehicleFiles({}), tmp_path, pool)
     assert all("is not a DataFlash log" in log.refused and log.sha256 for log in found)
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,6 +32,7 @@ class BatchCall:
 def show_season(call: BatchCall, as_json: bool) -> None:
     """Measure, analyse, write, print the summary."""
     from rover_sweep.batch.diagnosed_days import diagnosed_days
+    from rover_sweep.batch.drawn_pages import drawn_pages
     from rover_sweep.batch.log_sources import log_sources
     from rover_sweep.batch.measured_logs import measured_logs
     from rover_sweep.batch.season_of_logs import season_of_logs
@@ -44,18 +44,16 @@ def show_season(call: BatchCall, as_json: bool) -> None:
 
     sources = log_sources(call.logs)
     files = read_vehicle_files(call.vehicles) if call.vehicles else files_beside(sources)
-
-    def pool() -> AbstractContextManager[Executor]:
-        return workers(call.workers, call.scheduler)
-
-    with _progress("log", len(sources)) as progress:
-        logs = measured_logs(sources, files, call.out / KEPT, pool, progress)
-    found = season_of_logs(logs, files)
-    said = {}
-    if call.diagnose:
-        with _progress("day", sum(len(v.logs) for v in found.vehicles)) as progress:
-            said = diagnosed_days(found, logs, files, call.out, pool, progress)
-    page = write_season(found, logs, call.out, call.parquet, said)
+    with workers(call.workers, call.scheduler) as pool:
+        with _progress("log", len(sources)) as progress:
+            logs = measured_logs(sources, files, call.out / KEPT, pool, progress)
+        found = season_of_logs(logs, files)
+        said = {}
+        if call.diagnose:
+            with _progress("day", sum(len(v.logs) for v in found.vehicles)) as progress:
+                said = diagnosed_days(found, logs, files, call.out, pool, progress)
+        pages = drawn_pages(found, said, pool)
+    page = write_season(found, logs, pages, call.out, call.parquet)
     shown = results(as_json)
     season_summary(found, shown)
     shown.print(f"report: {page}", markup=False, soft_wrap=True)

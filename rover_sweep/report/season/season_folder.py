@@ -8,8 +8,7 @@ from pathlib import Path
 
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.season.season_columns import as_csv, as_parquet, season_columns
-from rover_sweep.report.season.season_page import fleet_page, page_names, vehicle_page
-from rover_sweep.report.season.season_pictures import course_pictures
+from rover_sweep.report.season.season_page import fleet_page, page_names
 from rover_sweep.report.wording.strict_json import strict_json
 from rover_sweep.season.measured_log import MeasuredLog
 from rover_sweep.season.season_result import Season
@@ -18,13 +17,13 @@ from rover_sweep.season.season_result import Season
 def write_season(
     season: Season,
     logs: Sequence[MeasuredLog],
+    pages: Mapping[str, str],
     directory: Path,
     parquet: bool = False,
-    diagnoses: Mapping[tuple[str, str], str] | None = None,
 ) -> Path:
     """Write season.html, vehicles/*.html, season.json and the tables; the path of the fleet's page.
 
-    diagnoses: {(vehicle, day): sentence} of days that were diagnosed. The same season gives the same bytes.
+    pages: {vehicle: HTML}. The same season gives the same bytes.
     """
     tables = season_columns(season, logs)
     if parquet:
@@ -33,12 +32,8 @@ def write_season(
     for name, columns in tables.items():
         write_file(directory / f"{name}.csv", as_csv(columns))
     names = page_names(season)
-    for vehicle in season.vehicles:
-        said = {day: text for (name, day), text in (diagnoses or {}).items() if name == vehicle.name}
-        pictures = [(p, p.png()) for p in course_pictures(vehicle)]
-        write_file(
-            directory / "vehicles" / f"{names[vehicle.name]}.html", vehicle_page(vehicle, pictures, said)
-        )
+    for vehicle, page in pages.items():
+        write_file(directory / "vehicles" / f"{names[vehicle]}.html", page)
     write_file(directory / "season.json", season_document(season))
     return write_file(directory / "season.html", fleet_page(season))
 

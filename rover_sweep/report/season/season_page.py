@@ -61,7 +61,7 @@ def fleet_page(season: Season) -> str:
     )
 
 
-def vehicle_page(vehicle: VehicleSeason, pictures: Drawn, diagnoses: Mapping[str, str] | None = None) -> str:
+def vehicle_page(vehicle: VehicleSeason, pictures: Drawn, diagnoses: Mapping[str, str]) -> str:
     """The page of a vehicle. pictures: each with its PNG. diagnoses: {day: sentence}."""
     found = [d for d in vehicle.drifts if d.counts]
     sections: list[Section] = []
