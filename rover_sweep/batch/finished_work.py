@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
@@ -26,21 +26,26 @@ def finished(
     RoverSweepError where the local processes are lost.
     """
     progress(0, len(given))
-    futures = {pool.submit(work, *arguments): key for key, arguments in given.items()}
+    futures: dict[Future[dict[str, Any]], Key] = {}
+    done = 0
     try:
-        for done, future in enumerate(as_completed(futures), 1):
+        futures |= {pool.submit(work, *arguments): key for key, arguments in given.items()}
+        for future in as_completed(futures):
             result: dict[str, Any] | Exception
             try:
                 result = future.result()
             except BrokenProcessPool:
-                raise RoverSweepError(
-                    f"a worker process ended unexpectedly (killed, or out of memory) after {done - 1} of "
-                    f"{len(given)}; finished work is kept: run the same command again"
-                ) from None
+                raise
             except Exception as error:
                 result = error
             yield futures[future], result
+            done += 1
             progress(done, len(given))
+    except BrokenProcessPool:
+        raise RoverSweepError(
+            f"a worker process ended unexpectedly (killed, or out of memory) after {done} of {len(given)}; "
+            "finished work is kept: run the same command again"
+        ) from None
     finally:
         for future in futures:
             future.cancel()  # what has not begun, after an error or Ctrl-C

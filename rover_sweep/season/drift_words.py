@@ -8,7 +8,7 @@ from rover_sweep.season.season_result import Drift, Season
 def drift_sentence(d: Drift, previous: str, last: str) -> str:
     """One change of a quantity in one sentence. previous: the day before d.day; last: of the season."""
     assert d.before is not None and d.after is not None and d.low is not None and d.high is not None
-    unit = f" {d.unit}" if d.unit and " " not in d.unit.strip(" ") or d.unit.startswith(("N", "kg")) else ""
+    unit = f" {d.unit}" if d.unit else ""
     if d.relative:
         ends = sorted((100.0 * (d.low - 1.0), 100.0 * (d.high - 1.0)))
         share = 100.0 * (d.after / d.before - 1.0)

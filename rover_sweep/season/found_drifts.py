@@ -105,9 +105,8 @@ def _is_log(q: Comparable) -> bool:
 
 def _value(q: Comparable, coordinates: Sequence[Coordinate], x: Array) -> tuple[float, str, str]:
     """(value, unit, meaning) of a quantity at coordinates (k,) over their scales."""
-    at = {
-        c.name: float(v * c.scale) for c, v in zip(coordinates, x, strict=True)
-    }  # an interval may pass a bound
+    # not clipped to the bounds: an interval may pass them
+    at = {c.name: float(v * c.scale) for c, v in zip(coordinates, x, strict=True)}
     return next(iter(q.report(at).values()))
 
 
