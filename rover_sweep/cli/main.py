@@ -37,6 +37,7 @@ COMMANDS: dict[str, str] = {
     "identify": "Identify models from recorded runs and write a report.",
     "diagnose": "Find effects that the model leaves out, and their size.",
     "plan": "Show which effects a set of runs can separate.",
+    "batch": "Show what drifted on a fleet over a season.",
     "coherence": "Check whether a run's coherence is good enough.",
     "replay": "Play a recording: pause, jump, any speed.",
     "redrive": "Repeat a log's steering and speed in a simulation.",

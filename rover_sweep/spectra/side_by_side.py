@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 THREADS = 2
@@ -23,6 +24,17 @@ def side_by_side(work: Callable[[Item], Result], items: Sequence[Item]) -> Itera
         return
     with ThreadPoolExecutor(THREADS, initializer=_begin) as pool:
         yield from pool.map(work, items)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Within it, this thread works alone: for a process that is one of several."""
+    before = getattr(_here, "busy", False)
+    _here.busy = True
+    try:
+        yield
+    finally:
+        _here.busy = before
 
 
 def _begin() -> None:
