@@ -19,7 +19,6 @@ from rover_sweep.batch.finished_work import Progress, finished
 from rover_sweep.batch.log_sources import local_file
 from rover_sweep.batch.vehicle_files import VehicleFiles
 from rover_sweep.data.vehicle_file import parse
-from rover_sweep.diagnosis.problem.side_by_side import one_thread
 from rover_sweep.errors import RoverSweepError
 from rover_sweep.files.documents import read_json
 from rover_sweep.files.replaced import write_file
@@ -27,6 +26,7 @@ from rover_sweep.report.diagnosis.report_folder import write_diagnosis
 from rover_sweep.report.season.season_page import page_names
 from rover_sweep.season.measured_log import MeasuredLog
 from rover_sweep.season.season_result import Season
+from rover_sweep.spectra.side_by_side import one_thread
 
 FILES = ("diagnosis.html", "diagnosis.json")
 Sentences = dict[tuple[str, str], str]  # {(vehicle, day): sentence}

@@ -23,9 +23,9 @@ from rover_sweep.comparison.common_model import side_of
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array, Recording
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.problem.side_by_side import one_thread
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
+from rover_sweep.spectra.side_by_side import one_thread
 
 EFFECTS = ("steering_backlash",)
 SEASON = Tolerances(

@@ -30,7 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "investigation": {"diagnosis"},
     "comparison": {"data", "diagnosis", "spectra"},
     "gains": {"data", "diagnosis", "identification"},
-    "season": {"comparison", "data", "diagnosis"},
+    "season": {"comparison", "data", "diagnosis", "spectra"},
     "report": {"comparison", "data", "diagnosis", "files", "identification", "quality", "season", "spectra"},
     "vehicle": {"files", "firmware_params", "logs", "manoeuvre"},
     "session": {"data", "files", "firmware_params", "logs", "manoeuvre", "sitl", "vehicle"},
@@ -67,7 +67,7 @@ ROOMS: dict[str, set[str]] = {
         "session",
         "spectra",
     },
-    "batch": {"api", "data", "diagnosis", "files", "logs", "report", "season"},
+    "batch": {"api", "data", "diagnosis", "files", "logs", "report", "season", "spectra"},
     "tui": {"data", "design", "files", "firmware_params", "live", "manoeuvre", "session", "vehicle"},
     "cli": {
         "api",
