@@ -67,7 +67,7 @@ ROOMS: dict[str, set[str]] = {
         "session",
         "spectra",
     },
-    "batch": {"api", "data", "diagnosis", "files", "logs", "report", "season", "spectra"},
+    "batch": {"api", "data", "files", "logs", "report", "season", "spectra"},
     "tui": {"data", "design", "files", "firmware_params", "live", "manoeuvre", "session", "vehicle"},
     "cli": {
         "api",
