@@ -1,4 +1,4 @@
-"""The compiled scan of a large log finds the same messages as numpy, wherever the damage and the blocks are."""
+"""The compiled scan of a large log finds the messages that numpy finds, at any damage and block size."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The scan of a large DataFlash log, compiled by numba: the way from message to message.
 
-Only logs from `dataflash_index.LARGE` bytes load this file: below, the import of numba takes longer than the scan.
-It releases the GIL. The compiled code is kept on disk, so that only the first run on a machine pays.
+Only logs from `dataflash_index.LARGE` bytes load this file: below, the import of numba takes longer than
+the scan. The compiled code is kept on disk, so that only the first run on a machine pays.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numba import njit
 
 compiled: Any = njit(cache=True, nogil=True)
@@ -18,18 +17,16 @@ compiled: Any = njit(cache=True, nogil=True)
 
 @compiled
 def _is_head(data, lengths, at):  # type: ignore[no-untyped-def]
-    return (
-        at < data.size - 2 and data[at] == 0xA3 and data[at + 1] == 0x95 and lengths[data[at + 2]] > 0
-    )
+    return at < data.size - 2 and data[at] == 0xA3 and data[at + 1] == 0x95 and lengths[data[at + 2]] > 0
 
 
 @compiled
 def follow(data, lengths, at, until, end, kinds, jumps, landings):  # type: ignore[no-untyped-def]
     """The messages that start in [at, until), as `dataflash_index.messages_of` defines them.
 
-    end: where the message before ends. Writes their types to kinds (m,), and for each message that does not start
-    where the one before ends its index to jumps and its offset to landings. Returns (number of messages, number of
-    jumps, where to search on, end of the last message).
+    end: where the message before ends. Writes their types to kinds (m,), and for each message that does not
+    start where the one before ends its index to jumps and its offset to landings. Returns (number of messages,
+    number of jumps, where to search on, end of the last message).
     """
     n = j = 0
     size = data.size
@@ -67,14 +64,14 @@ def follow(data, lengths, at, until, end, kinds, jumps, landings):  # type: igno
     return n, j, at, end
 
 
-def say_when_compiling() -> None:
-    """One line on stderr before the only run that compiles."""
+def say_when_compiling(kernel: Any, of_what: str) -> None:
+    """One line on stderr before the only run that compiles `kernel`."""
     try:
-        index = Path(follow._cache._cache_file._index_path)
+        index = Path(kernel._cache._cache_file._index_path)
     except AttributeError:  # another version of numba: no line
         return
     if not index.is_file():
         print(
-            f"compiling the reader of large logs, once on this machine (about 5 s; kept in {index.parent})",
+            f"compiling the reader of {of_what}, once on this machine (a few seconds; kept in {index.parent})",
             file=sys.stderr,
         )

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs.readers.dataflash_index import Stretch, give_back, heads_of_type, messages_of
+from rover_sweep.logs.readers.dataflash_index import Stretch, give_back, messages_of, messages_of_type
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class MessageFormat:
 class DataFlash:
     """An indexed log. Read columns with `rows`, `column` and `text`.
 
-    formats: by message name. lengths (256,): bytes of a message by type. counts (256,): of the messages by type.
+    formats: by message name. lengths (256,): bytes of a message by type. counts (256,): messages by type.
     bad_bytes: bytes outside complete messages (damage, or a cut at the end: `tail_bytes`). breaks: number of
     messages that are not followed by a message. message_count: of all types.
     """
@@ -152,7 +152,10 @@ class DataFlash:
 
     def text(self, name: str, column: str) -> list[str]:
         """A column of text as logged, without padding; not yet printable."""
-        return [cell.split(b"\0")[0].decode("ascii", "replace") for cell in self.rows(name, column)[column].tolist()]
+        return [
+            cell.split(b"\0")[0].decode("ascii", "replace")
+            for cell in self.rows(name, column)[column].tolist()
+        ]
 
     def seconds(self, name: str, rows: NDArray[np.void] | None = None) -> Array:
         """Time since boot (n,) [s] of each message; without a time, that of the previous message with one.
@@ -216,14 +219,13 @@ def open_parts(path: str | Path) -> tuple[DataFlash, ...]:
     ArduPilot starts each log, and nothing else, with the format of FMT.
     """
     data = _mapped(path)
-    heads = np.array(heads_of_type(data, FMT_TYPE), np.int64)
-    firsts = heads[heads + FMT_LENGTH <= data.size]
-    for at, byte in ((3, FMT_TYPE), (4, FMT_LENGTH)):
-        firsts = firsts[data[firsts + at] == byte]
-    edges = [0, *firsts[1:].tolist(), data.size]
-    cuts = np.searchsorted(heads, edges)
+    found = messages_of_type(data, FMT_TYPE, FMT_LENGTH)
+    firsts = [at for at, message in found if message[3] == FMT_TYPE and message[4] == FMT_LENGTH]
+    edges = [0, *firsts[1:], data.size]
+    cuts = np.searchsorted([at for at, _ in found], edges).tolist()
+    messages = [message for _, message in found]
     return tuple(
-        _indexed(data[a:b], (heads[i:j] - a).tolist())
+        _indexed(data[a:b], messages[i:j])
         for (a, b), (i, j) in zip(pairwise(edges), pairwise(cuts), strict=True)
     )
 
@@ -235,13 +237,13 @@ def _mapped(path: str | Path) -> NDArray[np.uint8]:
 
 def index(data: NDArray[np.uint8]) -> DataFlash:
     """The formats and messages of a log in `data` (n,) bytes; no formats if it holds none."""
-    return _indexed(data, heads_of_type(data, FMT_TYPE))
+    return _indexed(data, [message for _, message in messages_of_type(data, FMT_TYPE, FMT_LENGTH)])
 
 
-def _indexed(data: NDArray[np.uint8], heads: list[int]) -> DataFlash:
-    """heads: offsets of the FMT messages."""
+def _indexed(data: NDArray[np.uint8], descriptions: list[bytes]) -> DataFlash:
+    """descriptions: the FMT messages."""
     by_type = {
-        layout.type: layout for layout in _formats(data, heads).values()
+        layout.type: layout for layout in _formats(descriptions).values()
     }  # of two with one type, one is damaged
     formats = {layout.name: layout for layout in by_type.values()}
     lengths = np.zeros(256, np.int64)
@@ -266,15 +268,11 @@ def _indexed(data: NDArray[np.uint8], heads: list[int]) -> DataFlash:
     )
 
 
-def _formats(data: NDArray[np.uint8], heads: list[int]) -> dict[str, MessageFormat]:
+def _formats(descriptions: list[bytes]) -> dict[str, MessageFormat]:
     """{name: format}; damaged FMT messages are ignored, the last of a name is used."""
-    formats = {}
-    for start in heads:
-        if start + FMT_LENGTH <= data.size:
-            layout = _format(data[start + 3 : start + FMT_LENGTH].tobytes())
-            if layout is not None:
-                formats[layout.name] = layout
-    return formats
+    known = {message: _format(message[3:]) for message in dict.fromkeys(descriptions)}
+    found = (known[message] for message in descriptions)
+    return {layout.name: layout for layout in found if layout is not None}
 
 
 def _format(body: bytes) -> MessageFormat | None:
@@ -292,4 +290,3 @@ def _format(body: bytes) -> MessageFormat | None:
     whole = 3 + sum(SIZES[code] for code in layout)
     sound = len(set(columns)) == len(columns) and whole == length
     return MessageFormat(kind, name, length, layout, columns) if sound else None
-

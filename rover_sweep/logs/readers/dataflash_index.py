@@ -1,7 +1,7 @@
 """Where the messages of a DataFlash log are: one byte a message, so that a log of 4 GB is indexed in 0.1 GB.
 
-The log is worked through in blocks, and the pages of a mapped file are given back after each, so that the memory
-in use does not grow with the file.
+The log is worked through in blocks, and the pages of a mapped file are given back after each, so that the
+memory in use does not grow with the file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Bytes = NDArray[np.uint8]
 Offsets = NDArray[np.int64]
 
 HEAD = (0xA3, 0x95)
-BLOCK = 1 << 25  # bytes per step
+BLOCK = 1 << 23  # bytes per step
 LARGE = 1 << 25  # bytes; from here compiled code is faster, with its import (0.3 s)
 
 
@@ -26,8 +26,8 @@ LARGE = 1 << 25  # bytes; from here compiled code is faster, with its import (0.
 class Stretch:
     """The messages that start in one block.
 
-    start: offset of the first message. kinds: type (n,) of each. jumps: indices (m,) of messages that do not start
-    where the one before ends; landings: their offsets (m,).
+    start: offset of the first message. kinds: type (n,) of each. jumps: indices (m,) of messages that do not
+    start where the one before ends; landings: their offsets (m,).
     """
 
     start: int
@@ -52,13 +52,21 @@ class Stretch:
         return int(self.starts(lengths)[-1] + lengths[self.kinds[-1]])
 
 
-def heads_of_type(data: Bytes, kind: int) -> list[int]:
-    """Offsets of all byte pairs that look like a header and are followed by `kind`."""
+def messages_of_type(data: Bytes, kind: int, length: int) -> list[tuple[int, bytes]]:
+    """(offset, message) of all byte pairs that look like a header and are followed by `kind`.
+
+    length: of the message, bytes; those that the end of `data` cuts off are left out.
+    """
     wanted = re.compile(re.escape(bytes((*HEAD, kind))))
-    found: list[int] = []
+    found: list[tuple[int, bytes]] = []
+    known: dict[bytes, bytes] = {}
     for start in range(0, data.size, BLOCK):
         stop = min(start + BLOCK + 2, data.size)
-        found += [match.start() for match in wanted.finditer(data, start, stop)]  # type: ignore[call-overload]
+        for match in wanted.finditer(data, start, stop):  # type: ignore[call-overload]
+            at = match.start()
+            if at + length <= data.size:
+                message = data[at : at + length].tobytes()
+                found.append((at, known.setdefault(message, message)))
         give_back(data, start, stop)
     return found
 
@@ -67,8 +75,8 @@ def messages_of(data: Bytes, lengths: Offsets) -> tuple[Stretch, ...]:
     """The messages of a log. lengths (256,): of the whole message of each type, 0 for an undefined one.
 
     Two bytes of a payload may look like a header, so the headers are followed from message to message. A
-    message is valid if another header, or the end of the file, follows directly; otherwise the search continues
-    at the next header with such a follower.
+    message is valid if another header, or the end of the file, follows directly; otherwise the search
+    continues at the next header with such a follower.
     """
     return tuple((_compiled if data.size >= LARGE else _by_columns)(data, lengths))
 
@@ -86,7 +94,7 @@ def give_back(data: Bytes, start: int, stop: int) -> None:
 def _compiled(data: Bytes, lengths: Offsets) -> Iterator[Stretch]:
     from rover_sweep.logs.readers.compiled_scan import follow, say_when_compiling
 
-    say_when_compiling()
+    say_when_compiling(follow, "large .BIN logs")
     block = np.asarray(data)
     shortest = int(lengths[lengths > 0].min(initial=1 << 8))
     most = BLOCK // shortest + 1
