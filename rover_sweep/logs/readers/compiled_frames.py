@@ -16,7 +16,10 @@ ROOM = 1 << 16  # frames that are returned at once
 
 @compiled
 def follow_frames(data, at, last, seeds, starts, numbers):  # type: ignore[no-untyped-def]
-    """As `tlog._sound_frames`; seeds (n,): -1 for an unknown message. Returns (end of the last frame, number)."""
+    """As `tlog._sound_frames`; seeds (n,): -1 for an unknown message.
+
+    Writes the offset and message id of each frame to starts and numbers (m,); (end of the last, how many).
+    """
     size = data.size
     n = 0
     while at <= last and n < starts.size:

@@ -25,8 +25,8 @@ def follow(data, lengths, at, until, end, kinds, jumps, landings):  # type: igno
     """The messages that start in [at, until), as `dataflash_index.messages_of` defines them.
 
     end: where the message before ends. Writes their types to kinds (m,), and for each message that does not
-    start where the one before ends its index to jumps and its offset to landings. Returns (number of messages,
-    number of jumps, where to search on, end of the last message).
+    start where the one before ends its index to jumps and its offset to landings. Returns (number of
+    messages, number of jumps, where to search on, end of the last message).
     """
     n = j = 0
     size = data.size
@@ -72,6 +72,6 @@ def say_when_compiling(kernel: Any, of_what: str) -> None:
         return
     if not index.is_file():
         print(
-            f"compiling the reader of {of_what}, once on this machine (a few seconds; kept in {index.parent})",
+            f"compiling the reader of {of_what}, once on this machine (seconds; kept in {index.parent})",
             file=sys.stderr,
         )
