@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from rover_sweep.data.recording import Array, Recording
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
@@ -124,6 +125,9 @@ def responses(
     return input_responses(runs, (input,), outputs, band, windows, bands)[input]
 
 
+@threadpool_limits.wrap(
+    limits=1, user_api="blas"
+)  # idle threads of small products cost 2 to 10 times as much
 def input_responses(
     runs: Sequence[Recording],
     inputs: Sequence[str],

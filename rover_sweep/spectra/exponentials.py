@@ -12,7 +12,10 @@ Complex = NDArray[np.complex128]
 
 def _exponentials(t: Array, w: Array) -> Complex:
     angle = np.outer(t, w)
-    return np.asarray(np.cos(angle) - 1j * np.sin(angle))
+    kernel = np.empty(angle.shape, complex)
+    np.cos(angle, out=kernel.real)
+    np.negative(np.sin(angle, out=angle), out=kernel.imag)
+    return kernel
 
 
 class Exponentials:

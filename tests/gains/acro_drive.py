@@ -103,8 +103,8 @@ def kept(log: bytes, names: tuple[str, ...], start: float, end: float) -> bytes:
         file.flush()
         flash = index(np.fromfile(file.name, np.uint8))
         chosen: list[tuple[int, int]] = []
-        for name in {*names, "FMT", "PARM", "MSG"} & flash.positions.keys():
-            at = flash.positions[name]
+        for name in {*names, "FMT", "PARM", "MSG"} & flash.formats.keys():
+            at = flash.positions(name)
             if name in names:
                 seconds = flash.seconds(name)
                 at = at[(seconds >= start) & (seconds <= end)]

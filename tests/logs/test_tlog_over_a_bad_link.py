@@ -14,6 +14,7 @@ from test_tlog_reader import Telemetry, saved
 from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs import read_runs
+from rover_sweep.logs.readers import tlog
 from rover_sweep.logs.readers.tlog import parse_tlog, walk
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
 from rover_sweep.logs.readers.vehicle_clock import sessions
@@ -140,3 +141,14 @@ def test_the_same_frame_twice_is_read_once() -> None:
         "RAW_IMU": 100,
         "STATUSTEXT": 1,
     }
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_compiled_walk_finds_the_same_frames(
+    monkeypatch: pytest.MonkeyPatch, sound: list[bytes], seed: int
+) -> None:
+    data = corrupted(sound[:3000], 0.05, seed, stamps=True)[: -1 - seed]
+    plain = walk(data)
+    assert plain.damaged > 20
+    monkeypatch.setattr(tlog, "LARGE", 0)
+    assert walk(data) == plain

@@ -80,7 +80,7 @@ class FlashPart:
         self._armed = self._arming()
         self.states = self._states()
         self._entered = np.array([t for t, _ in self.states])
-        bytes_of = flash.positions.get("IMU", np.empty(0, np.int64))
+        bytes_of = flash.positions("IMU")
         stamps = flash.seconds("IMU") if bytes_of.size else np.empty(0)
         self._bytes = PlayedColumn(stamps, bytes_of.astype(float), math.inf)
 

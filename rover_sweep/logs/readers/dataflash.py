@@ -1,12 +1,13 @@
 """Columns of an ArduPilot DataFlash log (.BIN), only for the requested message types.
 
 A log is a sequence of messages: 0xA3 0x95, a type byte, a body. FMT messages (type 128) in the same log
-define the layout of the bodies (source: ArduPilot libraries/AP_Logger/LogStructure.h). The file is scanned
-once for message headers with numpy; bodies are decoded as columns when their type is read.
+define the layout of the bodies (source: ArduPilot libraries/AP_Logger/LogStructure.h). The file is indexed
+once, and never copied as a whole; bodies are decoded as columns when their type is read.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.errors import DataRefused
+from rover_sweep.logs.readers.dataflash_index import Stretch, give_back, messages_of, messages_of_type
 
 Array = NDArray[np.float64]
 
-HEAD = (0xA3, 0x95)
 FMT_TYPE, FMT_LENGTH = 128, 89
-BLOCK = 1 << 25  # bytes per step of the scan; limits the memory for a log of a gigabyte
 
 # Format character -> (numpy type, factor to the documented unit); AP_Logger/LogStructure.h
 FORMATS: dict[str, tuple[str, float]] = {
@@ -48,6 +48,7 @@ FORMATS: dict[str, tuple[str, float]] = {
     "a": ("64u1", 0),
 }
 TEXTS, ARRAYS = "nNZ", "a"
+SIZES = {code: np.dtype(kind).itemsize for code, (kind, _) in FORMATS.items()}  # bytes
 
 
 @dataclass(frozen=True)
@@ -89,14 +90,16 @@ class MessageFormat:
 class DataFlash:
     """An indexed log. Read columns with `rows`, `column` and `text`.
 
-    formats: by message name. positions: byte offsets (n,) of the messages, by name. bad_bytes: bytes outside
-    complete messages (damage, or a cut at the end: `tail_bytes`). breaks: number of messages that are not
-    followed by a message. message_count: of all types.
+    formats: by message name. lengths (256,): bytes of a message by type. counts (256,): messages by type.
+    bad_bytes: bytes outside complete messages (damage, or a cut at the end: `tail_bytes`). breaks: number of
+    messages that are not followed by a message. message_count: of all types.
     """
 
     data: NDArray[np.uint8]
     formats: dict[str, MessageFormat]
-    positions: dict[str, NDArray[np.int64]]
+    lengths: NDArray[np.int64]
+    stretches: tuple[Stretch, ...]
+    counts: NDArray[np.int64]
     bad_bytes: int
     tail_bytes: int
     breaks: int
@@ -104,7 +107,7 @@ class DataFlash:
 
     def count(self, name: str) -> int:
         """Number of messages of that name, 0 for an undefined name."""
-        return int(self.positions[name].size) if name in self.positions else 0
+        return int(self.counts[self.formats[name].type]) if name in self.formats else 0
 
     def has(self, name: str, *columns: str) -> bool:
         """True when there are such messages, with all these columns as numbers."""
@@ -117,24 +120,42 @@ class DataFlash:
         layout = self.formats[name]
         return layout.format[layout.columns.index(column)] in TEXTS
 
-    def rows(self, name: str) -> NDArray[np.void]:
-        """All messages of a name (n,), structured as stored: integers without their factor."""
-        layout = self.formats[name]
-        if self.count(name) == 0:
-            return np.empty(0, layout.dtype)
-        windows = np.lib.stride_tricks.sliding_window_view(self.data, layout.length)
-        return np.ascontiguousarray(windows[self.positions[name]]).view(layout.dtype)[:, 0]
+    def positions(self, name: str) -> NDArray[np.int64]:
+        """Byte offsets (n,) of the messages of a name, ascending."""
+        found = list(self._positions(name))
+        return np.concatenate(found) if found else np.empty(0, np.int64)
+
+    def rows(self, name: str, *columns: str) -> NDArray[np.void]:
+        """All messages of a name (n,), structured as stored: integers without their factor.
+
+        columns: only these are kept, which saves memory; none for all.
+        """
+        whole = self.formats[name].dtype
+        kept = [(c, whole[c]) for c in dict.fromkeys(columns)]
+        out = np.empty(self.count(name), kept or whole)
+        done = 0
+        for rows in self._blocks(name):
+            part = out[done : done + rows.size]
+            if kept:
+                for c, _ in kept:
+                    part[c] = rows[c]
+            else:
+                part[:] = rows
+            done += rows.size
+        return out
 
     def column(self, name: str, column: str, rows: NDArray[np.void] | None = None) -> Array:
         """A numeric column (n,) in the documented unit (degrees, not centidegrees)."""
         layout = self.formats[name]
         factor = FORMATS[layout.format[layout.columns.index(column)]][1]
-        values = (self.rows(name) if rows is None else rows)[column].astype(float)
-        return values * factor if factor != 1 else values
+        return self._scaled(name, column, factor, rows)
 
     def text(self, name: str, column: str) -> list[str]:
         """A column of text as logged, without padding; not yet printable."""
-        return [cell.split(b"\0")[0].decode("ascii", "replace") for cell in self.rows(name)[column].tolist()]
+        return [
+            cell.split(b"\0")[0].decode("ascii", "replace")
+            for cell in self.rows(name, column)[column].tolist()
+        ]
 
     def seconds(self, name: str, rows: NDArray[np.void] | None = None) -> Array:
         """Time since boot (n,) [s] of each message; without a time, that of the previous message with one.
@@ -143,7 +164,7 @@ class DataFlash:
         """
         stamp = self.formats[name].stamp
         if stamp is not None:
-            return (self.rows(name) if rows is None else rows)[stamp[0]].astype(float) * stamp[1]
+            return self._scaled(name, *stamp, rows)
         if rows is None:
             return self._seconds_before(name)
         raise DataRefused(
@@ -158,8 +179,38 @@ class DataFlash:
         if not stamped:
             return np.zeros(self.count(name))
         clock = max(stamped, key=self.count)
-        k = np.searchsorted(self.positions[clock], self.positions[name], "right") - 1
+        k = np.searchsorted(self.positions(clock), self.positions(name), "right") - 1
         return self.seconds(clock)[np.clip(k, 0, None)]
+
+    def _scaled(self, name: str, column: str, factor: float, rows: NDArray[np.void] | None) -> Array:
+        """A column times a factor, straight into the array that is returned."""
+        if rows is not None:
+            values = rows[column].astype(float)
+        else:
+            values, done = np.empty(self.count(name)), 0
+            for block in self._blocks(name):
+                values[done : done + block.size] = block[column]
+                done += block.size
+        if factor != 1:
+            values *= factor
+        return values
+
+    def _positions(self, name: str) -> Iterator[NDArray[np.int64]]:
+        """As `positions`, one array for each stretch that holds some."""
+        if not self.count(name):
+            return
+        for stretch in self.stretches:
+            wanted = np.flatnonzero(stretch.kinds == self.formats[name].type)
+            if wanted.size:
+                yield stretch.starts(self.lengths)[wanted]
+
+    def _blocks(self, name: str) -> Iterator[NDArray[np.void]]:
+        """All messages of a name, in arrays of at most one stretch."""
+        layout = self.formats[name]
+        for at in self._positions(name):
+            windows = np.lib.stride_tricks.sliding_window_view(np.asarray(self.data), layout.length)
+            yield windows[at].view(layout.dtype)[:, 0]
+            give_back(self.data, int(at[0]), int(at[-1]) + layout.length)
 
 
 def open_parts(path: str | Path) -> tuple[DataFlash, ...]:
@@ -168,12 +219,15 @@ def open_parts(path: str | Path) -> tuple[DataFlash, ...]:
     ArduPilot starts each log, and nothing else, with the format of FMT.
     """
     data = _mapped(path)
-    heads = _headers(data)
-    heads = heads[heads + FMT_LENGTH <= data.size]
-    for at, byte in ((2, FMT_TYPE), (3, FMT_TYPE), (4, FMT_LENGTH)):
-        heads = heads[data[heads + at] == byte]
-    edges = [0, *heads[1:].tolist(), data.size]
-    return tuple(index(data[a:b]) for a, b in pairwise(edges))
+    found = messages_of_type(data, FMT_TYPE, FMT_LENGTH)
+    firsts = [at for at, message in found if message[3] == FMT_TYPE and message[4] == FMT_LENGTH]
+    edges = [0, *firsts[1:], data.size]
+    cuts = np.searchsorted([at for at, _ in found], edges).tolist()
+    messages = [message for _, message in found]
+    return tuple(
+        _indexed(data[a:b], messages[i:j])
+        for (a, b), (i, j) in zip(pairwise(edges), pairwise(cuts), strict=True)
+    )
 
 
 def _mapped(path: str | Path) -> NDArray[np.uint8]:
@@ -183,45 +237,42 @@ def _mapped(path: str | Path) -> NDArray[np.uint8]:
 
 def index(data: NDArray[np.uint8]) -> DataFlash:
     """The formats and messages of a log in `data` (n,) bytes; no formats if it holds none."""
+    return _indexed(data, [message for _, message in messages_of_type(data, FMT_TYPE, FMT_LENGTH)])
+
+
+def _indexed(data: NDArray[np.uint8], descriptions: list[bytes]) -> DataFlash:
+    """descriptions: the FMT messages."""
     by_type = {
-        layout.type: layout for layout in _formats(data).values()
+        layout.type: layout for layout in _formats(descriptions).values()
     }  # of two with one type, one is damaged
     formats = {layout.name: layout for layout in by_type.values()}
     lengths = np.zeros(256, np.int64)
     for layout in formats.values():
         lengths[layout.type] = layout.length
-    starts, good_bytes = _messages(data, lengths)
-    kinds = data[starts + 2] if starts.size else np.empty(0, np.uint8)
-    order = np.argsort(kinds, kind="stable")
-    edges = np.searchsorted(kinds[order], np.arange(257))
-    positions = {f.name: starts[order[edges[f.type] : edges[f.type + 1]]] for f in formats.values()}
-    ends = starts + lengths[kinds]
-    tail = int(data.size - ends[-1]) if starts.size else int(data.size)
-    breaks = int(np.sum(starts[1:] != ends[:-1]))
-    return DataFlash(data, formats, positions, int(data.size - good_bytes), tail, breaks, int(starts.size))
+    stretches = messages_of(data, lengths)
+    counts = np.zeros(256, np.int64)
+    for stretch in stretches:
+        counts += np.bincount(stretch.kinds, minlength=256)
+    end = stretches[-1].end(lengths) if stretches else 0
+    breaks = sum(int(s.jumps.size) for s in stretches)
+    return DataFlash(
+        data,
+        formats,
+        lengths,
+        stretches,
+        counts,
+        bad_bytes=int(data.size - counts @ lengths),
+        tail_bytes=int(data.size - end),
+        breaks=breaks,
+        message_count=int(counts.sum()),
+    )
 
 
-def _headers(data: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Offsets (n,) of all byte pairs that look like a header, ascending."""
-    found = []
-    for start in range(0, max(data.size - 2, 0), BLOCK):
-        block = data[start : start + BLOCK + 1]
-        first = np.flatnonzero(block[:-1] == HEAD[0])
-        hits = first[block[first + 1] == HEAD[1]] + start
-        found.append(hits[hits < data.size - 2])
-    return np.concatenate(found) if found else np.empty(0, np.int64)
-
-
-def _formats(data: NDArray[np.uint8]) -> dict[str, MessageFormat]:
+def _formats(descriptions: list[bytes]) -> dict[str, MessageFormat]:
     """{name: format}; damaged FMT messages are ignored, the last of a name is used."""
-    heads = _headers(data)
-    heads = heads[data[heads + 2] == FMT_TYPE]
-    formats = {}
-    for start in heads[heads + FMT_LENGTH <= data.size].tolist():
-        layout = _format(data[start + 3 : start + FMT_LENGTH].tobytes())
-        if layout is not None:
-            formats[layout.name] = layout
-    return formats
+    known = {message: _format(message[3:]) for message in dict.fromkeys(descriptions)}
+    found = (known[message] for message in descriptions)
+    return {layout.name: layout for layout in found if layout is not None}
 
 
 def _format(body: bytes) -> MessageFormat | None:
@@ -236,38 +287,6 @@ def _format(body: bytes) -> MessageFormat | None:
     columns = tuple(labels.split(",")) if labels else ()
     if not name.isalnum() or len(columns) != len(layout) or not set(layout) <= set(FORMATS):
         return None
-    found = MessageFormat(kind, name, length, layout, columns)
-    return found if len(set(columns)) == len(columns) and found.dtype.itemsize == length else None
-
-
-def _messages(data: NDArray[np.uint8], lengths: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Offsets (n,) of the messages, and the number of bytes they cover.
-
-    Two bytes of a payload may look like a header, so the headers are followed from message to message. A
-    message is valid if another one, or the end of the file, follows directly; otherwise the search continues
-    at the next header with such a follower. The loop takes one step only where the next header is not the
-    expected one.
-    """
-    heads = _headers(data)
-    heads = heads[lengths[data[heads + 2]] > 0]
-    if heads.size == 0:
-        return heads, 0
-    follower = heads + lengths[data[heads + 2]]
-    target = np.searchsorted(heads, follower)
-    chained = (follower == data.size) | (heads[np.minimum(target, heads.size - 1)] == follower)
-    following = np.flatnonzero(chained)
-    stops = np.flatnonzero(~chained | (target != np.arange(heads.size) + 1))
-    keep, at = [], 0
-    while at < heads.size:
-        if not chained[at]:
-            later = np.searchsorted(following, at)
-            if later == following.size:
-                break
-            at = int(following[later])
-        stop_index = np.searchsorted(stops, at)
-        stop = int(stops[stop_index]) if stop_index < stops.size else heads.size - 1
-        last = stop + 1 if chained[stop] else stop
-        keep.append(np.arange(at, last))
-        at = max(int(target[stop]), stop + 1) if chained[stop] else stop
-    starts = heads[np.concatenate(keep)] if keep else heads[:0]
-    return starts, int(lengths[data[starts + 2]].sum())
+    whole = 3 + sum(SIZES[code] for code in layout)
+    sound = len(set(columns)) == len(columns) and whole == length
+    return MessageFormat(kind, name, length, layout, columns) if sound else None

@@ -60,7 +60,11 @@ def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> tu
 
 def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, source: tuple[str, str]) -> Log:
     parameters = finite_only(
-        zip(flash.text("PARM", "Name"), flash.rows("PARM")["Value"].astype(float).tolist(), strict=True)
+        zip(
+            flash.text("PARM", "Name"),
+            flash.rows("PARM", "Value")["Value"].astype(float).tolist(),
+            strict=True,
+        )
         if flash.has("PARM", "Value") and flash.has_text("PARM", "Name")
         else ()
     )
@@ -127,7 +131,7 @@ def _reading_notes(log: str, flash: DataFlash) -> Iterator[Note]:
         yield Note("warning", f"{lost} damaged bytes in the log were skipped")
     if flash.tail_bytes:
         yield Note("info", f"The log ends in the middle of a message ({flash.tail_bytes} bytes left over)")
-    if flash.has("DSF", "Dp") and (dropped := int(np.ptp(flash.rows("DSF")["Dp"]))):
+    if flash.has("DSF", "Dp") and (dropped := int(np.ptp(flash.rows("DSF", "Dp")["Dp"]))):
         yield Note(
             "warning",
             f"The autopilot could not write {dropped} log messages during this log (DSF.Dp): "
@@ -151,10 +155,21 @@ def _instance_rows(flash: DataFlash, name: str) -> Rows:
     return _first_instance(flash, name, label)
 
 
-def _first_instance(flash: DataFlash, name: str, instance: str, number: int = 0) -> Rows:
-    """Rows of one sensor or EKF core; logs before 4.1 have no instance column."""
-    rows = flash.rows(name)
-    return rows[rows[instance] == number] if instance in flash.formats[name].numbers else rows
+def _first_instance(flash: DataFlash, name: str, instance: str, *columns: str, number: int = 0) -> Rows:
+    """The times and `columns` of one sensor or EKF core; logs before 4.1 have no instance column."""
+    if instance not in flash.formats[name].numbers:
+        return _timed(flash, name, *columns)
+    rows = _timed(flash, name, instance, *columns)
+    chosen = rows[instance] == number
+    return rows if chosen.all() else rows[chosen]
+
+
+def _timed(flash: DataFlash, name: str, *columns: str) -> Rows:
+    """All messages of a name with their times and `columns` alone, as a long log does not fit otherwise."""
+    layout = flash.formats[name]
+    stamp = (layout.stamp[0],) if layout.stamp is not None else ()
+    sampled = tuple(c for c in ("SampleUS",) if c in layout.numbers)
+    return flash.rows(name, *(stamp + sampled + columns or layout.columns))
 
 
 def _stamps(flash: DataFlash, name: str, rows: Rows) -> Array:
@@ -182,7 +197,8 @@ def _gyro(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, 
     channels = {"r": ("GyrZ", -1.0, "rad/s"), "p": ("GyrX", 1.0, "rad/s")}
     for name in _imu_messages(parameters, "GYR"):
         if flash.has(name, "GyrX", "GyrZ"):
-            return _signals(flash, name, _first_instance(flash, name, "I"), channels), name == "GYR"
+            rows = _first_instance(flash, name, "I", "GyrX", "GyrZ")
+            return _signals(flash, name, rows, channels), name == "GYR"
     return {}, False
 
 
@@ -190,7 +206,7 @@ def _accel(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str,
     """ay [m/s^2]; True if it is unfiltered."""
     for name in _imu_messages(parameters, "ACC"):
         if flash.has(name, "AccY"):
-            rows = _first_instance(flash, name, "I")
+            rows = _first_instance(flash, name, "I", "AccY")
             return _signals(flash, name, rows, {"ay": ("AccY", -1.0, "m/s^2")}), name == "ACC"
     return {}, False
 
@@ -212,7 +228,10 @@ def _attitude(flash: DataFlash) -> dict[str, Signal]:
         return {}
     degree = np.pi / 180
     found = _signals(
-        flash, "ATT", flash.rows("ATT"), {"phi": ("Roll", degree, "rad"), "psi": ("Yaw", -degree, "rad")}
+        flash,
+        "ATT",
+        _timed(flash, "ATT", "Roll", "Yaw"),
+        {"phi": ("Roll", degree, "rad"), "psi": ("Yaw", -degree, "rad")},
     )
     psi = found["psi"]
     return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
@@ -222,13 +241,13 @@ def _velocity(flash: DataFlash) -> dict[str, Signal]:
     """speed and vy [m/s] from the EKF's velocity and yaw; without EKF, speed from GPS."""
     for name in ("XKF1", "NKF1", "EKF1"):
         if flash.has(name, "VN", "VE", "Yaw"):
-            rows = _first_instance(flash, name, "C", _primary_core(flash))
+            rows = _first_instance(flash, name, "C", "VN", "VE", "Yaw", number=_primary_core(flash))
             t, (vn, ve, yaw) = increasing(
                 flash.seconds(name, rows), *(flash.column(name, c, rows) for c in ("VN", "VE", "Yaw"))
             )
             return body_velocity(t, vn, ve, -np.radians(yaw), f"{name}.VN,VE,Yaw")
     if flash.has("GPS", "Spd"):
-        rows = _first_instance(flash, "GPS", "I")
+        rows = _first_instance(flash, "GPS", "I", "Spd")
         return _signals(flash, "GPS", rows, {"speed": ("Spd", 1.0, "m/s")})
     return {}
 
@@ -237,7 +256,7 @@ def _primary_core(flash: DataFlash) -> int:
     """The EKF core that was primary most of the time (XKF4.PI)."""
     if not flash.has("XKF4", "PI"):
         return 0
-    return int(np.bincount(flash.rows("XKF4")["PI"].astype(np.int64).clip(0)).argmax())
+    return int(np.bincount(flash.rows("XKF4", "PI")["PI"].astype(np.int64).clip(0)).argmax())
 
 
 def _output(flash: DataFlash, channel: int) -> Signal | None:
@@ -248,7 +267,7 @@ def _output(flash: DataFlash, channel: int) -> Signal | None:
     """
     for column in (f"C{channel}", f"Ch{channel}", f"Chan{channel}"):
         if flash.has("RCOU", column):
-            return _signals(flash, "RCOU", flash.rows("RCOU"), {"pwm": (column, 1.0, "us")})["pwm"]
+            return _signals(flash, "RCOU", _timed(flash, "RCOU", column), {"pwm": (column, 1.0, "us")})["pwm"]
     return None
 
 

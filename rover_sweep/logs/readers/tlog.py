@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 MAGIC_1, MAGIC_2 = 0xFE, 0xFD
 STAMP = 8  # bytes of arrival time before a frame
 SIGNED, SIGNATURE = 0x01, 13  # incompatibility flag of MAVLink 2; bytes of the signature that follows then
+LARGE = 1 << 23  # bytes; from here compiled code is faster, with its import (0.3 s)
 _MAGIC = re.compile(b"[\xfe\xfd]")
 
 
@@ -128,8 +130,16 @@ def walk(data: bytes, wanted: frozenset[int] | None = None) -> Walk:
     found: defaultdict[int, list[int]] = defaultdict(list)
     at = count = damaged = bad = 0
     size = len(data)
+    follow = _follower(data)
     while at + STAMP + 8 <= size:
+        at, starts, numbers = follow(at, size - STAMP - 12)
+        count += len(starts)
+        for start, number in zip(starts, numbers, strict=True):
+            if wanted is None or number in wanted:
+                found[number].append(start)
         start = at + STAMP
+        if start + 8 > size:
+            break
         end, number = _header(data, start)
         right = end > 0 and _checksum_right(data, start, end, number)
         if right or (right is None and _goes_on(data, end)):
@@ -147,6 +157,49 @@ def walk(data: bytes, wanted: frozenset[int] | None = None) -> Walk:
         bad += after - at
         at = after
     return Walk(found, count, damaged, bad + size - at)
+
+
+def _follower(data: bytes) -> Callable[[int, int], tuple[int, list[int], list[int]]]:
+    """`_sound_frames` of the data, compiled where that pays."""
+    if len(data) < LARGE:
+        return partial(_sound_frames, data)
+    from rover_sweep.logs.readers.compiled_frames import follower
+
+    return follower(data, _seeds())
+
+
+def _sound_frames(data: bytes, at: int, last: int) -> tuple[int, list[int], list[int]]:
+    """Follows records with a known message and a correct checksum: (end of the last, starts, message ids).
+
+    last: largest offset at which a record is looked at. One loop without calls of its own, since a log has
+    half a million frames an hour.
+    """
+    seeds, checksum = _seeds(), crc16.mcrf4xx
+    starts: list[int] = []
+    numbers: list[int] = []
+    size = len(data)
+    while at <= last:
+        start = at + STAMP
+        if data[start] == MAGIC_2:
+            _, length, flags, _, _, _, _, low, middle, high = data[start : start + 10]
+            number = low | middle << 8 | high << 16
+            tail = start + 10 + length
+            end = tail + 2 + SIGNATURE if flags & SIGNED else tail + 2
+        elif data[start] == MAGIC_1:
+            number = data[start + 5]
+            tail = start + 6 + data[start + 1]
+            end = tail + 2
+        else:
+            break
+        seed = seeds.get(number)
+        if seed is None or end > size:
+            break
+        if checksum(data[start + 1 : tail] + seed) != data[tail] | data[tail + 1] << 8:
+            break
+        starts.append(start)
+        numbers.append(number)
+        at = end
+    return at, starts, numbers
 
 
 def _header(data: bytes, start: int) -> tuple[int, int]:
@@ -201,9 +254,10 @@ def _decode(raw: NDArray[np.uint8], starts: NDArray[np.int64], name: str) -> Fra
     layout = _dtype(name)
     payload = np.zeros((starts.size, layout.itemsize), np.uint8)
     new = raw[starts] == MAGIC_2
-    shapes = np.stack((new.astype(np.int64), raw[starts + 1].astype(np.int64)))
-    for version, length in np.unique(shapes, axis=1).T.tolist():
-        k = np.flatnonzero((shapes[0] == version) & (shapes[1] == length))
+    shapes = new * 256 + raw[starts + 1].astype(np.int64)
+    for shape in np.flatnonzero(np.bincount(shapes)).tolist():
+        version, length = divmod(shape, 256)
+        k = np.flatnonzero(shapes == shape)
         body = min(length, layout.itemsize)  # a newer sender may add fields; trailing zeros are not sent
         payload[k, :body] = raw[starts[k, None] + (10 if version else 6) + np.arange(body)]
     sequence = starts + np.where(new, 4, 2)

@@ -91,11 +91,15 @@ def _in_order(session: BootMessages, name: str) -> Frames:
 
 def _without_repeats(frames: Frames) -> Frames:
     """Without frames that repeat an earlier one in content and sequence number, as links do."""
-    seen: dict[tuple[int, int, int, bytes], int] = {}
+    heads = np.stack((frames.system, frames.component, frames.sequence), axis=1)
+    bodies = np.ascontiguousarray(frames.rows).view(np.uint8).reshape(len(frames), -1)
+    whole = np.concatenate((heads, bodies), axis=1)
+    keys: list[bytes] = whole.view(f"V{whole.shape[1]}")[:, 0].tolist()
+    if len(set(keys)) == len(keys):
+        return frames
+    seen: dict[bytes, int] = {}
     keep = np.ones(len(frames), bool)
-    columns = (frames.system, frames.component, frames.sequence)
-    for k, (*head, at) in enumerate(zip(*(c.tolist() for c in columns), frames.order.tolist(), strict=True)):
-        key = (*head, frames.rows[k].tobytes())
+    for k, (key, at) in enumerate(zip(keys, frames.order.tolist(), strict=True)):
         keep[k] = at - seen.get(key, -REPEATED) >= REPEATED
         seen[key] = at
     return frames.where(keep)
