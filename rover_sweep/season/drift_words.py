@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rover_sweep.season.changes import FEWEST
 from rover_sweep.season.season_result import Drift, Season
 
 
@@ -38,6 +39,11 @@ def season_sentence(season: Season) -> str:
     fitted = season.logs - len(season.refused)
     of = f"{fitted} of {season.logs} logs of {len(season.vehicles)} vehicle(s)"
     left = f"; {len(season.refused)} could not be used" if season.refused else ""
+    short = sum(not v.quantities for v in season.vehicles)
+    if short:
+        left += f"; {short} vehicle(s) with fewer than {FEWEST} days were not searched for drifts"
+    if not found and short == len(season.vehicles):
+        return f"no drift was searched in {of}{left}"
     if not found:
         return f"nothing drifted in {of}{left}"
     named = list(dict.fromkeys(d.vehicle for d in found))

@@ -157,8 +157,11 @@ def cluster(workers: int) -> Iterator[tuple[str, list[int]]]:
     finally:
         for process in reversed(started):
             process.send_signal(signal.SIGTERM)
-        for process in started:
-            process.wait(30)
+        for process in reversed(started):
+            try:
+                process.wait(30)
+            except subprocess.TimeoutExpired:  # a worker may wait for its scheduler
+                process.kill()
 
 
 def equal(one: Path, two: Path) -> bool:

@@ -121,6 +121,7 @@ def test_a_swapped_board_of_a_named_vehicle() -> None:
 def test_few_days_show_no_drift_and_say_so() -> None:
     found = season(vehicle_logs("rover-1", 3, 1), ROVERS)
     assert not found.drifts and "3 day(s)" in found.vehicles[0].remarks[0]
+    assert found.sentence.startswith("no drift was searched")
 
 
 def test_a_refused_log_is_in_the_summary() -> None:
