@@ -284,3 +284,9 @@ def test_design_without_a_vehicle_says_what_is_missing(capsys: pytest.CaptureFix
 def test_the_installed_program_name() -> None:
     assert program("--version").stdout.startswith("rover-sweep ")
     assert program("nonsense").returncode == 2
+
+
+def test_a_session_without_a_terminal_is_refused(run_program):
+    done = run_program("session", "--connect", "udp:127.0.0.1:14998")
+    assert done.code == 2
+    assert "needs a terminal; without one use `rover-sweep run`" in done.err
