@@ -12,11 +12,12 @@ from rover_sweep.comparison.answer import Agreement, Comparison, Difference, Ver
 from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of
 from rover_sweep.comparison.differences import Found, differences, found_between
 from rover_sweep.comparison.direct import Direct, direct
-from rover_sweep.comparison.hidden import could_differ, largest_score, suspects
+from rover_sweep.comparison.hidden import could_differ, largest_score
 from rover_sweep.comparison.instruments import instruments
 from rover_sweep.comparison.pairing import Pair, pairs_by_steering, shared
 from rover_sweep.comparison.pictured import bode, histories_of, predicted
 from rover_sweep.comparison.sentences import answer_sentence
+from rover_sweep.comparison.suspected import with_suspects
 from rover_sweep.diagnosis.choose import choose
 from rover_sweep.diagnosis.effects import form_named
 from rover_sweep.diagnosis.locate.locate import mismatches
@@ -33,7 +34,6 @@ SOME_LEFT, SUSPICIOUS = 1.1, 20.0
 """Variance of a row and score of an effect from which effects are searched in a simulation.
 
 A score above 20 by chance is rarer than 1 in 1000 for 40 parameters; the search itself decides."""
-MOST_SUSPECTS = 2
 Progress = Callable[[str, float], None]
 
 
@@ -76,10 +76,12 @@ def compare(
     pairs, held = [shared(p) for p in pairs], [shared(p) for p in held]
     known_fits = {} if fitted is None else fitted
     recordings, simulation = _sides(pairs, model, effects, options, known_fits)
-    recordings, simulation = _with_suspects(pairs, recordings, simulation, known_fits)
+    found_more = with_suspects([p.recorded for p in pairs], recordings, simulation, known_fits)
+    recordings, simulation = found_more.recordings, found_more.simulation
     progress("comparing simulation and recordings", 0.8)
     found = found_between(recordings, simulation, seed)
     clear, minor = differences(found)
+    clear = tuple(replace(d, look_alikes=(*d.look_alikes, *found_more.alike.get(d.name, ()))) for d in clear)
     plain = direct(pairs, recordings, simulation)
     unused = direct(held, recordings, simulation, unused=True) if held else None
     agreement = (*plain.agreement(False), *(unused.agreement(True) if unused else ()))
@@ -160,29 +162,6 @@ def _sides(
         return first, own
     has = [form_named(name).id for name in both.effects]
     return recordings(both, first.fitted.x), side_of(simulated, both, own.fitted.x, has)
-
-
-def _with_suspects(
-    pairs: Sequence[Pair],
-    recordings: FittedSide,
-    simulation: FittedSide,
-    fitted: dict[tuple[str, ...], FittedSide],
-) -> tuple[FittedSide, FittedSide]:
-    """Both sides with the effects added in which they differ clearly, though no diagnosis named them."""
-    for _ in range(MOST_SUSPECTS):
-        tried = []
-        for name in suspects(recordings, simulation):
-            model = recordings.model.with_effect(name)
-            if model.effects not in fitted:
-                fitted[model.effects] = side_of(
-                    [p.recorded for p in pairs], model, recordings.fitted.x, model.ids
-                )
-            other = side_of(simulation.plain.runs, model, simulation.fitted.x, model.ids)
-            tried.append((fitted[model.effects], other))
-        if not tried:
-            break
-        recordings, simulation = min(tried, key=lambda sides: sides[0].fitted.cost + sides[1].fitted.cost)
-    return recordings, simulation
 
 
 def _more_in(side: FittedSide) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
@@ -17,6 +18,7 @@ from textual.binding import Binding
 from textual.dom import DOMNode
 from textual.theme import Theme
 
+from rover_sweep.errors import UsageError
 from rover_sweep.live.source import Play, Played, Source
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.model.setup import Memory, Setup, remember
@@ -189,8 +191,13 @@ def _theme(palette: Palette) -> Theme:
 def show(source: Source, setup: Setup | None = None, view: str = "connect") -> None:
     """Show a source until the user quits, then close it, also after an error.
 
-    view: the first view, one of `frame.VIEWS`; 'run' for a recording.
+    view: the first view, one of `frame.VIEWS`; 'run' for a recording. UsageError without a terminal.
     """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        source.close()
+        raise UsageError(
+            "this draws a screen and reads keys, so it needs a terminal; without one use `rover-sweep run`"
+        )
     app = SweepApp(source, setup or Setup(), view)
     try:
         app.run(mouse=False)  # so that the mouse can select and copy text

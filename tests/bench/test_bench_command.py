@@ -151,7 +151,7 @@ def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: On
 
     with pytest.raises(NotAtStandstill, match="not in MANUAL"):
         drive_bench(url, folder, BenchPlan(programme((100.0,), True, False)), Beside(3, hold))
-    assert 0 < len(folder.readings()) < 3
+    assert 0 < len(folder.readings()) < 9  # of the staircase
     with Link.open(url, tmp_path / "after.tlog") as link:
         inputs = link.request_message("RC_CHANNELS")
         assert inputs is not None and inputs.chan1_raw == 1500

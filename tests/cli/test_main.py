@@ -289,4 +289,4 @@ def test_the_installed_program_name() -> None:
 def test_a_session_without_a_terminal_is_refused(run_program):
     done = run_program("session", "--connect", "udp:127.0.0.1:14998")
     assert done.code == 2
-    assert "needs a terminal; without one use `rover-sweep run`" in done.err
+    assert "needs a terminal; without one use `rover-sweep run`" in " ".join(done.err.split())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,6 @@ import click
 
 from rover_sweep.cli.types.manoeuvres import LimitType
 from rover_sweep.cli.types.which_vehicle import access_options
-from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from rover_sweep.vehicle.link.access import Access
@@ -84,10 +82,6 @@ def session(
     folder = Path(out)
     path = _vehicle_path(vehicle_file, folder)
     vehicle = load(path) if path else None
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise UsageError(
-            "session draws a screen and reads keys, so it needs a terminal; without one use `rover-sweep run`"
-        )
     extra = ({"gcs": 1.0} if throttle is not None else {}) | dict(limits)
     settings = RunSettings(
         arm, throttle, "override" if throw_switch else "pilot", extra, patience=_PILOT_PATIENCE

@@ -1,0 +1,70 @@
+"""Effects in which simulation and recordings differ, though no diagnosis named them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rover_sweep.comparison.common_model import FittedSide, side_of
+from rover_sweep.comparison.differences import ALIKE
+from rover_sweep.comparison.hidden import suspects
+from rover_sweep.diagnosis.effects import form_named
+from rover_sweep.diagnosis.search.candidate_fits import screen, tangent
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import Experiment
+
+MOST = 2  # effects that are added
+
+
+@dataclass(frozen=True, eq=False)
+class Suspected:
+    """Both sides with the added effects. alike: {added effect: others that explain nearly as much}."""
+
+    recordings: FittedSide
+    simulation: FittedSide
+    alike: Mapping[str, tuple[str, ...]]
+
+
+def with_suspects(
+    recorded: Sequence[Experiment],
+    recordings: FittedSide,
+    simulation: FittedSide,
+    fitted: dict[tuple[str, ...], FittedSide],
+) -> Suspected:
+    """Both sides with the effects added in which they differ clearly; of several the one that fits best.
+
+    recorded: the recorded runs. fitted: {laws: the recordings fitted with them}, used and filled.
+    """
+    alike: dict[str, tuple[str, ...]] = {}
+    for _ in range(MOST):
+        tried: dict[str, tuple[FittedSide, FittedSide]] = {}
+        for name in suspects(recordings, simulation):
+            model = recordings.model.with_effect(name)
+            if model.effects not in fitted:
+                fitted[model.effects] = _with(recorded, recordings, name, model)
+            tried[name] = fitted[model.effects], _with(simulation.plain.runs, simulation, name, model)
+        if not tried:
+            break
+        before = _cost(recordings, simulation)
+        gains = {name: before - _cost(*sides) for name, sides in tried.items()}
+        best = max(gains, key=lambda name: gains[name])
+        alike[best] = tuple(n for n, gain in gains.items() if n != best and gain > ALIKE * gains[best])
+        recordings, simulation = tried[best]
+    return Suspected(recordings, simulation, alike)
+
+
+def _cost(one: FittedSide, two: FittedSide) -> float:
+    return one.fitted.cost + two.fitted.cost
+
+
+def _with(runs: Sequence[Experiment], side: FittedSide, name: str, model: Model) -> FittedSide:
+    """The side fitted with the effect; a law that jumps has no slope at 0, so its size is scanned too."""
+    law = form_named(name)
+    plain = side_of(runs, model, side.fitted.x, model.ids)
+    if not any(p.jumps for p in law.parameters):
+        return plain
+    found = screen(side.problem, side.fitted, tangent(side.fitted), side.model, law)
+    if found is None:
+        return plain
+    scanned = side_of(runs, model, {**side.fitted.x, **found.start}, model.ids)
+    return min(plain, scanned, key=lambda s: s.fitted.cost)
