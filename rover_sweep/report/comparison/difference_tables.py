@@ -114,18 +114,18 @@ def could_differ_table(found: Comparison) -> Table | None:
 
 
 def correction_table(corrections: Sequence[Correction]) -> Table:
-    """Entry, simulation before, recordings, simulation after."""
+    """Entry, simulation before, recordings, simulation after; within 80 columns, so with short words."""
     rows = tuple(
         (
-            Cell(c.entry, "strong"),
+            Cell(c.entry.removeprefix("effects."), "strong"),
             Cell(c.before or "–"),
-            Cell(c.recordings or "–"),
+            Cell(c.recordings.replace(" to ", "–") or "–"),
             Cell(c.after or "–", "strong"),
         )
         for c in corrections
     )
-    headings = ("parameter or effect", "simulation before", "recordings (90 %)", "simulation after")
-    return Table("What was corrected", headings, rows, text_columns=4)
+    headings = ("entry", "before", "recorded (90 %)", "after")
+    return Table("What was corrected in the simulated rover", headings, rows, text_columns=4)
 
 
 def rounds_table(rounds: Sequence[TwinDrive]) -> Table:
