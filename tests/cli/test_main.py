@@ -286,7 +286,7 @@ def test_the_installed_program_name() -> None:
     assert program("nonsense").returncode == 2
 
 
-def test_a_session_without_a_terminal_is_refused(run_program):
-    done = run_program("session", "--connect", "udp:127.0.0.1:14998")
+def test_a_session_without_a_terminal_is_refused(run_program, tmp_path):
+    done = run_program("session", "--connect", "udp:127.0.0.1:14998", "--out", str(tmp_path / "today"))
     assert done.code == 2
     assert "needs a terminal; without one use `rover-sweep run`" in " ".join(done.err.split())

@@ -229,9 +229,12 @@ def test_speedup(tmp_path: Path) -> None:
     with embedded(tmp_path, "--speedup", "5") as number:
         client = Client(number)
         client.interval(RAW_IMU, 100_000)
-        first, began = client.wait("RAW_IMU").time_usec, time.monotonic()
-        last = client.wait("RAW_IMU", lambda m: m.time_usec > first + 3_000_000).time_usec
-        assert (last - first) * 1e-6 / (time.monotonic() - began) == pytest.approx(5.0, rel=0.15)
+        ratios = []
+        for _ in range(3):  # a busy machine delays a message, so one of three may be off
+            first, began = client.wait("RAW_IMU").time_usec, time.monotonic()
+            last = client.wait("RAW_IMU", lambda m, t=first: m.time_usec > t + 3_000_000).time_usec
+            ratios.append((last - first) * 1e-6 / (time.monotonic() - began))
+        assert sorted(ratios)[1] == pytest.approx(5.0, rel=0.15)
         client.close()
 
 
