@@ -29,8 +29,12 @@ class AppletParameter:
 
 PARAMETERS: tuple[AppletParameter, ...] = (
     AppletParameter("SWP_ENABLE", "", 1, 0, 1, "0 refuses every run and stops the one that goes on"),
-    AppletParameter("SWP_TYPE", "", 0, 0, 3, "manoeuvre: 0 sweep, 1 doublet, 2 multisine, 3 bias sweep"),
-    AppletParameter("SWP_AMP", "us", 150, 1, 500, "amplitude (multisine: peak) of the steering PWM"),
+    AppletParameter(
+        "SWP_TYPE", "", 0, 0, 4, "manoeuvre: 0 sweep, 1 doublet, 2 multisine, 3 bias sweep, 4 throttle sweep"
+    ),
+    AppletParameter(
+        "SWP_AMP", "us", 150, 1, 500, "amplitude (multisine: peak) of the steering or throttle PWM"
+    ),
     AppletParameter(
         "SWP_WMIN", "rad/s", 0.3, 0.05, 50, "frequency at which the sweep begins; lower end of a multisine"
     ),
@@ -48,7 +52,12 @@ PARAMETERS: tuple[AppletParameter, ...] = (
     AppletParameter("SWP_PAUSE", "s", 2, 0, 30, "doublet: pause after each"),
     AppletParameter("SWP_COUNT", "", 2, 1, 20, "doublet: how many; multisine: periods in SWP_TREC"),
     AppletParameter(
-        "SWP_PWM_MAX", "us", 250, 1, 500, "steering limit from trim: refused, and stopped, past it"
+        "SWP_PWM_MAX",
+        "us",
+        250,
+        1,
+        500,
+        "steering limit from trim, throttle limit from the pilot's: refused, and stopped, past it",
     ),
     AppletParameter("SWP_ROLL_MAX", "deg", 30, 1, 90, "stop at a roll angle past this"),
     AppletParameter("SWP_P_MAX", "deg/s", 200, 1, 2000, "stop at a roll rate past this"),
@@ -75,7 +84,9 @@ PARAMETERS: tuple[AppletParameter, ...] = (
     ),
 )
 
-TYPES: Mapping[str, int] = MappingProxyType({"sweep": 0, "doublet": 1, "multisine": 2, "bias_sweep": 3})
+TYPES: Mapping[str, int] = MappingProxyType(
+    {"sweep": 0, "doublet": 1, "multisine": 2, "bias_sweep": 3, "throttle": 4}
+)
 
 STATES: Mapping[int, str] = MappingProxyType(
     {
@@ -92,7 +103,7 @@ STATES: Mapping[int, str] = MappingProxyType(
         10: "stopped",
     }
 )
-"""Field St of the log message SWEP and value of SWP_ST; the applet steers in 3 to 8."""
+"""Field St of the log messages SWEP, SWET and value of SWP_ST; the applet steers or drives in 3 to 8."""
 
 _NOT_OF_A_MANOEUVRE = ("SWP_TYPE", "SWP_RUN", "SWP_GO")
 _FIELDS = {

@@ -309,8 +309,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGINT, end)
     udp = None if options.udp is None else f"{options.udp[0]}:{options.udp[1]}"
     print(json.dumps({"tcp": server.port, "udp": udp, "directory": str(directory)}), flush=True)
+    print(ready_words(server.port, udp), file=sys.stderr, flush=True)
     vehicle.run()
     return 0
+
+
+def ready_words(port: int | None, udp: str | None) -> str:
+    """What to start next, for a person; a program reads the line of JSON."""
+    url = f"tcp:{LOOPBACK}:{port}" if port else f"udp:{udp}"
+    return (
+        "The simulated rover is ready; Ctrl-C ends it. In another terminal:\n"
+        f"  rover-sweep session --connect {url} --vehicle rover.toml --arm --throttle 1710 --throw-switch"
+    )
 
 
 if __name__ == "__main__":

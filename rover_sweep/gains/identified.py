@@ -32,8 +32,9 @@ class Identified:
     name, level: the model and its verdict. intervals: 90 % intervals {parameter: (low, high)}. speeds: of
     the runs [m/s]. band: usable band of the response of r [rad/s], None without one. rad_per_us: of the
     vehicle file. gyro_hz: low-pass of the gyro in the runs; loop_hz: main loop in the runs; both None if
-    unknown. amplitude_us: smallest PWM amplitude of the runs. hidden: additional low-passes found by a
-    diagnosis. remarks: sentences on effects not in the model. reasons: why there is no model.
+    unknown. amplitude_us, largest_us: smallest and largest PWM amplitude of the runs. hidden: additional
+    low-passes found by a diagnosis. remarks: sentences on effects not in the model. reasons: why there is no
+    model.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Identified:
     gyro_hz: float | None = None
     loop_hz: float | None = None
     amplitude_us: float | None = None
+    largest_us: float | None = None
     hidden: tuple[LowPass, ...] = ()
     remarks: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
@@ -101,6 +103,7 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
         recorded_loop.cutoff(run),
         recorded_loop.loop(run),
         recorded_loop.amplitude(document["runs"]),
+        recorded_loop.widest_amplitude(document["runs"]),
         (),
         recorded_loop.play_remark(steering),
         tuple(model["verdict"]["sentences"]),
@@ -160,7 +163,8 @@ def _best_parameters(model: Mapping[str, Any]) -> dict[str, Any]:
     With one C for both axles the position of the CG alone determines the understeer, and so the steady turn
     rate that FF depends on. The relative intervals are those of the fit with one C.
     """
-    tied, free = model["parameters"], model["variants"].get(UNTIED)
+    tied = {n: p for n, p in model["parameters"].items() if "variant" not in p}
+    free = model["variants"].get(UNTIED)
     if free is None or not free["cost"]["average"] < model["cost"]["average"]:
         return dict(tied)
     own = dict(free["parameters"])

@@ -47,7 +47,16 @@ def play_remark(steering: Mapping[str, Any] | None) -> tuple[str, ...]:
     return (words,)
 
 
+def widest_amplitude(runs: Sequence[Mapping[str, Any]]) -> float | None:
+    """The largest PWM amplitude [us] of the runs, from their coherence verdicts; None if unknown."""
+    return max(_amplitudes(runs), default=None)
+
+
+def _amplitudes(runs: Sequence[Mapping[str, Any]]) -> list[float]:
+    return [float(r["amplitude"]) for r in runs if r.get("amplitude") and r.get("amplitude_unit") == "us"]
+
+
 def amplitude(runs: Sequence[Mapping[str, Any]]) -> float | None:
     """The smallest PWM amplitude [us] of the runs, from their coherence verdicts; None if unknown."""
-    found = [r["amplitude"] for r in runs if r.get("amplitude") and r.get("amplitude_unit") == "us"]
+    found = _amplitudes(runs)
     return float(min(found)) if found else None

@@ -28,7 +28,7 @@ GYRO_FACTORY_HZ, ACCEL_FACTORY_HZ = 4.0, 10.0  # INS_GYRO_FILTER, default INS_AC
 
 @dataclass(frozen=True, eq=False)
 class AppletRows:
-    """The applet's SWEP messages: t (n,) s, run (n,), state (n,), clock T of the override (n,) s."""
+    """The applet's SWEP or SWET messages: t (n,) s, run (n,), state (n,), clock T of the override (n,) s."""
 
     t: Array
     run: Array
@@ -45,6 +45,7 @@ class Log:
     loops: starts (n,) [s] of the autopilot's main loops, None if not logged.
     arrivals: vehicle's time (n,) [s] and recorder's time (n,) [s] of telemetry messages, None in other logs.
     marks: (time [s], text as logged) of messages to the user. parameters: last value of each.
+    applet, throttle_applet: the applet's runs on the steering and on the throttle, None without one.
     limits: (lowest, highest) steering output [us], None where unknown.
     whole: all driving is one run, independent of the steering.
     system: MAVLink system id of a telemetry log, 0 if not known.
@@ -55,6 +56,7 @@ class Log:
     signals: Mapping[str, Signal]
     steering: tuple[Signal, ...]
     applet: AppletRows | None = None
+    throttle_applet: AppletRows | None = None
     loops: Array | None = None
     arrivals: tuple[Array, Array] | None = None
     marks: tuple[tuple[float, str], ...] = ()
@@ -106,14 +108,18 @@ def finite_only(named: Iterable[tuple[str, float]]) -> dict[str, float]:
 
 
 def output_channel(parameters: Mapping[str, float], function: int) -> int | None:
-    """Servo output (1-based) with a SERVOn_FUNCTION, None if unknown; before 3.2 from RCMAP_*."""
-    for n in range(1, 33):
-        if round(parameters.get(f"SERVO{n}_FUNCTION", -1)) == function:
-            return n
+    """First servo output (1-based) with a SERVOn_FUNCTION, None if unknown; before 3.2 from RCMAP_*."""
+    if outputs := output_channels(parameters, function):
+        return outputs[0]
     if any(name.startswith("SERVO") and name.endswith("_FUNCTION") for name in parameters):
         return None
     old = {STEERING: "RCMAP_ROLL", THROTTLE: "RCMAP_THROTTLE"}.get(function, "")
     return round(parameters[old]) if old in parameters else None
+
+
+def output_channels(parameters: Mapping[str, float], function: int) -> tuple[int, ...]:
+    """All servo outputs (1-based) with a SERVOn_FUNCTION."""
+    return tuple(n for n in range(1, 33) if round(parameters.get(f"SERVO{n}_FUNCTION", -1)) == function)
 
 
 def output_limits(parameters: Mapping[str, float], channel: int) -> tuple[float, float] | None:

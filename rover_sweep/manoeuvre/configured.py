@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from firmware_params.applet_parameters import PARAMETERS, PREFIX, TYPES
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep, ThrottleSweep
 
 _DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
@@ -36,4 +36,6 @@ def _made(known: Mapping[str, float]) -> Manoeuvre | None:
         return Multisine(amplitude, low, high, length, count, fade, dwell, straight)
     if kind == "bias_sweep":
         return BiasSweep(amplitude, low, high, length, fade, dwell, straight, bias=known["SWP_BIAS"])
+    if kind == "throttle":
+        return ThrottleSweep(amplitude, low, high, length, fade, dwell, straight)
     return Sweep(amplitude, low, high, length, fade, dwell, straight) if kind == "sweep" else None

@@ -37,6 +37,10 @@ def fading(since: Array, full: float, fade: float) -> Array:
 class Multisine:
     """Equal sines at three out of four odd multiples of w0 = 2 pi periods/t_rec, from w_min to w_max [rad/s].
 
+    >>> wave = rs.Multisine(amplitude=240, w_max=20)
+    >>> wave.lines[:4].tolist(), round(wave.base, 3)  # multiples of the base frequency [rad/s]
+    ([1, 3, 7, 9], 0.343)
+
     amplitude: peak of the sum [us], within 2 %. Order in time: straight, fade-in, dwell (the rover settles),
     t_rec with `periods` whole periods, fade-out, straight [s]; the wave is periodic throughout. Phases by
     Schroeder (1970).

@@ -1,4 +1,4 @@
-"""Test inputs in closed form: the exponential sweep of the paper, a sweep about a steering bias, a doublet.
+"""Test inputs in closed form: the exponential sweep of the paper, about a bias, on the throttle; a doublet.
 
 The applet on the vehicle drives exactly these waves.
 """
@@ -35,7 +35,7 @@ class Sweep:
     fade: float = 2.0
     dwell: float = 2.0
     straight: float = 3.0
-    kind: Literal["sweep", "bias_sweep"] = "sweep"
+    kind: Literal["sweep", "bias_sweep", "throttle"] = "sweep"
 
     def __post_init__(self) -> None:
         if not 0 < self.w_min < self.w_max:
@@ -110,12 +110,26 @@ class BiasSweep(Sweep):
     """
 
     bias: float = 100.0
-    kind: Literal["sweep", "bias_sweep"] = "bias_sweep"
+    kind: Literal["sweep", "bias_sweep", "throttle"] = "bias_sweep"
 
     @property
     def middle(self) -> float:
         """Mean steering offset from trim, us."""
         return self.bias
+
+
+@dataclass(frozen=True)
+class ThrottleSweep(Sweep):
+    """A sweep of the throttle [us] about the pilot's, who steers: for the response of the speed.
+
+    Slower than a steering sweep: a rover's speed lags its throttle by about a second.
+    """
+
+    amplitude: float = 60.0
+    w_min: float = 0.2
+    w_max: float = 8.0
+    t_rec: float = 60.0
+    kind: Literal["sweep", "bias_sweep", "throttle"] = "throttle"
 
 
 @dataclass(frozen=True)

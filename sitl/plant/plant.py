@@ -28,6 +28,7 @@ from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects.slope import Slope
 from sitl.plant.effects.table_laws import TableForces
 from sitl.plant.effects_table import number
+from sitl.plant.motor import Motor
 from sitl.plant.road import Road
 from sitl.plant.servo import Servo
 from sitl.plant.tyre import LOW_SPEED
@@ -89,6 +90,7 @@ class Plant:
         self.parameters = parameters = resolved(parameters)
         self.state = PlantState()
         self._servo = Servo(parameters)
+        self._motor = Motor(parameters)
         self._road = Road(parameters, seed)
         effects = parameters.effects
         self._effects = EffectAxles(parameters, self._road) if IDS & effects.keys() else None
@@ -112,7 +114,8 @@ class Plant:
         """Advance by dt [s] (2.5 ms is meant, up to 0.02 works) with these PWM [us]; 0 us means no pulse."""
         state, servo = self.state, self._servo
         servo.command(steer_us, state.t)
-        self._throttle(throttle_us)
+        self._motor.command(throttle_us, state.t)
+        self._axles.wanted_speed = self._motor.wanted_speed(state.t)
         end = state.t + dt
         if self._parked():
             self._stand(servo.advance(state.t, end), end)
@@ -207,12 +210,6 @@ class Plant:
         ay = state.vy_dot + r * vx + r_dot * ahead - p_dot * z - (r * r + p * p) * y
         az = GRAVITY + p_dot * y - p * p * z
         state.ax, state.ay, state.az = ax, ay * c + az * s, az * c - ay * s
-
-    def _throttle(self, pwm_us: float) -> None:
-        parameters = self.parameters
-        offset = pwm_us - parameters.throttle_trim_us
-        idle = pwm_us <= 0 or abs(offset) <= parameters.throttle_deadband_us
-        self._axles.wanted_speed = 0.0 if idle else offset * parameters.speed_per_us
 
     def _parked(self) -> bool:
         """Whether the rover is at rest with less drive than static friction."""

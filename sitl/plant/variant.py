@@ -29,7 +29,8 @@ class PlantParameters:
     Steering: steering_trim_us [us]; rad_per_us [rad/us], positive when a larger PWM turns right;
     steering_limit [rad]; servo_lag [s] first order; servo_delay [s]; servo_rate_limit [rad/s] of the wheel.
     Drive: throttle_trim_us, throttle_deadband_us [us]; speed_per_us [m/s/us] without resistance;
-    speed_lag [s]; drive_force_limit [N]; rolling_resistance [-] of the weight.
+    speed_lag [s]; drive_force_limit [N]; rolling_resistance [-] of the weight; throttle_delay [s];
+    throttle_lost_us [us], a dead zone beyond which the drive begins from nothing (0 in the variants).
     Road, rms per m/s of speed: road_force [N s/m], road_yaw_moment, road_roll_moment [N s];
     road_length [m] over which it changes.
     IMU: imu_position (forward, right, down) [m] from the sprung CG; gyro_noise [rad/s/sqrt(Hz)] and
@@ -84,6 +85,8 @@ class PlantParameters:
     gps_lag: float
     gps_position_error: float
     gps_velocity_error: float
+    throttle_delay: float = 0.0
+    throttle_lost_us: float = 0.0
     effects: Effects = field(default_factory=dict, hash=False)
     laws: tuple[PlantLaw, ...] = ()
 
@@ -125,6 +128,7 @@ _MUST_BE_POSITIVE = (
     "error_time",
     "gps_interval",
 )
+_OPTIONAL = ("throttle_delay", "throttle_lost_us")
 _KINDS = {f.name: f.type for f in fields(PlantParameters) if f.name not in ("effects", "laws")}
 
 
@@ -141,7 +145,7 @@ def load_variant(name_or_path: str | Path) -> PlantParameters:
     nominal, tables `[[table_law]]` laws without a name. Raises ValueError naming the wrong entry.
     """
     numbers = _numbers(_locate(name_or_path, Path.cwd()), ())
-    missing = [name for name in _KINDS if name not in numbers]
+    missing = [name for name in _KINDS if name not in numbers and name not in _OPTIONAL]
     if missing:
         raise ValueError(f'variant {name_or_path}: missing {", ".join(missing)} (or give base = "nominal")')
     try:

@@ -97,5 +97,5 @@ def test_servo_that_steers_no_more_is_left_at_trim(channel: int | None) -> None:
 
 
 def test_servo_that_steers_no_more_would_get_the_pwm_of_the_other() -> None:
-    look = ("if SRV_Channels:find_channel(STEERING) ~= channel then", "if false then")
+    look = ("if SRV_Channels:find_channel(servo) ~= channel then", "if false then")
     assert let_go(1, mutant(look)) == (0, 0)

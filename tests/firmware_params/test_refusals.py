@@ -46,7 +46,7 @@ def no_velocity(bench: Bench) -> None:
         (vehicle(SWP_WMIN=-1), "SWP_WMIN -1 outside 0.05 to 50"),
         (vehicle(SWP_TREC=0), "SWP_TREC 0 outside 1 to 600"),
         (vehicle(SWP_FADE=-2), "SWP_FADE -2 outside 0 to 20"),
-        (vehicle(SWP_TYPE=4), "SWP_TYPE 4 outside 0 to 3"),
+        (vehicle(SWP_TYPE=5), "SWP_TYPE 5 outside 0 to 4"),
         (vehicle(SWP_TYPE=0.5), "SWP_TYPE 0.5 is unknown"),
         (vehicle(SWP_V_MIN=4), "SWP_V_MIN 4 >= SWP_V_MAX 4"),
         (vehicle(SWP_TYPE=2.5), "SWP_TYPE 2.5 is unknown"),

@@ -69,7 +69,7 @@ CONDITIONS = (
     Condition(
         "steering", "not (off <= v.PWM_MAX)", setting(forced_output=1751), "steering 251.0 > 250 us", True
     ),
-    Condition("stick", "not (stick_off(v) <= STICK_MOVED_US)", stick, "steering stick moved", True),
+    Condition("stick", "not (stick_off(v) <= v.axis.moved)", stick, "steering stick moved", True),
     Condition(
         "roll", "not (roll <= v.ROLL_MAX)", setting(roll=math.radians(-31)), "roll 31.0 > 30 deg", True
     ),

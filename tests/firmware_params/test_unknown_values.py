@@ -51,11 +51,7 @@ UNKNOWN = (
     (yaw_rate, "yaw rate unknown", (("not (r <= v.R_MAX)", "r > v.R_MAX"),)),
     (velocity_north, "no velocity estimate", SPEED),
     (velocity_east, "no velocity estimate", SPEED),
-    (
-        stick,
-        "steering stick moved",
-        (("not (stick_off(v) <= STICK_MOVED_US)", "stick_off(v) > STICK_MOVED_US"),),
-    ),
+    (stick, "steering stick moved", (("not (stick_off(v) <= v.axis.moved)", "stick_off(v) > v.axis.moved"),)),
     (enable, "SWP_ENABLE is nan", (("not (parameter.ENABLE:get() >= 1)", "parameter.ENABLE:get() < 1"),)),
 )
 IDS = [spoil.__name__ for spoil, _, _ in UNKNOWN]

@@ -33,8 +33,17 @@ def test_a_folder_and_a_log_give_a_table_and_a_file(folder: Path, capsys: pytest
     assert "ATC_STR_RAT_FF" in said.out
     assert f"parameters written to {out}" in said.err
     written = {p.name: p for p in read(out)}
-    assert set(written) == {f"ATC_STR_RAT_{k}" for k in ("FF", "P", "I", "D", "IMAX")}
+    gains = {f"ATC_STR_RAT_{k}" for k in ("FF", "P", "I", "D", "IMAX")}
+    assert set(written) == gains | {"ATC_STR_RAT_MAX"}
+    assert 60 < written["ATC_STR_RAT_MAX"].value < 200
+    assert "# ATC_TURN_MAX_G 0.3" in out.read_text(), "240 us confirm half of the 0.6 g that are set"
     assert "(was 0.75)" in written["ATC_STR_RAT_FF"].reason  # the recordings flew sim_vehicle's 0.75
+
+
+def test_a_large_change_is_tried_off_the_ground(folder: Path, capsys: pytest.CaptureFixture[str]):
+    assert run(["gains", str(folder)]) == 0
+    large = [line for line in capsys.readouterr().out.splitlines() if line.startswith("Large changes: ")]
+    assert "ATC_STR_RAT_FF 0.2 to " in large[0] and "wheels off the ground" in large[0]
 
 
 def test_json_stands_alone_on_stdout(folder: Path, capsys: pytest.CaptureFixture[str]):

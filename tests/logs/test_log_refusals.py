@@ -37,7 +37,7 @@ def test_logs_of_hardware_that_did_not_drive(name: str, reason: str) -> None:
 def test_a_boat_with_two_thrusters() -> None:
     columns = {"time": "t", "delta": "steer", "r": "yaw_rate", "ay": "ay", "speed": "vx", "trial": "trial"}
     text = refusal(foreign("cars/blueboat_usv_diffthrust_2024.csv"), column_map=columns)
-    assert "without steered wheels" in text and "thr_left_pwm and thr_right_pwm" in text
+    assert "without steered wheels" in text and "thr_left_pwm and thr_right_pwm" in text and "lumped" in text
 
 
 def vehicle_log(
@@ -92,14 +92,24 @@ def test_other_vehicles(tmp_path: Path, banner: str, kind: str) -> None:
 @pytest.mark.parametrize(
     ("parameters", "seen"),
     [
-        ({"SERVO1_FUNCTION": 73, "SERVO3_FUNCTION": 74}, "SERVO1_FUNCTION is 73 and SERVO3_FUNCTION is 74"),
+        ({"SERVO1_FUNCTION": 73, "SERVO3_FUNCTION": 74}, "SERVO3_FUNCTION is 74: skid steering"),
         ({"SERVO1_FUNCTION": 26, "FRAME_CLASS": 2}, "FRAME_CLASS is 2, a boat"),
-        ({"RCMAP_ROLL": 1, "SKID_STEER_OUT": 1}, "SKID_STEER_OUT is 1"),
+        ({"RCMAP_ROLL": 1, "SKID_STEER_OUT": 1}, "SKID_STEER_OUT is 1: skid steering"),
     ],
 )
 def test_no_steered_wheels(tmp_path: Path, parameters: dict[str, float], seen: str) -> None:
     text = refusal(vehicle_log(tmp_path, steer=80, parameters=parameters))
     assert "without steered wheels" in text and seen in text
+    assert ("the lumped model does, from a .csv" in text) == ("skid steering" in text)
+
+
+def test_a_second_steering_output_is_named(tmp_path: Path) -> None:
+    two = {"SERVO1_FUNCTION": 26.0, "SERVO4_FUNCTION": 26.0}
+    (run,) = read_runs(vehicle_log(tmp_path, steer=80, parameters=two))
+    (note,) = (n for n in run.notes if "four-wheel steering" in n.text)
+    assert note.level == "warning" and "SERVO1_FUNCTION and SERVO4_FUNCTION are 26" in note.text
+    (run,) = read_runs(vehicle_log(tmp_path, steer=80))
+    assert not [n for n in run.notes if "four-wheel" in n.text]
 
 
 def test_steered_wheels_beside_left_and_right_thrust_are_taken(tmp_path: Path) -> None:

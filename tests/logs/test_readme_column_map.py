@@ -1,4 +1,4 @@
-"""The column map that README shows is one."""
+"""The column map that docs/formats.md shows is one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rover_sweep.logs.readers.column_map import parse_column_map
 
-README = Path(__file__).parents[2] / "README.md"
+README = Path(__file__).parents[2] / "docs/formats.md"
 
 
 def test_the_column_map_in_the_readme_is_one() -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from rover_sweep.gains.proposal import AssessedGains, Proposal
 
+LARGE = 2.0  # factor of a gain from which the change is tried off the ground first
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -21,6 +23,8 @@ def show_gains(console: Console, proposal: Proposal) -> None:
         console.print()
         console.print(_table(proposal))
         _say(console, _footnote(proposal))
+    if words := _large_changes(proposal):
+        _say(console, words)
     for remark in proposal.support.remarks:
         _say(console, f"note: {remark}")
     if proposal.autopilot.assumed and columns:
@@ -42,11 +46,15 @@ def _table(proposal: Proposal):  # type: ignore[no-untyped-def]
 
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("", no_wrap=True)
-    pairs = (("now", proposal.now), ("proposed", proposal.proposed))
+    unread = set(proposal.now.gains.parameters if proposal.now else ()) <= set(proposal.autopilot.assumed)
+    pairs = (("firmware default" if unread else "now", proposal.now), ("proposed", proposal.proposed))
     shown = [(heading, judged) for heading, judged in pairs if judged is not None]
     for heading, _ in shown:
         table.add_column(heading, justify="right", no_wrap=True)
     columns = [_column(judged) for _, judged in shown]
+    if proposal.now is not None and not unread:
+        for name in set(columns[0]) & set(proposal.autopilot.assumed):
+            columns[0][name] += " (firmware default)"
     for label in columns[0]:
         table.add_row(label, *(column[label] for column in columns))
     return table
@@ -68,6 +76,21 @@ def _column(judged: AssessedGains) -> dict[str, str]:
         "  steering used": f"{100 * step.used:.0f} % of travel",
         "steady r / target without I": f"{100 * judged.steady:.0f} %",
     }
+
+
+def _large_changes(proposal: Proposal) -> str:
+    """What to do first where a gain changes by more than a factor of `LARGE`; "" where none does."""
+    if proposal.now is None or proposal.proposed is None:
+        return ""
+    before, after = proposal.now.gains.parameters, proposal.proposed.gains.parameters
+    large = [
+        f"{name} {before[name]:.3g} to {value:.3g}"
+        for name, value in after.items()
+        if min(before.get(name, 0.0), value) > 0 and not 1 / LARGE <= value / before[name] <= LARGE
+    ]
+    if not large:
+        return ""
+    return f"Large changes: {', '.join(large)}. Try them with the wheels off the ground, then at low speed."
 
 
 def _footnote(proposal: Proposal) -> str:

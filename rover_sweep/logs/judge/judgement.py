@@ -9,7 +9,15 @@ import numpy as np
 
 from rover_sweep.data.recording import Note, Recording, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs.log import STEERING, THRUST_LEFT, THRUST_RIGHT, AppletRows, Log, output_channel
+from rover_sweep.logs.log import (
+    STEERING,
+    THRUST_LEFT,
+    THRUST_RIGHT,
+    AppletRows,
+    Log,
+    output_channel,
+    output_channels,
+)
 from rover_sweep.logs.runs.applet import applet_runs
 from rover_sweep.logs.runs.completeness import HOLE, hole_notes
 from rover_sweep.logs.runs.wave import MOVING_SPEED
@@ -60,20 +68,22 @@ def _refuse_foreign(log: Log) -> None:
 def _refuse_without_wheels(log: Log) -> None:
     left, right = (output_channel(log.parameters, function) for function in (THRUST_LEFT, THRUST_RIGHT))
     frame = round(log.parameters.get("FRAME_CLASS", 0))
-    seen = ""
+    seen, possible = "", "only rovers with steered wheels can be identified"
     if left and right and output_channel(log.parameters, STEERING) is None:
-        seen = f"SERVO{left}_FUNCTION is 73 and SERVO{right}_FUNCTION is 74, left and right thrust"
+        seen = f"SERVO{left}_FUNCTION is 73 and SERVO{right}_FUNCTION is 74: skid steering"
     elif log.parameters.get("SKID_STEER_OUT"):
-        seen = "SKID_STEER_OUT is 1"
+        seen = "SKID_STEER_OUT is 1: skid steering"
     elif frame in (BOAT, BALANCE_BOT):
         seen = f"FRAME_CLASS is {frame}, a {'boat' if frame == BOAT else 'balance bot'}"
     elif log.vehicle == "boat":
         seen = "the heartbeat is that of a boat"
-    if seen:
-        raise DataRefused(
-            f"{log.name} comes from a vehicle without steered wheels ({seen}): "
-            "only rovers with steered wheels can be identified"
+    if seen.endswith("skid steering"):
+        possible = (
+            "the bicycle and roll-yaw models do not apply; the lumped model does, from a .csv with the "
+            "turning command as pwm, r, ay and p (docs/questions.md)"
         )
+    if seen:
+        raise DataRefused(f"{log.name} comes from a vehicle without steered wheels ({seen}): {possible}")
 
 
 def _refuse_odd_clock(log: Log) -> None:
@@ -127,6 +137,7 @@ def with_notes(run: Recording, log: Log) -> Recording:
         *at_both_stops(run),
         *_full_scale(run),
         *_steering(run),
+        *_steering_outputs(log),
         *_biases(run),
         *_clock(run, log),
     )
@@ -214,6 +225,18 @@ def _steering(run: Recording) -> Iterator[Note]:
         f"to {0.8 * np.pi * steering.rate:.0f} rad/s, and the time of a step only to "
         f"{500 / steering.rate:.0f} ms; give also the .tlog, or log with the applet",
     )
+
+
+def _steering_outputs(log: Log) -> Iterator[Note]:
+    """Four-wheel steering, which looks like two servos on one axle."""
+    outputs = output_channels(log.parameters, STEERING)
+    if len(outputs) > 1:
+        names = " and ".join(f"SERVO{n}_FUNCTION" for n in outputs)
+        yield Note(
+            "warning",
+            f"{names} are {STEERING}: several outputs steer. If they turn front and rear wheels (four-wheel "
+            "steering), use only the lumped model (identify --models lumped, diagnose --baseline lumped)",
+        )
 
 
 def _biases(run: Recording) -> Iterator[Note]:

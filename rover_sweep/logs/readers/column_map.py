@@ -93,7 +93,7 @@ def _loaded(given: Mapping[str, Any] | str | None, header: list[str], file_name:
             return own
         raise UsageError(
             f"{file_name} needs a column map: give --columns FILE, a TOML file with time, pwm or delta, r, "
-            f"speed, ... (README.md has one); its columns are {', '.join(header)}"
+            f"speed, ... (docs/formats.md has one); its columns are {', '.join(header)}"
         )
     if not isinstance(given, str):
         return given

@@ -113,7 +113,8 @@ def _refuse_thrusters(path: Path, header: list[str]) -> None:
     if all(pair):
         raise DataRefused(
             f"{path.name} comes from a vehicle without steered wheels: the columns {pair[0]} and {pair[1]} "
-            "show differential thrust; only rovers with steered wheels can be identified"
+            "show differential thrust. Only the lumped model applies: leave these columns out, and give the "
+            "turning command as pwm, r, ay and p (docs/questions.md)"
         )
 
 

@@ -17,7 +17,6 @@ from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import (
     STEERING,
     THROTTLE,
-    AppletRows,
     Array,
     Log,
     body_velocity,
@@ -33,6 +32,7 @@ from rover_sweep.logs.log import (
     source_of,
     vehicle_of,
 )
+from rover_sweep.logs.readers.applet_messages import applet_output, applet_rows
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
 from rover_sweep.logs.readers.main_loop import main_loops
 
@@ -80,12 +80,16 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
     throttle = _output(flash, output_channel(parameters, THROTTLE) or 3)
     if throttle is not None:
         signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
-    fine = _applet_steering(flash)
+    swept = applet_output(flash, "SWET")
+    if swept is not None:
+        signals["throttle"] = joined_steering(swept, throttle)
+    fine = applet_output(flash, "SWEP")
     return Log(
         name=name,
         signals=signals,
         steering=tuple(s for s in (fine and joined_steering(fine, coarse), coarse) if s is not None),
-        applet=_applet(flash),
+        applet=applet_rows(flash, "SWEP"),
+        throttle_applet=applet_rows(flash, "SWET"),
         loops=_loops(flash, parameters),
         marks=marks,
         parameters=parameters,
@@ -276,28 +280,3 @@ def _loops(flash: DataFlash, parameters: Mapping[str, float]) -> Array | None:
         return None
     stamps, _ = increasing(flash.seconds("IMU", _first_instance(flash, "IMU", "I")))
     return main_loops(stamps, parameters)
-
-
-def _applet(flash: DataFlash) -> AppletRows | None:
-    if not flash.has("SWEP", "Run", "St", "T"):
-        return None
-    rows = flash.rows("SWEP")
-    t, (run, state, clock) = increasing(
-        flash.seconds("SWEP", rows), *(flash.column("SWEP", c, rows) for c in ("Run", "St", "T"))
-    )
-    return AppletRows(t, run, state, clock)
-
-
-def _applet_steering(flash: DataFlash) -> Signal | None:
-    """The applet's output as a staircase: SWEP.Out as read back, or Cmd if Out is not the servo output.
-
-    Out is read immediately after it is set, and reaches the servo at the next main loop.
-    """
-    if not flash.has("SWEP", "Cmd", "Out"):
-        return None
-    rows = flash.rows("SWEP")
-    t, (wanted, out) = increasing(
-        flash.seconds("SWEP", rows), flash.column("SWEP", "Cmd", rows), flash.column("SWEP", "Out", rows)
-    )
-    is_output = np.ptp(out) > 0 and float(np.min(out)) > 0
-    return Signal(t, out if is_output else wanted, "us", "SWEP.Out" if is_output else "SWEP.Cmd", hold=True)

@@ -16,7 +16,7 @@ OVERRIDE_STATES = {3, 8} | WAVE_STATES
 STOPPED = 10
 OLD_STATE = 2  # the only state that the applet of 2025 logged
 ANNOUNCED_KINDS: Mapping[str, Kind] = {"start multisine": "multisine", "start bias sweep": "bias_sweep"}
-START = re.compile(r"^SW[PX]\b.*\bstart\b", re.IGNORECASE)
+START = re.compile(r"^SW[PX]\b.*\bstart\b(?! throttle)", re.IGNORECASE)
 END = re.compile(r"^SW[PX]\b.*\b(done|stop|stopped|abort|aborted)\b", re.IGNORECASE)
 
 
@@ -45,7 +45,7 @@ def is_old(rows: AppletRows) -> bool:
 
 
 def starts(log: Log) -> list[float]:
-    """Times [s] of the applet's messages that a run starts."""
+    """Times [s] of the applet's messages that a run on the steering starts."""
     return [t for t, text in log.marks if START.match(text)]
 
 

@@ -1,0 +1,1 @@
+"""Response of the speed to the throttle, from throttle sweeps."""
