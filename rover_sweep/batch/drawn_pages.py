@@ -8,7 +8,7 @@ from typing import Any
 
 from rover_sweep.batch.finished_work import finished
 from rover_sweep.report.season.season_page import vehicle_page
-from rover_sweep.report.season.season_pictures import course_pictures
+from rover_sweep.report.season.season_pictures import shown_courses
 from rover_sweep.season.season_result import Season, VehicleSeason
 
 
@@ -28,4 +28,4 @@ def drawn_pages(season: Season, diagnoses: Mapping[tuple[str, str], str], pool: 
 
 def draw_page(vehicle: VehicleSeason, diagnoses: Mapping[str, str]) -> dict[str, Any]:
     """{"page": HTML} of a vehicle. diagnoses: {day: sentence}."""
-    return {"page": vehicle_page(vehicle, [(p, p.png()) for p in course_pictures(vehicle)], diagnoses)}
+    return {"page": vehicle_page(vehicle, shown_courses(vehicle), diagnoses)}

@@ -25,6 +25,9 @@ from rover_sweep.diagnosis.unexplained.unexplained import unmodelled_gain
 # tests/data/concealed-ardurover (sets a to f, true effects in concealed-ardurover-truth). With them, 0 of 150
 # sets that hide nothing got a name (seed 7001), and 11 of 11 single effects were found (seed 7421).
 
+FIRST_ROUND, ROUNDS_END, ANSWER_FROM = (0.1, 0.6), 0.92, 0.92
+"""Shares of the work done, as in typical diagnoses; each further round takes half of the rest."""
+
 MAX_EFFECTS = 3
 """Most effects at once. The sets hide at most two; with 4, searches where no candidate fits took too long."""
 
@@ -166,7 +169,8 @@ def _search(
     An effect that does not earn its name is passed over for the next one, and judged again beside it: of two
     effects that act together, one alone may predict worse. support: is filled.
     """
-    first = current = round_of(runs, model, start, options)
+    done = FIRST_ROUND[1]
+    first = current = round_of(runs, model, start, options.within(*FIRST_ROUND))
     named: list[Named] = []
     removed: set[str] = set()
     while len(named) < MAX_EFFECTS and not options.stop():
@@ -180,7 +184,8 @@ def _search(
         best = found[0]
         named.append(_named(current, found, options.seed))
         try:
-            current = round_of(runs, best.model, best.fitted.x, options, near=True)
+            before, done = done, 0.5 * (done + ROUNDS_END)
+            current = round_of(runs, best.model, best.fitted.x, options.within(before, done), near=True)
         except Stopped:
             current = _fitted_only(current, best)
             break
@@ -189,7 +194,7 @@ def _search(
             laws = tuple(n.trial.law.name for n in needed)
             if laws != current.model.effects:
                 fewer = replace(current.model, effects=laws)
-                less = round_of(runs, fewer, current.fitted.x, options, near=True)
+                less = round_of(runs, fewer, current.fitted.x, options.within(done, done), near=True)
                 removed |= {*current.model.ids} - {n.trial.effect for n in needed}
                 current = less
             named = needed

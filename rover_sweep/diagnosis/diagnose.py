@@ -9,14 +9,16 @@ from math import exp, log
 
 from threadpoolctl import threadpool_limits
 
+from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.certainty import probability
-from rover_sweep.diagnosis.choose import Choice, Named, choose
+from rover_sweep.diagnosis.choose import ANSWER_FROM, Choice, Named, choose
 from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
 from rover_sweep.diagnosis.held_out.speed_finding import WORSE, earned, speed_finding, unknown_loss
 from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
+from rover_sweep.diagnosis.held_out.turn_impact import turn_sentence
 from rover_sweep.diagnosis.held_out.worth import (
     FittedModel,
     HeldOutRun,
@@ -25,6 +27,7 @@ from rover_sweep.diagnosis.held_out.worth import (
     refitted_without,
     worse_channels,
 )
+from rover_sweep.diagnosis.importance import is_nothing
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
 from rover_sweep.diagnosis.result import (
@@ -53,12 +56,13 @@ from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
+from rover_sweep.diagnosis.simulation.first_use import COMPILING, must_compile
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
 from rover_sweep.diagnosis.unexplained.modelled import in_model, with_laws_of
 from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unknown_place
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.identification.grouping import Settings, grouped
+from rover_sweep.identification.grouping import Group, Settings, grouped
 
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
@@ -92,13 +96,15 @@ def diagnose(
     simulated: Sequence[Recording] = (),
     progress: Progress | None = None,
     stop: Callable[[], bool] | None = None,
+    groups: Sequence[Group] = (),
 ) -> Diagnosis:
     """Find the physics that a baseline lacks, from recordings with steering angles (SI units, ISO axes).
 
     held_out_runs: used neither for the fit nor for the selection. simulated: recordings of a simulation; the
     simplest model that reproduces them is then the baseline. progress(activity, share done 0..1); stop:
-    True ends the search with the results so far. DataRefused where the data allow no identification;
-    UsageError for settings that this rover or baseline does not support.
+    True ends the search with the results so far. groups: the runs by speed, where that is known. DataRefused
+    where the data allow no identification; UsageError for settings that this rover or baseline does not
+    support.
     """
     started = time.monotonic()
     limit = settings.time_limit
@@ -107,7 +113,7 @@ def diagnose(
         late = limit is not None and time.monotonic() - started > limit
         return late or (stop is not None and stop())
 
-    _refuse(runs, rover, settings)
+    _refuse(runs, rover, settings, groups)
     if simulated:
         settings = replace(settings, baseline=baseline_of([experiment(run) for run in simulated], rover))
     every = in_order([experiment(run) for run in (*runs, *held_out_runs)])
@@ -123,7 +129,10 @@ def diagnose(
     )
     speed = sum(run.mean_speed for run in used) / len(used)
     begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
+    if must_compile():
+        options.progress(COMPILING, 0.0)
     choice = choose(used, model, begin, options, held)
+    options.progress("describing what is left", ANSWER_FROM)
     found, laws = _answer(choice, used, held, settings)
     remarks = [f"the simulation follows the {settings.baseline} model"] if simulated else []
     remarks += smoothed_channels(choice.last.problem.floor)
@@ -134,7 +143,9 @@ def diagnose(
     return replace(found, seconds=time.monotonic() - started, remarks=(*remarks, *found.remarks), model=whole)
 
 
-def _refuse(runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings) -> None:
+def _refuse(
+    runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings, groups: Sequence[Group]
+) -> None:
     if settings.baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
         raise UsageError(
             "the roll-yaw model needs sprung_mass, cg_height_above_roll_centre and roll_inertia in the "
@@ -142,7 +153,7 @@ def _refuse(runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSetti
         )
     if not runs:
         raise DataRefused("all runs are held out; give at least one run to diagnose")
-    for group in grouped(runs, Settings()):
+    for group in groups or grouped(runs, Settings()):
         if why := group.why_not():
             raise DataRefused(why)
 
@@ -179,6 +190,7 @@ def _answer(
     held_out = tuple(HeldOutRun.of(run, floor, models.full) for run in held)
     speed = _speed_answer(choice, used, held_out, models.full, settings)
     findings = (*(_finding(n, choice, drawn, held_out, models) for n in choice.named), *speed.findings)
+    findings = tuple(f for f in findings if not is_nothing(f))
     places = mismatches(first.problem.plain, first.closest.rows)
     left = _unknown(choice, findings, speed.unknown, places, settings.seed)
     left, laws = with_laws_of(left, last, held_out) if left and not choice.exceeded else (left, None)
@@ -201,7 +213,7 @@ def _answer(
         unknown=left,
         cannot_see=cannot_see,
         falsified=_falsified(choice) if findings else (),
-        parameters=nominal_values(last, drawn),
+        parameters=ByName(nominal_values(last, drawn)),
         scores={**{t.effect: max(t.gain, 0.0) for t in first.trials}, **speed.gains},
         overlays=overlays(held or used[:1], bool(held), models.nominal, models.full, floor),
         held_out=_total(findings, held_out, models),
@@ -285,7 +297,7 @@ def _finding(
     return Finding(
         effect=effect.id,
         look_alikes=tuple(a.effect for a in named.look_alikes),
-        parameters=values,
+        parameters=ByName(values),
         evidence=evidence,
         held_out=_contribution(effect.id, choice, held_out, models),
         next_run=effect.next_run,
@@ -294,6 +306,7 @@ def _finding(
         form=effect.form,
         forms=named.trial.forms,
         probability=probability(evidence),
+        turn=turn_sentence(effect.id, models.full, last.problem.runs),
     )
 
 

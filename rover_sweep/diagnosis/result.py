@@ -10,6 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.data.by_name import ByName
+from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
 Array = NDArray[np.float64]
@@ -18,7 +20,7 @@ THROUGHOUT = "throughout"  # condition of a mismatch that is not limited to a pa
 
 
 @dataclass(frozen=True)
-class Profile:
+class Profile(PlainNumbers):
     """The residual over one quantity, for a small picture.
 
     over: the quantity ("frequency", "amplitude", "speed", "time", "heading", "turn", "harmonic", "run");
@@ -32,7 +34,7 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Mismatch:
+class Mismatch(PlainNumbers):
     """A place where simulation and recording differ.
 
     channel: r, ay, p or vy. band [rad/s]. condition: the part of the data, in words ("240 us", "1.65 m/s",
@@ -49,7 +51,7 @@ class Mismatch:
 
 
 @dataclass(frozen=True)
-class EffectValue:
+class EffectValue(PlainNumbers):
     """A parameter with its 90 % interval, in `unit`; low or high None where there is no such limit."""
 
     name: str
@@ -61,7 +63,7 @@ class EffectValue:
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(PlainNumbers):
     """Fit of a model to one run: J_rms and TIC (equations (15) and (16) of the paper).
 
     cost: {output: J} (equation (11)) of r, ay, vydot and p of a sweep, over the bands in which the recording
@@ -74,7 +76,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOut(PlainNumbers):
     """Fit before and after on a run that neither the fit nor the selection used.
 
     share_removed: (RSS before - RSS after)/(RSS before - noise floor), None where `before` is at the floor.
@@ -87,8 +89,10 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(PlainNumbers):
     """One missing effect with its look-alikes: effects that explain the residual nearly as well.
+
+    parameters: by name, as in diagnosis.json: parameters["b"].value.
 
     evidence: {name: number}: "gain" (drop of the whitened cost), "threshold" (bootstrap), "runner_up"
     (largest gain of another effect over its own), "remaining" (mean square above the noise, after all
@@ -102,7 +106,7 @@ class Finding:
 
     effect: str
     look_alikes: tuple[str, ...]
-    parameters: tuple[EffectValue, ...]
+    parameters: ByName[EffectValue]
     evidence: Mapping[str, float]
     held_out: tuple[HeldOut, ...]
     next_run: str
@@ -111,10 +115,15 @@ class Finding:
     form: str = ""
     forms: Mapping[str, float] = field(default_factory=dict)
     probability: float | None = None
+    turn: str = ""  # what it does to a turn, in plain figures
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "parameters", ByName(self.parameters))
 
 
 @dataclass(frozen=True)
-class LawCurve:
+class LawCurve(PlainNumbers):
     """A law without a name, fitted in the model: y over x with its 90 % band, at one place of the equations.
 
     place: "steering", "side force front", "side force rear", "side force", "yaw moment", "roll moment",
@@ -139,7 +148,7 @@ class LawCurve:
 
 
 @dataclass(frozen=True)
-class LawHeldOut:
+class LawHeldOut(PlainNumbers):
     """A held-out run without and with the curves: mean square of a row, 1 at the noise floor.
 
     share_left: (after - 1)/(before - 1), None where `before` is at the floor.
@@ -152,7 +161,7 @@ class LawHeldOut:
 
 
 @dataclass(frozen=True)
-class Unknown:
+class Unknown(PlainNumbers):
     """A misfit that no candidate explains.
 
     channel: where it is. depends_on: functions of the state, a condition or a parameter. law: fitted terms,
@@ -176,7 +185,7 @@ class Unknown:
 
 
 @dataclass(frozen=True)
-class UpperBound:
+class UpperBound(PlainNumbers):
     """What a parameter of an effect that was not found may still be, at 95 %, in `unit`.
 
     low, high: its range, None where there is no such limit. matters: sizes below it are a normal tolerance,
@@ -199,7 +208,7 @@ class UpperBound:
 
 
 @dataclass(frozen=True)
-class Unseen:
+class Unseen(PlainNumbers):
     """An effect that these runs cannot show, or cannot separate from another, and why.
 
     up_to: {parameter: range that these runs do not exclude}; empty where they exclude nothing. change: of r
@@ -224,7 +233,7 @@ def largest_hidden(unseen: Sequence[Unseen], number: int = 5) -> list[Unseen]:
 
 
 @dataclass(frozen=True)
-class Falsified:
+class Falsified(PlainNumbers):
     """A nominal parameter that changes when the missing effects are added, in `unit`."""
 
     name: str
@@ -234,7 +243,7 @@ class Falsified:
 
 
 @dataclass(frozen=True, eq=False)
-class Overlay:
+class Overlay(PlainNumbers):
     """Measured and simulated signals before and after, for the pictures.
 
     held_out: the run was not used. t (n,) [s]; measured, before, after (n,) SI units; noise: rms of the
@@ -255,7 +264,7 @@ class Overlay:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Diagnosis(PlainNumbers):
     """The result of a diagnosis.
 
     sentence: the answer in one sentence. baseline: the model that was tested. parameters: those of the
@@ -272,7 +281,7 @@ class Diagnosis:
     unknown: Unknown | None = None
     cannot_see: tuple[Unseen, ...] = ()
     falsified: tuple[Falsified, ...] = ()
-    parameters: tuple[EffectValue, ...] = ()
+    parameters: ByName[EffectValue] = ByName()
     scores: Mapping[str, float] = field(default_factory=dict)
     overlays: tuple[Overlay, ...] = ()
     held_out: tuple[HeldOut, ...] = ()
@@ -282,3 +291,7 @@ class Diagnosis:
     held_out_runs: tuple[str, ...] = ()
     model: AugmentedModel | None = None
     """The nominal model with the effects, for simulation and export; None where the data were refused."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "parameters", ByName(self.parameters))

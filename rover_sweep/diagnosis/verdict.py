@@ -35,16 +35,26 @@ def sentence_of(
     stopped: bool = False,
     first: Sequence[str] = (),
 ) -> str:
-    """The answer in one sentence. first: what must be measured before any name; others as `verdict_of`."""
-    parts = [*first, *(f.sentence for f in findings)]
+    """The answer in one sentence, the details are in `left`. first: what must be measured before any name.
+
+    The other arguments are those of `verdict_of`.
+    """
+    named = " and ".join(f.sentence.removesuffix(", ") for f in findings)
+    rest = ""
     if stopped:
-        parts.append("stopped before all effects were tried, so the result is incomplete")
+        rest = "the search was stopped before all effects were tried"
     elif left:
-        parts.append(left.sentence)
+        rest = left.sentence.partition(";")[0]
     elif variance > SETTLED and findings:
         ratio = f"{variance**0.5:.1f} times the noise floor"
-        parts.append(f"the remaining residual is {ratio}, and no function of the state predicts it")
-    return "; ".join(parts) or "these runs show no missing effect: the residual is at the noise floor"
+        rest = f"the remaining residual, which no function of the state predicts, is {ratio}"
+    if named and rest:
+        answer = f"{named}, explain{'s' if len(findings) == 1 else ''} a part, but {rest}"
+    elif left and not stopped:
+        answer = rest if "candidate" in rest else f"{rest}, and no candidate explains it"
+    else:
+        answer = named or rest or "these runs show no missing effect: the residual is at the noise floor"
+    return ". ".join((*first, answer if not first else answer[:1].upper() + answer[1:]))
 
 
 def remarks_of(

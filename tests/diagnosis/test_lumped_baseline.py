@@ -9,8 +9,9 @@ import pytest
 from rover_sweep.cli.main import run
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.diagnosis.simulation import lumped_baseline
-from rover_sweep.diagnosis.simulation.kernel import single_track
-from rover_sweep.diagnosis.simulation.simulator import Structure, vehicle_numbers
+from rover_sweep.diagnosis.simulation.simulator import vehicle_numbers
+from rover_sweep.diagnosis.simulation.single_track import single_tracks
+from rover_sweep.diagnosis.simulation.structure import Structure
 
 SET = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "d"
 ROVER = Geometry(2.76, 0.196, 0.187, 2.49, 0.058, 0.0146, 0.075)
@@ -56,7 +57,8 @@ def test_the_first_derivatives_move_as_the_model_that_they_are_made_of_at_any_sp
         "ln_b_phi": np.log(0.4 * about * 2 * np.pi * 3.5),
     }
     q = np.array(vehicle_numbers(Structure(ROVER, True, roll), x))
-    whole = single_track(steer, speed, np.ones(t.size), zero, zero, zero, q, roll, False, 0.005)
+    drive = (steer, speed, np.ones(t.size), zero, zero, zero, q)
+    whole = single_tracks(drive, drive, (False, False), roll, 0.005)[0]
     first = {c.name: c.start for c in lumped_baseline.derivatives(ROVER, roll)}
     found = lumped_baseline.motion(steer, speed, zero, first, 0.005)
     for k, name in enumerate(("v", "r", "phi", "p", "across")):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.diagnosis.choose import choose
-from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
+from rover_sweep.diagnosis.problem.residuals import Problem, Stopped, never
 from rover_sweep.diagnosis.search.rounds import Options, fit_with_floor
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
@@ -62,7 +62,10 @@ def test_the_answer_so_far_can_be_simulated(after: int) -> None:
         assert one.trial.effect in found.last.model.ids
 
 
-def test_without_a_stop_the_effect_is_named() -> None:
-    found = choose(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: None, lambda: False))
+def test_without_a_stop_the_effect_is_named_and_the_share_done_grows() -> None:
+    shares: list[float] = []
+    found = choose(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: shares.append(share), never))
     assert [n.trial.effect for n in found.named] == ["transport_delay"]
     assert not found.stopped
+    assert shares == sorted(shares), "a second round goes on where the first one ended"
+    assert shares[0] == 0.1 and 0.6 < shares[-1] <= 0.92

@@ -37,6 +37,13 @@ def test_the_remaining_residual_is_given_in_multiples_of_the_noise() -> None:
     assert sentence_of((), None, 1.0).startswith("these runs show no missing effect")
 
 
+def test_a_partly_explained_diagnosis_is_one_sentence_without_the_details() -> None:
+    left = Unknown("r", "phi", 2.0, "r still differs; no candidate explains it; it has no pattern", "", None)
+    found = sentence_of((finding(),), left, 3.0)
+    assert found == "backlash, b = .01 rad, explains a part, but r still differs"
+    assert sentence_of((), left, 3.0) == "r still differs, and no candidate explains it"
+
+
 def test_a_finding_that_a_held_out_run_contradicts_is_reported() -> None:
     assert remarks_of([], [finding(0.4, -0.1, None)], ())[-1].endswith("worse on run5")
     assert not any("not confirmed" in remark for remark in remarks_of([], [finding(0.4, None)], ()))

@@ -41,6 +41,7 @@ class Engine:
         simulated: Any = (),
         progress: Any = None,
         stop: Any = None,
+        groups: Any = None,
     ) -> Diagnosis:
         self.given = {
             "runs": runs,

@@ -1,4 +1,4 @@
-"""README's table of effects is that of the library."""
+"""The documentation's table of effects is that of the library."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.report.wording.effect_names import title
 
-README = Path(__file__).parents[2] / "README.md"
+README = Path(__file__).parents[2] / "docs/effects.md"
 REPORTED = {
     "cross_slope": ("b", "psi0"),  # fitted as a cosine and a sine, reported as size and direction
     "side_wind": ("w", "psi0"),  # likewise

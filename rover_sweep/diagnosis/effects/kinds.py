@@ -61,7 +61,7 @@ class ServoEffect(KernelEffect):
 
 
 class VehicleEffect(KernelEffect):
-    """A term of the equations of motion; fills fields of `kernel.VehicleNumbers`."""
+    """A term of the equations of motion; fills fields of `single_track.VehicleNumbers`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rover_sweep.data.by_name import ByName
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.held_out.speed_loss import SpeedLoss, speed_predicted
@@ -52,7 +53,7 @@ def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOut
     return Finding(
         ID,
         (),
-        (value,),
+        ByName((value,)),
         {"gain": found.gain, "threshold": found.threshold},
         shown,
         effect.next_run,

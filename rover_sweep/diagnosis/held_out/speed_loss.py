@@ -24,7 +24,9 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, smoothed
-from rover_sweep.diagnosis.simulation.simulator import Structure, Values, motion
+from rover_sweep.diagnosis.simulation.kernel import summed_with_loss
+from rover_sweep.diagnosis.simulation.simulator import motion
+from rover_sweep.diagnosis.simulation.structure import Structure, Values
 
 EVERY = int(0.2 * RATE)  # samples of the simulation for one row; the measured speed is smoothed over .25 s
 LAGS = np.geomspace(0.2, 5.0, 13)  # s, of the drive: speed controller, motor and mass
@@ -117,9 +119,7 @@ def _drive(run: Experiment, structure: Structure, x: Values) -> Drive:
 
 def _through(u: Array, lag: float) -> Array:
     """Speed change (n,) [m/s] by an acceleration u (n,) [m/s^2] that the drive corrects with the lag [s]."""
-    from scipy.signal import lfilter  # loads half of scipy
-
-    return smoothed(np.asarray(lfilter([1.0 / RATE], [1.0, -np.exp(-1.0 / (RATE * lag))], u)))
+    return smoothed(summed_with_loss(u / RATE, float(np.exp(-1.0 / (RATE * lag)))))
 
 
 def _rows(drive: Drive, lag: float) -> Rows:
@@ -131,9 +131,8 @@ def _rows(drive: Drive, lag: float) -> Rows:
 
 
 def _whitened(rows: Array, white: Array) -> Array:
-    from scipy.signal import lfilter
-
-    return np.asarray(lfilter(np.concatenate(([1.0], -white)), [1.0], rows, axis=0))[ORDER:]
+    before = sum(a * rows[ORDER - 1 - k : rows.shape[0] - 1 - k] for k, a in enumerate(white))
+    return np.asarray(rows[ORDER:] - before)
 
 
 def _regression(runs: Sequence[Rows], white: Array) -> _Regression:

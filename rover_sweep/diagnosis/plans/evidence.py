@@ -22,7 +22,8 @@ from rover_sweep.diagnosis.problem.residuals import Problem, Rows, whitened, wit
 from rover_sweep.diagnosis.problem.signatures import Signature, signatures
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Structure, wheel_angle
+from rover_sweep.diagnosis.simulation.structure import Structure
+from rover_sweep.diagnosis.simulation.wheel_angle import wheel_angle
 
 NOISE_AT = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0)  # Hz
 NOISE = {
@@ -70,7 +71,7 @@ class Evidence:
 class OnBlocks(Problem):
     """The rover is on blocks and its wheel angle is measured; tyres and body have no effect."""
 
-    def of_one_motion(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
+    def plain_models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The rows (size,) that the model predicts."""
         angles = [{"delta": wheel_angle(self.runs[0], structure, x)} for x in xs]
         return [whitened(self.rows, self.runs, [angle]) for angle in angles]

@@ -25,7 +25,7 @@ from rover_sweep.diagnosis.search.rounds import fit_with_floor
 from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
-from rover_sweep.diagnosis.simulation.simulator import Structure
+from rover_sweep.diagnosis.simulation.structure import Structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ class Joint(Problem):
 
     parts: tuple[Problem, ...] = ()
 
-    def of_one_motion(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
+    def plain_models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The model's rows (size,) of all parts, without the metric."""
-        found = [part.of_one_motion(structure, xs) for part in self.parts]
+        found = [part.plain_models(structure, xs) for part in self.parts]
         return [np.concatenate(rows) for rows in zip(*found, strict=True)]
 
 

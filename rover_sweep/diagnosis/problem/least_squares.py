@@ -35,7 +35,7 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
-from rover_sweep.diagnosis.simulation.simulator import Structure
+from rover_sweep.diagnosis.simulation.structure import Structure
 
 
 @dataclass(frozen=True, eq=False)

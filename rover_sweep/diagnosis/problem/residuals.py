@@ -22,7 +22,8 @@ from scipy.fft import rfft
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.noise_floor import Floor, floor_of
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged, motion, motion_coordinates
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion_coordinates, motions
+from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.spectra.side_by_side import side_by_side
 
 TOP = 12.0  # Hz, highest line of all channels
@@ -54,25 +55,31 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """(I + s s^T)^(-1/2), in which noise and normal tolerances count the same.
+    """(I + s s^T)^(-1/2) = I + s inner s^T, in which noise and normal tolerances count the same.
 
-    u (rows, k): orthonormal directions of s. shrink (k,): factor along each, minus 1: with the singular
-    value g of s, 1/sqrt(1 + g^2) - 1.
+    s (rows, k): rows of the tolerances at one standard deviation. inner (k, k): V h(g^2) V^T with the
+    eigenvectors V and eigenvalues g^2 of s^T s and h(x) = (1/sqrt(1 + x) - 1)/x.
     """
 
-    u: Array
-    shrink: Array
+    s: Array
+    inner: Array
+    single: NDArray[np.float32]
 
     @staticmethod
     def of_directions(s: Array) -> Metric:
         """The metric of tolerances whose rows at one standard deviation are the columns of s (rows, k)."""
-        u, size, _ = np.linalg.svd(s, full_matrices=False)
-        return Metric(u, 1.0 / np.sqrt(1.0 + size * size) - 1.0)
+        square, v = np.linalg.eigh(s.T @ s)
+        square = np.maximum(square, 1e-12)
+        return Metric(s, (v * (np.expm1(-0.5 * np.log1p(square)) / square)) @ v.T, s.astype(np.float32))
 
     def of(self, rows: Array) -> Array:
         """Rows (n,) or (n, k) in the metric."""
-        along = self.u.T @ rows
-        return rows + self.u @ (self.shrink[:, None] * along if along.ndim == 2 else self.shrink * along)
+        return rows + self.s @ (self.inner @ (self.s.T @ rows))
+
+    def of_small(self, rows: Array) -> Array:
+        """The same to seven digits, for differences of rows: it takes half the time, as it reads half."""
+        along = self.inner @ (self.single.T @ rows.astype(np.float32)).astype(np.float64)
+        return rows + self.single @ along.astype(np.float32)
 
 
 class Stopped(Exception):
@@ -113,38 +120,59 @@ class Problem:
 
     def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
         """The model's whitened rows (size,). x: {coordinate: value, SI units}."""
-        return self.of(self.of_one_motion(structure, [x])[0])
+        return self._of_model(self.plain_models(structure, [x])[0])
 
-    def of_one_motion(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
-        """The model's whitened rows (size,) without the metric for coordinates that share a motion."""
-        if self.stop():
-            raise Stopped
-        moved = [motion(run, structure, xs[0]) for run in self.runs]
-        per_run = list(zip(self.runs, self.sensors, moved, strict=True))
-        logs = ([logged(run, structure, x, s, m) for run, s, m in per_run] for x in xs)
-        return [whitened(self.rows, self.runs, each) for each in logs]
+    def plain_models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
+        """The model's whitened rows (size,) without the metric for each set of coordinates, on two threads.
+
+        Sets that differ in the sensors only share one motion.
+        """
+        alike: dict[frozenset[tuple[str, float]], list[int]] = {}
+        for k, x in enumerate(xs):
+            alike.setdefault(frozenset(motion_coordinates(structure, x).items()), []).append(k)
+        drives = [(run, which) for run in range(len(self.runs)) for which in alike.values()]
+
+        def of(pair: Sequence[tuple[int, Sequence[int]]]) -> list[tuple[int, int, Array]]:
+            if self.stop():
+                raise Stopped
+            moved = motions([(self.runs[run], xs[which[0]]) for run, which in pair], structure)
+            return [
+                (k, run, self._rows_of(run, structure, xs[k], one))
+                for (run, which), one in zip(pair, moved, strict=True)
+                for k in which
+            ]
+
+        pairs = [drives[k : k + 2] for k in range(0, len(drives), 2)]
+        out: list[list[Array]] = [[np.empty(0)] * len(self.runs) for _ in xs]
+        for found in side_by_side(of, pairs):
+            for k, run, rows in found:
+                out[k][run] = rows
+        return [np.concatenate(rows) for rows in out]
+
+    def _rows_of(
+        self, run: int, structure: Structure, x: Mapping[str, float], moved: Mapping[str, Array]
+    ) -> Array:
+        """The whitened rows of one run, whose motion is known."""
+        log = logged(self.runs[run], structure, x, self.sensors[run], moved)
+        return whitened_run([row for row in self.rows if row.run == run], self.runs[run], log)
 
     def of(self, rows: Array) -> Array:
         """Whitened rows (size,) or (size, k) in the metric of this problem."""
         return self.metric.of(rows) if self.metric else rows
 
     def models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
-        """The model's rows for several sets of coordinates, on two threads.
+        """The model's rows for several sets of coordinates; the metric is applied to all at once."""
+        found = self.plain_models(structure, xs)
+        if len(found) < 2 or self.metric is None:
+            return [self._of_model(rows) for rows in found]
+        return list(self._of_model(np.column_stack(found)).T)
 
-        Sets that differ in the sensors only share one motion, and the metric is applied to all at once.
-        """
-        if len(xs) < 2:
-            return [self.model(structure, x) for x in xs]
-        alike: dict[frozenset[tuple[str, float]], list[int]] = {}
-        for k, x in enumerate(xs):
-            alike.setdefault(frozenset(motion_coordinates(structure, x).items()), []).append(k)
-
-        def of(which: Sequence[int]) -> list[Array]:
-            return self.of_one_motion(structure, [xs[k] for k in which])
-
-        found = [rows for part in side_by_side(of, tuple(alike.values())) for rows in part]
-        place = np.argsort([k for which in alike.values() for k in which])
-        return list(self.of(np.column_stack([found[k] for k in place])).T)
+    def _of_model(self, rows: Array) -> Array:
+        """Rows (size,) or (size, k) of models in the metric, by their small differences from the data."""
+        if self.metric is None:
+            return rows
+        turn = (slice(None), None) if rows.ndim == 2 else slice(None)
+        return self.measured[turn] + self.metric.of_small(rows - self.plain_measured[turn])
 
     def in_metric(self, s: Array) -> Problem:
         """The same problem with tolerances; s (size, k): their rows at one standard deviation as columns."""
@@ -224,9 +252,22 @@ def _rows(run: Experiment, index: int, channel: str, floor: Floor, start: int) -
 
 def whitened(rows: Sequence[Rows], runs: Sequence[Experiment], logs: Sequence[Mapping[str, Array]]) -> Array:
     """Whitened rows (size,) of signals {channel: (n,)} of each run, without a metric."""
-    parts = []
-    for row in rows:
-        run = runs[row.run]
-        lines = rfft(logs[row.run][row.channel] * run.taper)[row.bins] * row.weight
-        parts += [lines.real, lines.imag]
-    return np.concatenate(parts)
+    each = zip(runs, logs, strict=True)
+    parts = [whitened_run([r for r in rows if r.run == k], run, log) for k, (run, log) in enumerate(each)]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def whitened_run(rows: Sequence[Rows], run: Experiment, log: Mapping[str, Array]) -> Array:
+    """The same of one run, whose rows are given in their order."""
+    if not rows:
+        return np.empty(0)
+    out = np.empty(sum(row.size for row in rows))
+    lines = rfft(np.stack([log[row.channel] for row in rows]) * run.taper, overwrite_x=True)
+    end = 0
+    for row, found in zip(rows, lines, strict=True):
+        end += row.size
+        weighted = found[row.bins] * row.weight
+        middle = end - row.bins.size
+        out[end - row.size : middle] = weighted.real
+        out[middle:end] = weighted.imag
+    return out

@@ -29,7 +29,7 @@ from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
-from rover_sweep.diagnosis.simulation.simulator import Structure
+from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.spectra.side_by_side import side_by_side
 
 

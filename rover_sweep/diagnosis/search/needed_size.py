@@ -30,7 +30,7 @@ from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
 from rover_sweep.diagnosis.search.material import EARLIER
 from rover_sweep.diagnosis.search.rounds import LAGS
 from rover_sweep.diagnosis.simulation.candidates import Model
-from rover_sweep.diagnosis.simulation.simulator import Structure
+from rover_sweep.diagnosis.simulation.structure import Structure
 
 STEEPNESS = (0.5, 4.0)  # bounds of the exponent of a signature's length in its size
 NEAR, FAR = 0.05, 4.0  # factors on the plain size within which the second signature is computed

@@ -53,6 +53,10 @@ class Options:
     progress: Callable[[str, float], None]
     stop: Callable[[], bool]
 
+    def within(self, low: float, high: float) -> Options:
+        """The same for a part of the work, from the share low to the share high."""
+        return replace(self, progress=lambda what, share: self.progress(what, low + (high - low) * share))
+
 
 @dataclass(frozen=True)
 class Misfit:
@@ -202,6 +206,7 @@ def round_of(
     """
     options.progress("fitting the model", 0.0)
     plain, closest = fit_with_floor(runs, model, start, near, options.stop if near else never)
+    options.progress("measuring what every rover has", 0.3)
     usual = signatures(plain, closest, model, possible(model, runs)[0], tolerances=True)
     usual += speed_drift(plain, closest)
     metric = plain.in_metric(columns(usual, plain.size))
@@ -219,7 +224,9 @@ def round_of(
     if not near and closest.overdispersion > FAR_OFF:
         origin = _at_start(metric, model)
     metric = replace(metric, stop=options.stop)
-    trials = fit_candidates(metric, fitted, space, model, effects, needed, options.progress, origin)
+    testing = options.within(0.45, 0.85).progress
+    trials = fit_candidates(metric, fitted, space, model, effects, needed, testing, origin)
+    options.progress("fitting the best again", 0.85)
     trials = refit_candidates(metric, fitted, trials, needed)
     return Round(
         model=model,

@@ -15,7 +15,7 @@ from rover_sweep.data.recording import AT_LOOP, LowPass, Recording
 if TYPE_CHECKING:
     from rover_sweep.diagnosis.effects import Effect
     from rover_sweep.diagnosis.simulation.candidates import Model
-    from rover_sweep.diagnosis.simulation.simulator import Structure
+    from rover_sweep.diagnosis.simulation.structure import Structure
     from rover_sweep.diagnosis.simulation.table_law import TableLaw
 
 DERIVATIVES = tuple(f"{row}_{c}" for row in "YLN" for c in ("v", "p", "r", "phi", "delta"))
@@ -82,7 +82,8 @@ class AugmentedModel:
     def numbers(self) -> dict[str, float]:
         """{name: physical number}, SI units.
 
-        The fields of `kernel.VehicleNumbers` (0 for absent effects), imu_x, imu_z, and L_eff without tyres.
+        The fields of `single_track.VehicleNumbers` (0 for absent effects), imu_x, imu_z, and L_eff without
+        tyres.
         For a lumped model: the derivatives "Y_v" to "N_delta" (those by v and r times the speed), m, g,
         imu_x, imu_z.
         """

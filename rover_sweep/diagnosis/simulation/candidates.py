@@ -12,7 +12,7 @@ from rover_sweep.diagnosis.effects.kinds import DegreeOfFreedom, SpeedEffect
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.nominal import Coordinate, coordinates
-from rover_sweep.diagnosis.simulation.simulator import Structure
+from rover_sweep.diagnosis.simulation.structure import Structure
 
 SAME_SPEED = 0.12  # relative
 WHEELBASE, ROLL_MOMENT = 0.5, 3.0  # m and N m of ms g h, for which the sizes of the effects were set

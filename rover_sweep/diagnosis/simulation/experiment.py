@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -32,7 +32,7 @@ class Experiment:
     steer_rate: that of the steering [Hz]. begin: time of t = 0 on the clock of the recording [s].
     two_clocks: steering and motion come from different clocks. order: place among the runs in the order of
     driving; driven: time driven in the runs before [s]. commanded (FINE n,): `steer` on a finer grid, None
-    where there is none.
+    where there is none. angles: wheel angles that were computed last, by what they depend on.
     """
 
     name: str
@@ -53,6 +53,7 @@ class Experiment:
     order: int = 0
     driven: float = 0.0
     commanded: Array | None = None
+    angles: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def fine_steer(self) -> Array:

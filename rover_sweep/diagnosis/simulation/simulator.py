@@ -2,98 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import exp, pi
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import Effect
 from rover_sweep.diagnosis.effects.kinds import (
-    CommandEffect,
     DriftEffect,
     FilterEffect,
     ForceEffect,
     GripEffect,
-    LinkageEffect,
     SensorEffect,
-    ServoEffect,
     VehicleEffect,
 )
 from rover_sweep.diagnosis.simulation import lumped_baseline
-from rover_sweep.diagnosis.simulation.experiment import FINE, RATE, Experiment
-from rover_sweep.diagnosis.simulation.kernel import (
-    VehicleNumbers,
-    lagged_over_ground,
-    roll_only,
-    servo,
-    single_track,
-)
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.kernel import lagged_over_ground, roll_only
+from rover_sweep.diagnosis.simulation.single_track import VehicleNumbers, single_tracks
+from rover_sweep.diagnosis.simulation.structure import Structure, Values
+from rover_sweep.diagnosis.simulation.wheel_angle import STEP, wheel_angle
 
-STEP = 1.0 / RATE
 SENSED = {"bias_ay", "imu_x", "imu_z", "ay_lag", "p_lag", "vy_lag", "vy_gain", "heading"}  # act on a log only
 MOST_LAGS = 8  # kept responses of a run's sensors
-Kind = TypeVar("Kind", bound=Effect)
-
-
-@dataclass(frozen=True)
-class Structure:
-    """The parts of a model: the rover's numbers, slip, roll, and effects.
-
-    slip, roll: True if the tyres slip, the body rolls. happened_in: name of the run with a change of ground,
-    "" for every run; happened_order: its place in the order of driving. lumped: derivatives replace
-    tyres and springs.
-    """
-
-    rover: Geometry
-    slip: bool
-    roll: bool
-    effects: tuple[Effect, ...] = ()
-    happened_in: str = ""
-    lumped: bool = False
-    happened_order: int = 0
-
-    def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
-        """The effects of a kind."""
-        return tuple(e for e in self.effects if isinstance(e, kind))
-
-
-Values = Mapping[str, float]
-
-
-def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
-    """Road-wheel angle (n,) rad from the commanded one through delay, command, servo, linkage and trim."""
-    limits = {name: value for e in structure.of(ServoEffect) for name, value in e.numbers(x).items()}
-    d = late(run.fine_steer * (1.0 + x.get("scale", 0.0)), x.get("delay", 0.0) * FINE * RATE)
-    for effect in structure.of(CommandEffect):
-        d = effect.act(d, effect.coordinates(x))
-    lag, shape = max(x.get("lag", 0.0), 0.0), x.get("lag_shape", 0.0)
-    d = servo(d, lag, shape, limits.get("inv_rate", 0.0), STEP / FINE)[::FINE].copy()
-    for linkage in structure.of(LinkageEffect):
-        d = linkage.act(d, linkage.coordinates(x))
-    return d - x.get("trim", 0.0)
-
-
-def late(u: Array, shift: float) -> Array:
-    """u (n,) delayed by `shift` samples, a cubic through four samples between them."""
-    if shift == 0.0:
-        return u
-    whole = int(np.floor(shift))
-    x = shift - whole
-    padded = np.pad(u, (abs(whole) + 2, abs(whole) + 2), "edge")
-    first = abs(whole) + 2 - whole  # of u[k - whole] in the padded signal
-    at = [padded[first - j : first - j + u.size] for j in (-1, 0, 1, 2)]
-    weights = (
-        -x * (x - 1.0) * (x - 2.0) / 6.0,
-        (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
-        -(x + 1.0) * x * (x - 2.0) / 2.0,
-        (x + 1.0) * x * (x - 1.0) / 6.0,
-    )
-    return np.asarray(sum(w * part for w, part in zip(weights, at, strict=True)))
 
 
 def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
@@ -102,14 +37,44 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
     t, V (speed), psi (heading), delta (road-wheel angle), v_dot_x (V'), ms_h (ms h), v (lateral velocity at
     the roll axis), r, phi, p, across (v' + V r), r_dot, p_dot, weight (see `_weight`).
     """
+    return motions([(run, x)], structure)[0]
+
+
+def motions(drives: Sequence[tuple[Experiment, Values]], structure: Structure) -> list[dict[str, Array]]:
+    """The `motion` of each run with its coordinates; two of them take as long as one."""
+    bases = [_base(run, structure, x) for run, x in drives]
+    if structure.lumped:
+        return [_lumped(base, structure, x) for (_, x), base in zip(drives, bases, strict=True)]
+    cars = [_car(run, structure, x, base) for (run, x), base in zip(drives, bases, strict=True)]
+    if not structure.slip:
+        return [_without_slip(structure, car) for car in cars]
+    pairs = [cars[k : k + 2] for k in range(0, len(cars), 2)]
+    return [found for pair in pairs for found in _with_slip(structure, pair)]
+
+
+def _base(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
     delta = wheel_angle(run, structure, x)
     speed = run.speed * (1.0 + x.get("vscale", 0.0))
-    q, zero = vehicle_numbers(structure, x), np.zeros(delta.size)
-    base = {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": np.gradient(speed, STEP)}
-    base["ms_h"] = zero + q.ms * q.h  # kg m, of the sprung mass about the roll axis
-    if structure.lumped:
-        return _lumped(base, structure, x)
-    grip = np.ones(delta.size)
+    return {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": np.gradient(speed, STEP)}
+
+
+@dataclass(frozen=True, eq=False)
+class _Car:
+    """What moves in one drive: its coordinates x, numbers q, factor of grip (n,), and what is known of it."""
+
+    x: Values
+    base: dict[str, Array]
+    q: VehicleNumbers
+    grip: Array
+
+    def driven_by(self, pushed: Array) -> tuple[Array, ...]:
+        """The input of `single_tracks` with added forces and moments pushed (3, n)."""
+        return (self.base["delta"], self.base["V"], self.grip, *pushed, np.array(self.q))
+
+
+def _car(run: Experiment, structure: Structure, x: Values, base: dict[str, Array]) -> _Car:
+    q = vehicle_numbers(structure, x)
+    grip = np.ones(run.t.size)
     for effect in structure.of(GripEffect):
         if structure.happened_in in ("", run.name):
             grip = grip * effect.act(run.t, effect.coordinates(x))
@@ -117,31 +82,30 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
             grip = grip * effect.later(effect.coordinates(x))
     for drift in structure.of(DriftEffect):
         grip = grip * drift.act(run.driven + run.t, drift.coordinates(x))
-    if not structure.slip:
-        return _without_slip(base, structure, x, q, zero)
-    forces = structure.of(ForceEffect)
-    pushed = np.zeros((3, delta.size))
-    last: tuple[Array, Array] | None = None
-    found = base
+    return _Car(x, base | {"ms_h": np.full(run.t.size, q.ms * q.h)}, q, grip)  # kg m, about the roll axis
+
+
+def _with_slip(structure: Structure, pair: Sequence[_Car]) -> list[dict[str, Array]]:
+    """The motions of one or two cars on tyres, in as many passes as their forces need."""
+    forces, mass = structure.of(ForceEffect), structure.rover.mass
+    pushed = [np.zeros((3, car.grip.size)) for car in pair]
+    last: list[tuple[Array, Array] | None] = [None] * len(pair)
+    found = [car.base for car in pair]
     for _ in range(max((e.passes for e in forces if e.iterate), default=1)):
-        if forces and ("r" in found or not any(e.iterate for e in forces)):
-            new = np.stack(_pushed(forces, found, x, structure.rover.mass, zero))
-            pushed, last = _mixed(pushed, new, last)
-        y = single_track(
-            delta,
-            speed,
-            grip,
-            pushed[0],
-            pushed[1],
-            pushed[2],
-            np.array(q),
-            structure.roll,
-            q.sigma > 1e-6,
-            STEP,
-        )
+        if forces and ("r" in found[0] or not any(e.iterate for e in forces)):
+            for k, car in enumerate(pair):
+                zero = np.zeros(car.grip.size)
+                new = np.stack(_pushed(forces, found[k], car.x, mass, zero))
+                pushed[k], last[k] = _mixed(pushed[k], new, last[k])
+        drives = [car.driven_by(forces_of) for car, forces_of in zip(pair, pushed, strict=True)]
+        relaxed = [car.q.sigma > 1e-6 for car in pair]
+        both = single_tracks(drives[0], drives[-1], (relaxed[0], relaxed[-1]), structure.roll, STEP)
         names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
-        found = base | {name: y[:, k] for k, name in enumerate(names)}
-    return found | {"weight": _weight(structure, found, x)}
+        found = [
+            car.base | {name: y[:, k] for k, name in enumerate(names)}
+            for car, y in zip(pair, both, strict=False)
+        ]
+    return [y | {"weight": _weight(structure, y, car.x)} for car, y in zip(pair, found, strict=True)]
 
 
 def _lumped(base: dict[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
@@ -179,16 +143,15 @@ def _pushed(
     return sums[0], sums[1], sums[2]
 
 
-def _without_slip(
-    base: dict[str, Array], structure: Structure, x: Values, q: VehicleNumbers, zero: Array
-) -> dict[str, Array]:
+def _without_slip(structure: Structure, car: _Car) -> dict[str, Array]:
     """Kinematic motion without sideslip, as in ArduPilot's SITL rover: r = V tan(d)/L, a_y = V r."""
-    rover = structure.rover
+    rover, base, x = structure.rover, car.base, car.x
     length = exp(x["ln_L_eff"]) if "ln_L_eff" in x else rover.wheelbase
     r = base["V"] * np.tan(base["delta"]) / length
     r_dot = np.gradient(r, STEP)
     across = base["V"] * r
-    y = roll_only(across, r_dot, zero, np.array(q), STEP) if structure.roll else np.zeros((r.size, 3))
+    zero = np.zeros(r.size)
+    y = roll_only(across, r_dot, zero, np.array(car.q), STEP) if structure.roll else np.zeros((r.size, 3))
     return base | {
         "v": zero,
         "r": r,
@@ -305,24 +268,33 @@ class Sensors:
                 **signals,
                 "vy": signals["vy"] + self._turned(signals["r"], speed, np.prod(seen, axis=0)),
             }
-        out = {}
-        for channel, y in signals.items():
+        out = dict(signals)
+        paths = {}
+        for channel in signals:
             path = self.known.get(channel, 1.0) * self._lag(channel, x)
             for responses in hidden:
                 path = path * responses.get(channel, 1.0)
-            if np.ndim(path) == 0:
-                out[channel] = y
-                continue
-            padded = np.concatenate((y, np.linspace(y[-1], y[0], self.size - y.size)))
-            out[channel] = irfft(rfft(padded) * path, self.size)[: y.size]
+            if np.ndim(path) > 0:
+                paths[channel] = path
+        if paths:
+            padded = np.stack([self._padded(signals[c]) for c in paths])
+            lines = rfft(padded, overwrite_x=True)
+            lines *= np.stack(list(paths.values()))
+            filtered = irfft(lines, self.size, overwrite_x=True)
+            out |= {c: y[: signals[c].size] for c, y in zip(paths, filtered, strict=True)}
         return out
+
+    def _padded(self, y: Array) -> Array:
+        """y (n,) and a straight line back to its begin, (size,)."""
+        rest = self.size - y.size
+        return np.concatenate((y, y[-1] + (y[0] - y[-1]) / max(rest - 1, 1) * np.arange(rest)))
 
     def _turned(self, r: Array, speed: Array, path: Any) -> Array:
         """V_y (n,) that a heading shows which is integrated from r (n,) through a filter: V (psi - psi_f).
 
         path (k,): the filter's response H; psi - psi_f has the transform R (1 - H)/(j w).
         """
-        padded = np.concatenate((r, np.linspace(r[-1], r[0], self.size - r.size)))
+        padded = self._padded(r)
         late = np.zeros(self.w.size, complex)
         late[1:] = (1.0 - path[1:]) / (1j * self.w[1:])
         late[0] = late[1].real

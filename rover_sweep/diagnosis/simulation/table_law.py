@@ -18,7 +18,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
 from rover_sweep.diagnosis.effects.kinds import ForceEffect, LinkageEffect, SensorEffect
 from rover_sweep.diagnosis.simulation.experiment import RATE
-from rover_sweep.diagnosis.simulation.simulator import Structure
+from rover_sweep.diagnosis.simulation.structure import Structure
 
 SMOOTH = 0.02  # s, first-order lag before a derivative of the steering angle
 PASSES = 5  # of the simulation with a force that depends on the motion that it causes

@@ -22,7 +22,8 @@ from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
 from rover_sweep.diagnosis.effects.kinds import ForceEffect, LinkageEffect, SensorEffect
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, Structure, logged, motion, sensed
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion, sensed
+from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.diagnosis.simulation.table_law import FORCES, force_at
 
 LENGTH = 4.0  # s, of an impulse response

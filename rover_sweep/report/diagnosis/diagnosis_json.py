@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from rover_sweep.diagnosis.importance import hardly_matters, importance_words, turn_change, turn_words
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -45,6 +46,7 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
             "baseline": found.baseline,
             "mismatch": [_mismatch(m) for m in found.mismatch],
             "findings": [_finding(f, found.overlays) for f in found.findings],
+            "turn": _turn(found),
             "unknown": _unknown(found.unknown),
             "cannot_see": [_unseen(u) for u in found.cannot_see],
             "held_out": [_held_out(h) for h in found.held_out],
@@ -68,6 +70,20 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
             "made": origin.provenance.made or None,
         }
     )
+
+
+def _turn(found: Diagnosis) -> dict[str, Any] | None:
+    """What all findings together do to a turn; null where that is not known."""
+    change = turn_change(found)
+    if change is None:
+        return None
+    return {
+        "delay_s": change.delay,
+        "gain_percent": 100 * change.gain,
+        "distance_m": change.distance,
+        "speed_m_s": change.speed,
+        "sentence": turn_words(found),
+    }
 
 
 def largest_held_out(held_out: Sequence[HeldOut], overlays: Sequence[Overlay]) -> HeldOut | None:
@@ -112,6 +128,9 @@ def _finding(f: Finding, overlays: Sequence[Overlay]) -> dict[str, Any]:
         "form": f.form,
         "forms": f.forms,
         "probability": f.probability,
+        "importance": importance_words(f),
+        "turn": f.turn,
+        "hardly_matters": hardly_matters(f.held_out),
     }
 
 

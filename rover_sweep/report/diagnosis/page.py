@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from rover_sweep.data.recording import grouped_warnings
+from rover_sweep.diagnosis.importance import importance_words, turn_words
 from rover_sweep.diagnosis.result import Diagnosis, Finding
+from rover_sweep.report.charts.shown_chart import ShownChart, by_section
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.diagnosis.pictures import mismatch_section
 from rover_sweep.report.diagnosis.tables import (
@@ -23,7 +27,6 @@ from rover_sweep.report.diagnosis.tables import (
 )
 from rover_sweep.report.diagnosis.terminal import held_out_lines, law_words
 from rover_sweep.report.identification.identification_json import AXES
-from rover_sweep.report.identification.page import Drawn, by_section
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.bound_words import hiding_words
 from rover_sweep.report.wording.effect_names import channel, sentence
@@ -38,8 +41,9 @@ TONES = {
 }
 
 
-def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Drawn) -> str:
-    """The whole page. pictures: each with its PNG, embedded in the order given."""
+def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Sequence[ShownChart]) -> str:
+    """The whole page. pictures: shown in the order given."""
+    warnings = grouped_warnings(run for _, run in origin.recordings)
     return (
         environment("report/diagnosis")
         .get_template("diagnosis.html.j2")
@@ -67,7 +71,7 @@ def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Drawn) -
             parameters=value_table(found.parameters, "The model, refitted with the effects")
             if found.parameters
             else None,
-            remarks=[sentence(remark) for remark in found.remarks],
+            remarks=[sentence(remark) for remark in (turn_words(found), *found.remarks, *warnings) if remark],
             pictures=by_section(pictures),
         )
     )
@@ -77,7 +81,7 @@ def _finding(f: Finding) -> dict[str, Any]:
     return {
         "effect": f.effect,
         "title": finding_title(f),
-        "sentence": sentence(f.sentence),
+        "sentence": " ".join(filter(None, (sentence(f.sentence), importance_words(f), sentence(f.turn)))),
         "equation": f.equation,
         "parameters": value_table(f.parameters, "Parameters") if f.parameters else None,
         "look_alikes": look_alike_words(f),

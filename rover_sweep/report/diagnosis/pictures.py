@@ -6,16 +6,17 @@ from collections.abc import Iterator
 from functools import partial
 
 from rover_sweep.diagnosis.result import Diagnosis, Overlay
-from rover_sweep.report.identification.pictures import Picture
+from rover_sweep.report.charts.overlay_chart import overlay_chart
 from rover_sweep.report.pictures.law_curves import law_curves
 from rover_sweep.report.pictures.mismatch import drawable, mismatch
 from rover_sweep.report.pictures.overlay import overlay_figure
+from rover_sweep.report.pictures.picture import Picture
 from rover_sweep.report.pictures.scores import scores
 from rover_sweep.report.wording.effect_names import sentence
 
 OVERLAY = (
-    "Left: the whole run, below it the residual (measured minus simulated). Middle: the shaded interval, "
-    "where {most}. Grey: twice the noise. Right: spectrum of the residual divided by the noise floor."
+    "Time history with the residual (measured minus simulated), and the spectrum of the residual divided "
+    "by the noise floor. Dashed or grey: twice the noise. In print, the shaded close-up is where {most}."
 )
 SCORES = (
     "Reduction of chi-squared by each candidate alone, compared with the model without effects. Effects "
@@ -55,8 +56,15 @@ def _runs(found: Diagnosis) -> Iterator[Picture]:
         role = "held out" if held_out else "used in the fit"
         most = "before and after differ most" if changed else "the model error is largest"
         caption = f"{run}, {role}. {OVERLAY.format(most=most)}"
+        shown = tuple(channels)
         section = "held-out" if held_out else "fitted"
-        yield Picture(f"overlay-{k}", section, caption, partial(overlay_figure, tuple(channels), changed))
+        yield Picture(
+            f"overlay-{k}",
+            section,
+            caption,
+            partial(overlay_figure, shown, changed),
+            partial(overlay_chart, shown, changed),
+        )
 
 
 def _law(found: Diagnosis) -> Iterator[Picture]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.data.by_name import ByName
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -114,11 +115,12 @@ def _finding(f: Mapping[str, Any]) -> Finding:
         f.get("form") or "",
         dict(f.get("forms") or {}),
         f.get("probability"),
+        f.get("turn") or "",
     )
 
 
-def _values(values: Mapping[str, Mapping[str, Any]]) -> tuple[EffectValue, ...]:
-    return tuple(
+def _values(values: Mapping[str, Mapping[str, Any]]) -> ByName[EffectValue]:
+    return ByName(
         EffectValue(name, v["unit"], v["value"], v["low"], v["high"], v["meaning"])
         for name, v in values.items()
     )

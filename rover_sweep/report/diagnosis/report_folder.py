@@ -37,15 +37,10 @@ def write_diagnosis(
     from rover_sweep.report.diagnosis.page import diagnosis_page
     from rover_sweep.report.diagnosis.pictures import planned
     from rover_sweep.report.export.plant_variant import variant_text
-    from rover_sweep.report.pictures.drawing_processes import pngs
+    from rover_sweep.report.pictures.drawn_pictures import drawn_pictures
 
     document = strict_json(diagnosis_document(found, origin))
-    plan, drawn = planned(found), []
-    made = pngs(plan)
-    for k, picture in enumerate(plan):
-        if progress:
-            progress(k / len(plan), f"drawing {picture.name}")
-        drawn.append((picture, next(made)))
+    drawn = drawn_pictures(planned(found), progress)
     page = diagnosis_page(found, origin, drawn)
     text = variant_text(found.model) if found.model and not found.model.lumped else None
     for name in ("diagnosis.json", "variant.toml"):

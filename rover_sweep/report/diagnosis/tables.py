@@ -12,8 +12,8 @@ from rover_sweep.report.wording.number_format import SHORT_NAMES, band, change, 
 
 PLAINLY = 3.0  # times the noise floor: a residual this large is visible in a time history
 FLOOR = (
-    "J_rms in deg/s and ft/s², TIC 0 (perfect) to 1. Share removed: of the residual above the noise floor, "
-    "the only part that a model can explain."
+    "J_rms in deg/s and ft/s², with the noise; TIC 0 (perfect) to 1. Share removed: of the squared residual "
+    "above the noise floor, the only part that a model can explain."
 )
 
 BOUNDS = (

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from rover_sweep.diagnosis.importance import importance_words, turn_words
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
 from rover_sweep.report.diagnosis.tables import (
     certainty_words,
@@ -63,14 +64,16 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
     if found.findings:
         yield rich_table(finding_table(found))
         yield from (_explained(f) for f in found.findings)
+        if words := turn_words(found) if len(found.findings) > 1 or not found.findings[0].turn else "":
+            yield Sentence(words)
     if falsified := falsified_table(found):
         yield rich_table(falsified)
     if found.held_out:
-        yield rich_table(held_out_table(found.held_out, "On held-out runs", False, ROOM))
+        yield rich_table(held_out_table(found.held_out, "On held-out runs", room=ROOM))
     if costs := cost_table(found.held_out, ROOM):
         yield rich_table(costs)
     if found.unknown:
-        yield _unknown(found.unknown)
+        yield _unknown(found.unknown, found.sentence)
     if unseen := unseen_table(found):
         yield rich_table(unseen)
     if found.remarks:
@@ -80,16 +83,26 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
 def _explained(f: Finding) -> Group:
     """The finding's sentence, evidence, look-alikes, and the run that would decide."""
     lines: list[RenderableType] = [Text(f.effect, "bold")]
-    words = [f.sentence, evidence_words(f), certainty_words(f), look_alike_words(f), next_words(f)]
+    words = [
+        f.sentence,
+        importance_words(f),
+        f.turn,
+        evidence_words(f),
+        certainty_words(f),
+        look_alike_words(f),
+        next_words(f),
+    ]
     lines += [_indented(sentence(text)) for text in words if text]
     return Group(*lines)
 
 
-def _unknown(u: Unknown) -> Group:
+def _unknown(u: Unknown, headline: str) -> Group:
+    """What is known of the unexplained part, one line each, without what the headline says already."""
     size = (
         f"{number(u.residual_over_noise, 2)} × the noise in {channel(u.channel)}, depends on {u.depends_on}"
     )
-    words = [u.sentence, size, law_words(u), *held_out_lines(u)]
+    clauses = [clause for clause in u.sentence.split("; ") if clause not in headline]
+    words = [*clauses, size, law_words(u), *held_out_lines(u)]
     return Group(Text("unknown", "bold yellow"), *(_indented(sentence(text)) for text in words if text))
 
 
@@ -97,7 +110,9 @@ def law_words(u: Unknown) -> str:
     """The fitted curve of the unknown part and the share that it predicts on held-out data, "" for none."""
     if not u.law:
         return ""
-    gain = "" if u.law_gain is None else f" (explains {100 * u.law_gain:.0f} % of it on held-out data)"
+    gain = (
+        "" if u.law_gain is None else f" (explains {100 * min(u.law_gain, 1.0):.0f} % of it on held-out data)"
+    )
     return f"Fitted curve: {u.law}{gain}"
 
 

@@ -1,0 +1,103 @@
+"""How much a finding matters: its share of the unexplained residual, and what it does to a turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_sweep.diagnosis.result import Array, Diagnosis, Finding, HeldOut
+
+LITTLE = 0.05  # relative drop of J_rms on held-out runs, below which an effect hardly matters
+NOTHING = 0.005  # share of the held-out residual that rounds to 0 %
+LONGEST = 0.4  # s, largest delay that is tried
+LEAST_DELAY, LEAST_GAIN = 0.005, 0.01  # s, relative: smaller changes of a turn are not stated
+
+
+@dataclass(frozen=True)
+class TurnChange:
+    """What the findings together do to the yaw rate of a run, against the baseline.
+
+    delay [s]: later start of a turn; gain: relative change of the yaw rate; distance [m]: delay at `speed`.
+    """
+
+    delay: float
+    gain: float
+    speed: float
+
+    @property
+    def distance(self) -> float:
+        return self.delay * self.speed
+
+
+def is_nothing(f: Finding) -> bool:
+    """True where every size is 0, or every held-out run shows a share that rounds to 0 %."""
+    shares = [h.share_removed for h in f.held_out]
+    none_shown = bool(shares) and all(s is not None and abs(s) < NOTHING for s in shares)
+    return none_shown or (bool(f.parameters) and all(v.value == 0.0 for v in f.parameters))
+
+
+def hardly_matters(held_out: Sequence[HeldOut]) -> bool:
+    """True where J_rms falls by less than `LITTLE` on every held-out run."""
+    return bool(held_out) and all(h.before.j_rms - h.after.j_rms < LITTLE * h.before.j_rms for h in held_out)
+
+
+def importance_words(f: Finding) -> str:
+    """A sentence with the share of the held-out residual that the effect explains, "" without such runs."""
+    if not f.held_out:
+        return ""
+    best = max(f.held_out, key=lambda h: h.share_removed if h.share_removed is not None else -np.inf)
+    share = "" if best.share_removed is None else f"{100 * min(best.share_removed, 1.0):.0f} % of "
+    fall = f"J_rms, with the noise: {best.before.j_rms:.2f} without it, {best.after.j_rms:.2f} with it"
+    if best.share_removed is not None and best.share_removed <= 0:
+        return f"It explains nothing of the residual above the noise on {best.run} ({fall})."
+    words = f"It explains {share or 'little of '}the squared residual above the noise on {best.run} ({fall})"
+    return f"{words}: it hardly matters, no repair is needed." if hardly_matters(f.held_out) else f"{words}."
+
+
+def turn_change(found: Diagnosis) -> TurnChange | None:
+    """The change of a turn by all findings, from the simulated yaw rate of the first run; None without it."""
+    overlay = next((o for o in found.overlays if o.channel == "r"), None)
+    if overlay is None or not found.findings or overlay.t.size < 10:
+        return None
+    speed = found.model.speed if found.model else 0.0
+    return TurnChange(*_delay_and_gain(overlay.t, overlay.before, overlay.after), speed)
+
+
+def turn_words(found: Diagnosis) -> str:
+    """What the findings do to a turn, as a sentence in plain figures; "" where it is not known."""
+    change = turn_change(found)
+    if change is None:
+        return ""
+    who = "It" if len(found.findings) == 1 else "Together they"
+    s = "s" if len(found.findings) == 1 else ""
+    parts = []
+    if abs(change.delay) >= LEAST_DELAY:
+        late = "later" if change.delay > 0 else "earlier"
+        at = (
+            f" (at {change.speed:.1f} m/s, {abs(change.distance):.2f} m along the path)"
+            if change.speed
+            else ""
+        )
+        parts.append(f"start{s} each turn {abs(change.delay):.2f} s {late}{at}")
+    if abs(change.gain) >= LEAST_GAIN:
+        more = "more" if change.gain > 0 else "less"
+        parts.append(f"turn{s} the rover {100 * abs(change.gain):.0f} % {more}")
+    if not parts:
+        return (
+            f"{who} change{s} a turn by less than {1000 * LEAST_DELAY:.0f} ms and {100 * LEAST_GAIN:.0f} %."
+        )
+    return f"{who} {' and '.join(parts)} than the model without."
+
+
+def _delay_and_gain(t: Array, before: Array, after: Array) -> tuple[float, float]:
+    """(delay [s], relative change) that turn `before` into `after`, by least squares."""
+    a, b = after - np.mean(after), before - np.mean(before)
+    delays = np.linspace(-LONGEST, LONGEST, 801)
+    moved = [np.interp(t - d, t, b) for d in delays]
+    power = [float(m @ m) for m in moved]
+    gains = [float(m @ a) / p if p > 0 else 0.0 for m, p in zip(moved, power, strict=True)]
+    errors = [float(np.sum((a - g * m) ** 2)) for g, m in zip(gains, moved, strict=True)]
+    k = int(np.argmin(errors))
+    return float(delays[k]), gains[k] - 1.0
