@@ -13,7 +13,7 @@ import numpy as np
 from rover_sweep.data.recording import Array, LowPass, Note
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep, long_periods
+from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep, ThrottleSweep, long_periods
 from rover_sweep.spectra.response import default_windows
 
 GRAVITY = 9.81
@@ -26,6 +26,8 @@ SERVO_FRAMES = 50.0  # Hz, default of SERVO_RATE
 FILTER_MARGIN = 5.0  # cut-off over highest frequency: 16 deg of lag and no loss of gain
 TRIM_ERROR = 10.0  # us; nobody steers during a sweep, so a trim error curves the whole path
 DOUBLET_PEAK = 2.331  # rad: a doublet's spectrum peaks where w times pulse is this, tan(x/2) = x
+
+LANE = 4.0  # m, width for a pilot who steers straight ahead
 
 
 @dataclass(frozen=True)
@@ -243,7 +245,13 @@ def simulated_track(manoeuvre: Manoeuvre, vehicle: Vehicle, speed: float, trim_e
 
 
 def space(manoeuvre: Manoeuvre, vehicle: Vehicle, speed: float) -> Space:
-    """Ground, yaw rate and lateral acceleration of the manoeuvre at `speed` m/s."""
+    """Ground, yaw rate and lateral acceleration of the manoeuvre at `speed` m/s.
+
+    A throttle sweep is driven straight ahead.
+    """
+    if isinstance(manoeuvre, ThrottleSweep):
+        length = speed * manoeuvre.duration
+        return Space(speed, length, 0.0, LANE / 2, LANE / 2, length, length, 0.0, 0.0, 0.0, 0.0, math.inf)
     path = simulated_track(manoeuvre, vehicle, speed)
     bent = [simulated_track(manoeuvre, vehicle, speed, error) for error in (-TRIM_ERROR, TRIM_ERROR)]
     r = float(np.max(np.abs(path.r)))

@@ -34,6 +34,12 @@ def to_control(
     0 leaves them out (tau [s] is a parameter of the model). sensors: low-passes added to the outputs, such as
     `group.runs[0].filters`: the outputs are then as recorded, without them as the rover moved. Inputs,
     outputs and states keep their names; SI units, ISO axes. UsageError without python-control.
+
+    >>> system = rs.to_control(result.models["roll-yaw"])
+    >>> system.input_labels, system.output_labels
+    (['delta'], ['r', 'ay', 'vydot', 'p'])
+    >>> rs.to_control(result.responses["r"]).frequency.size
+    120
     """
     try:
         import control
@@ -70,6 +76,9 @@ def to_scipy(
     Arguments as in `to_control`. With dt the input is held between samples and its delay is exact, also for
     a fraction of a sample (Astrom and Wittenmark 1997, section 2.3); `pade` then applies only to
     output delays.
+
+    >>> rs.to_scipy(result.models["roll-yaw"], dt=0.01).dt
+    0.01
     """
     from scipy.signal import StateSpace
 

@@ -21,7 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from rover_sweep.data.by_name import ByName
 from rover_sweep.data.intervals import Intervals
+from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Array
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.identification.cost import Condition, costs, jacobian, residuals, restricted
@@ -33,11 +35,12 @@ MARGIN = 1e-3  # rad/s: numerical error of a pole at 0
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(PlainNumbers):
     """A parameter after the fit: value, lower and upper bound in `unit`.
 
     cr_percent, insensitivity_percent: equations (13) and (14) in % of |value|, None for a fixed parameter.
-    interval: bootstrap confidence interval, None unless requested.
+    interval: confidence interval by the bootstrap, None unless requested; of the bicycle and roll-yaw model
+    it includes errors of the structure, see `structural_error`.
     """
 
     name: str
@@ -50,9 +53,24 @@ class Estimate:
     meaning: str = ""
     interval: Intervals | None = None
 
+    @property
+    def interval_90(self) -> tuple[float, float] | None:
+        """(low, high) of the 90 % interval, in `unit`; None without a bootstrap."""
+        return (self.interval.low, self.interval.high) if self.interval else None
+
+    @property
+    def sd(self) -> float | None:
+        """Standard deviation of the estimate by the bootstrap, in `unit`; None without one."""
+        return self.interval.sd if self.interval else None
+
+    @property
+    def bias(self) -> float | None:
+        """Bias of the method by the bootstrap, in `unit`; None without one."""
+        return self.interval.bias if self.interval else None
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FitResult(Shown):
+class FitResult(PlainNumbers, Shown):
     """A fitted structure. costs: J of each response, equation (11); speed [m/s]: of the first condition."""
 
     structure: ModelStructure
@@ -71,6 +89,11 @@ class FitResult(Shown):
     """J_ave of each start that ended in another local minimum with a cost low enough to be accepted."""
 
     @property
+    def parameters(self) -> ByName[Estimate]:
+        """The estimates by name, as in identification.json: parameters["C"].value."""
+        return ByName(self.estimates)
+
+    @property
     def average(self) -> float:
         """J_ave over the responses."""
         return float(np.mean(list(self.costs.values())))
@@ -79,26 +102,30 @@ class FitResult(Shown):
         return next(e for e in self.estimates if e.name == name)
 
     def table(self) -> ShortTable:
-        """The free parameters with their accuracies, the fixed ones, the costs."""
+        """The free parameters with 90 % intervals, else CR and I; the fixed ones, the costs."""
         free = [e for e in self.estimates if e.free]
+        known = any(e.interval for e in free)
         rows = tuple(
-            (
-                e.name,
-                plain_number(e.value),
-                e.unit,
-                plain_number(e.cr_percent, 3),
-                plain_number(e.insensitivity_percent, 3),
-            )
-            for e in free
+            (e.name, plain_number(e.value), e.unit, *((_ends(e),) if known else _accuracies(e))) for e in free
         )
         fixed = ", ".join(f"{e.name} {plain_number(e.value)} {e.unit}" for e in self.estimates if not e.free)
         costs = ", ".join(f"{output} {j:.1f}" for output, j in self.costs.items())
         return ShortTable(
             f"{self.structure.name} model at {self.speed:.2f} m/s",
-            ("parameter", "value", "unit", "CR %", "I %"),
+            ("parameter", "value", "unit", *(("90 % interval",) if known else ("CR %", "I %"))),
             rows,
             (f"fixed: {fixed or 'none'}", f"J: {costs}; average {self.average:.1f}"),
         )
+
+
+def _ends(e: Estimate) -> str:
+    """The 90 % interval as text."""
+    return f"{plain_number(e.interval.low)} to {plain_number(e.interval.high)}" if e.interval else "-"
+
+
+def _accuracies(e: Estimate) -> tuple[str, str]:
+    """CR and insensitivity in percent as texts."""
+    return plain_number(e.cr_percent, 3), plain_number(e.insensitivity_percent, 3)
 
 
 def accuracy(structure: ModelStructure, conditions: Sequence[Condition]) -> tuple[Array, Array]:

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Recording
 from rover_sweep.identification.cost import Condition, sampled
 from rover_sweep.quality.coherence import input_responses, sign_is_wrong
 from rover_sweep.spectra.conditioned import correlated_inputs, moving
 from rover_sweep.spectra.response import Band, FrequencyResponse
+from rover_sweep.spectra.side_by_side import side_by_side
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
 FITTED = ("r", "ay", "p")
@@ -23,7 +25,8 @@ VARIED = 0.15  # standard deviation of the speed over its mean, from which a run
 class Settings:
     """Settings of an identification.
 
-    models: names out of MODELS. fitted: outputs in the cost. tied: one cornering stiffness C for both axles.
+    models: names out of MODELS. fitted: outputs in the cost. tied: one cornering stiffness C for both axles;
+    as_paper: also where separate ones fit much better.
     band [rad/s]: swept range; bands [rad/s]: usable band per output; windows [s]: lengths; all three are
     found from the data when not given. reduction: fix parameters that the data cannot determine, except
     those in keep. condition_on: further inputs, such as "throttle", whose effect is removed from every
@@ -40,10 +43,11 @@ class Settings:
     keep: tuple[str, ...] = ()
     condition_on: tuple[str, ...] = ()
     bootstrap: int = 0
+    as_paper: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class Group(PlainNumbers):
     """Runs at one speed [m/s] and their composite responses {output: response} to the steering.
 
     others: {input: {output: response}} of the inputs that the responses are conditioned on; remarks:
@@ -94,7 +98,7 @@ def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
             near[0].append(run)
         else:
             groups.append([run])
-    return tuple(_group(g, settings) for g in groups)
+    return tuple(side_by_side(lambda g: _group(g, settings), groups))
 
 
 def steered_speed(run: Recording) -> float:

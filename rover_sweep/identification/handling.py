@@ -4,25 +4,32 @@ In a steady turn delta = L/R + K_us a_y with K_us = (m/L) (b/Cf - a/Cr). This ho
 equation (18) the roll does not act on the tyres. K_us > 0 understeers and has a characteristic speed
 sqrt(L/K_us), at which the yaw rate gain is highest; K_us < 0 oversteers and is unstable above the critical
 speed sqrt(-L/K_us) (Gillespie 1992, chapter 6).
+
+K_us = (V delta/r - L)/V^2 is a small difference: a relative error e of the steady yaw rate gain changes it by
+(L/V^2 + K_us) e, at 2.4 m/s and L 0.39 m by 0.37 deg/g for 1 %. So its interval has the Cramer-Rao bound and
+what the models leave out of that gain, see `gain_error`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from rover_sweep.data.geometry import FRICTION, GRAVITY, NEAR
-from rover_sweep.data.recording import Note, Recording
+from rover_sweep.data.geometry import GRAVITY
+from rover_sweep.data.plain_values import PlainNumbers
+from rover_sweep.data.recording import Recording
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.models.bicycle import axle_stiffness
 from rover_sweep.identification.structure.state_space import ModelStructure
 
-PEAK = 99.0  # percentile of |a_y| that is taken as its peak
+PEAK = 99.0  # percentile that is taken as the peak
 STEP = 1e-6  # relative step of a parameter in central differences
+SCALE_ERROR = 0.03  # relative: steering scale, wheelbase and speed together, as they are usually measured
+UNKNOWN_SIGN = "not identified by these runs"
 
 UNITS = {
     "understeer_gradient": ("rad s^2/m", "understeer gradient K_us"),
@@ -38,15 +45,23 @@ UNITS = {
     "roll_damping": ("-", "damping ratio of the roll mode"),
 }
 
+OF_THE_SIGN = ("critical_speed", "characteristic_speed")  # exist for one sign of K_us only
+OF_BOTH_AXLES = ("understeer_gradient", "understeer_gradient_deg_per_g", "static_margin")
+
 
 @dataclass(frozen=True)
-class Quantity:
-    """A value with its Cramer-Rao bound in `unit`, to first order; None where it cannot be computed."""
+class Quantity(PlainNumbers):
+    """A value with its Cramer-Rao bound in `unit`, to first order; None where it cannot be computed.
+
+    low, high: its interval, with the bound and the error of the yaw rate gain; None where there is none.
+    """
 
     value: float
     bound: float | None
     unit: str
     meaning: str
+    low: float | None = None
+    high: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,41 +86,75 @@ class Handling(Shown):
         return self.quantities[name].value if name in self.quantities else None
 
     @property
-    def sentence(self) -> str:
-        """A sentence: understeer or oversteer, and whether the data determine it."""
+    def identified(self) -> bool:
+        """True where the interval of K_us is on one side of 0, in a fit with both axles free."""
         k = self.quantities["understeer_gradient_deg_per_g"]
-        kind = "understeers" if k.value > 0 else "oversteers" if k.value < 0 else "is neutral"
-        speed = next(
-            (
-                f", {n.replace('_', ' ')} {self.quantities[n].value:.1f} m/s"
-                for n in ("critical_speed", "characteristic_speed")
-                if n in self.quantities
-            ),
-            "",
-        )
-        bound = "" if k.bound is None else f" ± {k.bound:.2g}"
-        sentence = f"the rover {kind}: K_us {k.value:.2g}{bound} deg/g{speed}"
+        return not self.tied and k.low is not None and k.high is not None and k.low * k.high > 0
+
+    @property
+    def sentence(self) -> str:
+        """A sentence: understeer or oversteer with intervals, or that these runs do not identify it."""
+        k = self.quantities["understeer_gradient_deg_per_g"]
         if self.tied:
-            return f"{sentence}; with one C for both axles the sign of K_us is that of b - a"
-        if k.bound is not None and abs(k.value) < k.bound:
-            return f"{sentence}; the bound exceeds the value, so the sign is not determined"
-        return sentence
+            return (
+                f"understeer is {UNKNOWN_SIGN} with one C for both axles: the sign of K_us "
+                f"({k.value:.2g} deg/g) is that of b - a in the vehicle file"
+            )
+        if k.low is None or k.high is None:
+            return f"understeer is {UNKNOWN_SIGN}: K_us has no interval"
+        between = f"K_us {k.value:.2g} deg/g ({k.low:.2g} to {k.high:.2g})"
+        if not self.identified:
+            return (
+                f"understeer is {UNKNOWN_SIGN}: {between}, so the rover may understeer or oversteer, and no "
+                "critical or characteristic speed follows. K_us is the small difference of both axles and "
+                "less certain than either stiffness"
+            )
+        name = "characteristic_speed" if k.value > 0 else "critical_speed"
+        v = self.quantities[name]
+        ends = f" ({v.low:.1f} to {v.high:.1f})" if v.low is not None and v.high is not None else ""
+        kind = "understeers" if k.value > 0 else "oversteers"
+        return f"the rover {kind}: {between}, {name.replace('_', ' ')} {v.value:.1f} m/s{ends}"
 
     def table(self) -> ShortTable:
-        """Every quantity with its bound."""
+        """The quantities that these runs identify, with their intervals."""
         rows = tuple(
-            (name, plain_number(q.value), plain_number(q.bound, 2), q.unit)
-            for name, q in self.quantities.items()
+            (name, plain_number(q.value), f"{plain_number(q.low, 3)} to {plain_number(q.high, 3)}", q.unit)
+            for name, q in self.told.items()
         )
         title = f"handling of the {self.model} model at {self.speed:.2f} m/s"
-        return ShortTable(title, ("quantity", "value", "bound", "unit"), rows, (self.sentence,))
+        return ShortTable(title, ("quantity", "value", "interval", "unit"), rows, (self.sentence,))
+
+    @property
+    def told(self) -> dict[str, Quantity]:
+        """The quantities to print: without those that follow from K_us where it is not identified."""
+        left_out = () if self.identified else OF_THE_SIGN
+        left_out = (*left_out, *OF_BOTH_AXLES) if self.tied else left_out
+        return {n: q for n, q in self.quantities.items() if n not in left_out}
 
 
-def handling(fit: FitResult, speed: float | None = None) -> Handling:
+def gain_error(runs: Sequence[Recording]) -> float:
+    """Relative error of the steady yaw rate gain that the models leave out, as a sum of bounds.
+
+    The speed drops while the rover turns (standard deviation over mean), a steered force has the share
+    cos(delta) across the rover (1 - cos of the largest angle), and `SCALE_ERROR`.
+    """
+    speeds = [run.manoeuvre("speed").x for run in runs]
+    drops = [float(np.std(speed) / abs(np.mean(speed))) for speed in speeds]
+    return max(drops, default=0.0) + force_turned(runs) + SCALE_ERROR
+
+
+def force_turned(runs: Sequence[Recording]) -> float:
+    """Share of the front axle's force that is not across the rover at the largest steering angle."""
+    angles = [float(np.percentile(np.abs(run.manoeuvre("delta").x), PEAK)) for run in runs]
+    return 1.0 - float(np.cos(max(angles, default=0.0)))
+
+
+def handling(fit: FitResult, speed: float | None = None, error: float = 0.0) -> Handling:
     """Handling quantities of a fitted bicycle or roll-yaw model. speed [m/s]: default that of the fit.
 
     Bounds: sqrt(s^T P s), with the slopes s to the free parameters and their covariance P; fixed parameters
-    count as exact. ValueError for a model without cornering stiffness.
+    count as exact. error: see `gain_error`; the intervals are wider by it. ValueError for a model without
+    cornering stiffness.
     """
     structure, v = fit.structure, fit.speed if speed is None else speed
     if not has_handling(structure):
@@ -115,7 +164,44 @@ def handling(fit: FitResult, speed: float | None = None) -> Handling:
     values = _quantities(structure, v)
     slopes = _slopes(structure, v, values)
     found = {n: Quantity(x, _bound(slopes[n], fit.covariance), *UNITS[n]) for n, x in values.items()}
-    return Handling(structure.name, v, found, tied="C" in structure.values)
+    found = {
+        n: _with_interval(q, _model_error(n, structure, fit.speed, found, error)) for n, q in found.items()
+    }
+    return Handling(structure.name, v, _with_speeds(found, structure), tied="C" in structure.values)
+
+
+def _model_error(
+    name: str, structure: ModelStructure, speed: float, found: Mapping[str, Quantity], error: float
+) -> float:
+    """The change of a quantity by a relative error of the yaw rate gain at the runs' speed [m/s]."""
+    p = structure.values
+    cf, cr = axle_stiffness(p)
+    of_k = error * abs((p["a"] + p["b"]) / speed**2 + found["understeer_gradient"].value)
+    return {
+        "understeer_gradient": of_k,
+        "understeer_gradient_deg_per_g": float(np.degrees(of_k)) * GRAVITY,
+        "static_margin": of_k * cf * cr / (p["m"] * (cf + cr)),
+        "yaw_rate_gain": error * abs(found[name].value),
+        "lateral_acceleration_gain": error * abs(found[name].value),
+        # w^2 goes with 1 + K_us V^2/L, the inverse of the gain; the sum of the poles does not depend on it
+        "yaw_frequency": 0.5 * error * abs(found[name].value),
+        "yaw_damping": 0.5 * error * abs(found[name].value),
+    }.get(name, 0.0)
+
+
+def _with_interval(q: Quantity, error: float) -> Quantity:
+    if q.bound is None or not np.isfinite(q.value):
+        return q
+    return replace(q, low=q.value - q.bound - error, high=q.value + q.bound + error)
+
+
+def _with_speeds(found: Mapping[str, Quantity], structure: ModelStructure) -> dict[str, Quantity]:
+    """With intervals of the critical or characteristic speed from that of K_us; none where it holds 0."""
+    k, base = found["understeer_gradient"], structure.values["a"] + structure.values["b"]
+    if k.low is None or k.high is None or k.low * k.high <= 0:
+        return {n: replace(q, low=None, high=None) if n in OF_THE_SIGN else q for n, q in found.items()}
+    low, high = sorted(float(np.sqrt(base / abs(end))) for end in (k.low, k.high))
+    return {n: replace(q, low=low, high=high) if n in OF_THE_SIGN else q for n, q in found.items()}
 
 
 def has_handling(structure: ModelStructure) -> bool:
@@ -189,43 +275,3 @@ def _bound(slope: np.ndarray, covariance: np.ndarray | None) -> float | None:
         return None
     variance = float(slope @ covariance @ slope)
     return float(np.sqrt(variance)) if np.isfinite(variance) and variance >= 0 else None
-
-
-def warnings(
-    found: Handling | None, runs: Sequence[Recording], friction: float | None = None
-) -> tuple[Note, ...]:
-    """Warnings of runs close to the critical speed or with a peak a_y close to the friction limit.
-
-    found: gives the critical speed. friction: peak side force of the tyres over their load, 0.5 when None.
-    a_y is V r, which holds neither the roll nor the vibration of an accelerometer's signal.
-    """
-    notes = []
-    critical = found.get("critical_speed") if found else None
-    for run in runs:
-        if critical and (speed := _fastest(run)) > NEAR * critical:
-            notes.append(
-                f"{run.name}: {speed:.2f} m/s is {100 * speed / critical:.0f} % of the critical speed "
-                f"{critical:.2f} m/s ({found.model if found else ''} model), above which the rover spins "
-                "without countersteering: drive slower"
-            )
-        limit = (friction or FRICTION) * GRAVITY
-        if (peak := peak_lateral_acceleration(run)) > NEAR * limit:
-            source = "friction of the vehicle file" if friction else f"friction {FRICTION:g}, assumed"
-            remedy = (
-                "" if friction else ", or give the friction of the ground in the vehicle file if it is higher"
-            )
-            notes.append(
-                f"{run.name}: a_y reaches {peak:.1f} m/s^2, {100 * peak / limit:.0f} % of the friction limit "
-                f"{limit:.1f} m/s^2 ({source}), where tyres are not linear: reduce amplitude or speed{remedy}"
-            )
-    return tuple(Note("warning", text) for text in notes)
-
-
-def _fastest(run: Recording) -> float:
-    return float(np.percentile(np.abs(run.manoeuvre("speed").x), PEAK))
-
-
-def peak_lateral_acceleration(run: Recording) -> float:
-    """99th percentile of |V r| over the manoeuvre, m/s^2."""
-    r, speed = run.manoeuvre("r"), run["speed"]
-    return float(np.percentile(np.abs(r.x * np.interp(r.t, speed.t, speed.x)), PEAK))

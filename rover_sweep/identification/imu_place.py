@@ -13,10 +13,9 @@ from itertools import combinations
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.recording import Recording
 from rover_sweep.identification.cost import Condition
 from rover_sweep.identification.fit import FitResult, fit
-from rover_sweep.identification.grouping import Settings, grouped
+from rover_sweep.identification.grouping import Group, Settings
 from rover_sweep.identification.model_results import NotPossible, Work, model_result
 
 PLACED = ("roll-yaw", "bicycle")  # models with a physical yaw inertia
@@ -39,9 +38,9 @@ def wrong_place(found: FitResult, conditions: Sequence[Condition], geometry: Geo
     return _sentence(found, best, names, geometry) if score > THRESHOLD else ""
 
 
-def wrong_place_in(runs: Sequence[Recording], geometry: Geometry, model: str) -> str:
-    """The same from runs with `delta`; '' when the model has no IMU position or cannot be identified."""
-    groups = tuple(g for g in grouped(runs, Settings()) if not g.why_not())
+def wrong_place_in(found: Sequence[Group], geometry: Geometry, model: str) -> str:
+    """The same from groups of runs; '' when the model has no IMU position or cannot be identified."""
+    groups = tuple(g for g in found if not g.why_not())
     if model not in PLACED or not groups:
         return ""
     work = Work(groups, geometry, (), Settings(models=(model,)))

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.later import data_frame, drawing
+from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.result_table import ShortTable, Shown
 from rover_sweep.identification.cost import Condition, costs
-from rover_sweep.identification.fit import FitResult, fit, is_stable
+from rover_sweep.identification.fit import Estimate, FitResult, fit, is_stable
 from rover_sweep.identification.grouping import MODELS, Group, Settings
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.lumped import lumped
@@ -22,15 +26,18 @@ from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.verdicts import ModelVerdict, judge_model, kinematic_suffices
 from rover_sweep.identification.verify import UNITS, Verification, verify
 
-UNTIED = "Cf and Cr free"
+UNTIED, TIED = "Cf and Cr free", "one C for both axles"
+MUCH_BETTER = 0.7  # of J_ave: below it, separate stiffnesses of the axles replace the one for both
+LEAST_BETTER = 2.0  # of J_ave: a smaller difference is not worth another parameter
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModelResult(Shown):
+class ModelResult(PlainNumbers, Shown):
     """One model: its fit, variants of the fit, verification, verdict.
 
     costs: J of all responses of the model at this fit, also of those not fitted. variants: further fits named
-    "filters ignored", "four responses", "Cf and Cr free", "before reduction", where they apply.
+    "filters ignored", "four responses", "Cf and Cr free", "before reduction", where they apply. Where "Cf and
+    Cr free" fits much better it is `fit` too, and "one C for both axles" is the fit of the paper.
     """
 
     fit: FitResult
@@ -39,6 +46,47 @@ class ModelResult(Shown):
     verification: tuple[Verification, ...]
     verdict: ModelVerdict
     reduction: tuple[ReductionStep, ...] = ()
+
+    @property
+    def parameters(self) -> ByName[Estimate]:
+        """The parameters by name, as in identification.json (models.<name>.parameters.C.value).
+
+        >>> tau = result.models["roll-yaw"].parameters["tau"]
+        >>> round(tau.value, 2), tau.unit, tau.free, tau.interval_90 is not None
+        (0.04, 's', True, True)
+        >>> "Izz" in result.models["roll-yaw"].parameters
+        True
+        """
+        return self.fit.parameters
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draws the first verification run, measured and predicted; returns matplotlib axes (channels,).
+
+        axes: one for each channel; default a new figure. UsageError for a model without a verification run.
+        The responses with the models over them: `Result.plot`.
+
+        >>> len(result.models["roll-yaw"].plot())
+        3
+        """
+        return drawing("of_model:draw_model")(self, axes)
+
+    def to_frame(self) -> Any:
+        """The parameters as a pandas.DataFrame with the name as index; UsageError without pandas.
+
+        Columns as the keys of identification.json: value, unit, free, cr_percent, insensitivity_percent, low
+        and high (ends of interval_90), sd, bias, at_bound, meaning; nan where there is no number.
+
+        >>> frame = result.models["roll-yaw"].to_frame()
+        >>> frame.loc["Izz", "unit"], bool(frame.loc["Izz", "low"] < frame.loc["Izz", "high"])
+        ('kg m^2', True)
+        """
+        found = self.parameters
+        none = (float("nan"),) * 2
+        plain = ("value", "unit", "free", "cr_percent", "insensitivity_percent")
+        columns: dict[str, Any] = {name: [getattr(e, name) for e in found] for name in plain}
+        columns["low"], columns["high"] = zip(*(e.interval_90 or none for e in found), strict=True)
+        columns |= {name: [getattr(e, name) for e in found] for name in ("sd", "bias", "at_bound", "meaning")}
+        return data_frame(columns, found.keys(), "parameter")
 
     @property
     def average_all(self) -> float:
@@ -127,13 +175,18 @@ def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
     best, steps = _reduced(full, work, _candidates(structure, work.geometry))
     if steps:
         best = fit(best.structure, work.conditions(), drawn_starts(best.structure))
+    tied, apart = best, None
+    if "C" in structure.values:
+        apart = fit(_untied(tied.structure, work.geometry), work.conditions())
+        best = apart if not work.settings.as_paper and _axles_differ(tied, apart) else tied
     variants = {"before reduction": full} if any(s.dropped for s in steps) else {}
     if any(g.runs[0].filters for g in work.groups):
-        variants["filters ignored"] = fit(best.structure, work.conditions(filtered=False), starts)
+        begin = starts if best is tied else ()
+        variants["filters ignored"] = fit(best.structure, work.conditions(filtered=False), begin)
     if "vydot" in structure.outputs and work.has_vydot:
         variants["four responses"] = fit(best.structure, work.conditions(structure.outputs))
-    if "C" in structure.values:
-        variants[UNTIED] = fit(_untied(best.structure, work.geometry), work.conditions())
+    if apart is not None:
+        variants |= {UNTIED: apart} | ({TIED: tied} if best is apart else {})
     return fitted_result(best, variants, work, steps)
 
 
@@ -154,7 +207,14 @@ def _reduced(
 def _untied(tied: ModelStructure, geometry: Geometry) -> ModelStructure:
     make = bicycle if tied.name == "bicycle" else roll_yaw
     c = tied.values["C"]
-    return make(geometry, tied=False).with_values({**tied.values, "Cf": c, "Cr": c})
+    free = [n for p in tied.free for n in (("Cf", "Cr") if p.name == "C" else (p.name,))]
+    return make(geometry, tied=False).with_free(free).with_values({**tied.values, "Cf": c, "Cr": c})
+
+
+def _axles_differ(tied: FitResult, apart: FitResult) -> bool:
+    """True where one stiffness for each axle fits much better and can be identified."""
+    better = apart.average <= min(MUCH_BETTER * tied.average, tied.average - LEAST_BETTER)
+    return better and judge_model(apart).level != "not identifiable"
 
 
 def lumped_result(start: ModelStructure, work: Work) -> ModelResult:

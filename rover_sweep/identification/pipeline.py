@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 from threadpoolctl import threadpool_limits
 
 from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
 from rover_sweep.identification.bootstrap.model_intervals import with_intervals
 from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
-from rover_sweep.identification.handling import Handling, handling, has_handling
+from rover_sweep.identification.handling import Handling, gain_error, handling, has_handling
 from rover_sweep.identification.imu_place import wrong_place
 from rover_sweep.identification.model_results import (
+    TIED,
     UNTIED,
     ModelResult,
     NotPossible,
@@ -25,11 +27,12 @@ from rover_sweep.identification.model_results import (
     tyres_not_identifiable,
 )
 from rover_sweep.identification.models.kinematic import kinematic
+from rover_sweep.identification.models.steering_lag import refitted_with_lag
 from rover_sweep.identification.own_structure import own_result
 from rover_sweep.identification.recommendation import recommendation
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.verdicts import ModelVerdict, at_most_acceptable
-from rover_sweep.quality.coherence import CoherenceVerdict, assess, input_responses
+from rover_sweep.quality.coherence import CoherenceTable, CoherenceVerdict, assess, input_responses
 from rover_sweep.quality.doubts import doubts
 from rover_sweep.quality.faults import fault_sentences
 from rover_sweep.quality.length import each_with_length, too_short, with_length
@@ -40,7 +43,7 @@ WITH_IMU = ("roll-yaw", "bicycle", "lumped")  # models that depend on the IMU's 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identification(Shown):
+class Identification(PlainNumbers, Shown):
     """The result of an identification. recommended: name of the model to use; summary: reasons, as sentences.
 
     coherence: a verdict for each run. refused: {model that could not be identified: reason}. `models` always
@@ -56,25 +59,38 @@ class Identification(Shown):
     recommended: str | None
     summary: tuple[str, ...]
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "coherence", CoherenceTable(self.coherence))
+
     @property
     def speed(self) -> float:
         """Speed of the first group, m/s."""
         return self.groups[0].speed
 
-    @property
+    @cached_property
     def handling(self) -> dict[str, Handling]:
         """{model: handling quantities} of the identified models with tyres.
 
-        Also of the fit with one stiffness for each axle, as "<model>, Cf and Cr free".
+        Also of the fits with one stiffness for each axle, "<model>, Cf and Cr free", and, where that is the
+        model itself, "<model>, one C for both axles". Fits with both axles free are refitted with a lag of
+        the steering: with a delay alone, the gain that a servo loses lowers Cf and the yaw frequency.
         """
         fits = {
             f"{name}{label}": fit
             for name, m in self.models.items()
             if m.verdict.level != "not identifiable" and has_handling(m.fit.structure)
-            for label, fit in (("", m.fit), (f", {UNTIED}", m.variants.get(UNTIED)))
+            for label, fit in (("", m.fit), *((f", {v}", m.variants.get(v)) for v in (UNTIED, TIED)))
             if fit is not None
         }
-        return {name: handling(fit) for name, fit in fits.items()}
+        error = gain_error(_runs(self.groups))
+        conditions = [g.condition(self.settings.fitted) for g in self.groups]
+        lagged = {
+            id(fit): refitted_with_lag(fit, conditions)
+            for fit in fits.values()
+            if "Cf" in fit.structure.values
+        }
+        return {name: handling(lagged.get(id(fit), fit), error=error) for name, fit in fits.items()}
 
     def table(self) -> ShortTable:
         """A row for each model; usable bands, refused models, the recommendation."""
@@ -108,11 +124,13 @@ def identify(
     verify_on: Sequence[Recording] = (),
     settings: Settings | None = None,
     structures: Sequence[ModelStructure] = (),
+    fitted: Callable[[Mapping[str, ModelResult]], None] | None = None,
 ) -> Identification:
     """Identifies models from runs that have `delta`, and verifies them on the runs of verify_on.
 
-    structures: a user's own models, fitted in addition. A model that the runs do not support is refused with
-    the reason, without an exception. ValueError when two models have one name.
+    structures: a user's own models, fitted in addition. fitted: called with the models as soon as they are
+    fitted; the intervals take longer. A model that the runs do not support is refused with the reason,
+    without an exception. ValueError when two models have one name.
     """
     wanted = settings or Settings()
     _refuse_same_names([s.name for s in structures])
@@ -130,7 +148,9 @@ def identify(
     groups = tuple(g for i, g in enumerate(groups) if i not in reasons)
     work = Work(groups, geometry, tuple(verify_on), wanted)
     models, refused = _fitted(work, structures)
-    models = with_intervals(models, groups, wanted)
+    if fitted is not None:
+        fitted(models)
+    models = with_intervals(models, groups, wanted, geometry.friction)
     if doubtful := doubts(runs):
         models = {n: replace(m, verdict=at_most_acceptable(m.verdict, doubtful)) for n, m in models.items()}
     no_tyres = tyres_not_identifiable(models)

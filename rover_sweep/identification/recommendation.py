@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rover_sweep.identification.model_results import ModelResult
+from rover_sweep.identification.model_results import MUCH_BETTER, TIED, ModelResult
 
 ORDER = ("roll-yaw", "bicycle", "lumped", "kinematic")  # physical ones first: they are valid at other speeds
 NONE_FITS = "no model fits these runs: see the verdict on each model"
-MUCH_BETTER = 0.7  # of J_ave: below it, the other fit is mentioned
 WHEELBASE_RATIO = 2.0  # of effective and measured wheelbase, either way; more indicates a wrong unit or scale
 
 
@@ -29,19 +28,18 @@ def recommendation(
         return None, (first, *doubt)
     best = usable[0]
     reasons = models[best].verdict.sentences[: 1 if best == "lumped" else 2]
-    others = (*_untied_sentence(models[best]), *_lumped_sentence(best, models))
+    others = (*_axles_sentence(models[best]), *_lumped_sentence(best, models))
     return best, (f"use the {best} model: {'; '.join(reasons)}", *others, *doubt)
 
 
-def _untied_sentence(best: ModelResult) -> tuple[str, ...]:
-    """A sentence when separate stiffnesses of the axles lower the cost much."""
-    free = best.variants.get("Cf and Cr free")
-    if free is None or free.average > MUCH_BETTER * best.fit.average:
+def _axles_sentence(best: ModelResult) -> tuple[str, ...]:
+    """A sentence where separate stiffnesses of the axles replaced the one C of the paper."""
+    tied = best.variants.get(TIED)
+    if tied is None:
         return ()
-    axles = " and ".join(f"{n} {free[n].value:.3g}" for n in ("Cf", "Cr"))
     return (
-        f"freeing the two axles (--untied) lowers J_ave from {best.fit.average:.1f} to {free.average:.1f}: "
-        f"{axles} N/rad",
+        f"each axle has its own stiffness: one C for both, as in the paper, has J_ave {tied.average:.1f} "
+        f"instead of {best.fit.average:.1f}",
     )
 
 

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import expm
 
+from rover_sweep.data.later import drawing
+from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Array, LowPass, Recording
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.identification.structure.state_space import ModelStructure
@@ -43,7 +47,7 @@ class Overlay:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Verification(Shown):
+class Verification(PlainNumbers, Shown):
     """The prediction of one run at `speed` [m/s]: j_rms over deg/s and ft/s^2, tic from 0 (perfect) to 1.
 
     state_biases [state unit per s] and output_biases [SI units]: solved by least squares.
@@ -64,6 +68,10 @@ class Verification(Shown):
     def tic(self) -> float:
         """Theil inequality coefficient over all channels, equation (16)."""
         return theil(self.overlays)
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draws measured and predicted channels; returns matplotlib axes (channels,), or those given."""
+        return drawing("of_model:draw_verification")(self, "model", axes)
 
     def table(self) -> ShortTable:
         """J_rms and TIC of each channel and of all."""
@@ -137,12 +145,13 @@ def _states(a: Array, b: Array, u: Array, rate: float) -> Array:
 
 
 def _filtered(y: Array, rate: float, low_pass: LowPass | None) -> Array:
+    """y (n,) through the discrete filter (Tustin's rule); padded by zeros until its response has ended."""
     if low_pass is None:
         return y
-    from scipy.signal import bilinear, lfilter  # loads half of scipy
-
-    w0 = 2 * np.pi * low_pass.cutoff_hz
-    return lfilter(*bilinear([1.0], [1 / w0**2, np.sqrt(2) / w0, 1.0], rate), y)
+    size = next_fast_len(y.size + int(6.0 * rate / low_pass.cutoff_hz), real=True)
+    w = np.linspace(0.0, np.pi, size // 2 + 1) * (2 * (size // 2) / size)  # rad per sample
+    warped = 2.0 * rate * np.tan(np.minimum(0.5 * w, 0.5 * np.pi - 1e-9))
+    return irfft(rfft(y, size) * low_pass.response(warped), size)[: y.size]
 
 
 def verify(

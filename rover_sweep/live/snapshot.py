@@ -57,10 +57,27 @@ class CoherenceBand:
 
 
 @dataclass(frozen=True)
+class ResponseCurve:
+    """The response of one quantity to the steering, to draw it.
+
+    Equally long: w [rad/s], gain [dB of the quantity's SI unit over the steering's], phase [deg], coherence.
+    steering: "rad" of the road wheels (left is positive), as in the reports; "us" of the servo output (in
+    ArduPilot a larger one turns right) where the vehicle file has no rad_per_us.
+    """
+
+    response: str
+    w: tuple[float, ...]
+    gain: tuple[float, ...]
+    phase: tuple[float, ...]
+    coherence: tuple[float, ...]
+    steering: str = "us"
+
+
+@dataclass(frozen=True)
 class Verdict:
     """The verdict on a run. sentence: what to do and why, in plain words; amplitude: proposed for the
     next one [us], None where this one's will do. per_band: amplitudes proposed band by band,
-    (low, high [rad/s], us). source: the recording that was judged."""
+    (low, high [rad/s], us). source: the recording that was judged. curves: what was measured, to draw it."""
 
     run: str
     advice: Advice
@@ -70,3 +87,4 @@ class Verdict:
     per_band: tuple[tuple[float, float, float], ...] = ()
     source: Path | None = None
     remarks: tuple[str, ...] = ()
+    curves: tuple[ResponseCurve, ...] = ()

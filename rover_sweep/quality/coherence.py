@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from rover_sweep.data.later import data_frame
+from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Array, Recording
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
 from rover_sweep.quality.faults import advice_on
@@ -36,7 +39,7 @@ LATERAL_LIMIT = 6.0  # m/s^2: above it a rover on asphalt slides or rolls over
 
 
 @dataclass(frozen=True)
-class OutputCoherence:
+class OutputCoherence(PlainNumbers):
     """Coherence of one output: usable band [rad/s], covered: share of the range (in log w) at >= .6.
 
     lowest: smallest coherence, at lowest_at [rad/s].
@@ -50,7 +53,7 @@ class OutputCoherence:
 
 
 @dataclass(frozen=True, repr=False)
-class CoherenceVerdict(Shown):
+class CoherenceVerdict(PlainNumbers, Shown):
     """Keep a run, or repeat it. range: excited (low, high) [rad/s]; amplitude in amplitude_unit.
 
     amplitude_factor: of the amplitude for a coherence of .8, None when kept. sentence: verdict and reason.
@@ -73,6 +76,46 @@ class CoherenceVerdict(Shown):
         )
         headings = ("output", "usable band, rad/s", "range at >= 0.6", "lowest coherence")
         return ShortTable(f"coherence of {self.run}", headings, rows, (self.sentence,))
+
+
+class CoherenceTable(Shown, tuple[CoherenceVerdict, ...]):
+    """The verdict on each run, in their order; it prints as one table."""
+
+    __slots__ = ()
+    __repr__ = Shown.__repr__
+
+    def table(self) -> ShortTable:
+        """A row for each run with its usable bands; below, a sentence on each run to repeat."""
+        outputs = tuple(dict.fromkeys(o.output for v in self for o in v.outputs))
+        rows = []
+        for v in self:
+            bands = {o.output: band_words(o.band) for o in v.outputs}
+            amplitude = f"{v.amplitude:.3g} {v.amplitude_unit}"
+            rows.append(
+                (v.run, "keep" if v.keep else "repeat", amplitude, *(bands.get(o, "-") for o in outputs))
+            )
+        again = tuple(f"{v.run}: {v.sentence}" for v in self if not v.keep)
+        title = "coherence at least 0.6, usable bands in rad/s"
+        return ShortTable(title, ("run", "verdict", "amplitude", *outputs), tuple(rows), again)
+
+    def to_frame(self) -> Any:
+        """A row for each output of each run as a pandas.DataFrame; UsageError without pandas.
+
+        Columns: run, keep, output, low and high [rad/s] of the usable band (nan for none), covered (share of
+        the swept range), lowest (coherence), lowest_at [rad/s].
+        """
+        rows = [(v, o, o.band or (np.nan, np.nan)) for v in self for o in v.outputs]
+        columns = {
+            "run": [v.run for v, _, _ in rows],
+            "keep": [v.keep for v, _, _ in rows],
+            "output": [o.output for _, o, _ in rows],
+            "low": [band[0] for _, _, band in rows],
+            "high": [band[1] for _, _, band in rows],
+            "covered": [o.covered for _, o, _ in rows],
+            "lowest": [o.lowest for _, o, _ in rows],
+            "lowest_at": [o.lowest_at for _, o, _ in rows],
+        }
+        return data_frame(columns)
 
 
 def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | None = None) -> Band:

@@ -183,7 +183,7 @@ def _proposal(
     most = tightest.within(first, last) if tightest else np.inf
     if neediest.wanted <= ENOUGH * driven:
         spare = (
-            f"; {_with_unit(neediest.wanted, unit)} would be enough"
+            f"; {_with_unit(neediest.wanted, unit)} would also be enough"
             if neediest.wanted < driven / ENOUGH**2
             else ""
         )

@@ -118,6 +118,10 @@ def harmonics(run: Recording, multisine: Multisine, channels: Sequence[str] = CH
     channel's own time stamps (a PWM by the integral of its steps), up to the end of the band or .7 of the
     channel's Nyquist frequency. The levels of pwm are in the steering output itself; only what exceeds them
     comes from the vehicle. DataRefused when the recording does not hold the whole multisine.
+
+    >>> rs.harmonics(runs["run1"], rs.Multisine(amplitude=240))  # run1 is a sweep
+    Traceback (most recent call last):
+    rover_sweep.errors.DataRefused: run1: the steering is not this multisine...
     """
     start = law_start(run, multisine)
     end = start + multisine.t_rec

@@ -18,9 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from rover_sweep.data.later import data_frame, drawing
+from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
 from rover_sweep.spectra.windowed import Complex, WindowSpectra, window_spectra
@@ -30,7 +33,7 @@ Band = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrequencyResponse(Shown):
+class FrequencyResponse(PlainNumbers, Shown):
     """Response of an output to an input: h (n_w,), complex, in `unit` (output per input) at w (n_w,) [rad/s].
 
     coherence (n_w,): 0..1; random_error (n_w,): normalised sd of |h|. gxx, gyy (n_w,): composite autospectra,
@@ -69,6 +72,39 @@ class FrequencyResponse(Shown):
         x, grid = np.log(w), np.log(self.w)
         db, phase = np.interp(x, grid, self.magnitude_db), np.interp(x, grid, np.unwrap(np.angle(self.h)))
         return 10 ** (db / 20) * np.exp(1j * phase), np.interp(x, grid, self.coherence)
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draws magnitude, phase and coherence and returns their matplotlib axes (3,).
+
+        Grey: two standard deviations. Orange lines: the usable band. axes: three to draw on; default a new
+        figure. UsageError for another number of axes.
+
+        >>> magnitude, phase, coherence = result.responses["r"].plot()
+        >>> magnitude.get_ylabel(), coherence.get_xlabel()
+        ('magnitude, dB', 'frequency, rad/s')
+        """
+        return drawing("of_response:draw_one_response")(self, axes)
+
+    def to_frame(self) -> Any:
+        """A pandas.DataFrame with the frequency w [rad/s] as index; UsageError without pandas.
+
+        Columns: h (complex, in `unit`), magnitude_db, phase_deg, coherence, random_error, and usable (bool,
+        within the band).
+
+        >>> frame = result.responses["r"].to_frame()
+        >>> frame.index.name, list(frame.columns)
+        ('w', ['h', 'magnitude_db', 'phase_deg', 'coherence', 'random_error', 'usable'])
+        """
+        low, high = self.band or (np.inf, -np.inf)
+        columns = {
+            "h": self.h,
+            "magnitude_db": self.magnitude_db,
+            "phase_deg": self.phase_deg,
+            "coherence": self.coherence,
+            "random_error": self.random_error,
+            "usable": (self.w >= low) & (self.w <= high),
+        }
+        return data_frame(columns, self.w, "w")
 
     def table(self) -> ShortTable:
         """About nine frequencies, the usable band, the windows."""

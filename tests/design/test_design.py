@@ -26,7 +26,7 @@ from rover_sweep.design.demand import (
     wave_spectrum,
 )
 from rover_sweep.errors import UsageError
-from rover_sweep.manoeuvre.sweep import Doublet, Sweep
+from rover_sweep.manoeuvre.sweep import Doublet, Sweep, ThrottleSweep
 
 ROVER = load(Path(__file__).parents[1] / "data" / "rover.toml")
 GOOD: dict[str, Any] = {"runs": 3, "loop_rate": 100.0, "gyro_filter": 20.0, "accel_filter": 20.0}
@@ -100,6 +100,12 @@ def test_space_follows_from_the_track() -> None:
     assert space.farthest >= np.hypot(path.x, path.y).max()
     # a positive PWM turns right: the first half period at w_min swings the heading by 2 r/w_min to the right
     assert path.psi.min() < -0.8 * 2 * (2.5 / space.radius) / 0.3 and path.psi[-1] < 0
+
+
+def test_a_throttle_sweep_is_driven_straight() -> None:
+    needed = make_design(ThrottleSweep(), ROVER, 2.0).space
+    assert needed is not None
+    assert (needed.length, needed.width) == (2.0 * ThrottleSweep().duration, 4.0)
 
 
 def test_a_left_turning_linkage_mirrors_the_track() -> None:

@@ -9,7 +9,8 @@ from test_published_model import PAPER, PUBLISHED, TABLE_2, TABLE_3, at_coherenc
 
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.identification.fit import accuracy, evaluated
-from rover_sweep.identification.handling import handling, peak_lateral_acceleration, warnings
+from rover_sweep.identification.handling import handling
+from rover_sweep.identification.handling_limits import peak_lateral_acceleration, warnings
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.kinematic import kinematic
 from rover_sweep.identification.models.roll_yaw import roll_yaw
@@ -32,7 +33,8 @@ def test_the_published_rover_oversteers(structure, critical):
     assert found.get("characteristic_speed") is None
     assert np.max(structure.poles(0.999 * found.get("critical_speed")).real) < 0
     assert np.max(structure.poles(1.001 * found.get("critical_speed")).real) > 0
-    assert "oversteers" in found.sentence and "b - a" in found.sentence
+    assert "not identified" in found.sentence and "b - a" in found.sentence
+    assert not found.identified and not {"critical_speed", "understeer_gradient"} & set(found.told)
 
 
 def test_understeer_gradient_by_hand():

@@ -11,6 +11,7 @@ from rover_sweep.identification.pipeline import identify
 from rover_sweep.identification.verify import verify
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.coherence import assess, excited_range
+from rover_sweep.report.identification.terminal import first_numbers
 
 SWEEP = Sweep(amplitude=120)
 TRUTH = roll_yaw(GEOMETRY).with_values(TRUE)
@@ -27,6 +28,19 @@ def test_parameters_come_back(clean):
     for name, value in TRUE.items():
         assert fit[name].value == pytest.approx(value, rel=0.04), name
     assert fit.average < 1.0
+
+
+def test_the_numbers_are_told_before_their_intervals(clean):
+    told = []
+    result = identify(
+        [clean], GEOMETRY, settings=Settings(models=("roll-yaw",), bootstrap=100), fitted=told.append
+    )
+    first, last = told[0]["roll-yaw"].fit["C"], result.models["roll-yaw"].fit["C"]
+    assert first.value == last.value
+    assert first.interval is None and last.interval is not None
+    words = first_numbers(told[0])
+    assert words.startswith(f"first numbers, roll-yaw model: C {first.value:.3g} N/rad, ")
+    assert words.endswith("; intervals follow")
 
 
 def test_all_starts_reach_the_same_answer(clean):

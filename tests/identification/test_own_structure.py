@@ -78,8 +78,9 @@ def test_a_structure_is_fitted_beside_the_models(run):
 
 def test_conditioning_takes_the_throttle_out(pulled):
     models = ("bicycle",)
-    plain = identify([pulled], GEOMETRY, settings=Settings(models=models))
-    cleaned = identify([pulled], GEOMETRY, settings=Settings(models=models, condition_on=("throttle",)))
+    plain = identify([pulled], GEOMETRY, settings=Settings(models=models, as_paper=True))
+    settings = Settings(models=models, condition_on=("throttle",), as_paper=True)
+    cleaned = identify([pulled], GEOMETRY, settings=settings)
     response = cleaned.groups[0].responses["r"]
     assert response.conditioned_on == ("throttle",)
     assert "partial coherence (effect of throttle removed)" in cleaned.coherence[0].sentence

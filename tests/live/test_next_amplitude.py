@@ -73,9 +73,9 @@ def test_enough_is_enough_and_the_spare_is_told() -> None:
     proposal = propose_amplitude({"r": made(np.full(W.size, 4.2))}, 60.0)
     assert proposal.amplitude is None and proposal.sentence == "60 us is enough"
     much = propose_amplitude({"r": made(np.full(W.size, 64.0))}, 200.0)
-    assert much.amplitude is None and much.sentence == "200 us is enough; 50 us would be enough"
+    assert much.amplitude is None and much.sentence == "200 us is enough; 50 us would also be enough"
     assert (
-        "80 us would be enough"
+        "80 us would also be enough"
         in propose_amplitude({"r": made(np.full(W.size, 64.0))}, 200.0, least=80.0).sentence
     )
 

@@ -76,8 +76,8 @@ def test_a_stand_is_played_and_says_that_there_is_no_run(
 
 def test_coherence_proposes_amplitudes_by_octave(capsys: pytest.CaptureFixture[str], data: Path) -> None:
     _, out, _ = lines(capsys, "coherence", str(data / SWEEP))
-    assert "next amplitude: 150 us is enough; 85 us would be enough" in out
-    table = out[out.index("next amplitude: 150 us is enough; 85 us would be enough") + 1 :]
+    assert "next amplitude: 150 us is enough; 85 us would also be enough" in out
+    table = out[out.index("next amplitude: 150 us is enough; 85 us would also be enough") + 1 :]
     assert table[0].split()[:3] == ["rad/s", "needed", "by"] and len(table) == 8
     _, out, _ = lines(capsys, "coherence", "--json", str(data / SWEEP))
     (verdict,) = json.loads("\n".join(out))

@@ -16,7 +16,7 @@ from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import DiagnosisSettings
-from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.grouping import Settings, grouped
 from rover_sweep.identification.imu_place import wrong_place_in
 from rover_sweep.identification.pipeline import Identification, identify
 
@@ -75,7 +75,7 @@ def test_without_a_yaw_inertia_in_the_file_mass_and_axles_tell(runs: rs.Runs) ->
     """5 cm on the wrong side: C 78 for 32, at a J_ave of 6 for 5."""
     assert runs.vehicle is not None
     geometry = replace(geometry_of(runs.vehicle), yaw_inertia=None, imu_x=-0.05)
-    words = wrong_place_in([moved(run, 0.05, 0.0) for run in runs], geometry, "roll-yaw")
+    words = wrong_place_in(grouped([moved(run, 0.05, 0.0) for run in runs], Settings()), geometry, "roll-yaw")
     assert words.startswith(f"{NAMED}: with forward") and "(mass and axles suggest 0.0761)" in words
 
 

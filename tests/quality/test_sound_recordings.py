@@ -13,7 +13,9 @@ from rover_sweep.quality.length import each_with_length
 
 DATA = Path(__file__).parents[1] / "data"
 CARS = ("dart_free_driving_2024", "umich_ardupilot_rover_circles_2017", "umich_nvidia_rover_joystick_2017")
-LOGS = sorted(p for kind in ("BIN", "tlog") for p in DATA.rglob(f"*.{kind}") if "gains" not in p.parts)
+LOGS = sorted(
+    p for kind in ("BIN", "tlog") for p in DATA.rglob(f"*.{kind}") if not {"gains", "throttle"} & {*p.parts}
+)
 
 
 def test_the_recordings_are_there() -> None:

@@ -45,6 +45,8 @@ _TELLING = (  # parameters from which a screen knows which output steers and whi
     *(p.name for p in PARAMETERS),
 )
 
+THROTTLE_KEPT = "keep: fetch the rover's log (6, L); from it 7 identifies the speed"
+
 
 class VehicleWork:
     """The requests, on one vehicle and into one session's folder. Nothing here waits without pumping."""
@@ -97,7 +99,10 @@ class VehicleWork:
             link.record_to(self.session.between())
         tlog = self.session.folder / self.session.content.runs[-1].tlog
         if ended is not None and ended.completed:
-            self._background.judge(tlog, ended.span, planned.name, self.session.vehicle_file)
+            if planned.manoeuvre.kind == "throttle":
+                self._background.tell(tlog, Verdict(planned.name, "keep", THROTTLE_KEPT, source=tlog))
+            else:
+                self._background.judge(tlog, ended.span, planned.name, self.session.vehicle_file)
             return
         reason = "aborted" if ended is None else ended.reason
         sentence = f"it did not come to its end ({reason}): drive it again"

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from rover_sweep.live.snapshot import CoherenceBand
+from rover_sweep.live.snapshot import CoherenceBand, ResponseCurve
 from rover_sweep.quality.coherence import RISING_FROM, VYDOT_FROM
 from rover_sweep.spectra.amplitude import octaves
 from rover_sweep.spectra.response import COHERENCE_GOOD, RISING, FrequencyResponse
+from rover_sweep.spectra.unwrapped import unwrapped_phase
 
 GOOD, WEAK = 0.8, 0.3
+POINTS = 80  # of a curve: more than a terminal has columns for
 
 
 def coherence_bands(found: Mapping[str, FrequencyResponse]) -> tuple[CoherenceBand, ...]:
@@ -39,6 +42,28 @@ def _words(f: FrequencyResponse, low: float, high: float, coherence: float) -> s
     if f.output in RISING and middle < RISING_FROM * f.w[0]:
         return "weak: too slow for an answer"
     return "weak" if coherence >= WEAK else "lost in noise"
+
+
+def response_curves(
+    found: Mapping[str, FrequencyResponse], rad_per_us: float | None = None
+) -> tuple[ResponseCurve, ...]:
+    """At most `POINTS` points of each response, per rad of the road wheels where rad_per_us is known."""
+    return tuple(_curve(f if rad_per_us is None else per_rad(f, rad_per_us)) for f in found.values())
+
+
+def per_rad(f: FrequencyResponse, rad_per_us: float) -> FrequencyResponse:
+    """The response to the road-wheel angle; in ArduPilot a larger PWM turns right."""
+    return f if f.input == "delta" else replace(f, h=f.h / -rad_per_us, input="delta")
+
+
+def _curve(f: FrequencyResponse) -> ResponseCurve:
+    places = np.unique(np.linspace(0, f.w.size - 1, POINTS).round().astype(int))
+    gain = 20.0 * np.log10(np.maximum(np.abs(f.h), 1e-12))
+    phase = unwrapped_phase(f.h, f)
+    w, db, deg, coherence = (
+        tuple(float(f"{value:.4g}") for value in x[places]) for x in (f.w, gain, phase, f.coherence)
+    )
+    return ResponseCurve(f.output, w, db, deg, coherence, "rad" if f.input == "delta" else "us")
 
 
 def spoken(found: tuple[CoherenceBand, ...]) -> dict[str, str]:

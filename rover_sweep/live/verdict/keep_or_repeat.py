@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.live.snapshot import Advice
+from rover_sweep.live.verdict.bands import per_rad
 from rover_sweep.quality.coherence import CoherenceVerdict, judged_responses, sign_is_wrong
 from rover_sweep.quality.faults import advice_on
 from rover_sweep.spectra.amplitude import AmplitudeProposal
@@ -67,7 +67,7 @@ def _of_mounting(run: Recording, found: Responses, vehicle: Vehicle | None) -> I
             "AHRS_ORIENTATION says, or the rover drove backwards",
         )
     scale = vehicle.rad_per_us.value if vehicle and vehicle.rad_per_us else None
-    if scale is not None and sign_is_wrong(_per_rad(r, scale)):
+    if scale is not None and sign_is_wrong(per_rad(r, scale)):
         yield (
             "discard",
             "discard: the rover yaws to the opposite side of the steering: rad_per_us of the vehicle file "
@@ -79,11 +79,6 @@ def _low_end(r: FrequencyResponse, ay: FrequencyResponse) -> float:
     """Cross product of both answers in the lower half of the range: V |r|^2, positive, for any rover."""
     low = r.w <= np.sqrt(r.w[0] * r.w[-1])
     return float(np.sum((r.h.conj() * ay.h * r.coherence * ay.coherence)[low]).real)
-
-
-def _per_rad(r: FrequencyResponse, rad_per_us: float) -> FrequencyResponse:
-    """The response to the road-wheel angle; in ArduPilot a larger PWM turns right."""
-    return r if r.input == "delta" else replace(r, h=r.h / -rad_per_us)
 
 
 def side_remark(found: Responses) -> Iterator[str]:

@@ -13,7 +13,7 @@ from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.design.advice import WEAK_AMPLITUDE
 from rover_sweep.errors import DataRefused, RoverSweepError
 from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.verdict.bands import coherence_bands, spoken
+from rover_sweep.live.verdict.bands import coherence_bands, response_curves, spoken
 from rover_sweep.live.verdict.keep_or_repeat import advice, side_remark
 from rover_sweep.live.verdict.limits import limits_of, limits_of_wheels
 from rover_sweep.logs.log import Log
@@ -88,6 +88,7 @@ def verdict_on_log(run: Recording, log: Log, vehicle: Vehicle | None = None) -> 
             *(side_remark(found) if vehicle is None else ()),
             *remarks,
         ),
+        curves=response_curves(found, vehicle.rad_per_us.value if vehicle and vehicle.rad_per_us else None),
     )
 
 

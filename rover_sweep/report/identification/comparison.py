@@ -24,15 +24,20 @@ from rover_sweep.report.wording.number_format import (
     unit,
 )
 from rover_sweep.report.wording.provenance import Provenance
+from rover_sweep.report.wording.shown_units import FOOT, SI, ShownUnits
 
 Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
 SINGLE_J = 150.0  # a single response up to 150-200 is tolerable (Tischler & Remple 2012)
 J_RMS_GUIDE, TIC_GUIDE = 2.0, 0.35
 IGNORED = "filters ignored"
 INTERVALS = (
-    "Intervals: bootstrap with noise like the residuals, through the whole method, corrected for its bias "
-    "(so an interval may exclude the value). They do not include errors of the model structure."
+    "Intervals: bootstrap with noise like the residuals, through the whole method, corrected for its bias. "
+    "Those of the bicycle and roll-yaw model also include a refit with a lag of the steering, 3 % for "
+    "steering scale, lengths and speed (τ: 2.5 ms), and the stiffness that tyres lose at this amplitude. "
+    "Fixed values of the vehicle file count as exact."
 )
+
+CIFER = "Trust the interval; CR and I are for comparison with CIFER."
 
 
 @dataclass(frozen=True)
@@ -54,11 +59,14 @@ class Table:
     text_columns: int = 1
 
 
-def parameter_table(result: Identification, name: str, fixed_rows: bool = True) -> Table:
+def parameter_table(
+    result: Identification, name: str, fixed_rows: bool = True, accuracies: bool = True
+) -> Table:
     """Description, value, unit, interval, CR and insensitivity of one model, as Tables 2, 3 and 4.
 
     Without intervals, their column shows which parameters are free.
-    fixed_rows: a row for each fixed parameter; otherwise the note lists them.
+    fixed_rows: a row for each fixed parameter; otherwise the note lists them. accuracies: CR and I too, for
+    those who compare with CIFER; always shown where there is no interval.
     """
     model, reason = result.models[name], rejection(result, name)
     free = [e for e in model.fit.estimates if e.free]
@@ -70,7 +78,10 @@ def parameter_table(result: Identification, name: str, fixed_rows: bool = True) 
     headings = ("", "description", "value", "unit", "90 % interval" if known else "", "CR %", "I %")
     if known and fixed_rows:
         note = f"{note} {INTERVALS}".strip()
-    return Table(f"{TITLES.get(name, name)} model", headings, tuple(rows), note, 2)
+    shown = len(headings) if accuracies or not known else len(headings) - 2
+    note = f"{note} {CIFER}".strip() if known and accuracies else note
+    cut = tuple(row[:shown] for row in rows)
+    return Table(f"{TITLES.get(name, name)} model", headings[:shown], cut, note, 2)
 
 
 def _fixed_words(fixed: list[Estimate]) -> str:
@@ -151,14 +162,14 @@ def _cost_tone(average: float) -> Tone:
     return "good" if average <= J_GOOD else "strong" if average <= J_ACCEPTABLE else "warn"
 
 
-def verification_tables(result: Identification) -> tuple[Table, ...]:
+def verification_tables(result: Identification, units: ShownUnits = SI) -> tuple[Table, ...]:
     """J_rms and TIC of each model on each run of the verification, as Table 6."""
     models = ordered(result)
     count = max((len(m.verification) for m in models.values()), default=0)
-    return tuple(_verification_table(models, k) for k in range(count))
+    return tuple(_verification_table(models, k, units) for k in range(count))
 
 
-def _verification_table(models: Mapping[str, ModelResult], k: int) -> Table:
+def _verification_table(models: Mapping[str, ModelResult], k: int, units: ShownUnits) -> Table:
     verdicts = {n: m.verification[k] for n, m in models.items() if k < len(m.verification)}
     first = next(iter(verdicts.values()))
     rows: list[tuple[Cell, ...]] = [
@@ -167,14 +178,15 @@ def _verification_table(models: Mapping[str, ModelResult], k: int) -> Table:
     ]
     for channel in ("r", "ay", "p"):
         found = [next((o for o in v.overlays if o.channel == channel), None) for v in verdicts.values()]
-        if units := [o.unit for o in found if o]:
+        if any(found):
+            shown = units.acceleration if channel == "ay" else "deg/s"
             rows.append(
-                (Cell(f"J_rms of {SHORT_NAMES[channel]}, {unit(units[0])}"), *(_channel_j(o) for o in found))
+                (Cell(f"J_rms of {SHORT_NAMES[channel]}, {shown}"), *(_channel_j(o, units) for o in found))
             )
             rows.append((Cell(f"TIC of {SHORT_NAMES[channel]}"), *(_channel_tic(o) for o in found)))
     note = (
-        "Equations (15) and (16) over those of r, a_y and p that the model has, in deg/s, ft/s² and deg/s. "
-        "Guidelines: J_rms ≤ 1 to 2, TIC ≤ 0.25 to 0.35."
+        "Equations (15) and (16) over those of r, a_y and p that the model has; together in deg/s and "
+        "ft/s², as in the paper. Guidelines: J_rms ≤ 1 to 2, TIC ≤ 0.25 to 0.35."
     )
     headings = ("", *(TITLES.get(n, n) for n in verdicts))
     return Table(f"Verification on {first.run} at {first.speed:.2f} m/s", headings, tuple(rows), note)
@@ -184,8 +196,11 @@ def _guided(value: float, guide: float) -> Cell:
     return Cell(number(value, 3), _guideline_tone(value, guide))
 
 
-def _channel_j(overlay: Overlay | None) -> Cell:
-    return Cell(number(overlay.j_rms, 3)) if overlay else Cell("n/a", "muted")
+def _channel_j(overlay: Overlay | None, units: ShownUnits) -> Cell:
+    """J_rms of a channel; the overlay is in the units of the paper."""
+    if overlay is None:
+        return Cell("n/a", "muted")
+    return Cell(number(overlay.j_rms * (FOOT * units.per_si if overlay.unit.startswith("ft") else 1.0), 3))
 
 
 def _channel_tic(overlay: Overlay | None) -> Cell:

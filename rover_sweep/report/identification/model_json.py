@@ -10,6 +10,7 @@ import numpy as np
 from rover_sweep.data.intervals import Intervals
 from rover_sweep.identification.acceptance import rejection
 from rover_sweep.identification.fit import Estimate, FitResult
+from rover_sweep.identification.model_results import TIED
 from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.identification.structure.state_space import OUTPUTS
 from rover_sweep.identification.verify import Verification
@@ -26,7 +27,7 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
         "verdict": {"level": model.verdict.level, "sentences": model.verdict.sentences},
         "reference": model.fit.structure.reference,
         "speed_m_s": model.fit.speed,
-        "parameters": parameters_document(model.fit, reason),
+        "parameters": parameters_document(model.fit, reason) | _tied_stiffness(model, reason),
         "bootstrap": _bootstrap(model.fit),
         "cost": _cost(model.costs, model.fit.costs),
         "verification": _first(model),
@@ -51,6 +52,15 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
             for s in model.reduction
         ],
     }
+
+
+def _tied_stiffness(model: ModelResult, reason: str | None) -> dict[str, Any]:
+    """C of the fit with one C for both axles, where the fit has Cf and Cr: not a parameter of this fit.
+
+    Its "variant" names that fit, which is in `variants`. Kept for programs that read C.
+    """
+    tied = model.variants.get(TIED)
+    return {"C": {**parameters_document(tied, reason)["C"], "variant": TIED}} if tied else {}
 
 
 def parameters_document(fit: FitResult, reason: str | None = None) -> dict[str, Any]:

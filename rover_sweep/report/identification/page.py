@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.identification.acceptance import TITLES, judged_runs, ordered, rejection
 from rover_sweep.identification.pipeline import Identification
+from rover_sweep.report.charts.shown_chart import ShownChart, by_section
 from rover_sweep.report.identification.comparison import (
     Table,
     coherence_table,
@@ -33,32 +33,37 @@ from rover_sweep.report.identification.remarks import (
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.number_format import SHORT_NAMES, number
 from rover_sweep.report.wording.provenance import Provenance
-
-if TYPE_CHECKING:
-    from rover_sweep.report.identification.pictures import Picture
-
-Drawn = Sequence[tuple["Picture", bytes]]
+from rover_sweep.report.wording.shown_units import SI, ShownUnits
 
 
-def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str:
-    """The whole page. pictures: each with its PNG, embedded in the order given."""
+def page(
+    result: Identification,
+    provenance: Provenance,
+    pictures: Sequence[ShownChart],
+    speed: bool = False,
+    units: ShownUnits = SI,
+) -> str:
+    """The whole page, the charts of each section in the order given. speed: link to speed.html."""
     return (
         environment("report/identification")
         .get_template("page.html.j2")
         .render(
+            speed=speed,
+            units=units,
             name=provenance.vehicle.name if provenance.vehicle else "",
             result=result,
             provenance=provenance,
             axes=AXES,
             finding=finding(result),
             to_do=to_do(result, provenance),
+            main_table=_main_table(result),
             models=[_model(result, name) for name in ordered(result)],
             speeds=" and ".join(f"{group.speed:.2f}" for group in result.groups),
             runs_table=coherence_table(result),
             cost=cost_table(result) if result.models else None,
-            verification=verification_tables(result),
+            verification=verification_tables(result, units),
             inertia=inertia_table(result, provenance),
-            handling=handling_table(result),
+            handling=handling_table(result, units),
             filters=filters_table(result),
             filters_known=filters_known(result),
             filters_remark=filters_remark(result),
@@ -67,6 +72,16 @@ def page(result: Identification, provenance: Provenance, pictures: Drawn) -> str
             pictures=by_section(pictures),
         )
     )
+
+
+def _main_table(result: Identification) -> Table | None:
+    """The free parameters of the recommended model with their intervals, below the answer."""
+    name = result.recommended
+    if not name or rejection(result, name):
+        return None
+    table = parameter_table(result, name, fixed_rows=False)
+    rows = tuple(row[:5] for row in table.rows)
+    return Table(f"{TITLES.get(name, name)} model, recommended", table.headings[:5], rows, text_columns=2)
 
 
 def _model(result: Identification, name: str) -> dict[str, Any]:
@@ -85,15 +100,6 @@ def _model(result: Identification, name: str) -> dict[str, Any]:
         "recommended": name == result.recommended,
         "tables": [table for table in tables if table],
     }
-
-
-def by_section(pictures: Drawn) -> dict[str, list[dict[str, str]]]:
-    """{section: [{source, caption}]}, the pictures as data URLs, for `figures` of page_parts.html.j2."""
-    sections: dict[str, list[dict[str, str]]] = {}
-    for picture, data in pictures:
-        source = "data:image/png;base64," + base64.b64encode(data).decode("ascii")
-        sections.setdefault(picture.section, []).append({"source": source, "caption": picture.caption})
-    return sections
 
 
 def _recordings(result: Identification, provenance: Provenance) -> list[dict[str, Any]]:

@@ -1,61 +1,44 @@
-"""The report's pictures, their captions, and the functions that draw them."""
+"""The report's charts, their captions, and the functions that make them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
-
-from matplotlib.figure import Figure
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.identification.acceptance import identified_runs, usable
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.pipeline import Identification, ModelResult
-from rover_sweep.report.pictures.frequency_response import measured_responses, modelled_responses
-from rover_sweep.report.pictures.history import history
-from rover_sweep.report.pictures.style import png, styled
-from rover_sweep.report.pictures.verification import verification
+from rover_sweep.report.charts.chart import ChartPlan
+from rover_sweep.report.charts.response_charts import error_chart, response_chart
+from rover_sweep.report.charts.run_chart import run_chart
+from rover_sweep.report.charts.verification_chart import verification_chart
 from rover_sweep.report.wording.provenance import Provenance
+from rover_sweep.report.wording.shown_units import SI, ShownUnits
 
 HISTORY = (
-    "White: the manoeuvre, used for the spectra. Blue marks at the bottom: standstill and straight driving, "
-    "used to estimate biases."
+    "White: the manoeuvre, used for the spectra. Light blue: standstill and straight driving, used to "
+    "estimate biases."
 )
 MODELS = (
     "with the sensors' known filters. The fit uses the range between the orange lines, of the responses "
     "named as fitted."
 )
+ERRORS = (
+    "Error of the models: |model / measured - 1| over frequency, in the usable band. Within the grey area "
+    "(two standard deviations of the random error) the data cannot tell it from zero."
+)
 RESPONSES = "Orange lines: the usable band (coherence at least 0.6, brief drops allowed)."
 
 
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """A picture of a report. name: of its file, without .png; section: of its page; make: its figure."""
-
-    name: str
-    section: str
-    caption: str
-    make: Callable[[], Figure]
-
-    def figure(self) -> Figure:
-        """The figure, in the report's style."""
-        with styled():
-            return self.make()
-
-    def png(self) -> bytes:
-        """The figure as PNG bytes."""
-        with styled():
-            return png(self.make())
-
-
-def planned(result: Identification, provenance: Provenance) -> tuple[Picture, ...]:
-    """All pictures of a result, not drawn yet; every name is different."""
+def planned(result: Identification, provenance: Provenance, units: ShownUnits = SI) -> tuple[ChartPlan, ...]:
+    """All charts of a result, not made yet; every name is different."""
     pictures = [
-        *_verifications(result, provenance),
-        *_responses(result),
-        *_histories((*identified_runs(result), *provenance.verify_runs)),
+        *_responses(result, units),
+        *_verifications(result, provenance, units),
+        *_histories((*identified_runs(result), *provenance.verify_runs), units),
     ]
     return tuple(_distinct(pictures))
 
@@ -67,13 +50,13 @@ def shown_models(result: Identification) -> dict[str, ModelResult]:
     return found if result.recommended == "kinematic" or not larger else larger
 
 
-def _histories(runs: tuple[Recording, ...]) -> Iterator[Picture]:
+def _histories(runs: tuple[Recording, ...], units: ShownUnits) -> Iterator[ChartPlan]:
     for run in runs:
         caption = f"Time history of {run.name}. {HISTORY}"
-        yield Picture(f"history-{_slug(run.name)}", "recordings", caption, partial(history, run))
+        yield ChartPlan(f"history-{_slug(run.name)}", "recordings", caption, partial(run_chart, run, units))
 
 
-def _responses(result: Identification) -> Iterator[Picture]:
+def _responses(result: Identification, units: ShownUnits) -> Iterator[ChartPlan]:
     models = shown_models(result)
     for group in (g for g in result.groups if g.responses):
         at = f" at {group.speed:.2f} m/s"
@@ -82,9 +65,17 @@ def _responses(result: Identification) -> Iterator[Picture]:
             caption = f"Measured responses{at} and the models' {MODELS}"
             if "lumped" in models and group is not result.groups[0]:
                 caption += f" The lumped model is valid only at {result.speed:.2f} m/s."
-            yield Picture(f"models{suffix}", "models", caption, partial(modelled_responses, group, models))
-        caption = f"Measured frequency responses{at}, composite of windows of {_windows(group)}. {RESPONSES}"
-        yield Picture(f"responses{suffix}", "responses", caption, partial(measured_responses, group))
+            yield ChartPlan(
+                f"models{suffix}", "models", caption, partial(response_chart, group, models, units)
+            )
+            if any(f.band for f in group.responses.values()):
+                caption = f"{ERRORS[:20]}{at}{ERRORS[20:]}"
+                yield ChartPlan(f"errors{suffix}", "errors", caption, partial(error_chart, group, models))
+        else:
+            caption = f"Measured frequency responses{at}, windows of {_windows(group)}. {RESPONSES}"
+            yield ChartPlan(
+                f"responses{suffix}", "models", caption, partial(response_chart, group, {}, units)
+            )
 
 
 def _windows(group: Group) -> str:
@@ -92,7 +83,7 @@ def _windows(group: Group) -> str:
     return ", ".join(f"{t:.1f}" for t in lengths) + " s"
 
 
-def _verifications(result: Identification, provenance: Provenance) -> Iterator[Picture]:
+def _verifications(result: Identification, provenance: Provenance, units: ShownUnits) -> Iterator[ChartPlan]:
     models = shown_models(result)
     count = max((len(m.verification) for m in models.values()), default=0)
     for k in range(count):
@@ -102,15 +93,15 @@ def _verifications(result: Identification, provenance: Provenance) -> Iterator[P
         caption = (
             f"Verification on {name}, which is not in the fit: its measured steering is the models' input."
         )
-        draw = partial(verification, run, verdicts)
-        yield Picture(f"verification-{_slug(name)}", "verification", caption, draw)
+        draw = partial(verification_chart, run, verdicts, units)
+        yield ChartPlan(f"verification-{_slug(name)}", "verification", caption, draw)
 
 
 def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", text).strip("-").lower() or "run"
 
 
-def _distinct(pictures: list[Picture]) -> Iterator[Picture]:
+def _distinct(pictures: list[ChartPlan]) -> Iterator[ChartPlan]:
     seen: dict[str, int] = {}
     for picture in pictures:
         seen[picture.name] = seen.get(picture.name, 0) + 1

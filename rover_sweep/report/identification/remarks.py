@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from rover_sweep.data.recording import grouped_warnings
 from rover_sweep.identification.acceptance import identified_runs, known_filters, usable
-from rover_sweep.identification.fit import FitResult
+from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.verdicts import J_ACCEPTABLE, J_GOOD
 from rover_sweep.report.identification.comparison import IGNORED, TIC_GUIDE
@@ -63,17 +64,22 @@ def _moved(changes: dict[str, float]) -> str:
 
 
 def finding(result: Identification) -> str | None:
-    """The recommended model in one line: parameters with bounds, and its verification; None without one."""
+    """The recommended model in one line: parameters with intervals, verification; None without one."""
     model = result.models.get(result.recommended or "")
     if model is None:
         return None
     free = [e for e in model.fit.estimates if e.free]
-    words = [
-        f"{symbol(e.name)} {number(e.value, 3)} {unit(e.unit)} (CR {percent(e.cr_percent)} %)" for e in free
-    ]
+    words = [f"{symbol(e.name)} {number(e.value, 3)} {unit(e.unit)} ({_uncertainty(e)})" for e in free]
     text = f"At {model.fit.speed:.2f} m/s: " + ", ".join(words)
     unseen = prediction_sentence(result)
     return f"{text}; {unseen}" if unseen else f"{text}."
+
+
+def _uncertainty(e: Estimate) -> str:
+    """The 90 % interval; the Cramer-Rao bound where none was computed."""
+    if e.interval is None:
+        return f"CR {percent(e.cr_percent)} %"
+    return f"90 %: {number(e.interval.low, 3)} to {number(e.interval.high, 3)}"
 
 
 def prediction_sentence(result: Identification) -> str | None:
@@ -119,11 +125,10 @@ def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
     repeat = [f"{v.run}: {v.sentence}" for v in result.coherence if not v.keep]
     refused = [text if name in text else f"{name}: {text}" for name, text in result.refused.items()]
     runs = (*identified_runs(result), *provenance.verify_runs)
-    warnings = [f"{run.name}: {n.text}" for run in runs for n in run.notes if n.level == "warning"]
     missing = (
         ()
         if provenance.verify_runs
         else ("there is no run for verification: drive a doublet and give it with --verify",)
     )
     limits = [note.text for note in handling_notes(result, provenance.verify_runs)]
-    return tuple(dict.fromkeys([*repeat, *refused, *limits, *warnings, *missing]))
+    return tuple(dict.fromkeys([*repeat, *refused, *limits, *grouped_warnings(runs), *missing]))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table as RichTable
 from rich.text import Text
 
 from rover_sweep.identification.acceptance import TITLES, ordered
+from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.report.identification.comparison import (
     Table,
@@ -22,7 +23,7 @@ from rover_sweep.report.identification.comparison import (
     reduction_table,
     verification_tables,
 )
-from rover_sweep.report.identification.handling_table import handling_table
+from rover_sweep.report.identification.handling_table import handling_sentence, handling_table
 from rover_sweep.report.identification.remarks import (
     diagnosis_remark,
     filters_known,
@@ -32,6 +33,7 @@ from rover_sweep.report.identification.remarks import (
     to_do,
 )
 from rover_sweep.report.wording.provenance import Provenance
+from rover_sweep.report.wording.shown_units import SI, ShownUnits
 
 STYLES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "muted": "dim", "strong": "bold"}
 
@@ -56,19 +58,34 @@ class Sentence:
         yield Text("\n".join(lines).replace("\N{NO-BREAK SPACE}", " "), self.style)
 
 
-def comparison(result: Identification, provenance: Provenance) -> Group:
+def comparison(result: Identification, provenance: Provenance, units: ShownUnits = SI) -> Group:
     """Runs, parameters, costs, verification, inertia, handling and filters, for `Console.print`."""
-    return Group(*_spaced(_parts(result, provenance)))
+    return Group(*_spaced(_parts(result, provenance, units)))
+
+
+def first_numbers(models: Mapping[str, ModelResult]) -> str:
+    """The parameters of one model in one line, before the intervals are known; "" without a model."""
+    name = next((n for n in ("roll-yaw", "bicycle", *models) if n in models), "")
+    if not name:
+        return ""
+    free = [e for e in models[name].fit.estimates if e.free]
+    numbers = ", ".join(f"{e.name} {e.value:.3g} {e.unit}".strip() for e in free)
+    return f"first numbers, {name} model: {numbers}; intervals follow"
 
 
 def short_answer(result: Identification, provenance: Provenance) -> Group:
     """Which model, its numbers with intervals, how it predicts, and what to do first."""
     lines: list[RenderableType] = [rich_table(coherence_table(result)), Text("")]
     if result.recommended and result.recommended in result.models:
-        lines += [rich_table(parameter_table(result, result.recommended, fixed_rows=False)), Text("")]
+        lines += [
+            rich_table(parameter_table(result, result.recommended, fixed_rows=False, accuracies=False)),
+            Text(""),
+        ]
     lines += [Sentence(sentence, "bold") for sentence in result.summary]
     if words := prediction_sentence(result):
         lines.append(Sentence(f"O{words[1:]}"))
+    if words := handling_sentence(result):
+        lines.append(Sentence(f"{words[0].upper()}{words[1:]}."))
     lines += [Sentence(f"- {sentence}") for sentence in to_do(result, provenance)]
     if words := diagnosis_remark(result):
         lines.append(Sentence(words))
@@ -100,7 +117,7 @@ def rich_table(table: Table) -> RenderableType:
     )  # a separate title, as rich would wrap it to the table
 
 
-def _parts(result: Identification, provenance: Provenance) -> Iterator[RenderableType]:
+def _parts(result: Identification, provenance: Provenance, units: ShownUnits) -> Iterator[RenderableType]:
     yield rich_table(coherence_table(result))
     for name, model in ordered(result).items():
         yield rich_table(parameter_table(result, name, fixed_rows=False))
@@ -111,11 +128,11 @@ def _parts(result: Identification, provenance: Provenance) -> Iterator[Renderabl
         )
     if result.models:
         yield rich_table(cost_table(result))
-    for table in verification_tables(result):
+    for table in verification_tables(result, units):
         yield rich_table(table)
     if inertia := inertia_table(result, provenance):
         yield rich_table(inertia)
-    if handling := handling_table(result):
+    if handling := handling_table(result, units):
         yield rich_table(handling)
     yield from _filters(result)
 
