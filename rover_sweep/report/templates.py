@@ -6,8 +6,10 @@ from functools import cache
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from rover_sweep.files.printable import printable_lines
+from rover_sweep.report.charts.embedded import page_script, page_styles, view_script
 from rover_sweep.report.wording.number_format import number
 
 
@@ -24,6 +26,9 @@ def environment(*folders: str) -> Environment:
         finalize=_printable,
     )
     templates.filters["number"] = number
+    templates.globals["page_script"] = lambda: Markup(page_script())
+    templates.globals["view_script"] = lambda: Markup(view_script())
+    templates.globals["page_styles"] = lambda: Markup(page_styles())
     return templates
 
 

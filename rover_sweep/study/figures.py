@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import partial
 
 from rover_sweep.identification.pipeline import ModelResult
-from rover_sweep.report.identification.pictures import Picture
 from rover_sweep.report.pictures.frequency_response import measured_responses, modelled_responses
 from rover_sweep.report.pictures.history import history
+from rover_sweep.report.pictures.picture import Picture
 from rover_sweep.report.pictures.verification import verification
 from rover_sweep.study.conditions import CHECKS
 from rover_sweep.study.published import MODELS

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_sweep.files.replaced import write_file
-from rover_sweep.report.identification.page import by_section
-from rover_sweep.report.identification.pictures import Picture
+from rover_sweep.report.charts.shown_chart import ShownChart, by_section, png_source
 from rover_sweep.report.pictures.drawing_processes import pngs
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.provenance import versions
@@ -47,11 +46,12 @@ def write_study(
         progress(k / len(plan), f"drawing {picture.name}")
         drawn.append((picture, next(made)))
     paths = tuple(write_file(directory / "figures" / f"{p.name}.png", data) for p, data in drawn)
-    page = write_file(directory / "study.html", _page(study, found, drawn))
+    shown = [ShownChart(p.section, p.caption, source=png_source(data)) for p, data in drawn]
+    page = write_file(directory / "study.html", _page(study, found, shown))
     return StudyFiles(document, page, paths)
 
 
-def _page(study: Study, found: tuple[StudyFinding, ...], drawn: list[tuple[Picture, bytes]]) -> str:
+def _page(study: Study, found: tuple[StudyFinding, ...], pictures: list[ShownChart]) -> str:
     return (
         environment("study")
         .get_template("study.html.j2")
@@ -66,6 +66,6 @@ def _page(study: Study, found: tuple[StudyFinding, ...], drawn: list[tuple[Pictu
             costs=cost_comparison(study),
             parameters=[parameter_comparison(study, m) for m in ("bicycle", "roll-yaw", "lumped")],
             verifications=list(verifications(study)),
-            pictures=by_section(drawn),
+            pictures=by_section(pictures),
         )
     )

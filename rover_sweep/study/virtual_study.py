@@ -128,7 +128,9 @@ def _silent(share: float, what: str) -> None:
 
 
 def _identified(runs: StudyRuns, known: Geometry, filtered: bool, fitted: Sequence[str]) -> Identification:
-    settings = Settings(fitted=tuple(fitted), band=(SWEEP["w_min"], SWEEP["w_max"]), bands=swept_bands())
+    settings = Settings(
+        fitted=tuple(fitted), band=(SWEEP["w_min"], SWEEP["w_max"]), bands=swept_bands(), as_paper=True
+    )
     sweeps, checks = runs.sweeps, tuple(runs.checks.values())
     if not filtered:
         sweeps, checks = (tuple(_filtered(run, {}) for run in part) for part in (sweeps, checks))

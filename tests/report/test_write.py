@@ -24,12 +24,12 @@ def test_folder_holds_document_page_pictures_and_models(reports: dict[str, Path]
     assert names(reports["nominal"]) == {
         "identification.json",
         "report.html",
-        "pictures/verification-run4.png",
-        "pictures/models.png",
-        "pictures/responses.png",
-        "pictures/history-run1.png",
-        "pictures/history-run2.png",
-        "pictures/history-run4.png",
+        "pictures/verification-run4.svg",
+        "pictures/models.svg",
+        "pictures/errors.svg",
+        "pictures/history-run1.svg",
+        "pictures/history-run2.svg",
+        "pictures/history-run4.svg",
         "models/kinematic.json",
         "models/bicycle.json",
         "models/roll-yaw.json",
@@ -47,7 +47,7 @@ def test_a_rejected_model_is_not_exported(reports: dict[str, Path]) -> None:
 def test_writing_again_removes_what_is_no_longer_true_tells_its_progress_and_keeps_other_files(
     stock: Any, tmp_path: Path
 ) -> None:
-    for stale in ("models/bicycle.json", "pictures/old.png"):
+    for stale in ("models/bicycle.json", "pictures/old.svg"):
         (tmp_path / stale).parent.mkdir()
         (tmp_path / stale).write_text("old")
     (tmp_path / "notes.txt").write_text("mine")
@@ -56,7 +56,7 @@ def test_writing_again_removes_what_is_no_longer_true_tells_its_progress_and_kee
         stock.result, tmp_path, stock.provenance, lambda share, what: told.append((share, what))
     )
     found = names(tmp_path)
-    assert "models/bicycle.json" not in found and "pictures/old.png" not in found and "notes.txt" in found
+    assert "models/bicycle.json" not in found and "pictures/old.svg" not in found and "notes.txt" in found
     shares = [share for share, _ in told]
     assert shares == sorted(shares) and shares[0] == 0 and shares[-1] == 1
     assert {
@@ -93,7 +93,7 @@ def test_runs_that_carry_no_model_still_make_a_report_that_says_so(nominal: Any,
     told = json.loads(files.document.read_text(encoding="utf-8"))
     assert (told["models"], told["recommended"], files.models) == ({}, None, ())
     assert why[1:] in files.page.read_text(encoding="utf-8")
-    assert "pictures/responses.png" in names(tmp_path) and "pictures/models.png" not in names(tmp_path)
+    assert "pictures/responses.svg" in names(tmp_path) and "pictures/models.svg" not in names(tmp_path)
 
 
 @pytest.mark.usefixtures("undrawn")

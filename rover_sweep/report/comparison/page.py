@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from rover_sweep.comparison.answer import Comparison
 from rover_sweep.comparison.corrected import Twin
+from rover_sweep.report.charts.shown_chart import ShownChart, by_section
 from rover_sweep.report.comparison.difference_tables import (
     agreement_table,
     correction_table,
@@ -16,7 +17,6 @@ from rover_sweep.report.comparison.difference_tables import (
     rounds_table,
 )
 from rover_sweep.report.identification.comparison import Table
-from rover_sweep.report.identification.page import Drawn, by_section
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording.effect_names import sentence
 from rover_sweep.report.wording.provenance import Provenance
@@ -33,8 +33,8 @@ class Part:
     texts: tuple[str, ...] = ()
 
 
-def comparison_page(found: Comparison, provenance: Provenance, pictures: Drawn) -> str:
-    """The page of a comparison. pictures: each with its PNG."""
+def comparison_page(found: Comparison, provenance: Provenance, pictures: Sequence[ShownChart]) -> str:
+    """The page of a comparison."""
     parts = [p for p in _of_comparison(found) if p.tables or p.pictures or p.texts]
     tone = "good" if found.verdict == "agree" else "warn"
     lines = [d.sentence for d in found.differences]
@@ -43,7 +43,7 @@ def comparison_page(found: Comparison, provenance: Provenance, pictures: Drawn) 
     )
 
 
-def twin_page(found: Twin, provenance: Provenance, pictures: Drawn) -> str:
+def twin_page(found: Twin, provenance: Provenance, pictures: Sequence[ShownChart]) -> str:
     """The page of a corrected simulation, before and after."""
     first, last = found.rounds[0].comparison, found.rounds[-1].comparison
     parts = [
@@ -94,7 +94,7 @@ def _page(
     lines: Sequence[str],
     parts: Sequence[Part],
     provenance: Provenance,
-    pictures: Drawn,
+    pictures: Sequence[ShownChart],
 ) -> str:
     return (
         environment("report/comparison")

@@ -18,11 +18,11 @@ AGAIN = "the corrected simulation, driven again"
 def write_comparison(found: Comparison, directory: Path, provenance: Provenance) -> Path:
     """Write comparison.html and comparison.json; the path of the page. UsageError if it is not writable."""
     from rover_sweep.report.comparison.page import comparison_page
-    from rover_sweep.report.comparison.pictures import drawn_pictures
-    from rover_sweep.report.pictures.drawing_processes import pngs
+    from rover_sweep.report.comparison.pictures import planned_pictures
+    from rover_sweep.report.pictures.drawn_pictures import drawn_pictures
 
-    plan = drawn_pictures(found.overlays, found.bode, PREDICTED)
-    pictures = list(zip(plan, pngs(plan), strict=True))
+    plan = planned_pictures(found.overlays, found.bode, PREDICTED)
+    pictures = drawn_pictures(plan)
     page = comparison_page(found, provenance, pictures)
     document = strict_json(comparison_document(found, provenance))
     html = write_file(directory / "comparison.html", page)
@@ -33,11 +33,11 @@ def write_comparison(found: Comparison, directory: Path, provenance: Provenance)
 def write_twin(found: Twin, directory: Path, provenance: Provenance) -> Path:
     """Write twin.html, variant.toml and twin.json; the path of the page."""
     from rover_sweep.report.comparison.page import twin_page
-    from rover_sweep.report.comparison.pictures import drawn_pictures
-    from rover_sweep.report.pictures.drawing_processes import pngs
+    from rover_sweep.report.comparison.pictures import planned_pictures
+    from rover_sweep.report.pictures.drawn_pictures import drawn_pictures
 
-    plan = drawn_pictures(found.overlays, found.bode, AGAIN)
-    pictures = list(zip(plan, pngs(plan), strict=True))
+    plan = planned_pictures(found.overlays, found.bode, AGAIN)
+    pictures = drawn_pictures(plan)
     page = twin_page(found, provenance, pictures)
     document = strict_json(twin_document(found, provenance))
     write_file(directory / "variant.toml", found.variant)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,6 +26,9 @@ from rover_sweep.report.pictures.style import (
 )
 from rover_sweep.report.wording.number_format import band
 from rover_sweep.spectra.response import COHERENCE_GOOD, FrequencyResponse
+from rover_sweep.spectra.unwrapped import inside_band as _inside
+from rover_sweep.spectra.unwrapped import nearest_turn as _nearest_turn
+from rover_sweep.spectra.unwrapped import unwrapped_phase as _phase
 from rover_sweep.spectra.windowed import Complex
 
 Models = Mapping[str, ModelResult]
@@ -55,7 +59,7 @@ def _figure(group: Group, models: Models) -> Figure:
         inner = outer[k // 2, k % 2].subgridspec(3, 1, height_ratios=(3, 2.4, 1.3), hspace=0.09)
         first = figure.add_subplot(inner[0])
         rest = [figure.add_subplot(inner[i]) for i in (1, 2)]
-        _block([first, *rest], f, group, models, span)
+        draw_response([first, *rest], f, span, group, models)
     handles, names = figure.axes[0].get_legend_handles_labels()
     figure.legend(
         handles,
@@ -67,12 +71,19 @@ def _figure(group: Group, models: Models) -> Figure:
     return figure
 
 
-def _block(
-    panels: list[Axes], f: FrequencyResponse, group: Group, models: Models, span: tuple[float, float]
+def draw_response(
+    panels: Sequence[Axes],
+    f: FrequencyResponse,
+    span: tuple[float, float],
+    group: Group | None = None,
+    models: Models = MappingProxyType({}),
 ) -> None:
+    """Magnitude, phase and coherence on three panels over span [rad/s]; models only with the group of f."""
     magnitude, phase, coherence = panels
     lines = {
-        name: _model_line(m, f, group) for name, m in models.items() if f.output in m.fit.structure.outputs
+        name: _model_line(m, f, group)
+        for name, m in models.items()
+        if group is not None and f.output in m.fit.structure.outputs
     }
     deg = _phase(f.h, f)
     _measured(magnitude, phase, f, deg)
@@ -130,11 +141,11 @@ def _outside(axes: Axes, f: FrequencyResponse) -> None:
             axes.axvline(edge, color=BAND, linewidth=1.2)
 
 
-def _title(f: FrequencyResponse, group: Group, models: Models) -> str:
+def _title(f: FrequencyResponse, group: Group | None, models: Models) -> str:
     """Title: the response and its unit, below it J of each model at this speed."""
     without = f" without {', '.join(f.conditioned_on)}" if f.conditioned_on else ""
     what = f"{LABELS[f.output]} / steering{without}, {f.unit.replace('^2', '²')}"
-    if not models:
+    if group is None or not models:
         return f"{what}\n{'usable ' + band(f.band) + ' rad/s' if f.band else 'no usable band'}"
     having = {name: m for name, m in models.items() if f.band and f.output in m.fit.structure.outputs}
     if not having:
@@ -150,30 +161,3 @@ def _title(f: FrequencyResponse, group: Group, models: Models) -> str:
 
 def _model_line(model: ModelResult, f: FrequencyResponse, group: Group) -> Complex:
     return model.fit.structure.response(f.w, group.speed, f.output, group.runs[0].filters)
-
-
-def _inside(f: FrequencyResponse) -> np.ndarray:
-    low, high = f.band or (f.w[0], f.w[-1])
-    return (f.w >= low * 0.999) & (f.w <= high * 1.001)
-
-
-def _phase(h: Complex, f: FrequencyResponse) -> Array:
-    """Phase [deg] unwrapped outwards from the middle of the band, so that noise outside does not affect it.
-
-    Without a band the phase is not unwrapped: it stays within +-180.
-    """
-    if f.band is None:
-        return np.degrees(np.angle(h))
-    inside = np.flatnonzero(_inside(f))
-    middle = int(inside[inside.size // 2])
-    angle = np.angle(h)
-    right = np.unwrap(angle[middle:])
-    left = np.unwrap(angle[: middle + 1][::-1])[::-1]
-    deg = np.degrees(np.concatenate((left[:-1], right)))
-    return deg - 360.0 * np.round((deg[inside[0]] - 1e-9) / 360.0)
-
-
-def _nearest_turn(deg: Array, reference: Array, f: FrequencyResponse) -> Array:
-    """The phase shifted by multiples of 360 deg to be closest to the reference in the band."""
-    inside = _inside(f)
-    return deg - 360.0 * np.round(float(np.median(deg[inside] - reference[inside])) / 360.0)

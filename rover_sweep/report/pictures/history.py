@@ -32,8 +32,8 @@ def history(run: Recording) -> Figure:
         bottom=0.52 / figure.get_figheight(),
         hspace=0.14,
     )
-    for axes, (channel, label, factor) in zip(grid, rows, strict=True):
-        _row(axes, run, channel, label, factor)
+    for axes, row in zip(grid, rows, strict=True):
+        draw_channel(axes, run, *row)
     _angle_axis(grid[0], run)
     start, end = run.span
     grid[-1].set_xlim(-MARGIN, end - start + MARGIN)
@@ -42,7 +42,8 @@ def history(run: Recording) -> Figure:
     return figure
 
 
-def _row(axes: Axes, run: Recording, channel: str, label: str, factor: float) -> None:
+def draw_channel(axes: Axes, run: Recording, channel: str, label: str, factor: float) -> None:
+    """One channel times a factor over time, with its surroundings shaded and the quiet intervals marked."""
     start, end = run.span
     shown = run[channel].between(start - MARGIN, end + MARGIN)
     axes.plot(

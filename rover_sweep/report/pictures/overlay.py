@@ -46,10 +46,10 @@ def overlay_figure(channels: Sequence[Overlay], changed: bool = True) -> Figure:
     for k, o in enumerate(channels):
         left = rows[k, 0].subgridspec(2, 1, height_ratios=(1.7, 1), hspace=0.1)
         panels = [figure.add_subplot(s) for s in (left[0], left[1], rows[k, 1], rows[k, 2])]
-        _history(panels[0], o, changed, None)
+        draw_overlay(panels[0], o, changed)
         _residual(panels[1], o, changed)
-        _history(panels[2], o, changed, close_up)
-        _spectrum(panels[3], o, changed)
+        draw_overlay(panels[2], o, changed, close_up)
+        draw_residual(panels[3], o, changed)
         panels[0].set_ylabel(LONG_CHANNELS.get(o.channel, o.channel), fontsize=9)
         panels[1].set_ylabel("residual", fontsize=9)
         for axes in panels[:2]:
@@ -69,7 +69,13 @@ def _factor(o: Overlay) -> float:
     return DEG if o.channel in ("r", "p") else 1.0
 
 
-def _history(axes: Axes, o: Overlay, changed: bool, part: tuple[float, float] | None) -> None:
+def draw_overlay(
+    axes: Axes, o: Overlay, changed: bool, part: tuple[float, float] | None = None, last: bool = False
+) -> None:
+    """Measured with twice the noise, before and (if changed) after; part: (start, end) [s] to show.
+
+    last: label the time, although the whole run is shown.
+    """
     t, inside = o.t - o.t[0], np.ones(o.t.size, dtype=bool)
     if part:
         inside = (t >= part[0]) & (t <= part[1])
@@ -81,7 +87,7 @@ def _history(axes: Axes, o: Overlay, changed: bool, part: tuple[float, float] | 
     if changed:
         axes.plot(t, o.after[inside] * f, label="after", **AFTER)
     axes.margins(x=0.0)
-    if part is None:
+    if part is None and not last:
         axes.tick_params(labelbottom=False)
 
 
@@ -124,7 +130,8 @@ def _busiest(power: Array, t: Array, length: float) -> int:
     return int(np.argmax(total[n:] - total[:-n])) if n < t.size else 0
 
 
-def _spectrum(axes: Axes, o: Overlay, changed: bool) -> None:
+def draw_residual(axes: Axes, o: Overlay, changed: bool) -> None:
+    """Spectrum of the residual over the noise floor, before and (if changed) after."""
     if o.w.size < 2:
         axes.text(0.5, 0.5, "no spectrum", ha="center", transform=axes.transAxes, color="#777777")
         return

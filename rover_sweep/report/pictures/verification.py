@@ -34,7 +34,7 @@ def verification(run: Recording | None, verdicts: Mapping[str, Verification]) ->
         )
         panels[0].set_ylabel("steering, deg")
     for axes, channel in zip(panels[int(steering) :], channels, strict=True):
-        _channel(axes, channel, verdicts, start)
+        draw_predicted(axes, channel, verdicts, start)
     for axes in panels:
         axes.yaxis.set_label_coords(-0.055, 0.5)
     panels[-1].set_xlabel("time since start of the manoeuvre, s")
@@ -44,7 +44,8 @@ def verification(run: Recording | None, verdicts: Mapping[str, Verification]) ->
     return figure
 
 
-def _channel(axes: Axes, channel: str, verdicts: Mapping[str, Verification], start: float) -> None:
+def draw_predicted(axes: Axes, channel: str, verdicts: Mapping[str, Verification], start: float) -> None:
+    """A channel measured and predicted by every model, over the time since `start` [s]."""
     drawn = False
     for name, verdict in verdicts.items():
         overlay = _overlay(verdict, channel)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
+from rover_sweep.report.charts.shown_chart import ShownChart, by_section
 from rover_sweep.report.identification.comparison import Table
-from rover_sweep.report.identification.page import Drawn, by_section
 from rover_sweep.report.season.season_tables import (
     day_table,
     diagnosis_table,
@@ -61,8 +61,8 @@ def fleet_page(season: Season) -> str:
     )
 
 
-def vehicle_page(vehicle: VehicleSeason, pictures: Drawn, diagnoses: Mapping[str, str]) -> str:
-    """The page of a vehicle. pictures: each with its PNG. diagnoses: {day: sentence}."""
+def vehicle_page(vehicle: VehicleSeason, pictures: Sequence[ShownChart], diagnoses: Mapping[str, str]) -> str:
+    """The page of a vehicle. diagnoses: {day: sentence}."""
     found = [d for d in vehicle.drifts if d.counts]
     sections: list[Section] = []
     if vehicle.drifts:
@@ -99,7 +99,7 @@ def _page(
     drifts: Sequence[Drift],
     sections: Sequence[Section],
     vehicles: Sequence[tuple[str, str, int, int, str]],
-    pictures: Drawn,
+    pictures: Sequence[ShownChart],
 ) -> str:
     return (
         environment("report/season")

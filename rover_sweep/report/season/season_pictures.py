@@ -11,7 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_sweep.report.identification.pictures import Picture
+from rover_sweep.report.charts.embedded import chart_json
+from rover_sweep.report.charts.season_chart import changed_first, season_chart
+from rover_sweep.report.charts.shown_chart import ShownChart, png_source
+from rover_sweep.report.pictures.picture import Picture
 from rover_sweep.report.pictures.style import BAND, DATA, WIDTH
 from rover_sweep.season.season_result import Drift, TrackedQuantity, VehicleSeason
 
@@ -22,17 +25,19 @@ CAPTION = (
 COLUMNS = 3
 
 
-def course_pictures(vehicle: VehicleSeason) -> tuple[Picture, ...]:
-    """One picture with all quantities, not drawn yet."""
+def shown_courses(vehicle: VehicleSeason) -> tuple[ShownChart, ...]:
+    """One picture with all quantities, as drawn by matplotlib and as data of the interactive chart."""
     if not vehicle.quantities:
         return ()
-    return (Picture("courses", "courses", CAPTION, partial(courses, vehicle.quantities, vehicle.drifts)),)
+    shown = vehicle.quantities, vehicle.drifts
+    picture = Picture("courses", "courses", CAPTION, partial(courses, *shown))
+    data = chart_json(season_chart(*shown))
+    return (ShownChart("courses", CAPTION, source=png_source(picture.png()), data=data),)
 
 
 def courses(quantities: Sequence[TrackedQuantity], drifts: Sequence[Drift]) -> Figure:
     """Small pictures of the quantities, the changed ones first."""
-    changed = {d.quantity: d for d in drifts if d.kind in ("gradual", "step")}
-    ordered = sorted(quantities, key=lambda q: q.name not in changed)
+    ordered, changed = changed_first(quantities, drifts)
     rows = -(-len(ordered) // COLUMNS)
     figure = Figure(figsize=(WIDTH, 0.6 + 1.75 * rows))
     grid = figure.subplots(rows, COLUMNS, squeeze=False).ravel()

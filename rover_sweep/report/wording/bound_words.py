@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
+from rover_sweep.report.wording.effect_names import title
 from rover_sweep.report.wording.number_format import number, unit
 
 EVEN = 0.03  # relative difference of both ends of a range up to which they count as equal
@@ -38,4 +39,4 @@ def _effect(u: Unseen) -> str:
         named = f"{name} " if len(u.up_to) > 1 else ""
         of = unit(bound.unit).replace("-", "") if bound.unit == "-" else unit(bound.unit)
         parts.append(f"{named}{range_words(bound)} {of}".rstrip())
-    return f"{u.effect} {', '.join(parts)}"
+    return f"{title(u.effect)} ({', '.join(parts)})"

@@ -1,0 +1,168 @@
+"""A chart as SVG text, written directly: for print, for slides, and for a page without JavaScript."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from rover_sweep.data.recording import Array
+from rover_sweep.files.printable import printable
+from rover_sweep.report.charts.chart import Chart, Curve, Panel, Spread, Stack
+from rover_sweep.report.charts.thinned import kept_points
+from rover_sweep.report.charts.ticks import ticks
+
+WIDTH = 1000  # px of the whole picture
+LEFT, RIGHT, TITLE, KEY, FOOT, GAP = 58, 8, 22, 18, 38, 9  # px around the panels of a stack
+SOFT, GRID = "#555555", "#dddddd"
+
+
+def svg(chart: Chart) -> str:
+    """The whole chart. The same chart gives the same text."""
+    width = (WIDTH - 20 * (chart.columns - 1)) / chart.columns
+    out, top = [], 0.0
+    for k in range(0, len(chart.stacks), chart.columns):
+        row = chart.stacks[k : k + chart.columns]
+        for i, stack in enumerate(row):
+            drawn = "".join(_stack(stack, width, f"c{k + i}"))
+            out.append(f'<g transform="translate({i * (width + 20):.0f} {top:.0f})">{drawn}</g>')
+        top += max(_height(s) for s in row) + 8
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {top:.0f}" '
+        f'font-family="system-ui, Arial, sans-serif" font-size="12" fill="none">'
+        f'<rect width="{WIDTH}" height="{top:.0f}" fill="#fff"/>{"".join(out)}</svg>'
+    )
+
+
+def _height(stack: Stack) -> float:
+    return TITLE + KEY + FOOT + sum(p.height + GAP for p in stack.panels)
+
+
+def _stack(stack: Stack, width: float, name: str) -> Iterator[str]:
+    yield _text(LEFT, 14, stack.title, ' font-weight="600" fill="#111"')
+    yield from _key(stack, width)
+    top = TITLE + KEY
+    for k, panel in enumerate(stack.panels):
+        last = k == len(stack.panels) - 1
+        yield from _panel(stack, panel, (LEFT, top, width - LEFT - RIGHT), last)
+        top += panel.height + GAP
+    middle = LEFT + (width - LEFT - RIGHT) / 2
+    yield _text(middle, top + 26, stack.x_label, f' text-anchor="middle" fill="{SOFT}"')
+
+
+def _key(stack: Stack, width: float) -> Iterator[str]:
+    """The legend: each label once, as far as there is room."""
+    found: dict[str, Curve | Spread] = {}
+    for panel in stack.panels:
+        items: list[Curve | Spread] = [*panel.lines, *panel.spreads]
+        for item in items:
+            found.setdefault(item.label, item)
+    x = float(LEFT)
+    for label, item in found.items() if len(found) > 1 else ():
+        long = 26 + 6.3 * len(label)
+        if x + long > width:
+            return
+        mark = f'stroke="{item.colour}" stroke-width="{"9" if isinstance(item, Spread) else "2"}"'
+        dash = _dash(item) if isinstance(item, Curve) else ""
+        yield f'<path d="M{x:.0f} 27h18" {mark}{dash}/>'
+        yield _text(x + 22, 31, label, f' fill="{SOFT}" font-size="11"')
+        x += long + 8
+
+
+def _panel(stack: Stack, panel: Panel, box: tuple[float, float, float], last: bool) -> Iterator[str]:
+    left, top, width = box
+    low, high = shown_limits(panel)
+    bottom = top + panel.height
+
+    def across(x: Array) -> Array:
+        a, b = stack.span
+        if stack.kind == "log":
+            x, a, b = np.log(np.maximum(x, 1e-9)), np.log(a), np.log(b)
+        return left + (np.clip(x, a - (b - a), b + (b - a)) - a) / (b - a) * width
+
+    def down(y: Array) -> Array:
+        share = (np.clip(y, low - (high - low), high + (high - low)) - low) / (high - low)
+        return bottom - share * panel.height
+
+    frame = f"{left} {top} {width:.0f} {panel.height}"
+    yield f'<svg x="{left}" y="{top}" width="{width:.0f}" height="{panel.height}" viewBox="{frame}">'
+    for a, b, colour in stack.shades:
+        x0, x1 = np.clip(across(np.array([a, b])), left, left + width)
+        size = f'width="{max(x1 - x0, 0):.1f}" height="{panel.height}"'
+        yield f'<rect x="{x0:.1f}" y="{top}" {size} fill="{colour}"/>'
+
+    def flat(y: float, style: str) -> str:
+        return f'<path d="M{left} {down(np.array(y)):.1f}h{width:.0f}" {style}/>'
+
+    def upright(x: float, style: str) -> str:
+        return f'<path d="M{across(np.array(x)):.1f} {top}v{panel.height}" {style}/>'
+
+    grid = f'stroke="{GRID}" stroke-width=".7"'
+    across_ticks, up_ticks = ticks(*stack.span, stack.kind), ticks(low, high, most=5)
+    yield from (flat(value, grid) for value, _ in up_ticks)
+    yield from (upright(value, grid) for value, _ in across_ticks)
+    yield from (upright(mark, f'stroke="{colour}" stroke-width="1.2"') for mark, colour in stack.marks)
+    yield from (flat(level, 'stroke="#777" stroke-dasharray="4 3"') for level in panel.levels)
+    for s in panel.spreads:
+        yield from _area(across(panel.x), down(s.low), down(s.high), s.colour)
+    yield from (_line(across(panel.x), down(line.y), line, width) for line in panel.lines)
+    yield "</svg>"
+    yield f'<path d="M{left} {top}v{panel.height}h{width:.0f}" stroke="#888"/>'
+    small = f' fill="{SOFT}" font-size="11"'
+    for value, label in up_ticks:
+        yield _text(left - 4, float(down(np.array(value))) + 4, label, f' text-anchor="end"{small}')
+    for value, label in across_ticks if last else ():
+        yield _text(float(across(np.array(value))), bottom + 14, label, f' text-anchor="middle"{small}')
+    middle = top + panel.height / 2
+    yield _text(
+        11, middle, panel.label, f' transform="rotate(-90 11 {middle:.0f})" text-anchor="middle"{small}'
+    )
+
+
+def shown_limits(panel: Panel) -> tuple[float, float]:
+    """The limits of y: those given, else all data with a margin."""
+    if panel.limits:
+        return panel.limits
+    values = [item.y for item in panel.lines] + [y for s in panel.spreads for y in (s.low, s.high)]
+    known = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    spare = 0.08 * (high - low) or 0.5
+    return low - spare, high + spare
+
+
+def _area(x: Array, low: Array, high: Array, colour: str) -> Iterator[str]:
+    known = np.isfinite(low) & np.isfinite(high)
+    if not known.any():
+        return
+    x, low, high = x[known], low[known], high[known]
+    kept = kept_points([low, high], WIDTH)
+    points = _points(np.concatenate((x[kept], x[kept][::-1])), np.concatenate((low[kept], high[kept][::-1])))
+    yield f'<path d="M{points}z" fill="{colour}" fill-opacity=".75"/>'
+
+
+def _line(x: Array, y: Array, line: Curve, width: float) -> str:
+    kept = kept_points([y], int(1.5 * width))
+    x, y = x[kept], y[kept]
+    if line.dots:
+        known = np.isfinite(y)
+        dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[known], y[known], strict=True))
+        return f'<path d="{dots}" stroke="{line.colour}" stroke-width="4.5" stroke-linecap="round"/>'
+    if line.step and x.size:
+        x, y = np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
+    pieces = np.split(np.arange(x.size), np.flatnonzero(~np.isfinite(y)))
+    parts = [p[np.isfinite(y[p])] for p in pieces]
+    path = "".join(f"M{_points(x[p], y[p])}" for p in parts if p.size > 1)
+    return f'<path d="{path}" stroke="{line.colour}" stroke-width="{line.width}"{_dash(line)}/>'
+
+
+def _points(x: Array, y: Array) -> str:
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+
+
+def _dash(line: Curve) -> str:
+    return f' stroke-dasharray="{" ".join(f"{d:g}" for d in line.dash)}"' if line.dash else ""
+
+
+def _text(x: float, y: float, text: str, more: str) -> str:
+    return f"<text x={quoteattr(f'{x:.0f}')} y={quoteattr(f'{y:.0f}')}{more}>{escape(printable(text))}</text>"

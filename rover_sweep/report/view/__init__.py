@@ -1,0 +1,1 @@
+"""A page that plots any channel of a log against time or another channel."""
