@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal, get_args
 
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep, ThrottleSweep
 from rover_sweep.session.entry import FLAG, LIST, NAME, NUMBER, OBJECT, TEXT, WHOLE, Entry, checked, one_of
 
 FORMAT = "rover-sweep session 2"
@@ -20,6 +20,7 @@ _KINDS: Mapping[str, type[Manoeuvre]] = {
     "bias_sweep": BiasSweep,
     "doublet": Doublet,
     "multisine": Multisine,
+    "throttle": ThrottleSweep,
 }
 
 

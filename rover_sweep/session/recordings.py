@@ -10,6 +10,7 @@ from pathlib import Path
 from rover_sweep.data.recording import Note, Recording
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs import read_runs
+from rover_sweep.manoeuvre.sweep import ThrottleSweep
 from rover_sweep.session.content import Content, DrivenRun
 from rover_sweep.session.folder import DESCRIPTION, read_folder
 
@@ -17,19 +18,21 @@ _END = 2.0  # s: tolerance between the end of a run and its end in the log
 
 
 def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tuple[Recording, ...]:
-    """The completed runs, in the order driven, with their planned names.
+    """The completed runs on the steering, in the order driven, with their planned names.
 
     filters: as in `read_runs`. Notes on the first run name the runs left out. DataRefused if none is left.
     """
     content = read_folder(folder)
-    left_out = [f"{run.label} was left out: {run.reason}" for run in content.runs if run.state != "done"]
+    steered = [run for run in content.runs if not isinstance(run.manoeuvre, ThrottleSweep)]
+    left_out = [f"{run.label} was left out: {run.reason}" for run in steered if run.state != "done"]
+    swept = [run.label for run in content.runs if run not in steered and run.state == "done"]
 
     @cache
     def runs_of(file: str) -> tuple[Recording, ...]:
         return read_runs(str(folder / file), filters=filters)
 
     found: list[Recording] = []
-    for run in (run for run in content.runs if run.state == "done"):
+    for run in (run for run in steered if run.state == "done"):
         for file in _files(folder, content, run):
             try:
                 found.append(replace(_own(runs_of(file), run), name=run.label))
@@ -40,6 +43,11 @@ def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tu
             left_out.append(f"{run.label} was left out: {why}")
     if not found and not (folder / DESCRIPTION).is_file():  # logs in a folder, and no session of ours
         raise UsageError(f"{folder} is a folder; give the path of a .BIN, .tlog or .csv in it")
+    if not found and swept and not left_out:
+        raise DataRefused(
+            f"{folder.name} has throttle sweeps only ({', '.join(swept)}); they are identified from the "
+            "vehicle's log: fetch its .BIN"
+        )
     if not found:
         raise DataRefused(
             f"no run in {folder.name} was completed ({'; '.join(left_out) or 'none was driven'})"
@@ -73,8 +81,9 @@ def held(log: Path, runs: Sequence[DrivenRun]) -> tuple[str, ...]:
     there = [
         (int(rows.run[0]), float(rows.t[0]), float(rows.t[-1]))
         for part in read_logs(str(log))
-        if part.applet is not None
-        for rows in applet_runs(part.applet)
+        for applet in (part.applet, part.throttle_applet)
+        if applet is not None
+        for rows in applet_runs(applet)
     ]
     return tuple(run.label for run in runs if any(_same(run, *rows) for rows in there))
 

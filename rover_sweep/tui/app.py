@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import signal
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 from textual.actions import ActionParseResult
@@ -20,12 +22,14 @@ from textual.theme import Theme
 
 from rover_sweep.errors import UsageError
 from rover_sweep.live.source import Play, Played, Source
+from rover_sweep.tui.browser.server_watch import end_with_parent
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.model.setup import Memory, Setup, remember
 from rover_sweep.tui.model.state import AbortAsked, reduce
 from rover_sweep.tui.screens.connect import ConnectScreen
 from rover_sweep.tui.screens.edit import EditRow
 from rover_sweep.tui.screens.frame import VIEWS
+from rover_sweep.tui.screens.keys_help import KeysHelp
 from rover_sweep.tui.screens.log import LogScreen
 from rover_sweep.tui.screens.plan import PlanScreen
 from rover_sweep.tui.screens.preflight import PreflightScreen
@@ -34,6 +38,7 @@ from rover_sweep.tui.screens.run import RunScreen
 from rover_sweep.tui.screens.session_screen import SessionScreen
 from rover_sweep.tui.screens.verdict import VerdictScreen
 from rover_sweep.tui.session_app import SessionApp
+from rover_sweep.tui.session_commands import SessionCommands
 from rover_sweep.vehicle.events import Notice
 
 _SCREENS = (ConnectScreen, PreflightScreen, PlanScreen, RunScreen, VerdictScreen, LogScreen, ResultsScreen)
@@ -44,7 +49,8 @@ class SweepApp(SessionApp):
     """The views and the keys that work in all of them."""
 
     TITLE = "rover-sweep"
-    ENABLE_COMMAND_PALETTE = False
+    COMMANDS: ClassVar = {SessionCommands}
+    COMMAND_PALETTE_BINDING = "ctrl+p"
     CSS = """
     Screen { background: $background; color: $foreground; }
     Static { color: $foreground; }
@@ -60,6 +66,7 @@ class SweepApp(SessionApp):
         Binding("full_stop", "seek(1)", "10 s forward", key_display="."),
         Binding("minus", "pace(0.5)", "slower"),
         Binding("plus,equals_sign", "pace(2.0)", "faster", key_display="+"),
+        Binding("question_mark", "keys_help", "help", key_display="?"),
         Binding("c", "colours", "dark/light"),
         Binding("q", "leave", "quit"),
         Binding("ctrl+q,ctrl+c", "leave", show=False, priority=True),
@@ -79,8 +86,13 @@ class SweepApp(SessionApp):
         self.set_interval(1.0, self._redraw_waiting)
         for number in (signal.SIGTERM, signal.SIGHUP):
             with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):  # not the main thread
-                asyncio.get_running_loop().add_signal_handler(number, self.exit)
+                asyncio.get_running_loop().add_signal_handler(number, self._leave_now)
         self.source.start(self.feed.put)
+
+    def _leave_now(self) -> None:
+        """Told to end: abort first, as closing the views takes seconds."""
+        self.source.abort()
+        self.exit()
 
     async def on_unmount(self) -> None:
         await self.desk.close()
@@ -120,6 +132,8 @@ class SweepApp(SessionApp):
             return self.state.under_way
         if action in ("pause", "seek", "pace"):
             return self.state.played is not None
+        if action in ("command_palette", "keys_help"):  # over a question every key but Y is no
+            return isinstance(self.screen, SessionScreen)
         return True
 
     def action_abort(self) -> None:
@@ -134,6 +148,12 @@ class SweepApp(SessionApp):
     def action_turn(self, step: int) -> None:
         if isinstance(self.screen, SessionScreen):
             self.action_view(VIEWS[(VIEWS.index(self.screen.view) + step) % len(VIEWS)])
+
+    def action_keys_help(self) -> None:
+        """The keys of the view on top; not over a question, whose every other key is no."""
+        if isinstance(screen := self.screen, SessionScreen):
+            about = (type(screen).__doc__ or "").split("\n")[0]
+            self.push_screen(KeysHelp(self.palette, screen.view, about, list(screen.keys_now())))
 
     def action_colours(self) -> None:
         self.palette = LIGHT if self.palette is DARK else DARK
@@ -188,17 +208,29 @@ def _theme(palette: Palette) -> Theme:
     )
 
 
-def show(source: Source, setup: Setup | None = None, view: str = "connect") -> None:
+def _close_and_die(source: Source) -> None:
+    """End a run and this process, whatever the views are waiting for."""
+    try:
+        source.abort()
+        source.close()
+    finally:
+        os._exit(1)
+
+
+def show(source: Source, setup: Setup | None = None, view: str = "connect", in_browser: bool = False) -> None:
     """Show a source until the user quits, then close it, also after an error.
 
-    view: the first view, one of `frame.VIEWS`; 'run' for a recording. UsageError without a terminal.
+    view: the first view, one of `frame.VIEWS`; 'run' for a recording. in_browser: by `SessionServer`, whose
+    end ends the session. UsageError without a terminal.
     """
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if not in_browser and not (sys.stdin.isatty() and sys.stdout.isatty()):
         source.close()
         raise UsageError(
             "this draws a screen and reads keys, so it needs a terminal; without one use `rover-sweep run`"
         )
     app = SweepApp(source, setup or Setup(), view)
+    if in_browser:
+        end_with_parent(partial(_close_and_die, source))
     try:
         app.run(mouse=False)  # so that the mouse can select and copy text
     finally:

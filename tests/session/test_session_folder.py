@@ -15,7 +15,7 @@ from rover_sweep.cli.types.options import vehicle_path
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep, ThrottleSweep
 from rover_sweep.session.content import FetchedLog, SessionRun
 from rover_sweep.session.folder import Session, is_session, read_folder
 from rover_sweep.session.recordings import session_runs
@@ -259,3 +259,14 @@ def test_verdicts_fit_into_the_description(tmp_path: Path) -> None:
     session.judged(tmp_path / "sweep1.tlog", asdict(verdict))
     kept = read_folder(tmp_path).run("sweep1").verdict
     assert kept is not None and (kept["advice"], kept["source"]) == ("repeat", "sweep1.tlog")
+
+
+def test_throttle_sweeps_alone_ask_for_the_log(tmp_path: Path) -> None:
+    session = Session.open(tmp_path / "s")
+    planned = SessionRun("throttle1", ThrottleSweep())
+    session.plan((planned,))
+    tlog = session.tlog(planned.name)
+    session.begun(planned, tlog, arming=False)
+    session.ended(tlog, "done", "", left_armed=False, span=(1.5, 70.0), number=1)
+    with pytest.raises(DataRefused, match=r"throttle sweeps only \(throttle1\).*fetch its .BIN"):
+        session_runs(tmp_path / "s")

@@ -27,7 +27,9 @@ def application(arguments: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> Sw
     """The application of a command line, not yet shown; nothing of it is remembered afterwards."""
     made: list[SweepApp] = []
 
-    def shown(source: Source, setup: Setup | None = None, view: str = "connect") -> None:
+    def shown(
+        source: Source, setup: Setup | None = None, view: str = "connect", in_browser: bool = False
+    ) -> None:
         made.append(SweepApp(source, setup or Setup(), view))
 
     monkeypatch.setattr("rover_sweep.tui.app.show", shown)

@@ -27,6 +27,7 @@ from textual.pilot import Pilot
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Played, Preflight, Update
+from rover_sweep.manoeuvre.sweep import ThrottleSweep
 from rover_sweep.tui.app import SweepApp
 from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.model.setup import Setup
@@ -44,6 +45,12 @@ _READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
 _DRIVEN: tuple[Step, ...] = (*_READY, "3", "g", under_way())
 _KEEP = Verdict("sweep1", "keep", "keep: coherence >= 0.6 over 0.3-25 rad/s", VERDICT.bands[:4])
 _ASKED: tuple[Step, ...] = (*_READY, "3", "g", [e.RunStarted("sweep1", SWEEP, TLOG)])
+_THROTTLE = [
+    e.RunStarted("throttle1", ThrottleSweep(amplitude=30), TLOG),
+    e.Armed(3.0),
+    e.StateChanged(9.0, 6, "manoeuvre"),
+    *(snapshot(9.0 + 0.1 * n, pwm=1500.0, r=0.0, ay=0.0, phi=0.0, p=0.0) for n in range(60)),
+]
 _FAR = snapshot(2.0, state=0, state_name="idle", pwm=1500.0, r=0.0, ay=0.0, phi=0.0, speed=0.0, switch=1000.0)
 _POOR = LinkQuality(seconds=12.0, frames=900, lost=0.52).words
 
@@ -59,6 +66,7 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "preflight-reboot": (*_READY, "down", "f"),
     "preflight-good": (*_READY, [Checked(tuple(c for c in CHECKS if c.state == "good"))]),
     "plan": (*_READY, "3", "down", "m", "b"),
+    "plan-throttle": (*_READY, "3", "h"),
     "plan-empty": (*_READY, "3", "x", "x", "x"),
     "plan-edit": (*_READY, "3", "e", "down", "right"),
     "plan-edit-in-run": (*_DRIVEN, "3", "e"),
@@ -66,6 +74,7 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "run-arm": (*_ASKED, [replace(_FAR, armed=False)]),
     "run-switch-high": (*_ASKED, [e.Armed(2.0), e.SwitchWanted("high", 6), _FAR]),
     "run-steers": _DRIVEN,
+    "run-throttle": (*_READY, "3", "h", "g", _THROTTLE),
     "run-poor-link": (*_DRIVEN, [snapshot(15.0, link=_POOR)]),
     "run-aborting": (*_DRIVEN, "space"),
     "run-lost": (*_DRIVEN, [Lost("nothing was heard of the rover for 3 s.")]),
@@ -84,7 +93,10 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "results-gains": (*_DRIVEN, finished(), "7"),
 }
 
-OWN_SCENES: Mapping[str, tuple[Step, ...]] = {"run-consent": (*_READY, "3", "g")}
+OWN_SCENES: Mapping[str, tuple[Step, ...]] = {
+    "run-consent": (*_READY, "3", "g"),
+    "run-throttle-consent": (*_READY, "3", "h", "g"),
+}
 
 JOBS = (
     AnalysisJob(

@@ -36,7 +36,10 @@ from rover_sweep.live.source import (
     Preflight,
     Several,
 )
+from rover_sweep.manoeuvre.sweep import ThrottleSweep
+from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.app import SweepApp
+from rover_sweep.tui.drawn.question import Question
 from rover_sweep.tui.model.plan_rows import Row
 from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.screens.frame import VIEWS
@@ -108,6 +111,35 @@ def test_of_several_rovers_one_is_chosen_in_the_list() -> None:
     after(("enter", [both, refused]), then)
 
 
+def test_a_throttle_sweep_is_planned_by_a_key_and_confirmed_as_any_run() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "3", "h")
+        row = app.plan[app.chosen]
+        assert (row.name, row.manoeuvre) == ("throttle1", ThrottleSweep(amplitude=30))
+        assert drives(source) == []
+        await press(pilot, "g")
+        assert isinstance(app.screen, Question) and "throttle1" in text_of(app) and drives(source) == []
+        await press(pilot, "n", "g", "y")
+        (asked,) = drives(source)
+        assert asked.planned == SessionRun("throttle1", ThrottleSweep(amplitude=30), 2.0)
+
+    after(READY, then, OWN_SETUP)
+
+
+def test_in_a_throttle_sweep_the_pilot_steers() -> None:
+    sweep = ThrottleSweep(amplitude=30)
+    begin = [e.RunStarted("throttle1", sweep, TLOG), e.Armed(3.0)]
+
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        for state, words in ((2, "hold the throttle stick still"), (6, "only steer"), (9, "let it roll out")):
+            source.tell(snapshot(10.0 + state, state=state))
+            await pilot.pause()
+            assert words in " ".join(text_of(app).split()), state
+            assert "release the stick" not in text_of(app)
+
+    after((*READY, "3", "h", "g", begin), then)
+
+
 def test_a_remedy_takes_one_key_and_is_looked_at_again() -> None:
     async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
         await press(pilot, "f")  # the applet, the first that is bad
@@ -115,6 +147,15 @@ def test_a_remedy_takes_one_key_and_is_looked_at_again() -> None:
         source.tell(Ended(Fix("applet")))
         await pilot.pause()
         assert source.asked[-1] == Preflight()  # looked at again
+
+    after(READY, then)
+
+
+def test_a_capital_letter_is_its_key() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await press(pilot, "F")  # as shown on the screen; with Caps Lock, each letter
+        await pilot.pause()
+        assert source.asked[-1] == Fix("applet")
 
     after(READY, then)
 

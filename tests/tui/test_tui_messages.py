@@ -16,10 +16,12 @@ from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.jobs.desk import Desk
 from rover_sweep.tui.jobs.summary import summary_of
 from rover_sweep.tui.model.earlier import fetched_logs, records
+from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.model.plan_rows import Row
 from rover_sweep.tui.model.state import AbortAsked, Asked, RunRecord, State, reduced
 from rover_sweep.tui.screens.frame import message, status
 from rover_sweep.tui.screens.plan import last_outcome
+from rover_sweep.tui.screens.verdict import why_kept
 from rover_sweep.vehicle.events import Connected, Rebooting
 from rover_sweep.vehicle.run.settings import RunSettings
 
@@ -91,6 +93,17 @@ def test_the_recommended_model_comes_first_and_with_its_intervals(tmp_path: Path
     )
 
 
+def test_the_speed_is_summed_up_with_the_steering(tmp_path: Path) -> None:
+    law = {"gain_m_s": 4.985, "lag_s": 0.692, "delay_s": 0.003, "offset": 0.027}
+    ends = {"gain": [4.85, 5.12], "lag": [0.66, 0.72], "delay": [0.0, 0.01]}
+    document = {"speeds_m_s": [1.5, 2.3, 3.0], "level": "good", "reasons": [], "law": law, "intervals": ends}
+    (tmp_path / "speed.json").write_text(json.dumps(document))
+    first, second = summary_of("identify", tmp_path)
+    assert first == "speed 1.50 to 3.00 m/s, good"
+    assert second.startswith("gain 4.99 (4.85 to 5.12) m/s per full throttle, lag 0.692 (0.66 to 0.72) s")
+    assert summary_of("diagnose", tmp_path) == ()
+
+
 def test_what_takes_long_tells_since_when_and_what_it_does() -> None:
     asked = reduced(State(), (Connected("udp:1", ROVER), Asked(Preflight())))
     assert message(asked, LIGHT, 80).plain == " … running the checks"
@@ -139,3 +152,22 @@ def test_a_verdict_of_before_that_cannot_be_shown_is_left_out(tmp_path: Path) ->
         {"per_band": [1]},
     ):
         assert verdict(**wrong) is None
+
+
+def test_the_standstill_is_counted_down() -> None:
+    still = tuple(snapshot(10.0 + 0.5 * k, state=1, speed=0.0) for k in range(3))
+    moved = snapshot(9.5, state=0, speed=0.0)
+    driving = State(asked=(DRIVE,), snapshot=still[-1], applet=1, history=(moved, *still))
+    assert ", 2 s left" in task(driving).sentence
+    rolling = replace(driving, applet=9, history=tuple(replace(one, state=9, speed=1.0) for one in still))
+    assert ", 3 s left" in task(rolling).sentence, "it counts from where the rover stands"
+    assert "left" not in task(replace(driving, history=())).sentence
+
+
+def test_a_kept_run_with_a_weak_lateral_velocity_says_why() -> None:
+    good, weak = CoherenceBand("r", 1, 2, 0.9, "good"), CoherenceBand("vydot", 1, 2, 0.4, "weak")
+    assert why_kept(Verdict("sweep1", "keep", "keep", (good, weak), 150.0)).startswith(
+        "Weak bands of the V_y"
+    )
+    assert why_kept(Verdict("sweep1", "repeat", "repeat", (good, weak), 150.0)) == ""
+    assert why_kept(Verdict("sweep1", "keep", "keep", (good,), 150.0)) == ""

@@ -18,6 +18,8 @@ ROVER_FILE = Path(__file__).parents[1] / "data" / "rover.toml"
 PARAMETERS = tuple(f"--parameter={p.name}={p.value:g}" for p in read(shipped("identification")))
 OWN = ("--arm", "--throttle", "1710", "--throw-switch")
 LIMITS = tuple(f"--limit={limit}" for limit in ("v_min=1", "v_max=5", "still=1"))
+REPEATS = 3  # a machine whose processors are all busy keeps the rover silent for more than a second
+BUSY = ("nothing was heard from the rover", "disarmed")  # the program disarms a rover that it does not hear
 VERDICT_WITHIN = 15.0  # s: it takes 0.4 s of a processor, which others may be using meanwhile
 
 
@@ -43,21 +45,34 @@ async def shorter(person: Person, amplitude: int) -> None:
 
 async def driven(person: Person, name: str) -> None:
     """Drives the next row with consent, up to its verdict."""
-    await person.press("g")
-    await person.until(f"{name}: ", "This program arms the rover", "Is the area clear")
-    await person.press("y")
-    await person.until("[4 RUN]", "SPACE or ESC", seconds=5)
-    seen = await person.until("[5 VERDICT]", f"{name}: ", "complete", "KEEP", seconds=120)
+    for _ in range(REPEATS):
+        await person.press("g")
+        await person.until(f"{name}: ", "This program arms the rover", "Is the area clear")
+        await person.press("y")
+        await person.until("[4 RUN]", "SPACE or ESC")
+        seen = await person.when(lambda: _judged(person.screen, name), f"the verdict on {name}", seconds=120)
+        if not _busy(person.screen):
+            break
+    await person.until(f"{name}: ", "complete", "KEEP")
     took = seen - person.when_told(RunFinished)
     print(f"{name}: its verdict stood on the screen {took:.2f} s after its end")
     assert took < VERDICT_WITHIN
+
+
+def _judged(screen: str, name: str) -> bool:
+    over = "complete" in screen and "KEEP" in screen
+    return "[5 VERDICT]" in screen and f"{name}: " in screen and (over or _busy(screen))
+
+
+def _busy(screen: str) -> bool:
+    return BUSY[0] in screen or f"({BUSY[1]})" in screen
 
 
 async def whole(person: Person, folder: Path) -> None:
     await person.press("enter")
     await person.until("[2 PREFLIGHT]", "does not run", "F: copy this program's applet")
     await person.press("f")
-    await person.until("✓ good      applet       1.3 runs")
+    await person.until("✓ good      applet       1.4 runs")
     await person.when(lambda: " BAD " not in person.screen, "nothing that is bad")
 
     await person.press("3")
@@ -65,11 +80,13 @@ async def whole(person: Person, folder: Path) -> None:
     await shorter(person, 200)
     await person.press("p", "up")
     for key in ("space", "escape"):  # the usual sweep of 55 s, aborted; and again
-        await person.press("g", "y")
+        await person.press("g")
+        await person.until("Is the area clear")
+        await person.press("y")
         await person.until("[4 RUN]", "HANDS OFF", "applet steers", "ABORT")
         pressed = await person.until("ARMED")
         await person.press(key)
-        let_go = await person.until("aborted", "disarmed", "switch LOW", seconds=5)
+        let_go = await person.until("aborted", "disarmed", "switch LOW", seconds=15)
         print(f"{key}: {let_go - pressed:.2f} s until the rover was let go")
         await person.until("[5 VERDICT]", "REPEAT: it did not come to its end (aborted)")
 
@@ -118,11 +135,13 @@ def test_a_session_by_keys_alone(
 
     asyncio.run(session())
     content = read_session(folder)
-    assert [(run.name, run.state) for run in content.runs] == [
+    heard = [run for run in content.runs if not run.reason.startswith(BUSY)]
+    assert [(run.name, run.state) for run in heard] == [
         *(("sweep1", "stopped"),) * 2,
         ("sweep1", "done"),
         ("sweep2", "done"),
         ("doublet1", "done"),
     ]
-    assert [log.runs for log in content.logs] == [("sweep1-3", "sweep2", "doublet1")]
+    if len(heard) == len(content.runs):
+        assert [log.runs for log in content.logs] == [("sweep1-3", "sweep2", "doublet1")]
     assert (folder / "report" / "identification.json").is_file() and (folder / "gains.param").is_file()

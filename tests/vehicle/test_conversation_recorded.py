@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from conversation_file import Conversation, ConversationEntry, read_conversation
-from conversation_scenarios import CONVERSATIONS, SCENARIOS, VERSIONS, carried_out
+from conversation_scenarios import APPLET, CONVERSATIONS, SCENARIOS, VERSIONS, carried_out
 from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import LinkError
@@ -39,7 +39,11 @@ def played(name: str, conversation: Conversation, folder: Path) -> dict[str, Any
 
 
 @pytest.mark.parametrize(("firmware", "name"), RECORDED)
-def test_the_same_happens_as_on_the_firmware(firmware: str, name: str, tmp_path: Path) -> None:
+def test_the_same_happens_as_on_the_firmware(
+    firmware: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    applet = APPLET.read_text(encoding="utf-8")  # a survey compares with the applet of that day
+    monkeypatch.setattr("rover_sweep.vehicle.setup.survey.applet_source", lambda: applet)
     conversation, expected = recorded(firmware, name), then(firmware, name)
     began = time.process_time()
     try:

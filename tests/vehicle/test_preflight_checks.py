@@ -192,3 +192,34 @@ def test_the_link(link: LinkQuality, state: str, told: str, sentence: str) -> No
     assert (found.state, found.seen) == (state, told)
     assert re.search(sentence, found.sentence)
     assert found.remedy is None or found.remedy.by_hand
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}, "skid steering (SERVO1_FUNCTION is 73 and"),
+        ({"FRAME_CLASS": 2.0}, "this is a boat (FRAME_CLASS is 2)"),
+        ({"FRAME_CLASS": 3.0}, "this is a balance bot (FRAME_CLASS is 3)"),
+    ],
+)
+def test_a_vehicle_without_steered_wheels_is_named(changed: dict[str, float], words: str) -> None:
+    check = next(c for c in all_checks(seen(changed)) if c.name == "firmware")
+    assert check.state == "bad" and words in check.sentence and "docs/questions.md" in check.sentence
+
+
+@pytest.mark.parametrize("version", [(4, 6, 3), (4, 8, 0)])
+def test_two_steering_outputs_are_a_warning_by_name(version: tuple[int, int, int]) -> None:
+    rover = seen({"SERVO1_FUNCTION": 26.0, "SERVO4_FUNCTION": 26.0})
+    vehicle = replace(rover.survey.vehicle, version=version)
+    observed = replace(rover, survey=replace(rover.survey, vehicle=vehicle))
+    check = next(c for c in all_checks(observed) if c.name == "firmware")
+    assert (check.state, check.seen) == ("doubtful", "2 outputs steer")
+    assert "four-wheel steering: the applet sweeps SERVO1 alone, and SERVO4 stays" in check.sentence
+    assert ("is newer than 4.6" in check.sentence) == (version == (4, 8, 0))
+    assert check.remedy is not None and check.remedy.by_hand and "lumped model" in check.remedy.words
+
+
+def test_thrust_outputs_with_a_steering_output_are_accepted() -> None:
+    changed = {"SERVO1_FUNCTION": 26.0, "SERVO2_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    check = next(c for c in all_checks(seen(changed)) if c.name == "firmware")
+    assert check.state == "good"

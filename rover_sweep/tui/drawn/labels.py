@@ -57,7 +57,7 @@ def switch_label(pwm: float) -> str:
 def manoeuvre(m: Manoeuvre) -> str:
     """A manoeuvre in one line."""
     about = f" about {m.middle:+g}" if isinstance(m, Sweep) and m.middle else ""
-    kind = m.kind.replace("_", " ")
+    kind = "throttle sweep" if m.kind == "throttle" else m.kind.replace("_", " ")
     if isinstance(m, Sweep | Multisine):
         return f"{kind} ±{m.amplitude:g} us{about}, {m.w_min:g} to {m.w_max:g} rad/s"
     assert isinstance(m, Doublet)

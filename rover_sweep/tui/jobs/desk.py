@@ -76,7 +76,7 @@ class Desk:
 
     def propose(self, rows: tuple[Row, ...], vehicle: Path) -> None:
         """Start `rover-sweep plan` to propose runs in addition to these rows."""
-        given = [part for row in rows for part in _as_option(row)]
+        given = [part for row in rows if row.kind != "throttle" for part in _as_option(row)]
         job = AnalysisJob("plan", ("plan", "--vehicle", str(vehicle), "--json", *given))
         self.proposing, self.proposal = "this takes about 20 s", ()
         self._tasks[job.arguments] = asyncio.create_task(self._proposed(job))

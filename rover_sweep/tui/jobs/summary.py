@@ -14,18 +14,23 @@ _PAGES = {"identify": "report.html", "diagnose": "diagnosis.html", "gains": "gai
 
 def page_of(kind: str, out: Path) -> Path | None:
     """The HTML report, None if it does not exist."""
-    page = out / _PAGES.get(kind, "report.html")
-    return page if page.is_file() else None
+    names = (_PAGES.get(kind, "report.html"), *(("speed.html",) if kind == "identify" else ()))
+    return next((out / name for name in names if (out / name).is_file()), None)
 
 
 def summary_of(kind: str, out: Path) -> tuple[str, ...]:
     """Sentences, the main result first; the error if the document cannot be read."""
-    path = out / _DOCUMENTS.get(kind, "")
+    words = _words(out / _DOCUMENTS.get(kind, ""), kind)
+    return words + _words(out / "speed.json", "speed") if kind == "identify" else words
+
+
+def _words(path: Path, kind: str) -> tuple[str, ...]:
+    """Sentences of one document, () without it."""
     if not path.is_file():
         return ()
+    tell = {"identify": _identified, "diagnose": _diagnosed, "speed": _speed}.get(kind, _plain)
     try:
-        document = read_json(path.read_text(encoding="utf-8"))
-        return tuple({"identify": _identified, "diagnose": _diagnosed}.get(kind, _plain)(document))
+        return tuple(tell(read_json(path.read_text(encoding="utf-8"))))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         return (f"{path} cannot be read: {error}",)
 
@@ -48,7 +53,7 @@ def _identified(document: Mapping[str, Any]) -> Iterator[str]:
         values = ", ".join(
             _parameter(parameter, value, best)
             for parameter, value in model["parameters"].items()
-            if value.get("free") and value.get("value") is not None
+            if value.get("free") and value.get("value") is not None and "variant" not in value
         )
         yield f"{name}{' (recommended; 90 % intervals)' if best else ''}: {values or 'no free parameters'}"
 
@@ -57,6 +62,23 @@ def _parameter(name: str, estimate: Mapping[str, Any], interval: bool) -> str:
     low, high = (estimate.get("interval_90") if interval else None) or (None, None)
     between = f" ({low:.3g} to {high:.3g})" if low is not None and high is not None else ""
     return f"{name} {estimate['value']:.3g}{between} {estimate['unit']}".rstrip()
+
+
+def _speed(document: Mapping[str, Any]) -> Iterator[str]:
+    low, _, high = document["speeds_m_s"]
+    why = f": {document['reasons'][0]}" if document["reasons"] else ""
+    yield f"speed {low:.2f} to {high:.2f} m/s, {document['level']}{why}"
+    if document["law"]:
+        names = (
+            ("gain", "gain_m_s", "m/s per full throttle"),
+            ("lag", "lag_s", "s"),
+            ("delay", "delay_s", "s"),
+        )
+        ends = document["intervals"]
+        yield ", ".join(
+            f"{name} {document['law'][key]:.3g} ({ends[name][0]:.3g} to {ends[name][1]:.3g}) {unit}"
+            for name, key, unit in names
+        )
 
 
 def _diagnosed(document: Mapping[str, Any]) -> Iterator[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from rover_sweep.vehicle.link.access import Heard
 
-USUAL = ("udp:127.0.0.1:14550", "tcp:127.0.0.1:5760")
+USUAL = ("udp:0.0.0.0:14550", "tcp:127.0.0.1:5760")
 
 
 @dataclass(frozen=True)

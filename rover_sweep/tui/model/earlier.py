@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
 
-from rover_sweep.live.snapshot import Advice, CoherenceBand, Verdict
+from rover_sweep.live.snapshot import Advice, CoherenceBand, ResponseCurve, Verdict
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import Content, DrivenRun, SessionRun
 from rover_sweep.tui.model.plan_rows import SPEED, Row
@@ -71,6 +71,7 @@ def _verdict(saved: Mapping[str, Any] | None) -> Verdict | None:
             amplitude,
             tuple((float(a), float(b), float(c)) for a, b, c in saved.get("per_band") or ()),
             remarks=tuple(str(remark) for remark in saved.get("remarks") or ()),
+            curves=tuple(_curve(**curve) for curve in saved.get("curves") or ()),
         )
     except (KeyError, TypeError, ValueError, OverflowError):
         return None
@@ -78,3 +79,8 @@ def _verdict(saved: Mapping[str, Any] | None) -> Verdict | None:
 
 def _band(response: str, low: float, high: float, coherence: float, words: str) -> CoherenceBand:
     return CoherenceBand(str(response), float(low), float(high), float(coherence), str(words))
+
+
+def _curve(response: str, steering: str = "us", **numbers: list[float]) -> ResponseCurve:
+    given = {name: tuple(map(float, x)) for name, x in numbers.items()}
+    return ResponseCurve(str(response), **given, steering="rad" if steering == "rad" else "us")

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isfinite
 
+from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.tui.drawn.labels import APPLET
 from rover_sweep.tui.model.state import State
 
 SWITCH_HIGH = 1800  # us, above which the firmware reads high
+_STILL = next(p.default for p in PARAMETERS if p.name == "SWP_STILL")  # s
+STILL_SPEED = 0.2  # m/s, below which the applet takes the rover to stand
 
 
 @dataclass(frozen=True)
@@ -38,11 +41,16 @@ def task(state: State, speed: float = float("nan")) -> Task:
         return Task("SWITCH LOW", f"The run is over: throw switch {state.wanted.channel} low.")
     if applet == 0:
         return _before(state)
+    left = _standstill_left(state)
+    if drive.planned.manoeuvre.kind == "throttle" and settings.throttle_us is None and applet in range(2, 10):
+        return _throttle_sweep(applet, f" at {speed:g} m/s" if isfinite(speed) else "", left)
     if applet in (1, 9) and settings.throttle_us is not None:
-        return Task("WAIT", "This program keeps the rover still and records the standstill.", False)
+        return Task("WAIT", f"This program keeps the rover still and records the standstill{left}.", False)
     if applet == 1:
         return Task(
-            "STAND STILL", "Recording the standstill: keep the rover still and the throttle at zero.", False
+            "STAND STILL",
+            f"Recording the standstill{left}: keep the rover still and the throttle at zero.",
+            False,
         )
     if applet == 2:
         if settings.throttle_us is not None:
@@ -51,9 +59,10 @@ def task(state: State, speed: float = float("nan")) -> Task:
         return Task("DRIVE", f"Drive straight ahead and speed up{at}; then the applet starts to steer.")
     if applet in range(3, 9):
         if settings.throttle_us is not None:
+            does = "moves the motor" if drive.planned.manoeuvre.kind == "throttle" else "steers"
             return Task(
                 "HANDS OFF",
-                "The applet steers, this program drives. Set the switch low to stop it without this laptop.",
+                f"The applet {does}, this program drives. Set the switch low to stop it without this laptop.",
                 False,
             )
         return Task(
@@ -62,8 +71,31 @@ def task(state: State, speed: float = float("nan")) -> Task:
             False,
         )
     if applet == 9:
-        return Task("STAND STILL", "Throttle to zero and stand still: recording the standstill.")
+        return Task("STAND STILL", f"Throttle to zero and stand still: recording the standstill{left}.")
     return Task("STOPPED", "The applet has stopped; you have the steering.")
+
+
+def _throttle_sweep(applet: int, at: str, left: str) -> Task:
+    """The task of a pilot who steers while the applet moves the throttle."""
+    if applet == 2:
+        return Task("DRIVE", f"Drive straight{at} and hold the throttle stick still; the sweep then starts.")
+    if applet == 9:
+        return Task("ROLL OUT", f"Throttle to neutral and let it roll out, then stand still{left}.")
+    return Task("YOU STEER", "The applet moves the motor: only steer, keep the throttle stick still.", False)
+
+
+def _standstill_left(state: State) -> str:
+    """', 2 s left' of the standstill that the applet records; '' where it is not known."""
+    lasts = state.parameters.get("SWP_STILL", _STILL)
+    if not lasts or not state.history or state.applet not in (1, 9):
+        return ""
+    now = state.history[-1].t
+    began = now
+    for one in reversed(state.history):
+        if one.state != state.applet or (state.applet == 9 and not one.speed < STILL_SPEED):
+            break
+        began = one.t
+    return f", {max(0.0, lasts - (now - began)):.0f} s left"
 
 
 def _before(state: State) -> Task:
@@ -88,4 +120,4 @@ def _without_run(state: State) -> Task:
         return Task("SWITCH LOW", "No run is active: throw the switch low.")
     if state.under_way:
         return Task("IT STEERS", "The applet steers, but this program did not start it.")
-    return Task("", "No run is active. Choose one in the plan.", False)
+    return Task("", "No run is under way; G drives the next one of the plan (3).", False)

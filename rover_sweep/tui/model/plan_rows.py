@@ -12,14 +12,16 @@ from rover_sweep.design.demand import Space, space
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.applet_values import parameters_of
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep, ThrottleSweep
 
 SPEED = 2.0  # m/s, default of a row
+FIRST_THROTTLE = 30.0  # us, of a first throttle sweep: the full one may pass the limits of the speed
 _KINDS: dict[str, Callable[[], Manoeuvre]] = {
     "sweep": Sweep,
     "doublet": Doublet,
     "multisine": Multisine,
     "bias_sweep": BiasSweep,
+    "throttle": lambda: ThrottleSweep(amplitude=FIRST_THROTTLE),
 }
 
 
@@ -60,6 +62,7 @@ _SWEPT = (
 _FIELDS: Mapping[str, tuple[Field, ...]] = {
     "sweep": (_AMPLITUDE, _SPEED, *_SWEPT),
     "bias_sweep": (_AMPLITUDE, Field("bias", "offset", "us", 10), _SPEED, *_SWEPT),
+    "throttle": (_AMPLITUDE, _SPEED, *_SWEPT),
     "multisine": (_AMPLITUDE, _SPEED, *_SWEPT, Field("periods", "periods", "", 1)),
     "doublet": (
         _AMPLITUDE,

@@ -92,14 +92,22 @@ def message(state: State, palette: Palette, width: int, last: bool = True, waite
     if state.asked:
         since = f"{waited:.0f} s " if waited >= _LONG else ""
         work = since + ": ".join(filter(None, (working_on(state.asked[0]), state.doing)))
-        return Text(f" … {work}"[:width], f"bold {palette.accent}", no_wrap=True)
+        return Text(cut_line(f" … {work}", width), f"bold {palette.accent}", no_wrap=True)
     if state.failure:
-        return Text(f" ✗ {state.failure}"[:width], f"bold {palette.bad}", no_wrap=True)
+        return Text(cut_line(f" ✗ {state.failure}", width), f"bold {palette.bad}", no_wrap=True)
     if not (state.messages and last):
         return Text("")
     line = state.messages[-1]
     style = {"warning": palette.doubtful, "error": palette.bad}.get(line.level, palette.quiet)
-    return Text(f" {LEVELS[line.level]}{line.text}"[:width], style, no_wrap=True)
+    return Text(cut_line(f" {LEVELS[line.level]}{line.text}", width), style, no_wrap=True)
+
+
+def cut_line(line: str, width: int) -> str:
+    """The line, with a sign at its end where it is cut: after a word if one ends in the last 20 columns."""
+    if len(line) <= width:
+        return line
+    words = line[: width - 1].rpartition(" ")[0]
+    return f"{words} …" if len(words) > width - 20 else f"{line[: width - 1]}…"
 
 
 def working_on(request: Request) -> str:

@@ -17,8 +17,9 @@ from rover_sweep.tui.screens.session_screen import SessionScreen
 
 
 class PlanScreen(SessionScreen):
-    """A, D, M, B add rows; E changes one; G drives it; P proposes rows by `rover-sweep plan`, T adds them.
+    """A, D, M, B add rows on the steering, H one on the throttle; E changes, G drives one; P proposes rows.
 
+    P does so by `rover-sweep plan`; T adds them.
     N adds the run that decides best what a diagnosis of the complete runs leaves open.
     """
 
@@ -32,6 +33,7 @@ class PlanScreen(SessionScreen):
         Binding("d", "add('doublet')", "doublet"),
         Binding("m", "add('multisine')", "multisine"),
         Binding("b", "add('bias_sweep')", "bias"),
+        Binding("h", "add('throttle')", "throttle"),
         Binding("x", "remove", "remove"),
         Binding("p", "propose", "propose"),
         Binding("t", "take", "take"),
@@ -94,8 +96,9 @@ class PlanScreen(SessionScreen):
         battery = f"; battery {100 * now.remaining:.0f} %" if now and math.isfinite(now.remaining) else ""
         if now and not battery and math.isfinite(now.volts):
             battery = f"; battery {now.volts:.1f} V"
+        what = " and throttle" if any(row.kind == "throttle" for row in session.plan) else ""
         rows.sentence(
-            f"{len(session.plan)} runs, {labels.seconds(asked.seconds)} of steering; {ground}{battery}",
+            f"{len(session.plan)} runs, {labels.seconds(asked.seconds)} of steering{what}; {ground}{battery}",
             f"bold {palette.ink}",
             most=2,
         )

@@ -101,7 +101,7 @@ class PreflightScreen(SessionScreen):
 def count_line(checks: tuple[Check, ...]) -> str:
     """Sentence with the number of checks in each state."""
     if not checks:
-        return "Not checked yet."
+        return "Not checked yet. In view 1, ENTER connects and runs the checks."
     bad = sum(check.state == "bad" for check in checks)
     other = sum(check.state in ("doubtful", "unknown") for check in checks)
     if not bad and not other:

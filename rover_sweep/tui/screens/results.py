@@ -21,7 +21,7 @@ class ResultsScreen(SessionScreen):
     BINDINGS = [
         Binding("i", "start('identify')", "identify"),
         Binding("d", "start('diagnose')", "diagnose"),
-        Binding("s", "start('gains')", "steering gains"),
+        Binding("s", "start('gains')", "gains"),
         Binding("o", "open", "open the report"),
         Binding("k", "stop", "stop it"),
         Binding("up", "choose(-1)", "choose"),
@@ -90,7 +90,8 @@ class ResultsScreen(SessionScreen):
         for row, style in lines[at : at + room]:
             rows.add((f" {row}", style))
         if at < self._last:
-            rows.add(f" ... {len(lines) - at - room} more rows (PGDN)", style=palette.quiet)
+            more = len(lines) - at - room
+            rows.add(f" ... {more} more row{'s' * (more > 1)} (PGDN)", style=palette.quiet)
 
     def action_page(self, step: int) -> None:
         self.down = min(max(0, self.down + 8 * step), self._last)

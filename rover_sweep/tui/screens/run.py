@@ -30,7 +30,6 @@ class RunScreen(SessionScreen):
         self._title(rows)
         self._to_do(rows)
         self._progress(rows)
-        rows.blank()
         signals.draw_signals(rows, self.state, self.session.setup, _tall(height))
         rows.blank()
         self._facts(rows)
@@ -86,6 +85,8 @@ class RunScreen(SessionScreen):
         if run is not None and math.isfinite(progress) and state.driving is not None:
             left = f"{labels.seconds((1 - progress) * run.manoeuvre.duration)} left"
         what = labels.APPLET.get(state.applet, f"state {state.applet}")
+        if run is not None and run.manoeuvre.kind == "throttle":
+            what = what.replace("steers", "sweeps the throttle")
         width = max(10, rows.width - 64)
         frequency = fixed_width(now.frequency if now else math.nan, "5.1f")
         tone = "" if run is not None and isinstance(run.manoeuvre, Doublet) else f"{frequency} rad/s"

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.screen import Screen
@@ -89,6 +90,12 @@ class SessionScreen(Screen[None]):
     def on_screen_resume(self) -> None:
         self.redraw()
 
+    def on_key(self, event: events.Key) -> None:
+        """A capital letter is its key: the screen shows keys as capitals, and Caps Lock may be on."""
+        if len(event.key) == 1 and event.key != event.key.lower():
+            event.stop()
+            self.app.simulate_key(event.key.lower())
+
     def on_resize(self) -> None:
         self.redraw()
 
@@ -116,7 +123,7 @@ class SessionScreen(Screen[None]):
         yield "status", frame.status(self.state, self.palette, width)
         yield "body", self._drawn(width, height - _AROUND)
         yield "message", frame.message(self.state, self.palette, width, self.repeats_messages, waited)
-        yield "keys", frame.keys(list(self._keys()), self.palette, width)
+        yield "keys", frame.keys(list(self.keys_now()), self.palette, width)
 
     def _drawn(self, width: int, height: int) -> Text:
         """The content, or a sentence on an exception: the program must keep running during a run."""
@@ -126,7 +133,7 @@ class SessionScreen(Screen[None]):
             words = f"This view cannot be drawn ({error!r}); other views and SPACE to abort still work."
             return ScreenRows(self.palette, width, height).sentence(words, f"bold {self.palette.bad}").text()
 
-    def _keys(self) -> Iterator[tuple[str, str]]:
+    def keys_now(self) -> Iterator[tuple[str, str]]:
         """(key, action) of all active keys, priority keys first; keys of the same action together."""
         actions: dict[str, tuple[list[str], Binding]] = {}
         for active in self.active_bindings.values():

@@ -58,6 +58,7 @@ def signals_of(state: State, setup: Setup) -> tuple[GaugeSignal, ...]:
 def draw_signals(rows: ScreenRows, state: State, setup: Setup, each: int) -> None:
     """Draw the signals, `each` rows per signal."""
     place = 51 if rows.width >= 120 else 21
+    _heading(rows, state, place)
     for signal in signals_of(state, setup):
         values = [signal.scale * getattr(one, signal.field) for one in state.history]
         value = values[-1] if values else math.nan
@@ -72,3 +73,12 @@ def draw_signals(rows: ScreenRows, state: State, setup: Setup, each: int) -> Non
             rows.add((left, f"bold {ink}" if n == each // 2 else ""), (row, rows.palette.quiet))
         if each > 1:
             rows.blank()
+
+
+def _heading(rows: ScreenRows, state: State, place: int) -> None:
+    """What the columns show: value, place between the limits, and the time that the history spans."""
+    columns = rows.width - 23 - place - 17
+    past = state.history[-columns:] if columns > 0 else ()
+    span = f"last {past[-1].t - past[0].t:.0f} s" if len(past) > 1 else ""
+    ends = f"{'low':<{place // 2}}{'high':>{place - place // 2}}"
+    rows.add(f" {'':<22}{ends} {'limits':<14} {span:>{max(columns, 0)}}", style=rows.palette.quiet)

@@ -12,9 +12,11 @@ from rover_sweep.tui.drawn.gauges import bar, fixed_width
 from rover_sweep.tui.drawn.large_text import big, huge
 from rover_sweep.tui.model.pilot import task
 from rover_sweep.tui.model.state import RunRecord
+from rover_sweep.tui.screens.bode_rows import draw_bode
 from rover_sweep.tui.screens.session_screen import SessionScreen
 
 _NONE = "This run has no verdict."
+NOT_FITTED = "Weak bands of the V_y rate do not count: the models are not fitted to it."
 _WAITING = {
     "asked": "The run has not started.",
     "running": "The run is in progress; the verdict follows right after it.",
@@ -23,17 +25,22 @@ _WAITING = {
 
 
 class VerdictScreen(SessionScreen):
-    """W adds a repeat with the proposed amplitude to the plan."""
+    """W adds a repeat with the proposed amplitude to the plan; B draws what was measured."""
 
     view = "verdict"
     repeats_messages = False
     BINDINGS = [
         Binding("g", "go", "drive the next"),
         Binding("w", "take", "plan the repeat"),
+        Binding("b", "bode", "Bode"),
+        Binding("up", "other(-1)", "other response"),
+        Binding("down", "other(1)", "other response"),
         Binding("left", "turn(-1)", "other run"),
         Binding("right", "turn(1)", "other run"),
     ]
     back = 0  # index of the shown run, counted back from the latest
+    drawn = False  # the response, in place of the tables
+    response = 0  # index of the drawn one
     _known = 0  # number of runs when the view was last shown
 
     def on_screen_resume(self) -> None:
@@ -63,6 +70,9 @@ class VerdictScreen(SessionScreen):
             rows.sentence(run.reason, f"bold {palette.bad}", most=2)
         if run.verdict is None:
             return rows.blank().sentence(_WAITING.get(run.outcome, _NONE), palette.ink).text()
+        if self.drawn and run.verdict.curves:
+            draw_bode(rows, run.verdict.curves[self.response % len(run.verdict.curves)])
+            return rows.text()
         self._advice(rows, run)
         rows.sentence(self._next(run), f"bold {palette.accent}", most=2)
         self._bands(rows, run)
@@ -101,12 +111,22 @@ class VerdictScreen(SessionScreen):
         assert verdict is not None
         if rows.left > 2 and (verdict.bands or verdict.per_band):
             _matrix(rows.blank(), verdict)
+            if words := why_kept(verdict):
+                rows.sentence(words, self.palette.quiet, most=1)
 
     def action_go(self) -> None:
         self.session.drive_next()
 
     def action_turn(self, step: int) -> None:
         self.back = min(max(0, self.back - step), max(0, len(self.state.runs) - 1))
+        self.redraw()
+
+    def action_bode(self) -> None:
+        self.drawn = not self.drawn
+        self.redraw()
+
+    def action_other(self, step: int) -> None:
+        self.response += step
         self.redraw()
 
     def action_take(self) -> None:
@@ -118,6 +138,10 @@ class VerdictScreen(SessionScreen):
             return self.session.may_drive
         if action == "take":
             return self.run_shown is not None and self.run_shown.verdict is not None
+        if action in ("bode", "other"):
+            run = self.run_shown
+            there = run is not None and run.verdict is not None and bool(run.verdict.curves)
+            return there and (action == "bode" or self.drawn)
         return action != "turn" or len(self.state.runs) > 1
 
 
@@ -127,6 +151,12 @@ def verdict_sentence(verdict: Verdict) -> str:
     if sentence.lower().startswith(word.lower()):
         return word + sentence[len(word) :]
     return f"{word}: {sentence}"
+
+
+def why_kept(verdict: Verdict) -> str:
+    """Why weak bands of V_y do not count in a run that is kept; "" where there are none."""
+    weak = {band.response for band in verdict.bands if band.coherence < 0.6}
+    return NOT_FITTED if verdict.advice == "keep" and weak == {"vydot"} else ""
 
 
 def _matrix(rows: ScreenRows, verdict: Verdict) -> None:

@@ -11,17 +11,60 @@ from rover_sweep.vehicle.setup.survey import SurveyedParameter
 _LOG_BITS = {0: "attitude at loop rate", 2: "GPS", 7: "IMU at loop rate", 13: "steering", 14: "servo outputs"}
 _FILE = 1  # bit of LOG_BACKEND_TYPE: files on the card
 _USUAL = 65535  # LOG_BITMASK as ArduPilot ships it
+_STEERING = 26  # SERVOn_FUNCTION GroundSteering
 _CARD = "MAVLink does not report the free space on the card: check the card now and then"
 
 
 def firmware(observed: Observation) -> Check:
-    """Whether the applet was tested on this version."""
+    """Whether the applet was tested on this version, on a vehicle with steered wheels."""
     vehicle = observed.survey.vehicle
+    if kind := _without_steered_wheels(observed):
+        sentence = (
+            f"{kind}: the applet sweeps steered wheels, and only rovers with them can be identified. "
+            "docs/questions.md describes what is still possible"
+        )
+        hand = Remedy("connect a rover with steered wheels", by_hand=True)
+        return Check("firmware", "bad", "no steered wheels", sentence, hand)
     warning = untested(vehicle)
+    if len(outputs := _outputs(observed, _STEERING)) > 1:
+        return _several_steer(outputs, warning)
     if warning:
         hand = Remedy(f"flash ArduRover {NEWEST[0]}.{NEWEST[1]}, or continue with care", by_hand=True)
         return Check("firmware", "doubtful", vehicle.firmware, warning, hand)
     return Check("firmware", "good", f"{vehicle.firmware} ({vehicle.git_hash})")
+
+
+def _without_steered_wheels(observed: Observation) -> str:
+    """The vehicle and the parameters that show it, or nothing where the wheels are steered."""
+    left, right = _outputs(observed, 73), _outputs(observed, 74)
+    if left and right and not _outputs(observed, _STEERING):
+        return f"this rover has skid steering ({left[0]}_FUNCTION is 73 and {right[0]}_FUNCTION is 74)"
+    if observed.parameter("FRAME_CLASS") == 2:
+        return "this is a boat (FRAME_CLASS is 2)"
+    if observed.parameter("FRAME_CLASS") == 3:
+        return "this is a balance bot (FRAME_CLASS is 3)"
+    return ""
+
+
+def _outputs(observed: Observation, function: int) -> tuple[str, ...]:
+    """SERVOn of each output with a SERVOn_FUNCTION."""
+    return tuple(f"SERVO{n}" for n in range(1, 17) if observed.parameter(f"SERVO{n}_FUNCTION") == function)
+
+
+def _several_steer(outputs: tuple[str, ...], warning: str) -> Check:
+    """Four-wheel steering, or several servos on one axle. The applet overrides the first output alone."""
+    first, others = outputs[0], " and ".join(outputs[1:])
+    sentence = (
+        f"SERVOn_FUNCTION is {_STEERING} for {first} and {others}, as with four-wheel steering: the applet "
+        f"sweeps {first} alone, and {others} stays where the stick holds it. Servos on one axle would then "
+        f"work against each other{'. ' if warning else ''}{warning}"
+    )
+    remedy = (
+        f"servos on one axle: connect them all to {first} and set the other SERVOn_FUNCTION to 0; front and "
+        f"rear wheels: use only the lumped model, which then describes the rover with {others} at trim"
+    )
+    hand = Remedy(remedy, by_hand=True)
+    return Check("firmware", "doubtful", f"{len(outputs)} outputs steer", sentence, hand)
 
 
 def parameters(observed: Observation) -> Check:

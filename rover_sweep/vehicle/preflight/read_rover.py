@@ -37,6 +37,7 @@ _NAMES = (
     *("FS_THR_ENABLE", "FS_THR_VALUE", "FS_ACTION", "RCMAP_ROLL", "RCMAP_THROTTLE", "SWP_CHAN", "SWP_WMAX"),
     *("BATT_LOW_VOLT", "BATT_CRT_VOLT", "BATT_ARM_VOLT"),
     *(f"RC{n}_OPTION" for n in range(1, 17)),
+    *("FRAME_CLASS", *(f"SERVO{n}_FUNCTION" for n in range(1, 17))),
 )
 _SETTLED, _MEASURED = 0.5, 2.0  # s of the vehicle's clock: ArduPilot slows streams during transfers
 _JUDGED = 10.0  # Hz: a slower stream sends too few messages in that time

@@ -1,0 +1,123 @@
+"""Serves the terminal session to one browser, by textual-serve.
+
+Each connection has a program of its own, which ends with it: the page closed or lost for `SILENT` seconds,
+the program is told to end, which ends a run as SPACE does. One that does not is killed; then its
+overrides and heartbeats end and the rover's applet (SWP_GCS) ends the run.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from asyncio.subprocess import PIPE, Process
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
+
+from aiohttp import web
+from textual_serve.app_service import AppService
+from textual_serve.server import Server, to_int
+
+SILENT = 2.0  # s between pings of the page; it is lost after half as long without an answer
+QUIT_WITHIN = 20.0  # s that the program has to let the rover go
+TAKEN = "This session is open in another browser window. Close it there, then load this page again."
+FOREIGN = "Only a page of this server may open the session."
+
+
+async def _closed(websocket: web.WebSocketResponse) -> None:
+    await websocket.close()
+
+
+class SessionProgram(AppService):
+    """The session's program behind one page."""
+
+    def __init__(self, argv: Sequence[str], websocket: web.WebSocketResponse, server: Server) -> None:
+        super().__init__(
+            " ".join(argv),
+            write_bytes=websocket.send_bytes,
+            write_str=websocket.send_str,
+            close=partial(_closed, websocket),
+            download_manager=server.download_manager,
+        )
+        self._argv = argv
+
+    async def _open_app_process(self, width: int = 80, height: int = 24) -> Process:
+        """Without a shell between: the program watches its parent, and a kill reaches it."""
+        environment = self._build_environment(width=width, height=height)
+        process = await asyncio.create_subprocess_exec(
+            *self._argv, stdin=PIPE, stdout=PIPE, stderr=PIPE, env=environment
+        )
+        self._process, self._stdin = process, process.stdin
+        return process
+
+    async def end(self) -> None:
+        """Tell the program to end and wait; kill it if it does not. What it still draws is thrown away."""
+        process, task = self._process, self._task
+        if process is None:
+            return
+        with suppress(ProcessLookupError):
+            process.terminate()  # the program aborts at once; textual-serve's "quit" first closes the views
+        if task is not None:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+            self._task = None
+        assert process.stdout is not None
+        try:
+            await asyncio.wait_for(asyncio.gather(process.stdout.read(), process.wait()), QUIT_WITHIN)
+        except TimeoutError:
+            process.kill()
+            await process.wait()
+
+
+class SessionServer(Server):
+    """One page at a time; a second one, and a page of another site, are refused."""
+
+    def __init__(self, argv: Sequence[str], host: str, port: int) -> None:
+        shown = f"[{host}]" if ":" in host else host
+        super().__init__("rover-sweep session", host, port, public_url=f"http://{shown}:{port}")
+        self._argv = argv
+        self._program: SessionProgram | None = None
+
+    def initialize_logging(self) -> None:
+        """Warnings only: each request of the page would be a line."""
+        logging.basicConfig(level="WARNING", format="%(message)s")
+
+    async def handle_index(self, request: web.Request) -> web.StreamResponse:
+        """The page, or the sentence that it is open already; under its one address."""
+        if f"http://{request.host}" != self.public_url:
+            raise web.HTTPFound(self.public_url)
+        if self._program is not None:
+            return web.Response(status=409, text=TAKEN)
+        page: web.StreamResponse = await super().handle_index(request)
+        page.headers["Cache-Control"] = "no-store"  # left for another page, it is closed and not kept
+        return page
+
+    async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
+        """The connection of a page, from its begin to the end of its program."""
+        if request.headers.get("Origin") != self.public_url:
+            raise web.HTTPForbidden(text=FOREIGN)
+        if self._program is not None:
+            raise web.HTTPConflict(text=TAKEN)
+        websocket = web.WebSocketResponse(heartbeat=SILENT)
+        program = self._program = SessionProgram(self._argv, websocket, self)
+        try:
+            await websocket.prepare(request)
+            size = (to_int(request.query.get(name, str(least)), least) for name, least in SIZE.items())
+            await program.start(*size)
+            await self._process_messages(websocket, program)
+        finally:
+            await asyncio.shield(program.end())
+            self._program = None
+        return websocket
+
+    async def on_startup(self, app: web.Application) -> None:
+        """Say where the page is."""
+        print(f"the session is at {self.public_url} ; Ctrl-C here ends it", flush=True)
+
+    async def on_shutdown(self, app: web.Application) -> None:
+        """End the program with the server."""
+        if self._program is not None:
+            await self._program.end()
+
+
+SIZE = {"width": 80, "height": 24}
