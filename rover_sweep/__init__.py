@@ -1,15 +1,24 @@
 """rover-sweep: finds out, in an afternoon on a car park, how a rover really steers.
 
-From logs to models in Python:
+From logs to models in Python, with a sweep, a doublet to verify on, and the vehicle file:
 
-    import rover_sweep as rs
-    runs = rs.read("run1.BIN", "run2.BIN", vehicle="rover.toml")
-    result = rs.identify(runs)
-    result.models["roll-yaw"]
-    result.report("report")
+    >>> import rover_sweep as rs
+    >>> runs = rs.read("run1.BIN", "run4.BIN", vehicle="rover.toml")
+    >>> [(run.name, run.kind) for run in runs]
+    [('run1', 'sweep'), ('run4', 'doublet')]
+    >>> result = rs.identify(runs)
+    >>> result.models["roll-yaw"].parameters["tau"].unit
+    's'
+    >>> axes = result.plot(["r", "ay"])
+    >>> table = result.to_frame()
+    >>> files = result.report("report")
 
-`read`, `identify`, `load_result`, `diagnose`, `load_diagnosis`, `compare`, `simulate`, `to_control`,
-`to_scipy` and `harmonics` are documented at their definitions: in `rover_sweep.api`,
+Runs, responses, models, diagnoses and simulations print as tables. `.plot()` draws them with matplotlib,
+`.to_frame()` gives a pandas.DataFrame (`pip install 'rover-sweep[pandas]'`). All values are in SI units and
+ISO axes (x forward, y left, z up); frequencies are in rad/s.
+
+`read`, `identify`, `load_result`, `identify_speed`, `diagnose`, `load_diagnosis`, `compare`, `simulate`,
+`to_control`, `to_scipy` and `harmonics` are documented at their definitions: in `rover_sweep.api`,
 `rover_sweep.identification.conversion` and `rover_sweep.spectra.harmonics`. Modules are imported at first
 use.
 """
@@ -33,6 +42,8 @@ if TYPE_CHECKING:
     from rover_sweep.api.read import read as read
     from rover_sweep.api.simulate import Simulation as Simulation
     from rover_sweep.api.simulate import simulate as simulate
+    from rover_sweep.api.speed_result import SpeedIdentification as SpeedIdentification
+    from rover_sweep.api.speed_result import identify_speed as identify_speed
     from rover_sweep.errors import DataRefused as DataRefused
     from rover_sweep.errors import RoverSweepError as RoverSweepError
     from rover_sweep.errors import UsageError as UsageError
@@ -48,6 +59,7 @@ _HOMES = {
     "api.compare": ("compare",),
     "api.diagnose": ("FullDiagnosis", "diagnose", "load_diagnosis"),
     "api.simulate": ("Simulation", "simulate"),
+    "api.speed_result": ("SpeedIdentification", "identify_speed"),
     "identification.conversion": ("to_control", "to_scipy"),
     "manoeuvre.multisine": ("Multisine",),
     "spectra.harmonics": ("Harmonics", "harmonics"),

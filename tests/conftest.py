@@ -39,4 +39,4 @@ def foreign_recordings() -> Path:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every picture of a report is one pixel: for tests of its numbers and words. Drawing takes longest."""
-    monkeypatch.setattr("rover_sweep.report.identification.pictures.Picture.png", lambda picture: PIXEL)
+    monkeypatch.setattr("rover_sweep.report.pictures.picture.Picture.png", lambda picture: PIXEL)

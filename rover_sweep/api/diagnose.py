@@ -1,12 +1,4 @@
-"""Diagnosis in Python: find what a model lacks, and show, report, save or load the result.
-
-import rover_sweep as rs
-runs = rs.read("run1.BIN", "run2.BIN", "run3.BIN", vehicle="rover.toml")
-found = rs.diagnose(runs, held_out=rs.read("run4.BIN", vehicle="rover.toml"))
-found.findings[0].effect
-found.report("report")
-rs.simulate(found, runs[0])  # with the effects that were found
-"""
+"""Diagnosis in Python: find what a model lacks, and show, report, save or load the result."""
 
 from __future__ import annotations
 
@@ -14,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rover_sweep.api.diagnosis_input import candidates_left, diagnosed, material, nominal_of, time_limit_of
 from rover_sweep.api.read import Location, Runs
+from rover_sweep.data.later import keyed_frame
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.result import Diagnosis
@@ -42,7 +35,7 @@ class FullDiagnosis(Shown, Diagnosis):
         rows = []
         for f in self.findings:
             removed = next((h.share_removed for h in f.held_out), None)
-            share = "-" if removed is None else f"{100 * removed:.0f} %"
+            share = "-" if removed is None else f"{100 * min(removed, 1.0):.0f} %"
             for k, v in enumerate(f.parameters):
                 names = (f.effect, ", ".join(f.look_alikes) or "-", share) if k == 0 else ("", "", "")
                 interval = f"{plain_number(v.low, 3)} .. {plain_number(v.high, 3)}"
@@ -56,6 +49,39 @@ class FullDiagnosis(Shown, Diagnosis):
         unseen = ", ".join(u.effect for u in self.cannot_see if not u.up_to)
         notes += [f"these runs cannot show: {unseen}"] if unseen else []
         return ShortTable(f"{self.verdict}: {self.sentence}", headings, tuple(rows), tuple(notes))
+
+    def plot(self, run: str | None = None, axes: Any = None) -> Any:
+        """Draws a run measured, simulated before and after; returns matplotlib axes (channels, 2).
+
+        Left: signals over time with twice the noise (grey). Right: residual over noise by frequency. run: its
+        name, default the first held-out one. axes: as many to draw on; default a new figure. UsageError for
+        an unknown run, or for a diagnosis without signals (read from a diagnosis.json).
+
+        >>> found.plot("run4").shape[1]
+        2
+        """
+        from rover_sweep.drawing.of_diagnosis import draw_diagnosis
+
+        return draw_diagnosis(self, run, axes)
+
+    def to_frame(self) -> Any:
+        """The findings as a pandas.DataFrame with the index (effect, parameter); UsageError without pandas.
+
+        Columns: value, low and high (90 % interval, nan for no such limit), unit, meaning, removed (share of
+        the held-out misfit that the effect explains, nan without a held-out run). No row without a finding.
+
+        >>> list(found.to_frame().columns)
+        ['value', 'low', 'high', 'unit', 'meaning', 'removed']
+        """
+        rows = [(f, v) for f in self.findings for v in f.parameters]
+        removed = {f.effect: next((h.share_removed for h in f.held_out), None) for f in self.findings}
+        columns = {
+            name: [getattr(v, name) for _, v in rows] for name in ("value", "low", "high", "unit", "meaning")
+        }
+        columns["removed"] = [removed[f.effect] for f, _ in rows]
+        return keyed_frame(
+            columns, {"effect": [f.effect for f, _ in rows], "parameter": [v.name for _, v in rows]}
+        )
 
     def report(self, directory: Location) -> DiagnosisFiles:
         """Write diagnosis.html and diagnosis.json into a folder."""
@@ -94,6 +120,16 @@ def diagnose(
     exclude. time_limit [s]; stop: returns True to end; both end with the results so far. progress(activity,
     share done 0..1). seed: of the bootstrap. UsageError for invalid arguments; refused data give the verdict
     "refused".
+
+    Here with two candidates only, to be quick; without `only` it tries all effects:
+
+    >>> worn = rs.read("worn/run2.BIN", "worn/run4.BIN", vehicle="worn/rover.toml")
+    >>> found = rs.diagnose(worn, only=["steering_backlash", "servo_lag"])
+    >>> found.verdict, [f.effect for f in found.findings], found.held_out_runs
+    ('explained', ['steering_backlash'], ('run4',))
+    >>> gap = found.findings[0].parameters["b"]
+    >>> f"half gap {gap.value:.3f} {gap.unit}, 90 % {gap.low:.3f} to {gap.high:.3f}"
+    'half gap 0.010 rad, 90 % 0.010 to 0.011'
     """
     if not isinstance(runs, Runs):
         kind = type(runs).__name__
@@ -132,6 +168,9 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
     """The diagnosis that `FullDiagnosis.save` wrote, or the diagnosis.json of a report (or its folder).
 
     The latter has neither recordings nor the curves of the pictures. UsageError for any other file.
+
+    >>> rs.load_diagnosis(found.save("diagnosis.json")).findings[0].effect
+    'steering_backlash'
     """
     from rover_sweep.api.save import loads
     from rover_sweep.report.export.augmented_model_json import refuse_implausible

@@ -20,6 +20,7 @@ from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSettings
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
+from rover_sweep.identification.grouping import Settings, grouped
 from rover_sweep.identification.imu_place import wrong_place_in
 from rover_sweep.quality.faults import OPTIONAL, faulty_channels
 from rover_sweep.quality.length import with_length
@@ -97,10 +98,9 @@ def diagnosed(
     misplaced = ""
     try:
         given, left_out = _sound(given)
-        misplaced = wrong_place_in(given.runs, geometry_of(vehicle), settings.baseline)
-        found = diagnose(
-            given.runs, geometry_of(vehicle), settings, given.held_out, given.simulated, progress, stop
-        )
+        rover, groups = geometry_of(vehicle), grouped(given.runs, Settings())
+        misplaced = wrong_place_in(groups, rover, settings.baseline)
+        found = diagnose(given.runs, rover, settings, given.held_out, given.simulated, progress, stop, groups)
     except DataRefused as error:
         found = _refused(str(error), given, settings, time.monotonic() - started)
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
@@ -202,7 +202,7 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
         models = document.get("models", {})
         if name not in models:
             raise UsageError(f"{path} has no model {name!r}; it has {', '.join(models) or 'none'}")
-        values = {p: v["value"] for p, v in models[name]["parameters"].items()}
+        values = {p: v["value"] for p, v in models[name]["parameters"].items() if "variant" not in v}
     known: dict[str, Baseline] = {b: b for b in BASELINES}
     if name not in known or baseline not in (None, name):
         raise UsageError(f"{path} holds the model {name!r}; give one of {', '.join(BASELINES)}")

@@ -1,11 +1,5 @@
 """From logs to models in Python: read runs, identify, inspect the result, report, save, load.
 
-    import rover_sweep as rs
-    runs = rs.read("run1.BIN", "run2.BIN", vehicle="rover.toml")
-    result = rs.identify(runs)
-    result.models["roll-yaw"]
-    result.report("report")
-
 All values are in SI units and ISO axes (x forward, y left, z up); frequencies are in rad/s. Bad input raises
 `UsageError` or `DataRefused` with one sentence. A poor fit raises nothing: its verdict says so.
 """
@@ -23,16 +17,18 @@ from rover_sweep.api.identify_settings import check_settings, parameter_names
 from rover_sweep.api.read import Location, Runs
 from rover_sweep.api.run_roles import fitted_and_verified
 from rover_sweep.api.structure_files import load_structures
+from rover_sweep.data.later import joined_frames
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import MODEL_NAMES, geometry_of
 from rover_sweep.errors import UsageError
 from rover_sweep.identification.grouping import FITTED, MODELS, Settings
+from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.pipeline import identify as run_identification
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.report.wording.provenance import Provenance, provenance
-from rover_sweep.spectra.response import Band
+from rover_sweep.spectra.response import Band, FrequencyResponse
 
 if TYPE_CHECKING:
     from rover_sweep.report.identification.report_folder import ReportFiles
@@ -48,16 +44,67 @@ class Result(Identification):
 
     origin: Provenance = field(default_factory=Provenance)
 
+    @property
+    def responses(self) -> Mapping[str, FrequencyResponse]:
+        """{output: response} of the first group of runs (all runs, if they have one speed).
+
+        >>> result.responses["r"].unit
+        'rad/s per rad'
+        """
+        return self.groups[0].responses
+
+    def plot(
+        self,
+        outputs: Sequence[str] | None = None,
+        models: Sequence[str] | None = None,
+        group: int = 0,
+        axes: Any = None,
+    ) -> Any:
+        """Draws the responses with the models over them; returns matplotlib axes (3, outputs).
+
+        Rows: magnitude, phase, coherence. outputs, models: names, default all responses and the models of the
+        report. group: index of the group of runs at one speed. axes: as many to draw on; default a new
+        figure. UsageError for unknown names or another number of axes.
+
+        >>> result.plot(["r", "ay"], models=["roll-yaw"]).shape
+        (3, 2)
+        """
+        from rover_sweep.drawing.of_response import draw_responses
+
+        return draw_responses(self, outputs, models, group, axes)
+
+    def to_frame(self) -> Any:
+        """The parameters of all models as a pandas.DataFrame with the index (model, parameter).
+
+        Columns: see `ModelResult.to_frame`. UsageError without pandas or without a model.
+
+        >>> frame = result.to_frame()
+        >>> list(frame.index.names), frame.loc["roll-yaw", "Izz"]["unit"]
+        (['model', 'parameter'], 'kg m^2')
+        """
+        if not self.models:
+            raise UsageError(
+                "no model was identified, so there are no parameters; print the result for the reason"
+            )
+        return joined_frames({name: model.to_frame() for name, model in self.models.items()}, "model")
+
     def report(
-        self, directory: Location, progress: Callable[[float, str], None] | None = None
+        self, directory: Location, progress: Callable[[float, str], None] | None = None, units: str = "SI"
     ) -> ReportFiles:
         """Writes report.html, identification.json, pictures and models into a folder.
 
-        progress: called with the share written, 0..1, and the name of the next part.
+        progress: called with the share written, 0..1, and the name of the next part. units: of the
+        accelerations on the page, "SI" or "paper" (ft/s^2); the documents are in SI. UsageError for others.
+
+        >>> result.report("report").page.name
+        'report.html'
         """
         from rover_sweep.report.identification.report_folder import write_report
+        from rover_sweep.report.wording.shown_units import SHOWN_UNITS
 
-        return write_report(self, Path(directory), self.origin, progress)
+        if units not in SHOWN_UNITS:
+            raise UsageError(f"there are no units {units!r}; choose from {', '.join(SHOWN_UNITS)}")
+        return write_report(self, Path(directory), self.origin, progress, SHOWN_UNITS[units])
 
     def save(self, path: Location) -> Path:
         """Writes the result and its recordings to a .json that `load_result` reads without loss."""
@@ -93,8 +140,22 @@ def identify(
     roll-yaw model that are fitted in addition, such as "Ixx", "Ixz", "h". reduction: fix those again that the
     data cannot determine, except the parameters in keep. condition_on: further inputs, such as "throttle",
     whose effect is removed from the responses. structures: your own TOML files or `ModelStructure`s, fitted
-    in addition. bootstrap: replicates for the 90 % intervals (`fit["C"].interval`), 0 for none. UsageError
-    for wrong arguments.
+    in addition. bootstrap: replicates for the 90 % intervals (`parameters["C"].interval_90`), 0 for none.
+    UsageError for wrong arguments.
+
+    >>> runs = rs.read("run1.BIN", "run4.BIN", vehicle="rover.toml")
+    >>> result = rs.identify(runs, models=["roll-yaw"], bootstrap=0)
+    >>> list(result.models)
+    ['kinematic', 'roll-yaw']
+    >>> model = result.models["roll-yaw"]
+    >>> model.verdict.level, model.verification[0].run
+    ('good', 'run4')
+    >>> yaw_inertia = model.parameters["Izz"]
+    >>> f"{yaw_inertia.value:.2f} {yaw_inertia.unit}"
+    '0.07 kg m^2'
+    >>> rs.identify(runs, models=["tricycle"])
+    Traceback (most recent call last):
+    rover_sweep.errors.UsageError: there is no model 'tricycle'; choose from bicycle, roll-yaw, lumped
     """
     if not isinstance(runs, Runs) or runs.vehicle is None:
         raise UsageError('the vehicle is not known: read the runs with rs.read(..., vehicle="rover.toml")')
@@ -128,23 +189,30 @@ def identified(
     structures: Sequence[ModelStructure] = (),
     free: Sequence[str] = (),
     command: str = "",
+    fitted: Callable[[Mapping[str, ModelResult]], None] | None = None,
 ) -> Result:
     """The result of the sweeps, verified on `checks`; for `identify` and for the command line.
 
     rover: (vehicle, path of its file). free: parameters fitted in addition to those of the file. command: the
-    command line, for the report. UsageError for settings that do not fit these runs.
+    command line, for the report. fitted: called with the models before their intervals. UsageError for
+    settings that do not fit these runs.
     """
     check_settings(settings, sweeps)
     vehicle, vehicle_file = rover
     geometry = geometry_of(vehicle)
     geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *free))))
-    found = run_identification(tuple(sweeps), geometry, tuple(checks), settings, tuple(structures))
+    found = run_identification(tuple(sweeps), geometry, tuple(checks), settings, tuple(structures), fitted)
     origin = provenance(vehicle, vehicle_file, checks, command, datetime.now().astimezone())
     return Result(**{f.name: getattr(found, f.name) for f in fields(found)}, origin=origin)
 
 
 def load_result(path: Location) -> Result:
-    """The result that `Result.save` wrote; UsageError for another file."""
+    """The result that `Result.save` wrote; UsageError for another file.
+
+    >>> again = rs.load_result(result.save("result.json"))
+    >>> again.models["roll-yaw"].parameters["tau"].value == result.models["roll-yaw"].parameters["tau"].value
+    True
+    """
     from rover_sweep.api.save import loads
 
     try:

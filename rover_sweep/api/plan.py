@@ -9,14 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from rover_sweep.api.known_steering import known
-from rover_sweep.data.geometry import GRAVITY
+from rover_sweep.data.geometry import FRICTION, GRAVITY, NEAR
 from rover_sweep.data.material_sizes import tolerances_of
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.diagnosis.plans.plan_result import Limits, Plan, PlannedRun
 from rover_sweep.errors import UsageError
-from rover_sweep.identification.handling import FRICTION, NEAR
 
 BIAS_SHARE = 0.3  # of the amplitude; a sweep with a larger mean is a sweep about a bias
 SLOWEST, FASTEST = 0.8, 12.0  # m/s, of proposed runs
@@ -103,7 +102,7 @@ def as_planned(run: Recording, vehicle: Vehicle) -> PlannedRun:
         raise UsageError(f"{run.name} has no recorded speed, which a plan needs")
     bent = run.kind == "sweep" and abs(bias) > BIAS_SHARE * amplitude
     return PlannedRun(
-        "bias_sweep" if bent else run.kind,
+        "bias_sweep" if bent else "other" if run.kind == "throttle" else run.kind,
         round(amplitude),
         round(run.mean_speed, 2),
         _heading(run),

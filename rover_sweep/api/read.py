@@ -14,14 +14,14 @@ from typing import Any
 
 from rover_sweep.api.known_steering import through_linkage
 from rover_sweep.api.trial_source import trial_source
-from rover_sweep.data.recording import Recording, steered
+from rover_sweep.data.recording import Recording, grouped_warnings, steered
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.data.run_names import named, source_names
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.read import read_runs
-from rover_sweep.quality.coherence import CoherenceVerdict, assess
+from rover_sweep.quality.coherence import CoherenceTable, assess
 from rover_sweep.quality.length import each_with_length
 from rover_sweep.quality.rovers import with_rovers
 from rover_sweep.quality.steering_lock import stopped_at
@@ -46,7 +46,7 @@ class Reading:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Runs(Shown, Sequence[Recording]):
-    """Runs of one vehicle: a sequence of `Recording` that can be sliced and added.
+    """Runs of one vehicle: a sequence of `Recording` that can be sliced and added; runs["run1"] finds one.
 
     vehicle: contents of its file; None without one (coherence can then be judged, but nothing fitted).
     """
@@ -59,8 +59,19 @@ class Runs(Shown, Sequence[Recording]):
         return len(self.recordings)
 
     def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, str):
+            return self._named(key)
         found = self.recordings[key]
         return replace(self, recordings=found) if isinstance(key, slice) else found
+
+    def _named(self, name: str) -> Recording:
+        for run in self.recordings:
+            if run.name == name:
+                return run
+        raise KeyError(f"there is no run {name!r}; the names are {', '.join(r.name for r in self)}")
+
+    def __contains__(self, key: object) -> bool:
+        return any(run is key or run.name == key for run in self.recordings)
 
     def __iter__(self) -> Iterator[Recording]:
         return iter(self.recordings)
@@ -68,9 +79,43 @@ class Runs(Shown, Sequence[Recording]):
     def __add__(self, other: Sequence[Recording]) -> Runs:
         return replace(self, recordings=(*self.recordings, *other))
 
-    def coherence(self) -> tuple[CoherenceVerdict, ...]:
-        """A verdict on each run: keep it, or repeat it with which change."""
-        return tuple(assess(run) for run in each_with_length(self.recordings))
+    def coherence(self) -> CoherenceTable:
+        """A verdict on each run: keep it, or repeat it with which change. A tuple that prints as a table.
+
+        >>> runs.coherence()
+        coherence at least 0.6, usable bands in rad/s
+          run   verdict  amplitude            r           ay     vydot            p
+          run1     keep     120 us  0.29 - 23.2  0.29 - 23.2  3 - 23.2  0.29 - 23.2
+          run4     keep     150 us  0.98 - 36.1  0.98 - 14.1  3 - 25.1  0.98 - 14.1
+        >>> runs.coherence()[0].keep
+        True
+        """
+        return CoherenceTable(assess(run) for run in each_with_length(self.recordings))
+
+    def plot(self, channels: Sequence[str] | None = None, axes: Any = None) -> Any:
+        """Draws every run in a column of its own and returns the matplotlib axes (channels, runs).
+
+        channels: names, default steering, r, ay, p and speed. axes: as many to draw on; default a new figure.
+
+        >>> runs.plot(["pwm", "r"]).shape
+        (2, 2)
+        """
+        from rover_sweep.drawing.of_run import draw_runs
+
+        return draw_runs(self.recordings, channels, axes)
+
+    def to_frame(self, rate: float | None = None) -> Any:
+        """All runs as one pandas.DataFrame with the index (run, t [s]); see `Recording.to_frame`.
+
+        >>> frame = runs.to_frame(rate=50)
+        >>> list(frame.index.names), frame.loc["run4"]["r"].size
+        (['run', 't'], 900)
+        """
+        if not self.recordings:
+            raise UsageError("there is no run to put into a frame")
+        from rover_sweep.data.later import joined_frames
+
+        return joined_frames({run.name: run.to_frame(rate) for run in self.recordings}, "run")
 
     def table(self) -> ShortTable:
         """Name, kind, length, speed and channels of each run; the warnings."""
@@ -84,17 +129,9 @@ class Runs(Shown, Sequence[Recording]):
             )
             for r in self.recordings
         )
-        runs_of_warning: dict[str, list[str]] = {}
-        for r in self.recordings:
-            for note in (n for n in r.notes if n.level == "warning"):
-                runs_of_warning.setdefault(note.text, []).append(r.name)
-        warnings = (
-            f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {text}"
-            for text, names in runs_of_warning.items()
-        )
         of = f" of {self.vehicle.name}" if self.vehicle and self.vehicle.name else ""
         headings = ("run", "kind", "s", "m/s", "channels")
-        return ShortTable(f"{len(self)} run(s){of}", headings, rows, tuple(warnings))
+        return ShortTable(f"{len(self)} run(s){of}", headings, rows, grouped_warnings(self.recordings))
 
 
 def read(
@@ -114,6 +151,19 @@ def read(
     low-passes of the sensors [Hz, 0 = off] that replace the recorded ones. system: MAVLink id of the vehicle
     in a .tlog that holds several. UsageError for files that cannot be opened, DataRefused for files that
     cannot be used.
+
+    >>> runs = rs.read("run1.BIN", "run4.BIN", vehicle="rover.toml")
+    >>> runs
+    2 run(s) of example rover
+      run      kind     s   m/s                                    channels
+      run1    sweep  61.0  2.48  pwm r p ay phi psi speed vy throttle delta
+      run4  doublet  18.0  2.49  pwm r p ay phi psi speed vy throttle delta
+    >>> yaw_rate = runs["run1"]["r"]
+    >>> yaw_rate.unit, round(yaw_rate.rate), yaw_rate.t.shape == yaw_rate.x.shape
+    ('rad/s', 100, True)
+    >>> rs.read("run9.BIN")
+    Traceback (most recent call last):
+    rover_sweep.errors.UsageError: ...
     """
     if not sources:
         raise UsageError("nothing to read: give the path of a .BIN, .tlog or .csv")

@@ -1,18 +1,14 @@
-"""Simulates a model with the recorded steering and speed of a run: `rs.simulate`.
-
-found = rs.diagnose(runs)
-again = rs.simulate(found, rs.read("run4.BIN", vehicle="rover.toml")[0])
-again.signals["r"], again.measured["r"], again.error("r")
-"""
+"""Simulates a model with the recorded steering and speed of a run: `rs.simulate`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rover_sweep.data.later import data_frame
 from rover_sweep.data.recording import Array, Recording, steered
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.result import Diagnosis
@@ -42,8 +38,36 @@ class Simulation(Shown):
     measured: Mapping[str, Array]
 
     def error(self, channel: str) -> float:
-        """RMS of measured minus simulated, in the unit of the channel."""
+        """RMS of measured minus simulated, in the unit of the channel; UsageError without that channel."""
+        if channel not in self.measured or channel not in self.signals:
+            both = ", ".join(c for c in self.signals if c in self.measured)
+            raise UsageError(f"{self.run} has no channel {channel!r} to compare; it has {both}")
         return float(np.sqrt(np.mean((self.measured[channel] - self.signals[channel]) ** 2)))
+
+    def plot(self, channels: Sequence[str] | None = None, axes: Any = None) -> Any:
+        """Draws simulated and measured channels over time; returns matplotlib axes (channels,).
+
+        channels: names, default the recorded ones. axes: as many to draw on; default a new figure.
+
+        >>> len(rs.simulate(result.models["roll-yaw"], runs["run4"]).plot(["r", "ay"]))
+        2
+        """
+        from rover_sweep.drawing.of_model import draw_simulation
+
+        return draw_simulation(
+            f"{self.run} by the {self.model} model", self.t, self.signals, self.measured, channels, axes
+        )
+
+    def to_frame(self) -> Any:
+        """A pandas.DataFrame with the time t [s] as index; UsageError without pandas.
+
+        Columns: each channel as simulated ("r") and, where recorded, as measured ("r_measured"), SI units.
+
+        >>> list(rs.simulate(result.models["roll-yaw"], runs["run4"]).to_frame())[:5]
+        ['r', 'ay', 'vydot', 'p', 'r_measured']
+        """
+        measured = {f"{name}_measured": x for name, x in self.measured.items()}
+        return data_frame({**self.signals, **measured}, self.t, "t")
 
     def table(self) -> ShortTable:
         """RMS of each recorded channel and of the model's error."""
@@ -68,6 +92,22 @@ def simulate(model: AugmentedModel | Diagnosis | ModelResult, run: Recording) ->
     from rest, so without the r and a_y of a trim error). run: a recording with `delta` [rad], as from `read`
     with a vehicle; with PWM only, the steering data of the diagnosis are used. UsageError for a diagnosis
     without a model, DataRefused for a run without steering or speed.
+
+    An identified model on a run that was not fitted:
+
+    >>> again = rs.simulate(result.models["roll-yaw"], runs["run4"])
+    >>> sorted(again.signals), again.t.shape == again.signals["r"].shape
+    (['ay', 'p', 'r', 'vydot'], True)
+    >>> round(again.error("r"), 2)  # rms of measured minus simulated yaw rate [rad/s]
+    0.02
+
+    A diagnosed model includes the effects that were found, here the play of the linkage:
+
+    >>> with_play = rs.simulate(found, worn["run4"])
+    >>> with_play.model
+    'roll-yaw with steering_backlash'
+    >>> with_play.error("r") < 0.02
+    True
     """
     found = model_of(model) if isinstance(model, Diagnosis) else model
     if not isinstance(found, AugmentedModel | ModelResult):

@@ -40,6 +40,7 @@ COMMANDS: dict[str, str] = {
     "batch": "Show what drifted on a fleet over a season.",
     "coherence": "Check whether a run's coherence is good enough.",
     "replay": "Play a recording: pause, jump, any speed.",
+    "view": "Plot any channel of a log against another, on a page.",
     "redrive": "Repeat a log's steering and speed in a simulation.",
     "twin": "Correct a simulation until it agrees with recordings.",
     "study": "Repeat the paper's comparison on a virtual rover.",

@@ -1,17 +1,20 @@
-"""Confidence interval of a parameter, from the bootstrap."""
+"""Confidence interval of a parameter, from the bootstrap and from errors of a tyre model's structure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rover_sweep.data.plain_values import PlainNumbers
+
 LEVEL = 0.90  # coverage
 
 
 @dataclass(frozen=True)
-class Intervals:
+class Intervals(PlainNumbers):
     """Interval low..high of one parameter at `level` (0..1), in its unit; sd: of the estimate.
 
-    bias: of the method; the interval is corrected for it, so it need not contain the estimate. replicates:
+    bias: of the method; the interval of the noise is corrected for it, so it need not contain the estimate.
+    sd and bias are those of the noise, also where low and high include errors of the structure. replicates:
     number that converged; failed: number that did not. low, high, sd and bias are nan when more than half
     failed.
     """

@@ -6,17 +6,21 @@ an outward roll in a left turn is positive phi. `rover_sweep.logs` converts Ardu
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.data.later import data_frame, drawing
+from rover_sweep.data.result_table import ShortTable, Shown, plain_number
+from rover_sweep.errors import UsageError
+
 Array = NDArray[np.float64]
 ASSUMED = "factory value, assumed"  # source of a low-pass that was neither recorded nor given
 AT_LOOP = "at the main loop"  # end of the source of commands time-stamped at the main loop that applied them
-Kind = Literal["sweep", "bias_sweep", "doublet", "multisine", "other"]
+Kind = Literal["sweep", "bias_sweep", "doublet", "multisine", "throttle", "other"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +100,8 @@ class Note:
     spoils: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Shown):
     """One run: channels on one clock, the time of the manoeuvre, and known data of the sensors.
 
     channels, as far as recorded:
@@ -111,6 +115,9 @@ class Recording:
     standstill, straight: intervals (start, end) s for biases and the noise floor.
     filters: known sensor low-pass per channel name (r, p: INS_GYRO_FILTER; ay: INS_ACCEL_FILTER).
     sources: (path name, sha256) of its files. vehicle: {key: value} of the log that identify the vehicle.
+
+    >>> runs["run1"]["r"].unit, round(runs["run1"].mean_speed, 2)
+    ('rad/s', 2.48)
     """
 
     name: str
@@ -145,6 +152,42 @@ class Recording:
         t = start + np.arange(int((end - start) * rate) + 1) / rate
         return t, {name: signal.on(t) for name, signal in self.channels.items()}
 
+    def plot(self, channels: Sequence[str] | None = None, axes: Any = None) -> Any:
+        """Draws channels over time and returns their matplotlib axes (n,).
+
+        channels: names; default steering, r, ay, p and speed. axes: as many to draw on (one, or a sequence);
+        default a new figure. UsageError for an unknown channel or another number of axes.
+
+        >>> [axes.get_ylabel() for axes in runs["run1"].plot(["r", "speed"])]
+        ['yaw rate r\\ndeg/s', 'speed V\\nm/s']
+        """
+        return drawing("of_run:draw_run")(self, channels, axes)
+
+    def to_frame(self, rate: float | None = None) -> Any:
+        """The manoeuvre as a pandas.DataFrame: each channel in SI units, with the time t [s] as index.
+
+        rate [Hz]: of the common grid; default that of the yaw rate, or else of the fastest channel. Samples
+        are interpolated, a PWM is averaged over each cell. UsageError without pandas or for a rate of 0 or
+        less.
+
+        >>> frame = runs["run1"].to_frame(rate=50)
+        >>> frame.index.name, list(frame.columns)[:3], frame.shape[0]
+        ('t', ['pwm', 'r', 'p'], 3050)
+        """
+        if rate is not None and not rate > 0:
+            raise UsageError(f"the rate is {rate}; give a number of samples per second above 0")
+        rates = {name: signal.rate for name, signal in self.channels.items()}
+        t, columns = self.uniform(rate or rates.get("r") or max(rates.values()))
+        return data_frame(columns, t, "t")
+
+    def table(self) -> ShortTable:
+        """Unit, rate and source of each channel; the warnings."""
+        rows = tuple((n, s.unit, plain_number(s.rate, 3), s.source) for n, s in self.channels.items())
+        speed = f", mean speed {self.mean_speed:.2f} m/s" if "speed" in self else ""
+        title = f"{self.name}: {self.kind} of {self.span[1] - self.span[0]:.1f} s{speed}"
+        warnings = tuple(n.text for n in self.notes if n.level == "warning")
+        return ShortTable(title, ("channel", "unit", "Hz", "source"), rows, warnings)
+
     @property
     def mean_speed(self) -> float:
         """Mean forward speed over the manoeuvre, m/s."""
@@ -160,6 +203,17 @@ class Recording:
         parts = [self.channels[channel].between(a, b).x for a, b in self.standstill]
         samples = np.concatenate(parts) if parts else np.empty(0)
         return float(np.mean(samples)) if samples.size else None
+
+
+def grouped_warnings(runs: Iterable[Recording]) -> tuple[str, ...]:
+    """The warnings on recordings, each once: "run1 and 2 more: what is wrong"."""
+    names: dict[str, list[str]] = {}
+    for run in runs:
+        for note in (n for n in run.notes if n.level == "warning"):
+            names.setdefault(note.text, []).append(run.name)
+    return tuple(
+        f"{of[0]}{f' and {len(of) - 1} more' if len(of) > 1 else ''}: {text}" for text, of in names.items()
+    )
 
 
 def steered(recording: Recording, trim_us: float, rad_per_us: float) -> Recording:

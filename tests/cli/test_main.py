@@ -64,6 +64,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["inertai"], "did you mean inertia?"),
         (["--fast"], "No such option"),
         (["vehicle", "check"], "Missing argument 'FILE'"),
+        (["vehicle", ROVER], "use: rover-sweep vehicle check"),
         (["design", "--wmin", "30"], "must lie below --wmax"),
         (["design", "--type", "doublet", "--wmin", "1"], "--wmin belongs to --type sweep"),
         (["design", "--type", "multisine", "--bias", "50"], "--bias belongs to --type bias-sweep"),
@@ -149,6 +150,14 @@ def test_plain_ascii_terminal() -> None:
     environment = {"PYTHONIOENCODING": "ascii", "PATH": ""}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0 and "2.66 ? 0.005" in done.stdout
+
+
+def test_design_names_the_settings_that_it_assumes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["design", "--gyro-filter", "20"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "defaults for SCHED_LOOP_RATE, INS_ACCEL_FILTER; give" in shown
+    assert main.run(["design", "--gyro-filter", "20", "--accel-filter", "20", "--loop-rate", "100"]) == 0
+    assert "assumed" not in capsys.readouterr().out
 
 
 def test_vehicle_example_and_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -73,6 +73,6 @@ def test_what_is_not_there_ends_with_a_sentence(
 
 
 def test_the_structure_in_the_readme_is_one() -> None:
-    blocks = (part.split("```")[0] for part in (ROOT / "README.md").read_text().split("```toml\n")[1:])
+    blocks = (part.split("```")[0] for part in (ROOT / "docs/formats.md").read_text().split("```toml\n")[1:])
     text = next(block for block in blocks if "[parameters]" in block)
     assert structure_from_text(text).values["Cr"] == pytest.approx(0.9 * 39)

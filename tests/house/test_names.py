@@ -21,6 +21,7 @@ SAME_NAME = {
     "diagnose": VERB,
     "fit": "the fit of each of the two cores",
     "identify": VERB,
+    "identify_speed": VERB,
     "matrices": "one for each model structure; saved results name them",
     "motion": "one for each kind of baseline",
     "planned": REPORTS,

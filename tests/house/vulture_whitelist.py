@@ -5,12 +5,25 @@ from typing import Any
 it: Any = None
 
 _ = [
-    # called by click, IPython and textual
+    # called by click, IPython, textual and textual-serve
     it.list_commands,
     it.get_command,
     it.format_commands,
     it._repr_html_,
+    it._open_app_process,
+    it._stdin,
+    it.handle_websocket,
+    it.initialize_logging,
     it.theme,
+    # the public results, for users' Python; the functions are found by address (rover_sweep.data.later)
+    it.plot,
+    it.to_frame,
+    it.interval_90,
+    it.responses,
+    it.draw_run,
+    it.draw_one_response,
+    it.draw_model,
+    it.draw_verification,
     # fields of the vehicle file and of a plan's evidence, read by getattr
     it.asymmetry,
     it.nonlinearity,

@@ -144,7 +144,7 @@ def _show_amplitudes(unit: str, proposal: AmplitudeProposal) -> None:
 
     console, form = results(), ".0f" if unit == "us" else ".2g"
     console.print(f"next amplitude: {proposal.sentence}", highlight=False, soft_wrap=True, markup=False)
-    headings = ("rad/s", "needed by", "coherence", f"amplitude, {unit}", "then", "limit")
+    headings = ("rad/s", "needed by", "coherence", f"amplitude, {unit}", "expected then", "limited by")
     rows = [
         (
             f"{b.low:.2g} - {b.high:.3g}",
@@ -162,9 +162,9 @@ def _show_amplitudes(unit: str, proposal: AmplitudeProposal) -> None:
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Any:
     from rich.table import Table
 
-    table = Table(box=None, padding=(0, 2))
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
     for heading in headings:
-        left = heading in ("response", "rad/s", "limit")
+        left = heading in ("response", "rad/s", "limited by")
         table.add_column(heading, justify="left" if left else "right")
     for row in rows:
         table.add_row(*row)

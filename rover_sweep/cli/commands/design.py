@@ -21,6 +21,11 @@ ONLY_FOR = {
     "multisine": (*_SWEPT, "periods"),
     "bias-sweep": (*_SWEPT, "bias"),
 }
+_SETTINGS = {  # option: (the rover's parameter, flag)
+    "loop_rate": ("SCHED_LOOP_RATE", "--loop-rate"),
+    "gyro_filter": ("INS_GYRO_FILTER", "--gyro-filter"),
+    "accel_filter": ("INS_ACCEL_FILTER", "--accel-filter"),
+}
 POSITIVE = NumberRange(0, min_open=True)
 
 
@@ -140,6 +145,17 @@ def design(
         show_json(planned)
     else:
         show_design(planned, vehicle)
+        _say_assumed(ctx)
+
+
+def _say_assumed(ctx: click.Context) -> None:
+    """Name the settings of the rover that were not given."""
+    from rover_sweep.cli.views.paragraphs import fact
+
+    assumed = [n for n in _SETTINGS if ctx.get_parameter_source(n) is ParameterSource.DEFAULT]
+    if assumed:
+        names, flags = (", ".join(_SETTINGS[n][k] for n in assumed) for k in (0, 1))
+        echo("\n" + fact("assumed", f"ArduRover's defaults for {names}; give yours with {flags}"))
 
 
 def _manoeuvre(ctx: click.Context, options: dict[str, Any]) -> Manoeuvre:

@@ -1,4 +1,4 @@
-"""`rover-sweep gains`: compute the steering controller's gains from an identified model."""
+"""`rover-sweep gains`: compute the gains of the steering and speed controllers from identified models."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from rover_sweep.errors import LinkError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rover_sweep.gains.proposal import Proposal
     from rover_sweep.vehicle.link.access import Access
 
 
-@click.command(short_help="Compute steering gains for the autopilot from an identified model.")
+@click.command(short_help="Compute steering and speed gains for the autopilot from identified models.")
 @click.argument("place", metavar="IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path())
 @click.option(
     "--speed", type=NumberRange(0.1, 50), metavar="M/S", help="Design speed. [default: that of the runs]"
@@ -64,6 +63,9 @@ def gains(
 ) -> None:
     """Compute ATC_STR_RAT_FF, P, I, D and IMAX from the report of `identify`, `run` or `diagnose`.
 
+    With it ATC_STR_RAT_MAX and ATC_TURN_MAX_G; and, if the report is (also) of throttle sweeps, CRUISE_SPEED,
+    CRUISE_THROTTLE, ATC_SPEED_P, I, D and ATC_ACCEL_MAX.
+
     Shows gain and phase margins, the predicted step response, the valid speed range, and the same for the
     current parameters. P and I keep margins of 6 dB and 45 deg for all parameter values within their 90 %
     intervals, from speed/1.5 to 1.5 speed. The loop includes the firmware's scaling with speed
@@ -76,20 +78,25 @@ def gains(
     Nothing is changed on a vehicle. Load the file with a ground station, and test it first with the wheels
     off the ground.
     """
-    from rover_sweep.api.gains import steering_gains
+    from rover_sweep.api.all_gains import all_gains
     from rover_sweep.cli.views.output import echo_json, narration, results
-    from rover_sweep.gains.gains_json import gains_document
 
     current = _current_parameters(now, url, access)
-    proposal = steering_gains(Path(place), name, vehicle_file, current, now or url or "the defaults", speed)
+    both = all_gains(Path(place), name, vehicle_file, current, now or url or "the defaults", speed)
     if as_json:
-        echo_json(json.dumps(gains_document(proposal), indent=2))
+        echo_json(json.dumps(both.document, indent=2))
     else:
         from rover_sweep.cli.views.gains_table import show_gains
+        from rover_sweep.cli.views.speed_table import show_limits, show_speed_gains
 
-        show_gains(results(), proposal)
+        if both.steering is not None:
+            show_gains(results(), both.steering)
+        if both.limits is not None:
+            show_limits(results(), both.limits, current)
+        if both.speed is not None:
+            show_speed_gains(results(), both.speed)
     if out is not None:
-        narration().print(_write(proposal, Path(out)), markup=False, soft_wrap=True)
+        narration().print(_write(both.text, Path(out)), markup=False, soft_wrap=True)
 
 
 def _current_parameters(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
@@ -102,14 +109,17 @@ def _current_parameters(now: str | None, url: str | None, access: Access) -> Map
 
 
 def _parameters_over(url: str, access: Access) -> dict[str, float]:
-    """The steering parameters read from a vehicle; nothing is written to it."""
+    """The parameters of steering and speed read from a vehicle; nothing is written to it."""
     from rover_sweep.cli.types.vehicle_link import unkept_link
+    from rover_sweep.gains.speed_chain import SPEED_DEFAULTS
     from rover_sweep.gains.steering_chain import DEFAULTS, SERVO_DEFAULTS, SERVO_OUTPUTS
     from rover_sweep.vehicle.parameters.read_write import read_present
 
-    names = set(DEFAULTS) | {
-        f"SERVO{n}_{key}" for n in range(1, SERVO_OUTPUTS + 1) for key in ("FUNCTION", *SERVO_DEFAULTS)
-    }
+    names = (
+        set(DEFAULTS)
+        | set(SPEED_DEFAULTS)
+        | {f"SERVO{n}_{key}" for n in range(1, SERVO_OUTPUTS + 1) for key in ("FUNCTION", *SERVO_DEFAULTS)}
+    )
     with unkept_link(url, access) as link:
         found = read_present(link, names)
     if "ATC_STR_RAT_FF" not in found:
@@ -117,14 +127,13 @@ def _parameters_over(url: str, access: Access) -> dict[str, float]:
     return found
 
 
-def _write(proposal: Proposal, path: Path) -> str:
+def _write(text: str, path: Path) -> str:
     """Write the file; returns a sentence that it was written, or why not."""
     from rover_sweep.files.replaced import write_file
-    from rover_sweep.gains.write_param_file import param_text
 
-    if proposal.proposed is None:
+    if not text:
         return f"{path} was not written: there are no gains to propose"
     if not path.parent.is_dir():
         raise UsageError(f"cannot write {path.name}: there is no folder {path.parent}; create it")
-    write_file(path, param_text(proposal))
+    write_file(path, text)
     return f"parameters written to {path}"

@@ -19,10 +19,10 @@ from rover_sweep.cli.types.options import (
     reading_options,
     vehicle_path,
 )
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import DataRefused, UsageError
 
 if TYPE_CHECKING:
-    pass
+    from rover_sweep.identification.speed.identify_speed import SpeedResult
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
 
@@ -101,6 +101,13 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
     metavar="N",
     help="Number of replicates for the 90 % intervals of the parameters; 0: no intervals.",
 )
+@click.option(
+    "--units",
+    type=click.Choice(["SI", "paper"], case_sensitive=False),
+    default="SI",
+    show_default=True,
+    help="Accelerations in m/s^2 or, as in the paper, in ft/s^2; files for programs stay in SI.",
+)
 @reading_options
 @click.option(
     "--out",
@@ -133,23 +140,29 @@ def identify(
     structures: tuple[str, ...],
     condition_on: tuple[str, ...],
     bootstrap: int,
+    units: str,
 ) -> None:
     """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
 
     RUN is a .BIN, a .tlog, a .csv (with --columns), both logs of one drive as log.BIN+log.tlog, or a
     session's folder. Several runs are fitted together. Doublets among them are used to verify the models,
-    unless --verify names other runs.
+    unless --verify names other runs. Throttle sweeps are recognised, and identified into
+    DIR/speed.html and DIR/speed.json.
     """
     from rover_sweep.api.identify_settings import parameter_names
     from rover_sweep.api.read import Reading, load_steered
     from rover_sweep.api.run_roles import fitted_and_verified
     from rover_sweep.api.structure_files import load_structures
     from rover_sweep.cli.driving.show_identified import show_identified
+    from rover_sweep.cli.driving.show_speed import add_steering
     from rover_sweep.data.vehicle_file import load as load_vehicle
     from rover_sweep.identification.grouping import Settings
 
     own = load_structures(structures)
     check_writable(Path(out))
+    speed, runs = _of_throttle(runs, Path(out), as_json)
+    if not runs:
+        return
     path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
@@ -168,7 +181,34 @@ def identify(
         condition_on=tuple(dict.fromkeys(condition_on)),
         bootstrap=bootstrap,
     )
-    show_identified(sweeps, checks, (vehicle, path), settings, Path(out), as_json, full, structures=own)
+    show_identified(
+        sweeps, checks, (vehicle, path), settings, Path(out), as_json, full, structures=own, units=units
+    )
+    add_steering(speed, Path(out))
+
+
+def _of_throttle(
+    runs: tuple[str, ...], out: Path, as_json: bool
+) -> tuple[SpeedResult | None, tuple[str, ...]]:
+    """Identify the speed from the throttle sweeps among the runs; the runs that are not of these alone."""
+    from rover_sweep.api.speed import throttle_sweeps
+    from rover_sweep.cli.driving.show_speed import show_speed
+
+    swept = throttle_sweeps(runs)
+    if not swept:
+        return None, runs
+    steered = tuple(run for run in runs if not throttle_sweeps((run,)) or _is_steered(run))
+    return show_speed(swept, out, as_json, alone=not steered), steered
+
+
+def _is_steered(source: str) -> bool:
+    """Whether a recording holds runs of the steering too."""
+    from rover_sweep.api.read import load_runs
+
+    try:
+        return bool(load_runs((source,), None, None))
+    except DataRefused:
+        return False
 
 
 def _swept(wmin: float | None, wmax: float | None) -> tuple[float, float] | None:

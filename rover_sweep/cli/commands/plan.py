@@ -130,7 +130,7 @@ def plan(
     from rover_sweep.api.plan import as_planned, merged, plan_runs
     from rover_sweep.api.read import Reading, load_steered
     from rover_sweep.api.run_roles import refuse_overlap
-    from rover_sweep.cli.views.output import narration
+    from rover_sweep.cli.views.long_work import long_work
     from rover_sweep.data.vehicle_file import load as load_vehicle
     from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 
@@ -144,10 +144,8 @@ def plan(
     runs = merged(
         [*(as_planned(run, vehicle) for run in driven), *sweep, *doublet, *bias_sweep, *multisine, *blocks]
     )
-    with narration().status("computing which effects these runs separate") as status:
-        found = plan_runs(
-            runs, vehicle, wanted, driven, lambda what, share: status.update(f"{100 * share:3.0f} %  {what}")
-        )
+    with long_work("computing which effects these runs separate") as report:
+        found = plan_runs(runs, vehicle, wanted, driven, lambda what, share: report(share, what))
     _show(found, as_json)
 
 

@@ -21,7 +21,7 @@ from rover_sweep.cli.types.options import output_options, vehicle_path
 from rover_sweep.cli.types.vehicle_link import URL_HELP
 from rover_sweep.cli.types.which_vehicle import access_options
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep, ThrottleSweep
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,6 +74,13 @@ _PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm, throw the switch, or 
     help="Sweep about a steering offset in us, e.g. 80,100. May be repeated.",
 )
 @click.option(
+    "--throttle-sweep",
+    "throttle_sweeps",
+    type=ManoeuvreType(ThrottleSweep),
+    multiple=True,
+    help="Sweep of the throttle about the pilot's, in us, rad/s, s, for the speed gains. May be repeated.",
+)
+@click.option(
     "--limit",
     "limits",
     type=LimitType(),
@@ -113,6 +120,7 @@ def run(
     doublets: tuple[Doublet, ...],
     multisines: tuple[Multisine, ...],
     bias_sweeps: tuple[BiasSweep, ...],
+    throttle_sweeps: tuple[ThrottleSweep, ...],
     limits: tuple[tuple[str, float], ...],
     arm: bool,
     throttle: int | None,
@@ -140,7 +148,7 @@ def run(
     """
     from rover_sweep.cli.driving.session_display import identify_session
 
-    runs = _planned(sweeps, multisines, bias_sweeps, doublets)
+    runs = _planned(sweeps, multisines, bias_sweeps, doublets, throttle_sweeps)
     job = Job(runs, dict(limits), throw_switch, not no_log)
     if vehicle in SIMULATORS:
         refuse_on_simulated(connect, arm, throttle)
@@ -149,7 +157,7 @@ def run(
         refuse_without_simulation(connect, simulated)
         rover, session, more = *_on_rover(job, connect or "", access, vehicle, out, arm, throttle), None
     identify_session(session, rover, as_json, full, more)
-    if diagnose:
+    if diagnose and len(throttle_sweeps) < len(runs):
         diagnose_session(session, rover)
 
 
@@ -194,17 +202,19 @@ def _planned(
     multisines: tuple[Multisine, ...],
     bias_sweeps: tuple[BiasSweep, ...],
     doublets: tuple[Doublet, ...],
+    throttle_sweeps: tuple[ThrottleSweep, ...],
 ) -> tuple[SessionRun, ...]:
     """Named runs in driving order; two sweeps and a doublet if no manoeuvre is given."""
     from rover_sweep.session.session import SessionRun
 
-    if not (sweeps or multisines or bias_sweeps or doublets):
+    if not (sweeps or multisines or bias_sweeps or doublets or throttle_sweeps):
         sweeps, doublets = (Sweep(), Sweep()), (Doublet(),)
     return (
         *(SessionRun(f"sweep{n}", sweep) for n, sweep in enumerate(sweeps, 1)),
         *(SessionRun(f"multisine{n}", multisine) for n, multisine in enumerate(multisines, 1)),
         *(SessionRun(f"bias-sweep{n}", sweep) for n, sweep in enumerate(bias_sweeps, 1)),
         *(SessionRun(f"doublet{n}" if n > 1 else "doublet", d) for n, d in enumerate(doublets, 1)),
+        *(SessionRun(f"throttle{n}", sweep) for n, sweep in enumerate(throttle_sweeps, 1)),
     )
 
 

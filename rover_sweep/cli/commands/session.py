@@ -13,6 +13,7 @@ from rover_sweep.cli.types.which_vehicle import access_options
 if TYPE_CHECKING:
     from rover_sweep.vehicle.link.access import Access
 
+LOOPBACK = "127.0.0.1"
 _PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm and throw the switch, as in `rover-sweep run`
 
 
@@ -53,6 +54,16 @@ _PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm and throw the switch, 
 @click.option(
     "--throw-switch", is_flag=True, help="Allow this program to throw the applet's switch; it asks first."
 )
+@click.option("--web", is_flag=True, help="Serve the session to one browser instead of this terminal.")
+@click.option(
+    "--web-host",
+    default=LOOPBACK,
+    show_default=True,
+    metavar="ADDRESS",
+    help="Address to serve at; whoever reaches it can drive the rover.",
+)
+@click.option("--web-port", type=click.IntRange(1, 65535), default=8000, show_default=True, metavar="PORT")
+@click.option("--in-browser", is_flag=True, hidden=True)
 def session(
     url: str,
     access: Access,
@@ -62,6 +73,10 @@ def session(
     arm: bool,
     throttle: int | None,
     throw_switch: bool,
+    web: bool,
+    web_host: str,
+    web_port: int,
+    in_browser: bool,
 ) -> None:
     """Connect, check, plan, drive, judge, identify and diagnose on one screen, by single keys.
 
@@ -69,6 +84,7 @@ def session(
     program to do it; it then asks before each run. SPACE or ESC ends a run at once. Without the laptop,
     switch low, disarming or a mode change ends it.
     """
+    from rover_sweep.cli.driving.served_session import serve
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.live.vehicle.vehicle_source import VehicleSource
     from rover_sweep.tui.app import show
@@ -79,10 +95,15 @@ def session(
 
     if url:
         parse_url(url)
+    if web:
+        serve(web_host, web_port)
+        return
     folder = Path(out)
     path = _vehicle_path(vehicle_file, folder)
     vehicle = load(path) if path else None
     extra = ({"gcs": 1.0} if throttle is not None else {}) | dict(limits)
+    if in_browser:
+        extra["gcs"] = 1.0  # a program that hangs or is killed must not leave a run behind
     settings = RunSettings(
         arm, throttle, "override" if throw_switch else "pilot", extra, patience=_PILOT_PATIENCE
     )
@@ -100,7 +121,7 @@ def session(
         fetched_logs(kept.content, folder),
         lambda plan: kept.plan(runs_of_plan(plan)),
     )
-    show(source, setup)
+    show(source, setup, in_browser=in_browser)
 
 
 def _vehicle_path(given: str | None, folder: Path) -> Path | None:

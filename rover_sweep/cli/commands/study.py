@@ -28,11 +28,11 @@ def study(out: str, seed: int, as_json: bool) -> None:
     the bicycle, roll-yaw and lumped models. Compares Tables 2 to 7 and Figures 2, 3, 6, 7 and 8 with the
     published ones and comments on each finding. No hardware; about half a minute.
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
     from rich.text import Text
 
     from rover_sweep.cli.types.folders import check_writable
-    from rover_sweep.cli.views.output import echo_json, narration, results
+    from rover_sweep.cli.views.long_work import long_work
+    from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.report.identification.terminal import rich_table
     from rover_sweep.study.overview import all_findings, outcome_counts
     from rover_sweep.study.published_tables import tables
@@ -41,13 +41,7 @@ def study(out: str, seed: int, as_json: bool) -> None:
 
     check_writable(Path(out))
     console = results(as_json)
-    columns = (TextColumn("{task.description:<44}", markup=False), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=narration(), transient=True) as progress:
-        bar = progress.add_task("", total=1.0)
-
-        def report(share: float, what: str) -> None:
-            progress.update(bar, completed=share, description=what)
-
+    with long_work("the study") as report:
         result = run(seed, lambda share, what: report(0.75 * share, what))
         found = all_findings(result)
         files = write_study(result, found, Path(out), lambda share, what: report(0.75 + 0.25 * share, what))

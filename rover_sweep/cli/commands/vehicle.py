@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from pathlib import Path
 from typing import get_args
 
 import click
@@ -14,7 +15,17 @@ from rover_sweep.data.vehicle_file import Model, Vehicle, example, load
 from rover_sweep.data.vehicle_rules import KEYS
 
 
-@click.group(invoke_without_command=True)
+class _VehicleGroup(click.Group):
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command; a file in its place is a usage error that names `check`."""
+        if args[0] not in self.commands and Path(args[0]).is_file():
+            raise click.UsageError(f"to check a file, use: rover-sweep vehicle check {args[0]}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=_VehicleGroup, invoke_without_command=True)
 @click.option("--example", "show_example", is_flag=True, help="Print a commented example file and exit.")
 @click.pass_context
 def vehicle(ctx: click.Context, show_example: bool) -> None:

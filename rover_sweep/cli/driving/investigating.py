@@ -58,17 +58,12 @@ def diagnosing(vehicle: Vehicle) -> Callable[[Material], Diagnosis]:
 
     def diagnose(given: Material) -> Diagnosis:
         from rover_sweep.api.diagnosis_input import diagnosed
-        from rover_sweep.cli.views.output import narration
+        from rover_sweep.cli.views.long_work import long_work
         from rover_sweep.diagnosis.settings import DiagnosisSettings
 
         names = ", ".join(run.name for run in (*given.runs, *given.held_out))
-        with narration().status(f"diagnosing {names}") as status:
-            return diagnosed(
-                given,
-                vehicle,
-                DiagnosisSettings(),
-                lambda what, share: status.update(f"diagnosing: {100 * share:3.0f} %  {what}"),
-            )
+        with long_work(f"diagnosing {names}") as report:
+            return diagnosed(given, vehicle, DiagnosisSettings(), lambda what, share: report(share, what))
 
     return diagnose
 

@@ -57,9 +57,11 @@ def announce(plan: SessionPlan, folder: Path) -> None:
     own += [_SWITCHING[trigger]] if trigger in _SWITCHING else []
     words = f"this program {', '.join(own)}" if own else "the pilot arms, drives and throws the switch"
     seconds = sum(planned.manoeuvre.duration for planned in plan.runs)
+    swept = {planned.manoeuvre.kind == "throttle" for planned in plan.runs}
+    what = " and ".join(name for name, is_it in (("steering", False), ("throttle", True)) if is_it in swept)
     console = narration()
     console.print(
-        f"{len(plan.runs)} runs, {seconds:.0f} s of steering in total, into {folder}; {words}",
+        f"{len(plan.runs)} runs, {seconds:.0f} s of {what} in total, into {folder}; {words}",
         markup=False,
         soft_wrap=True,
     )

@@ -131,6 +131,14 @@ def complete_runs(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording
         raise DataRefused(f"{refusal}; {_kept(session.folder, list(session.runs))}") from refusal
 
 
+def only_throttle(folder: Path) -> bool:
+    """Whether all runs of a session are throttle sweeps."""
+    from rover_sweep.manoeuvre.sweep import ThrottleSweep
+    from rover_sweep.session.folder import read_folder
+
+    return all(isinstance(run.manoeuvre, ThrottleSweep) for run in read_folder(folder).runs)
+
+
 def identify_session(
     session: SessionFinished,
     rover: tuple[Vehicle, Path],
@@ -138,14 +146,28 @@ def identify_session(
     full: bool,
     more: Callable[[Identification], RenderableType] | None = None,
 ) -> None:
-    """Identify from the complete runs of a session, verify on its doublets, write its report/."""
+    """Identify from the complete runs of a session, verify on its doublets, write its report/.
+
+    Throttle sweeps become speed.html and speed.json in it; as_json prints the latter only if there are
+    no other runs.
+    """
     from rover_sweep.api.run_roles import divided
+    from rover_sweep.api.speed import throttle_sweeps
     from rover_sweep.cli.driving.show_identified import show_identified
+    from rover_sweep.cli.driving.show_speed import add_steering, show_speed
     from rover_sweep.identification.grouping import Settings
     from rover_sweep.session.recording_choice import origin_words
 
+    report = session.folder / "report"
+    swept = throttle_sweeps([str(session.folder)])
+    speed, alone = None, only_throttle(session.folder)
+    if swept:
+        speed = show_speed(swept, report, as_json, alone)
+        if alone:
+            return
     runs = complete_runs(session, rover[0])
     for words in origin_words(session.folder, runs):
         narration().print(words, markup=False, soft_wrap=True)
     sweeps, doublets = divided(runs)
-    show_identified(sweeps, doublets, rover, Settings(), session.folder / "report", as_json, full, more)
+    show_identified(sweeps, doublets, rover, Settings(bootstrap=200), report, as_json, full, more)
+    add_steering(speed, report)

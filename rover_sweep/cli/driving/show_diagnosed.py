@@ -33,6 +33,7 @@ def show_diagnosed(
     from datetime import datetime
 
     from rover_sweep.cli.driving.show_compared import show_compared, with_comparison
+    from rover_sweep.cli.views.long_work import long_work
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
     from rover_sweep.report.diagnosis.report_folder import write_diagnosis
     from rover_sweep.report.diagnosis.terminal import WIDTH, summary
@@ -44,8 +45,8 @@ def show_diagnosed(
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
     found, interrupted = _computed(given, rover[0], settings)
     shown.print(summary(found), width=min(shown.width, WIDTH))
-    with console.status("writing the report") as status:
-        files = write_diagnosis(found, out, origin, lambda share, what: status.update(what))
+    with long_work("writing the report") as report:
+        files = write_diagnosis(found, out, origin, report)
     shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
     if files.variant:
         shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True, markup=False)
@@ -66,21 +67,16 @@ def _computed(given: Material, vehicle: Vehicle, settings: DiagnosisSettings) ->
 
     The first Ctrl-C ends the search, the second the program.
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     from rover_sweep.api.diagnosis_input import diagnosed
     from rover_sweep.cli.views.interruption import Interruption
+    from rover_sweep.cli.views.long_work import long_work
     from rover_sweep.cli.views.output import narration
 
     console = narration()
-    columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(), TimeElapsedColumn())
     words = "stopping with the findings so far; press Ctrl-C again to quit without a report"
-    with Progress(*columns, console=console, transient=True) as progress:
-        bar = progress.add_task("", total=1.0)
-
-        def report(what: str, share: float) -> None:
-            progress.update(bar, completed=share, description=what)
-
-        with Interruption(lambda: console.print(words, style="yellow")) as asked:
-            found = diagnosed(given, vehicle, settings, report, asked.to_stop)
+    with (
+        long_work("diagnosing") as report,
+        Interruption(lambda: console.print(words, style="yellow")) as asked,
+    ):
+        found = diagnosed(given, vehicle, settings, lambda what, share: report(share, what), asked.to_stop)
     return found, asked.to_stop()

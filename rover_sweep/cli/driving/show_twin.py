@@ -144,19 +144,11 @@ def _twin(
 
 
 def _diagnosed(given: Material, vehicle: Vehicle, seed: int, stop: Stop) -> Diagnosis:
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     from rover_sweep.api.diagnosis_input import diagnosed
-    from rover_sweep.cli.views.output import narration
+    from rover_sweep.cli.views.long_work import long_work
     from rover_sweep.diagnosis.settings import DiagnosisSettings
 
-    columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=narration(), transient=True) as progress:
-        bar = progress.add_task("", total=1.0)
+    with long_work("diagnosing") as report:
         return diagnosed(
-            given,
-            vehicle,
-            DiagnosisSettings(seed=seed),
-            lambda what, share: progress.update(bar, completed=share, description=what),
-            stop,
+            given, vehicle, DiagnosisSettings(seed=seed), lambda what, share: report(share, what), stop
         )

@@ -7,7 +7,7 @@ import math
 import click
 
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep, ThrottleSweep
 
 _SWEEP = {
     "amplitude": "amplitude",
@@ -26,6 +26,7 @@ _KEYS: dict[type[Manoeuvre], tuple[dict[str, str], int]] = {  # names in order, 
     Doublet: (_DOUBLET, 3),
     Multisine: (_MULTISINE, 5),
     BiasSweep: (_BIAS_SWEEP, 5),
+    ThrottleSweep: (_SWEEP, 4),
 }
 _WHOLE = ("count", "periods")
 LIMITS = ("pwm_max", "roll_max", "p_max", "r_max", "v_min", "v_max", "still", "gcs")

@@ -207,5 +207,7 @@ def _verdict(event: e.RunFinished) -> str:
     """Verdict on a run from its telemetry; "done" for a doublet, which needs no coherence."""
     from rover_sweep.live.verdict.run_verdict import judge
 
+    if event.name.startswith("throttle"):
+        return "done; the speed is judged from the rover's log"
     verdict = judge(event.tlog, event.span, event.name)
     return verdict.sentence if verdict.bands or verdict.advice != "keep" else "done"

@@ -47,8 +47,9 @@ def narration() -> Console:
 
 def print_warnings(console: Console, runs: Sequence[Recording]) -> None:
     """Print the warnings on the recordings, each once."""
-    texts = dict.fromkeys(f"{r.name}: {n.text}" for r in runs for n in r.notes if n.level == "warning")
-    for text in texts:
+    from rover_sweep.data.recording import grouped_warnings
+
+    for text in grouped_warnings(runs):
         console.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
 
 

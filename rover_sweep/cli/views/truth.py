@@ -34,7 +34,15 @@ def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
         for e in models[name].fit.estimates
         if e.free and true.get(e.name)
     )
-    note = "Cf = Cr: mean of both axles, at zero slip. τ: lag and delay of the servo."
+    tied = (
+        "Cf = Cr: mean of both axles, at zero slip."
+        if any(e.name == "C" and e.free for e in models[name].fit.estimates)
+        else "Cf, Cr: at zero slip."
+    )
+    note = (
+        f"{tied} τ: lag and delay of the servo. The 90 % intervals below include a lag of the steering and "
+        "the saturation of the tyres, and no other physics that the model leaves out."
+    )
     if rover.effects:
         note += f" The rover also has effects that no model includes: {', '.join(rover.effects)}."
     headings = ("", "", "true", f"{TITLES[name]} model", "difference %")
