@@ -13,7 +13,7 @@ LEVEL = 0.90  # coverage
 class Intervals(PlainNumbers):
     """Interval low..high of one parameter at `level` (0..1), in its unit; sd: of the estimate.
 
-    bias: of the method; the interval of the noise is corrected for it, so it need not contain the estimate.
+    bias: of the method; the interval of the noise is corrected for it, then widened to hold the estimate.
     sd and bias are those of the noise, also where low and high include errors of the structure. replicates:
     number that converged; failed: number that did not. low, high, sd and bias are nan when more than half
     failed.

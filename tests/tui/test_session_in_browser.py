@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import socket
 import sys
 from collections.abc import Awaitable, Callable
@@ -124,6 +125,17 @@ def test_a_second_page_and_another_site_are_refused(tmp_path: Path, unused_port:
             assert page.status == 200
 
     with_server(OBEYS, tmp_path / "mark", unused_port, refused)
+
+
+def test_the_page_takes_keys_without_a_click_and_needs_no_network(tmp_path: Path, unused_port: int) -> None:
+    async def looked_at(client: ClientSession, server: SessionServer) -> None:
+        async with client.get(server.public_url) as page:
+            text = await page.text()
+        assert session_server.KEYS in text
+        addresses = set(re.findall(r"(?:src|href)=\"(https?://[^/\"]+)", text))
+        assert addresses == {server.public_url}
+
+    with_server(OBEYS, tmp_path / "mark", unused_port, looked_at)
 
 
 def test_the_program_of_a_page_has_the_options_of_the_command() -> None:

@@ -69,12 +69,15 @@ class Bootstrap:
 
 
 def _interval(p: Parameter, log: bool, theta: Array, level: float, failed: int) -> Intervals:
-    """The basic interval of the module's text. theta (n,): replicates; failed: number that diverged."""
+    """The basic interval of the module's text, widened to hold the estimate where the bias is larger.
+
+    theta (n,): replicates; failed: number that diverged.
+    """
     if theta.size < max(2, failed):
         return Intervals(p.name, np.nan, np.nan, level, np.nan, np.nan, theta.size, failed)
     x, best = (np.log(theta), np.log(p.value)) if log else (theta, p.value)
     low, high = 2 * best - np.quantile(x, [(1 + level) / 2, (1 - level) / 2])
     ends = np.exp((low, high)) if log else np.array((low, high))
-    low, high = np.clip(ends, p.lower, p.upper)
+    low, high = np.clip((min(ends[0], p.value), max(ends[1], p.value)), p.lower, p.upper)
     sd, bias = float(np.std(theta, ddof=1)), float(np.mean(theta) - p.value)
     return Intervals(p.name, float(low), float(high), level, sd, bias, theta.size, failed)

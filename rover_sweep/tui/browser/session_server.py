@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
+from typing import cast
 
 from aiohttp import web
 from textual_serve.app_service import AppService
@@ -21,6 +23,16 @@ from textual_serve.server import Server, to_int
 SILENT = 2.0  # s between pings of the page; it is lost after half as long without an answer
 QUIT_WITHIN = 20.0  # s that the program has to let the rover go
 TAKEN = "This session is open in another browser window. Close it there, then load this page again."
+ELSEWHERE = re.compile(r"<link[^>]*https?://fonts[^>]*>")  # a field has no network, and the page would wait
+KEYS = """<script>
+  // Every key reaches the session, SPACE and ESC first of all, without a click before.
+  const type = () => document.body.classList.contains("-closed")
+    || document.querySelector(".xterm-helper-textarea")?.focus();
+  new MutationObserver(type).observe(document.body, { attributes: true, childList: true, subtree: true });
+  addEventListener("focus", type);
+  addEventListener("focusout", () => setTimeout(type));
+</script>
+"""
 FOREIGN = "Only a page of this server may open the session."
 
 
@@ -88,7 +100,8 @@ class SessionServer(Server):
             raise web.HTTPFound(self.public_url)
         if self._program is not None:
             return web.Response(status=409, text=TAKEN)
-        page: web.StreamResponse = await super().handle_index(request)
+        page = cast(web.Response, await super().handle_index(request))
+        page.text = ELSEWHERE.sub("", page.text or "").replace("</body>", KEYS + "</body>")
         page.headers["Cache-Control"] = "no-store"  # left for another page, it is closed and not kept
         return page
 
