@@ -87,12 +87,10 @@ def gains(
         echo_json(json.dumps(both.document, indent=2))
     else:
         from rover_sweep.cli.views.gains_table import show_gains
-        from rover_sweep.cli.views.speed_table import show_limits, show_speed_gains
+        from rover_sweep.cli.views.speed_table import show_speed_gains
 
         if both.steering is not None:
-            show_gains(results(), both.steering)
-        if both.limits is not None:
-            show_limits(results(), both.limits, current)
+            show_gains(results(), both.steering, both.limits)
         if both.speed is not None:
             show_speed_gains(results(), both.speed)
     if out is not None:

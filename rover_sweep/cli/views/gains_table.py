@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from rover_sweep.gains.proposal import AssessedGains, Proposal
+from rover_sweep.gains.steering_limits import SteeringLimits
 
 LARGE = 2.0  # factor of a gain from which the change is tried off the ground first
 
@@ -13,16 +14,18 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def show_gains(console: Console, proposal: Proposal) -> None:
-    """Print the verdict, a table of current and proposed gains, and notes."""
+def show_gains(console: Console, proposal: Proposal, limits: SteeringLimits | None) -> None:
+    """Print the verdict, a table of current and proposed gains and limits, and notes."""
     _say(console, _verdict(proposal))
     for reason in proposal.support.reasons:
         _say(console, f"  because {reason}")
     columns = [j for j in (proposal.now, proposal.proposed) if j is not None]
     if columns:
         console.print()
-        console.print(_table(proposal))
+        console.print(_table(proposal, limits))
         _say(console, _footnote(proposal))
+    if limits is not None:
+        _say(console, _origin(limits))
     if words := _large_changes(proposal):
         _say(console, words)
     for remark in proposal.support.remarks:
@@ -41,7 +44,7 @@ def _verdict(proposal: Proposal) -> str:
     return f"{words[proposal.support.level]} ({proposal.found.name} model, {proposal.found.level})."
 
 
-def _table(proposal: Proposal):  # type: ignore[no-untyped-def]
+def _table(proposal: Proposal, limits: SteeringLimits | None):  # type: ignore[no-untyped-def]
     from rich.table import Table
 
     table = Table(box=None, padding=(0, 2, 0, 0))
@@ -51,7 +54,7 @@ def _table(proposal: Proposal):  # type: ignore[no-untyped-def]
     shown = [(heading, judged) for heading, judged in pairs if judged is not None]
     for heading, _ in shown:
         table.add_column(heading, justify="right", no_wrap=True)
-    columns = [_column(judged) for _, judged in shown]
+    columns = [_column(judged, limits and _limits(proposal, limits, heading)) for heading, judged in shown]
     if proposal.now is not None and not unread:
         for name in set(columns[0]) & set(proposal.autopilot.assumed):
             columns[0][name] += " (firmware default)"
@@ -60,10 +63,32 @@ def _table(proposal: Proposal):  # type: ignore[no-untyped-def]
     return table
 
 
-def _column(judged: AssessedGains) -> dict[str, str]:
+def _limits(proposal: Proposal, limits: SteeringLimits, heading: str) -> dict[str, str]:
+    """The limits of the target; the proposed lateral acceleration only where it is in the file."""
+    autopilot = proposal.autopilot
+    rate, lateral = math.degrees(autopilot.rate_max), f"{autopilot.lateral_g_max:.2g}"
+    if heading == "proposed":
+        rate = limits.rate_max
+        lateral = lateral if limits.turn_g is None or limits.lowers else f"{limits.turn_g:.2g}"
+    return {"ATC_STR_RAT_MAX": f"{rate:.0f} deg/s", "ATC_TURN_MAX_G": f"{lateral} g"}
+
+
+def _origin(limits: SteeringLimits) -> str:
+    """What the limits come from."""
+    words = f"ATC_STR_RAT_MAX: 90 % of the {limits.reach:.0f} deg/s at the steering's stops."
+    if limits.turn_g is None:
+        return words
+    confirmed = f"the runs confirm {limits.turn_g:.2f} g"
+    if limits.lowers:
+        confirmed += "; it stays as it is, because more was not tested"
+    return f"{words} ATC_TURN_MAX_G: {confirmed}."
+
+
+def _column(judged: AssessedGains, limits: dict[str, str] | None) -> dict[str, str]:
     step, margins = judged.step, judged.margins
     return {
         **{name: f"{value:.4g}" for name, value in judged.gains.parameters.items()},
+        **(limits or {}),
         "gain margin": _db(margins.gain_db),
         "phase margin": _deg(margins.phase_deg),
         "worst gain margin": _db(judged.worst_gain[0]),

@@ -1,4 +1,4 @@
-"""Current and proposed settings of the speed loop, and the steering's limits, on the terminal."""
+"""Current and proposed settings of the speed loop on the terminal."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
-from rover_sweep.gains.steering_limits import SteeringLimits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from rich.console import Console
     from rich.table import Table
 
@@ -39,26 +36,6 @@ def show_speed_gains(console: Console, proposal: SpeedProposal) -> None:
         _say(console, f"note: {remark}")
     if proposal.now is not None and proposal.loop.assumed:
         _say(console, f"note: assumed at the firmware's defaults: {', '.join(proposal.loop.assumed)}.")
-
-
-def show_limits(console: Console, limits: SteeringLimits, current: Mapping[str, float]) -> None:
-    """Print ATC_STR_RAT_MAX and ATC_TURN_MAX_G with what they come from."""
-    _say(
-        console,
-        f"ATC_STR_RAT_MAX {limits.rate_max:.0f} deg/s{_now('ATC_STR_RAT_MAX', current)}: 90 % of the "
-        f"{limits.reach:.0f} deg/s at the steering's stops",
-    )
-    if limits.turn_g is not None:
-        _say(
-            console,
-            f"ATC_TURN_MAX_G {limits.turn_g:.2f} g{_now('ATC_TURN_MAX_G', current)}: lateral acceleration "
-            "that the runs confirm"
-            + ("; only a comment in the file, because more was not tested" if limits.lowers else ""),
-        )
-
-
-def _now(name: str, current: Mapping[str, float]) -> str:
-    return f" (now {current[name]:g})" if name in current else ""
 
 
 def _table(proposal: SpeedProposal) -> Table:
