@@ -64,6 +64,7 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "preflight": _READY,
     "preflight-by-hand": (*_READY, "down", "down", "down", "down", "down", "down", "down"),
     "preflight-reboot": (*_READY, "down", "f"),
+    "preflight-again": (*_READY, "r"),
     "preflight-good": (*_READY, [Checked(tuple(c for c in CHECKS if c.state == "good"))]),
     "plan": (*_READY, "3", "down", "m", "b"),
     "plan-throttle": (*_READY, "3", "h"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.live.source import Fix, Preflight
+from rover_sweep.live.source import Connect, Fix, Preflight
 from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows, cells, window
 from rover_sweep.tui.drawn.palette import Palette
@@ -47,7 +47,9 @@ class PreflightScreen(SessionScreen):
         checks, chosen = self.state.checks, self.index
         shown = window(len(checks), chosen, height - 2 - _BELOW)
         hidden = f"; {len(checks) - len(shown)} more, ↑ ↓" if len(shown) < len(checks) else ""
-        rows.add(f" {count_line(checks)}{hidden}", style=f"bold {palette.ink}")
+        old = checks and any(isinstance(request, Connect | Fix | Preflight) for request in self.state.asked)
+        counted = "Checking again; the results below are from before" if old else count_line(checks)
+        rows.add(f" {counted}{hidden}", style=f"bold {palette.ink}")
         name = 12 if width < 110 else 20
         for n in shown:
             check = checks[n]
@@ -59,7 +61,10 @@ class PreflightScreen(SessionScreen):
             if n == chosen:
                 rows.filled(line, palette.inverse)
             else:
-                rows.add((line[:14], f"bold {_style(check, palette)}"), (line[14:], palette.ink))
+                first, rest = (
+                    (palette.quiet, palette.quiet) if old else (f"bold {_style(check, palette)}", palette.ink)
+                )
+                rows.add((line[:14], first), (line[14:], rest))
         rows.down_to(height - _BELOW)
         if self.check is not None:
             _about(rows, self.check)
