@@ -54,7 +54,9 @@ def _table(proposal: Proposal, limits: SteeringLimits | None):  # type: ignore[n
     shown = [(heading, judged) for heading, judged in pairs if judged is not None]
     for heading, _ in shown:
         table.add_column(heading, justify="right", no_wrap=True)
-    columns = [_column(judged, limits and _limits(proposal, limits, heading)) for heading, judged in shown]
+    columns = [
+        _column(judged, _limits(proposal, limits, heading) if limits else {}) for heading, judged in shown
+    ]
     if proposal.now is not None and not unread:
         for name in set(columns[0]) & set(proposal.autopilot.assumed):
             columns[0][name] += " (firmware default)"
@@ -84,11 +86,11 @@ def _origin(limits: SteeringLimits) -> str:
     return f"{words} ATC_TURN_MAX_G: {confirmed}."
 
 
-def _column(judged: AssessedGains, limits: dict[str, str] | None) -> dict[str, str]:
+def _column(judged: AssessedGains, limits: dict[str, str]) -> dict[str, str]:
     step, margins = judged.step, judged.margins
     return {
         **{name: f"{value:.4g}" for name, value in judged.gains.parameters.items()},
-        **(limits or {}),
+        **limits,
         "gain margin": _db(margins.gain_db),
         "phase margin": _deg(margins.phase_deg),
         "worst gain margin": _db(judged.worst_gain[0]),

@@ -22,6 +22,7 @@ from scipy.fft import rfft
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.noise_floor import Floor, floor_of
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.kernel import weigh_into
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion_coordinates, motions
 from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.spectra.side_by_side import side_by_side
@@ -265,9 +266,6 @@ def whitened_run(rows: Sequence[Rows], run: Experiment, log: Mapping[str, Array]
     lines = rfft(np.stack([log[row.channel] for row in rows]) * run.taper, overwrite_x=True)
     end = 0
     for row, found in zip(rows, lines, strict=True):
+        weigh_into(found, row.bins, row.weight, out[end : end + row.size])
         end += row.size
-        weighted = found[row.bins] * row.weight
-        middle = end - row.bins.size
-        out[end - row.size : middle] = weighted.real
-        out[middle:end] = weighted.imag
     return out

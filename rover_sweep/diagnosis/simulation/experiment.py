@@ -63,6 +63,11 @@ class Experiment:
         fine = np.arange(FINE * self.t.size) / FINE
         return np.interp(fine, np.arange(self.t.size), self.steer)
 
+    @cached_property
+    def acceleration(self) -> Array:
+        """Rate of change (n,) of the speed [m/s^2]."""
+        return np.gradient(self.speed, 1.0 / RATE)
+
     @property
     def mean_speed(self) -> float:
         """Mean forward speed [m/s]."""

@@ -5,11 +5,12 @@ Axes ISO, SI units.
 
 from __future__ import annotations
 
-from math import cos, exp, sin, tanh
+from math import exp, sin, sqrt, tanh
 
 import numpy as np
 from numba import njit
 
+from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.diagnosis.simulation.single_track import AT, FAST, SGN_WIDTH
 
 V, R, PHI, P = range(4)  # rows of a state of the lumped model: m/s, rad/s, rad, rad/s
@@ -55,29 +56,68 @@ def roll_only(across, yaw_rate_dot, mx, q, dt):  # type: ignore[no-untyped-def]
     return y
 
 
-@njit(cache=True, nogil=True)
-def lagged_over_ground(forward, across, r, lag, dt):  # type: ignore[no-untyped-def]
-    """Lateral velocity (n,) m/s of a velocity that lags by `lag` [s] over ground.
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _sine(angle: float) -> float:
+    """sin(angle [rad]); its series below 0.2, where the series is exact to 3e-9."""
+    if -0.2 < angle < 0.2:
+        square = angle * angle
+        return angle * (1.0 - square * (1.0 / 6.0 - square / 120.0))
+    return sin(angle)
 
-    forward, across (n,): velocity in body axes [m/s]. r (n,): yaw rate [rad/s]. dt: step [s]. The lag is that
-    of the trapezoidal rule, whose delay equals it; its state is kept in body axes, which turn by r dt.
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def at_the_imu(body, place, errors, dt):  # type: ignore[no-untyped-def]
+    """(a_y [m/s^2], V_y [m/s]), each (n,), that an IMU and its estimator show.
+
+    body: V, v' + V r, weight, v, r, p, phi, r', p', each (n,), see `simulator.motion`. place: (x, z) of the
+    IMU [m]. errors: (bias of a_y [m/s^2], relative error of V_y, error of the heading [rad], lag of V_y
+    [s]). dt: step [s].
+
+    The lag acts in earth axes, so in a turn it takes T V r from V_y as well. It is that of the trapezoidal
+    rule, whose delay equals it; its state is kept in body axes, which turn by r dt.
     """
-    out = np.empty(r.size)
-    keep = (2.0 * lag - dt) / (2.0 * lag + dt)
+    speed, across, weight, v, r, p, phi, r_dot, p_dot = body
+    ahead, above = place
+    bias, gain, heading, lag = errors
+    ay, vy = np.empty(r.size), np.empty(r.size)
+    lags = lag > 1e-5
+    keep = (2.0 * lag - dt) / (2.0 * lag + dt) if lags else 0.0
     new = 0.5 * (1.0 - keep)
-    x, y = forward[0], across[0]  # of the lagged velocity
-    before_x, before_y = x, y  # of the velocity one step before
-    out[0] = y
-    for k in range(1, r.size):
-        turn = 0.5 * (r[k - 1] + r[k]) * dt
-        c, s = cos(turn), sin(turn)
-        sum_x = keep * x + new * before_x
-        sum_y = keep * y + new * before_y
-        x = c * sum_x + s * sum_y + new * forward[k]
-        y = c * sum_y - s * sum_x + new * across[k]
-        before_x, before_y = forward[k], across[k]
-        out[k] = y
+    x = before_x = speed[0]  # of the lagged velocity, and of the velocity one step before
+    y = before_y = v[0] + ahead * r[0] - above * p[0]
+    for k in range(r.size):
+        ay[k] = across[k] - weight[k] + ahead * r_dot[k] - above * p_dot[k] + GRAVITY * _sine(phi[k]) + bias
+        side = v[k] + ahead * r[k] - above * p[k]
+        if lags and k > 0:
+            s = _sine(0.5 * (r[k - 1] + r[k]) * dt)
+            c = sqrt(1.0 - s * s)
+            sum_x, sum_y = keep * x + new * before_x, keep * y + new * before_y
+            x = c * sum_x + s * sum_y + new * speed[k]
+            y = c * sum_y - s * sum_x + new * side
+            before_x, before_y = speed[k], side
+        vy[k] = (y if lags else side) * (1.0 + gain) + speed[k] * heading
+    return ay, vy
+
+
+@njit(cache=True, nogil=True)
+def padded_by_line(y, size):  # type: ignore[no-untyped-def]
+    """y (n,) and a straight line back to its begin, (size,)."""
+    out = np.empty(size)
+    n = y.size
+    out[:n] = y
+    slope = (y[0] - y[n - 1]) / max(size - n - 1, 1)
+    for k in range(size - n):
+        out[n + k] = y[n - 1] + slope * k
     return out
+
+
+@njit(cache=True, nogil=True)
+def weigh_into(line, bins, weight, out):  # type: ignore[no-untyped-def]
+    """Fill out (2 k,) with the real, then the imaginary parts of the bins (k,) of a spectrum, weighted."""
+    k = bins.size
+    for n in range(k):
+        at = line[bins[n]]
+        out[n], out[k + n] = at.real * weight[n], at.imag * weight[n]
 
 
 @njit(cache=True, nogil=True)

@@ -22,7 +22,7 @@ from rover_sweep.diagnosis.effects.kinds import (
 )
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.kernel import lagged_over_ground, roll_only
+from rover_sweep.diagnosis.simulation.kernel import at_the_imu, padded_by_line, roll_only
 from rover_sweep.diagnosis.simulation.single_track import VehicleNumbers, single_tracks
 from rover_sweep.diagnosis.simulation.structure import Structure, Values
 from rover_sweep.diagnosis.simulation.wheel_angle import STEP, wheel_angle
@@ -55,7 +55,8 @@ def motions(drives: Sequence[tuple[Experiment, Values]], structure: Structure) -
 def _base(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
     delta = wheel_angle(run, structure, x)
     speed = run.speed * (1.0 + x.get("vscale", 0.0))
-    return {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": np.gradient(speed, STEP)}
+    faster = run.acceleration * (1.0 + x.get("vscale", 0.0))
+    return {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": faster}
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +102,7 @@ def _with_slip(structure: Structure, pair: Sequence[_Car]) -> list[dict[str, Arr
         relaxed = [car.q.sigma > 1e-6 for car in pair]
         both = single_tracks(drives[0], drives[-1], (relaxed[0], relaxed[-1]), structure.roll, STEP)
         names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
-        found = [
-            car.base | {name: y[:, k] for k, name in enumerate(names)}
-            for car, y in zip(pair, both, strict=False)
-        ]
+        found = [car.base | dict(zip(names, y, strict=True)) for car, y in zip(pair, both, strict=False)]
     return [y | {"weight": _weight(structure, y, car.x)} for car, y in zip(pair, found, strict=True)]
 
 
@@ -207,33 +205,13 @@ def sensed(
     rover = structure.rover
     ahead = rover.imu_x + x.get("imu_x", 0.0)
     above = rover.imu_z + x.get("imu_z", 0.0)
-    out: Mapping[str, Array] = {
-        "r": moved["r"],
-        "p": moved["p"],
-        "ay": moved["across"]
-        - moved["weight"]
-        + ahead * moved["r_dot"]
-        - above * moved["p_dot"]
-        + GRAVITY * np.sin(moved["phi"])
-        + x.get("bias_ay", 0.0),
-        "vy": _lagged_velocity(moved, moved["v"] + ahead * moved["r"] - above * moved["p"], x)
-        * (1.0 + x.get("vy_gain", 0.0))
-        + moved["V"] * x.get("heading", 0.0),
-    }
+    body = tuple(moved[n] for n in ("V", "across", "weight", "v", "r", "p", "phi", "r_dot", "p_dot"))
+    errors = tuple(float(x.get(name, 0.0)) for name in ("bias_ay", "vy_gain", "heading", "vy_lag"))
+    ay, vy = at_the_imu(body, (float(ahead), float(above)), errors, STEP)
+    out: Mapping[str, Array] = {"r": moved["r"], "p": moved["p"], "ay": ay, "vy": vy}
     for effect in structure.of(SensorEffect):
         out = effect.act(out, moved, effect.coordinates(x))
     return out
-
-
-def _lagged_velocity(moved: Mapping[str, Array], across: Array, x: Values) -> Array:
-    """V_y (n,) of a velocity that lags over ground; in a turn the lag T takes T V r from V_y as well.
-
-    across (n,): true V_y [m/s]. The lag acts in earth axes, so the velocity is turned there and back.
-    """
-    lag = x.get("vy_lag", 0.0)
-    if lag <= 1e-5:
-        return across
-    return np.asarray(lagged_over_ground(moved["V"], across, moved["r"], lag, STEP))
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,17 +255,16 @@ class Sensors:
             if np.ndim(path) > 0:
                 paths[channel] = path
         if paths:
-            padded = np.stack([self._padded(signals[c]) for c in paths])
-            lines = rfft(padded, overwrite_x=True)
-            lines *= np.stack(list(paths.values()))
+            lines = rfft(np.stack([self._padded(signals[c]) for c in paths]), overwrite_x=True)
+            for line, path in zip(lines, paths.values(), strict=True):
+                line *= path
             filtered = irfft(lines, self.size, overwrite_x=True)
             out |= {c: y[: signals[c].size] for c, y in zip(paths, filtered, strict=True)}
         return out
 
     def _padded(self, y: Array) -> Array:
         """y (n,) and a straight line back to its begin, (size,)."""
-        rest = self.size - y.size
-        return np.concatenate((y, y[-1] + (y[0] - y[-1]) / max(rest - 1, 1) * np.arange(rest)))
+        return np.asarray(padded_by_line(y, self.size))
 
     def _turned(self, r: Array, speed: Array, path: Any) -> Array:
         """V_y (n,) that a heading shows which is integrated from r (n,) through a filter: V (psi - psi_f).

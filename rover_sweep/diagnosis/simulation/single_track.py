@@ -211,7 +211,7 @@ def _slope(c, given, x, shifted, roll, relaxed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def single_tracks(one, other, relaxed, roll, dt):  # type: ignore[no-untyped-def]
-    """Two motions (n, 7) in the columns v, r, phi, p, v' + V r, r', p'; SI units, RK4 of step dt [s].
+    """Two motions (7, n) in the rows v, r, phi, p, v' + V r, r', p'; SI units, RK4 of step dt [s].
 
     one, other: (steer, speed, grip, fy, mz, mx, q), whose lengths n may differ. steer (n,): road-wheel angle
     [rad]. speed (n,): V [m/s]. grip (n,): factor of both axles' stiffness. fy, mz, mx (n,): added side force
@@ -229,7 +229,7 @@ def single_tracks(one, other, relaxed, roll, dt):  # type: ignore[no-untyped-def
     top1, top2 = 1e3 * q1[AT.m] * q1[AT.g], 1e3 * q2[AT.m] * q2[AT.g]
     inv_g = 1.0 / q1[AT.g]
     n1, n2 = steer1.size, steer2.size
-    y1, y2 = np.zeros((n1, 7)), np.zeros((n2, 7))
+    y1, y2 = np.zeros((7, n1)), np.zeros((7, n2))
     x1 = x2 = AT_REST
     shifted1 = shifted2 = 0.0
     for k in range(max(n1, n2)):
@@ -257,8 +257,8 @@ def single_tracks(one, other, relaxed, roll, dt):  # type: ignore[no-untyped-def
                     dx1, across1 = _slope(c1, given, x, shifted1, roll, relaxed[0])
                     sum1 = _plus(sum1, weight * width, dx1)
                     if stage == 0 and part == 0 and k < n1:
-                        y1[k, 0], y1[k, 1], y1[k, 2], y1[k, 3] = x1[0], x1[1], x1[2], x1[3]
-                        y1[k, 4], y1[k, 5], y1[k, 6] = across1, dx1[1], dx1[3]
+                        y1[0, k], y1[1, k], y1[2, k], y1[3, k] = x1[0], x1[1], x1[2], x1[3]
+                        y1[4, k], y1[5, k], y1[6, k] = across1, dx1[1], dx1[3]
                         shifted1 = across1 * inv_g
                 if part < parts2:
                     later, width = (part + share) * inv_parts2, dt * inv_parts2
@@ -274,8 +274,8 @@ def single_tracks(one, other, relaxed, roll, dt):  # type: ignore[no-untyped-def
                     dx2, across2 = _slope(c2, given, x, shifted2, roll, relaxed[1])
                     sum2 = _plus(sum2, weight * width, dx2)
                     if stage == 0 and part == 0 and k < n2:
-                        y2[k, 0], y2[k, 1], y2[k, 2], y2[k, 3] = x2[0], x2[1], x2[2], x2[3]
-                        y2[k, 4], y2[k, 5], y2[k, 6] = across2, dx2[1], dx2[3]
+                        y2[0, k], y2[1, k], y2[2, k], y2[3, k] = x2[0], x2[1], x2[2], x2[3]
+                        y2[4, k], y2[5, k], y2[6, k] = across2, dx2[1], dx2[3]
                         shifted2 = across2 * inv_g
             if part < parts1:
                 x1 = _plus(x1, 1.0, sum1)
