@@ -17,4 +17,4 @@ def test_a_trial_that_overflows_is_simulated(stiffness: float) -> None:
     steer, speed = zero + 0.1, zero + 2.0
     drive = (steer, speed, speed, zero, zero, zero, np.array(numbers))
     for y in single_tracks(drive, drive, (False, False), True, 0.01):
-        assert y.shape == (50, 7)
+        assert y.shape == (7, 50)
