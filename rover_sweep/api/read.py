@@ -131,7 +131,12 @@ class Runs(Shown, Sequence[Recording]):
         )
         of = f" of {self.vehicle.name}" if self.vehicle and self.vehicle.name else ""
         headings = ("run", "kind", "s", "m/s", "channels")
-        return ShortTable(f"{len(self)} run(s){of}", headings, rows, grouped_warnings(self.recordings))
+        return ShortTable(
+            f"{len(self)} run{'s' if len(self) != 1 else ''}{of}",
+            headings,
+            rows,
+            grouped_warnings(self.recordings),
+        )
 
 
 def read(
@@ -154,7 +159,7 @@ def read(
 
     >>> runs = rs.read("run1.BIN", "run4.BIN", vehicle="rover.toml")
     >>> runs
-    2 run(s) of example rover
+    2 runs of example rover
       run      kind     s   m/s                                    channels
       run1    sweep  61.0  2.48  pwm r p ay phi psi speed vy throttle delta
       run4  doublet  18.0  2.49  pwm r p ay phi psi speed vy throttle delta

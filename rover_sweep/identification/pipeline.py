@@ -103,8 +103,9 @@ class Identification(PlainNumbers, Shown):
             for g in self.groups
         )
         refused = (f"{name} refused: {why}" for name, why in self.refused.items())
+        runs = sum(len(g.runs) for g in self.groups)
         return ShortTable(
-            f"identification from {sum(len(g.runs) for g in self.groups)} run(s)",
+            f"identification from {runs} run{'s' if runs != 1 else ''}",
             ("model", "verdict", "J_ave", "J_rms", "TIC"),
             rows,
             (*bands, *refused, *self.summary),

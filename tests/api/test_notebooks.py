@@ -45,7 +45,7 @@ def test_a_notebook_is_valid_and_small(path: Path) -> None:
     [
         (
             "identify",
-            ["2 run(s) of example rover", "<td>keep</td>", "roll-yaw", "Izz 0.07", "rms of the error"],
+            ["2 runs of example rover", "<td>keep</td>", "roll-yaw", "Izz 0.07", "rms of the error"],
         ),
         ("left_out", ["explained: backlash", "half of the gap, road-wheel angle 10.", "look-alikes: none"]),
     ],

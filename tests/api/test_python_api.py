@@ -79,7 +79,7 @@ def test_the_package_of_the_core_is_still_a_package() -> None:
 def test_runs_are_a_sequence_that_shows_itself(runs: Any) -> None:
     assert [r.kind for r in runs] == ["sweep", "doublet"]
     assert [r.name for r in runs[:1] + runs[1:]] == ["run1", "run4"]
-    assert "2 run(s) of example rover" in repr(runs)
+    assert "2 runs of example rover" in repr(runs)
     assert runs.coherence()[0].keep
     assert "keep: coherence" in repr(runs.coherence()[0])
     assert len(str(runs.coherence()).splitlines()) == 4 and "0.29 - 23.2" in str(runs.coherence())

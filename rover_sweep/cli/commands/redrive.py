@@ -163,4 +163,6 @@ def _show_speeds(runs: Sequence[Recording], target: Path) -> None:
             soft_wrap=True,
             markup=False,
         )
-    console.print(f"{target}: {len(simulated)} run(s)", soft_wrap=True, markup=False)
+    console.print(
+        f"{target}: {len(simulated)} run{'s' if len(simulated) != 1 else ''}", soft_wrap=True, markup=False
+    )

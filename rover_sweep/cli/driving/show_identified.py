@@ -44,7 +44,7 @@ def show_identified(
     console, shown = narration(), results(as_json)
     print_warnings(console, (*sweeps, *checks))
     command = " ".join(["rover-sweep", *sys.argv[1:]])
-    with long_work(f"identifying from {len(sweeps)} run(s)") as work:
+    with long_work(f"identifying from {len(sweeps)} run{'s' if len(sweeps) != 1 else ''}") as work:
 
         def show_first(models: Mapping[str, ModelResult]) -> None:
             if settings.bootstrap and (words := first_numbers(models)):
