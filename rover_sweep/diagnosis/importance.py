@@ -66,9 +66,13 @@ def turn_change(found: Diagnosis) -> TurnChange | None:
 
 
 def turn_words(found: Diagnosis) -> str:
-    """What the findings do to a turn, as a sentence in plain figures; "" where it is not known."""
+    """What the findings do to a turn, as a sentence in plain figures; "" where it is not known.
+
+    "" too where a finding says so itself: that turn is simulated with the same parameters, but this change is
+    against a model that was fitted without the findings, and the two would seem to contradict each other.
+    """
     change = turn_change(found)
-    if change is None:
+    if change is None or any(f.turn for f in found.findings):
         return ""
     who = "It" if len(found.findings) == 1 else "Together they"
     s = "s" if len(found.findings) == 1 else ""

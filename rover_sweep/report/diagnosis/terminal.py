@@ -64,7 +64,7 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
     if found.findings:
         yield rich_table(finding_table(found))
         yield from (_explained(f) for f in found.findings)
-        if words := turn_words(found) if len(found.findings) > 1 or not found.findings[0].turn else "":
+        if words := turn_words(found):
             yield Sentence(words)
     if falsified := falsified_table(found):
         yield rich_table(falsified)
