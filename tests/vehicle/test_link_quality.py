@@ -150,3 +150,17 @@ def test_words(quality: LinkQuality, words: str) -> None:
 
 def test_a_few_frames_are_no_measurement() -> None:
     assert LinkQuality(seconds=3, frames=2, lost=0.5).words == ""
+
+
+@pytest.mark.parametrize("forgotten", [True, False])
+def test_what_the_vehicle_could_not_answer_yet_says_nothing_of_the_link(forgotten: bool) -> None:
+    """An applet's parameter is asked for until the applet runs."""
+    meter = LinkMeter()
+    for n in range(300):
+        meter.frame(n % 256, n * 0.05)
+    for n in range(12):
+        meter.asked("SWP_ENABLE", 5.0 + 0.5 * n)
+        if forgotten and n < 11:
+            meter.forget("SWP_ENABLE")
+    meter.answered("SWP_ENABLE", 10.51)
+    assert bool(meter.quality(15.0).poor) is not forgotten

@@ -47,8 +47,10 @@ class PreflightScreen(SessionScreen):
         checks, chosen = self.state.checks, self.index
         shown = window(len(checks), chosen, height - 2 - _BELOW)
         hidden = f"; {len(checks) - len(shown)} more, ↑ ↓" if len(shown) < len(checks) else ""
-        old = checks and any(isinstance(request, Connect | Fix | Preflight) for request in self.state.asked)
-        counted = "Checking again; the results below are from before" if old else count_line(checks)
+        checking = any(isinstance(request, Connect | Fix | Preflight) for request in self.state.asked)
+        old, counted = checking and bool(checks), count_line(checks)
+        if checking:
+            counted = "Checking again; the results below are from before" if old else "Checking"
         rows.add(f" {counted}{hidden}", style=f"bold {palette.ink}")
         name = 12 if width < 110 else 20
         for n in shown:

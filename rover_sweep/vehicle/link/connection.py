@@ -260,6 +260,10 @@ class Connection:
         ("COMMAND_ACK", number)."""
         self._inbox.meter.asked(what, self.line.monotonic())
 
+    def forget(self, what: Hashable) -> None:
+        """Note that the vehicle could not answer the requests for `what`: they do not count as lost."""
+        self._inbox.meter.forget(what)
+
     # ---- silence, and the end of the connection ------------------------------------------------
 
     @contextmanager

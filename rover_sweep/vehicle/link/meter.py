@@ -96,6 +96,10 @@ class LinkMeter:
         """A request is sent; `what` identifies its answer."""
         self._asked.setdefault(what, []).append(now)
 
+    def forget(self, what: Hashable) -> None:
+        """The vehicle could not answer these requests, so they say nothing of the link."""
+        self._asked.pop(what, None)
+
     def answered(self, what: Hashable, now: float) -> None:
         """An answer came, requested or not."""
         times = [t for t in self._asked.pop(what, []) if now - t < 3 * _STALE]

@@ -88,6 +88,7 @@ def await_applet(link: Link, seconds: float = 15.0) -> bool:
     time after boot."""
     start = link.clock.now
     while "SWP_ENABLE" not in read_present(link, ["SWP_ENABLE"]):
+        link.forget(("PARAM_VALUE", "SWP_ENABLE"))  # it does not exist yet
         link.request_message("SYSTEM_TIME")  # its clock, as no streams may be on
         if link.clock.now - start > seconds:
             return False
