@@ -24,15 +24,15 @@ def told(
 def test_short_work_says_nothing_in_a_pipe(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert told([0.1 * k for k in range(40)], capsys, monkeypatch) == []
+    assert told([0.04 * k for k in range(40)], capsys, monkeypatch) == []
 
 
-def test_long_work_says_a_line_each_five_seconds(
+def test_long_work_says_a_line_after_two_seconds_then_each_five(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines = told([0.5 * k for k in range(1, 41)], capsys, monkeypatch)
     assert len(lines) == 4
-    assert lines[0] == "diagnosing: 25 %, step 10, 5 s, about 15 s left"
+    assert lines[0] == "diagnosing: 10 %, step 4, 2 s, about 18 s left"
 
 
 def test_the_time_left_is_told_when_there_is_something_to_go_by() -> None:

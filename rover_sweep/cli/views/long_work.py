@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from rover_sweep.cli.views.output import echo, narration
 
-EVERY = 5.0  # s between plain lines
+FIRST, EVERY = 2.0, 5.0  # s to the first plain line, and between them
 EARLY = 0.03  # share done below which the time left is not estimated
 Report = Callable[[float, str], None]
 
@@ -29,7 +29,7 @@ class ShownWork:
 def long_work(what: str) -> Iterator[ShownWork]:
     """Shows the work on stderr.
 
-    On a terminal the bar disappears at the end. Elsewhere: a line at most each 5 s, none for shorter work.
+    On a terminal the bar disappears at the end. Elsewhere: a line after 2 s, then at most each 5 s.
     """
     console = narration()
     if not console.is_terminal:
@@ -53,7 +53,8 @@ def long_work(what: str) -> Iterator[ShownWork]:
 
 
 def _plain_lines(what: str, clock: Callable[[], float]) -> Report:
-    started = last = clock()
+    started = clock()
+    last = started + FIRST - EVERY
 
     def show(share: float, step: str) -> None:
         nonlocal last

@@ -78,6 +78,14 @@ def cells(values: Sequence[str], widths: Sequence[int]) -> str:
     return " ".join(v.rjust(-w) if w < 0 else v.ljust(w) for v, w in zip(cut, widths, strict=True))
 
 
+def cut_line(line: str, width: int) -> str:
+    """The line, with a sign at its end where it is cut: after a word if one ends in the last 20 columns."""
+    if len(line) <= width:
+        return line
+    words = line[: width - 1].rpartition(" ")[0]
+    return f"{words} …" if len(words) > width - 20 else f"{line[: width - 1]}…"
+
+
 def window(count: int, chosen: int, room: int) -> range:
     """The range of at most `room` of `count` rows that contains the chosen one."""
     if count <= room:

@@ -84,7 +84,9 @@ def _speed(document: Mapping[str, Any]) -> Iterator[str]:
 def _diagnosed(document: Mapping[str, Any]) -> Iterator[str]:
     yield f"{document['verdict'].upper()}: {document['sentence']}"
     for finding in document["findings"]:
-        yield f"{finding['effect']}: {finding['sentence']}"
+        turn = finding.get("turn") or ""
+        worth = f"{finding.get('importance') or ''} {turn[:1].upper()}{turn[1:]}".strip()
+        yield f"{finding['effect']}: {worth or finding['sentence']}"
         if finding.get("next_run"):
             yield f"drive next, for {finding['effect']}: {finding['next_run']}"
 

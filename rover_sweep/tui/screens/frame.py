@@ -9,7 +9,7 @@ from rich.text import Text
 
 from rover_sweep.live.source import Connect, DriveRequest, FetchLogs, Fix, Play, Preflight, Request
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import ScreenRows, joined
+from rover_sweep.tui.drawn.drawing import ScreenRows, cut_line, joined
 from rover_sweep.tui.drawn.palette import Palette
 from rover_sweep.tui.model.pilot import Task
 from rover_sweep.tui.model.state import State
@@ -100,14 +100,6 @@ def message(state: State, palette: Palette, width: int, last: bool = True, waite
     line = state.messages[-1]
     style = {"warning": palette.doubtful, "error": palette.bad}.get(line.level, palette.quiet)
     return Text(cut_line(f" {LEVELS[line.level]}{line.text}", width), style, no_wrap=True)
-
-
-def cut_line(line: str, width: int) -> str:
-    """The line, with a sign at its end where it is cut: after a word if one ends in the last 20 columns."""
-    if len(line) <= width:
-        return line
-    words = line[: width - 1].rpartition(" ")[0]
-    return f"{words} …" if len(words) > width - 20 else f"{line[: width - 1]}…"
 
 
 def working_on(request: Request) -> str:

@@ -6,7 +6,7 @@ from rich.text import Text
 from textual.binding import Binding
 
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import ScreenRows, window, wrapped
+from rover_sweep.tui.drawn.drawing import ScreenRows, cut_line, window, wrapped
 from rover_sweep.tui.drawn.palette import Palette
 from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.screens.session_screen import SessionScreen
@@ -55,7 +55,7 @@ class ResultsScreen(SessionScreen):
             mark = "▶" if job is self.job and len(self.jobs) > 1 else " "
             took = labels.seconds(job.seconds) if job.seconds else "earlier"
             text = job.summary[0] if job.summary else job.last
-            line = f" {mark} {_SIGNS[job.outcome]:<10} {job.kind:<10} {took:>10}  {text}"
+            line = cut_line(f" {mark} {_SIGNS[job.outcome]:<10} {job.kind:<10} {took:>10}  {text}", width)
             if n == self.index:
                 rows.filled(line, palette.inverse)
             else:
