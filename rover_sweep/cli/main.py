@@ -6,6 +6,7 @@ Progress and errors go to stderr, results to stdout. Exit codes: 0 done, 1 a che
 
 from __future__ import annotations
 
+import errno
 import importlib
 import io
 import os
@@ -20,6 +21,8 @@ from rover_sweep.errors import RoverSweepError
 
 # The matrices are small: more threads in the linear algebra library would slow it down.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 # name -> one line of help, here so that `--help` imports nothing. `dry-run` is `commands.dry_run.dry_run`.
 COMMANDS: dict[str, str] = {
@@ -96,6 +99,9 @@ def cli() -> None:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line (sys.argv by default) and return its exit code; usage errors do not raise."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller, as with >&-
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a plain ASCII terminal shows ? for ±, and no traceback
@@ -116,8 +122,19 @@ def run(arguments: Sequence[str] | None = None) -> int:
         print_error("interrupted", getattr(error, "__notes__", ()))
         return 130
     except BrokenPipeError:  # the reader of our output has closed, as with `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _to_nowhere()
         return 0
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        _to_nowhere()
+        print_error(f"the output cannot be written: {error.strerror}; free some space, or write elsewhere")
+        return 1
+
+
+def _to_nowhere() -> None:
+    """Standard output goes nowhere from here on: what is still in its buffer would fail again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _see_help(error: click.ClickException) -> str:

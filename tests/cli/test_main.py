@@ -145,6 +145,51 @@ def test_output_to_a_closed_pipe_is_no_error() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "#", "")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_output_that_cannot_be_written_is_a_sentence() -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "rover_sweep", "--help"], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 1
+    assert done.stderr.startswith("rover-sweep: the output cannot be written: No space left on device; ")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_no_output_is_no_error() -> None:
+    shell = f"{sys.executable} -m rover_sweep vehicle --example >&-"
+    done = subprocess.run(["sh", "-c", shell], stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("command", "file"), [("identify", "pictures/mine.svg"), ("diagnose", "diagnosis.html")]
+)
+def test_a_folder_of_other_files_is_not_replaced(
+    command: str, file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    held = tmp_path / "out" / file
+    held.parent.mkdir(parents=True)
+    held.write_text("mine")
+    assert main.run([command, "run.BIN", "--out", str(tmp_path / "out")]) == 2
+    assert f"has {file} but no " in capsys.readouterr().err
+    assert held.read_text() == "mine"
+
+
+def test_an_input_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "run.BIN"
+    log.write_text("a recording")
+    (tmp_path / "run.html").write_text("mine")
+    for command in (
+        ["view", str(log), "--out", str(log)],
+        ["export", str(tmp_path), "-o", str(tmp_path / "identification.json")],
+        ["gains", str(tmp_path), "--now", str(log), "--out", str(log)],
+    ):
+        assert main.run(command) == 2
+        assert "is an input of this command" in capsys.readouterr().err
+    assert log.read_text() == "a recording"
+
+
 def test_plain_ascii_terminal() -> None:
     command = [sys.executable, "-m", "rover_sweep.cli.main", "vehicle", "check", ROVER]
     environment = {"PYTHONIOENCODING": "ascii", "PATH": ""}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.types.folders import check_writable
+from rover_sweep.cli.types.folders import check_report_folder
 from rover_sweep.cli.types.options import EFFECTS, filter_overrides, reading_options, vehicle_path
 from rover_sweep.errors import UsageError
 
@@ -118,7 +118,7 @@ def diagnose(
     simulator = simulator_of(simulated, variant)
     simulated = () if simulator else simulated
     settings = _settings(baseline, model_file, simulated, only, without, time_limit, seed)
-    check_writable(Path(out))
+    check_report_folder(Path(out), ("diagnosis.json",), ("diagnosis.html", "variant.toml"))
     path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)

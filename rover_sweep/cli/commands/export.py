@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from rover_sweep.cli.types.options import NumberRange
+from rover_sweep.cli.types.text_file import refuse_input
 from rover_sweep.cli.views.output import echo
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
@@ -71,6 +72,9 @@ def export(
     and the input delay tau. The sensors' low-pass filters are listed separately: they are not part of the
     rover. The python file computes responses with numpy alone; its system() needs `pip install control`.
     """
+    for written in (output, script, fmu):
+        if written not in ("-", None):
+            refuse_input(str(written), place)
     if script is not None or fmu is not None:
         other = (name, form, speed, plant or None, None if output == "-" else output)
         _rover(Path(place), script, fmu, other)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.types.options import NumberRange
+from rover_sweep.cli.types.text_file import refuse_input
 from rover_sweep.cli.types.which_vehicle import access_options
 from rover_sweep.errors import LinkError, UsageError
 
@@ -81,6 +82,8 @@ def gains(
     from rover_sweep.api.all_gains import all_gains
     from rover_sweep.cli.views.output import echo_json, narration, results
 
+    if out is not None:
+        refuse_input(out, place, now, vehicle_file)
     current = _current_parameters(now, url, access)
     both = all_gains(Path(place), name, vehicle_file, current, now or url or "the defaults", speed)
     if as_json:

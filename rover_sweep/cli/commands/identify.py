@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.types.folders import check_writable
+from rover_sweep.cli.types.folders import check_report_folder
 from rover_sweep.cli.types.options import (
     OUTPUTS,
     BandType,
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rover_sweep.identification.speed.identify_speed import SpeedResult
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
+REPLACED = ("report.html", "speed.html", "pictures/*", "models/*")  # by a new report
 
 
 @click.command()
@@ -159,7 +160,7 @@ def identify(
     from rover_sweep.identification.grouping import Settings
 
     own = load_structures(structures)
-    check_writable(Path(out))
+    check_report_folder(Path(out), ("identification.json", "speed.json"), REPLACED)
     speed, runs = _of_throttle(runs, Path(out), as_json)
     if not runs:
         return

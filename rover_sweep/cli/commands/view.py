@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 
 from rover_sweep.cli.types.options import filter_overrides, reading_options
+from rover_sweep.cli.types.text_file import refuse_input
+from rover_sweep.errors import UsageError
 
 
 @click.command()
@@ -36,6 +38,10 @@ def view(
     from rover_sweep.logs.read import read_logs
     from rover_sweep.report.view.log_page import log_page
 
+    page = Path(out or f"{Path(log).stem}.html")
+    refuse_input(str(page), log, columns)
+    if out is None and page.exists() and b"rover-sweep" not in page.read_bytes():
+        raise UsageError(f"{page} exists and is no page of this program; give --out FILE")
     filters = filter_overrides(gyro_filter, accel_filter)
     with long_work(f"reading {Path(log).name}"):
         logs = read_logs(log, column_map=columns, filters=filters, system=system)
@@ -43,7 +49,7 @@ def view(
         {**dict(each.signals), **{_steering(s.unit, k): s for k, s in enumerate(each.steering)}}
         for each in logs
     ]
-    path = write_file(Path(out or f"{Path(log).stem}.html"), log_page(Path(log).name, channels))
+    path = write_file(page, log_page(Path(log).name, channels))
     results().print(f"page: {path}", soft_wrap=True, markup=False)
 
 

@@ -24,6 +24,19 @@ def check_writable(folder: Path) -> None:
         raise UsageError(f"{folder} cannot be written: {error.strerror}; give another --out") from error
 
 
+def check_report_folder(folder: Path, documents: tuple[str, ...], written: tuple[str, ...]) -> None:
+    """UsageError if `folder` is not writable, or has files that a report would replace and are none of one.
+
+    documents: names of the files that a report always has. written: glob patterns of the others.
+    """
+    ours = any((folder / name).is_file() for name in documents)
+    if not ours and (held := _held(folder, written)):
+        raise UsageError(
+            f"{folder} has {held} but no {documents[0]}: this program did not write it; give another --out"
+        )
+    check_writable(folder)
+
+
 def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> Path:
     """Create an empty folder for a session: `given`, else the first free of `name`, `name`-2, ...
 
@@ -49,4 +62,5 @@ def _held(folder: Path, patterns: tuple[str, ...]) -> str | None:
     """Name of the first file in the folder that matches."""
     if not folder.is_dir():
         return None
-    return next((path.name for pattern in patterns for path in sorted(folder.glob(pattern))), None)
+    found = (path for pattern in patterns for path in sorted(folder.glob(pattern)))
+    return next((str(path.relative_to(folder)) for path in found), None)
