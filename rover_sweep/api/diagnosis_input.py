@@ -200,7 +200,7 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
     else:
         name = baseline or document.get("recommended")
         models = document.get("models", {})
-        if name not in models:
+        if not isinstance(name, str) or not isinstance(models, dict) or name not in models:
             raise UsageError(f"{path} has no model {name!r}; it has {', '.join(models) or 'none'}")
         values = {p: v["value"] for p, v in models[name]["parameters"].items() if "variant" not in v}
     known: dict[str, Baseline] = {b: b for b in BASELINES}
@@ -210,6 +210,11 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
         raise UsageError(
             f"{path}: {lacking[0]} of its {name} model could not be identified; use another model"
         )
+    for p, v in values.items():
+        if isinstance(v, bool) or not isinstance(v, int | float) or not isfinite(v):
+            raise UsageError(
+                f"{path}: {p} of its {name} model is {v!r}, which is no number; run identify again"
+            )
     return known[name], {p: float(v) for p, v in values.items()}
 
 

@@ -67,9 +67,10 @@ def read_identified(place: Path, name: str | None) -> Identified:
         if _saved(document, ":Result"):
             return from_identification(_result_document(path), name)
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise UsageError(
-            f"no gains can be computed from {path} ({type(error).__name__}: {error}); run identify again"
-        ) from error
+        why = {KeyError: f"{error} is missing", ValueError: str(error)}.get(
+            type(error), "a part of it has another form"
+        )
+        raise UsageError(f"no gains can be computed from {path}: {why}; run identify again") from error
     raise UsageError(f"{path} is neither an identification nor a diagnosis of rover-sweep")
 
 

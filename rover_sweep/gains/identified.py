@@ -193,7 +193,11 @@ def _structure(name: str, known: Mapping[str, Any], parameters: Mapping[str, Any
         "bicycle": lambda: bicycle(geometry, tied),
         "kinematic": lambda: kinematic(geometry),
     }[name]()
-    return made.with_values({n: float(p["value"]) for n, p in parameters.items()})
+    found = made.with_values({n: float(p["value"]) for n, p in parameters.items()})
+    for p in found.free:
+        if not p.lower <= p.value <= p.upper:
+            raise ValueError(f"{p.name} is {p.value:g} {p.unit}, outside {p.lower:g} to {p.upper:g}")
+    return found
 
 
 def _intervals(parameters: Mapping[str, Any], wait: float) -> dict[str, tuple[float, float]]:
@@ -206,6 +210,8 @@ def _intervals(parameters: Mapping[str, Any], wait: float) -> dict[str, tuple[fl
         value, bounds, cr = p["value"], p["interval_90"], p["cr_percent"]
         if not p["free"] or value is None:
             continue
+        if bounds is not None and bounds[0] is not None and not float(bounds[0]) <= float(bounds[1]):
+            raise ValueError(f"the 90 % interval of {name} is {bounds[0]:g} to {bounds[1]:g}")
         if bounds is not None and all(isinstance(b, int | float) and math.isfinite(b) for b in bounds):
             low, high = min(bounds[0], value), max(bounds[1], value)
         else:

@@ -114,6 +114,27 @@ def test_mistakes_are_one_sentence(
     assert "Traceback" not in said
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("value", 0.0, "Cf is 0 N/rad, outside"),
+        ("value", "x", "could not convert"),
+        ("interval_90", [30.0, 20.0], "the 90 % interval of Cf is 30 to 20"),
+        ("interval_90", 3, "a part of it has another form"),
+    ],
+)
+def test_an_impossible_number_in_an_edited_result_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], key: str, value: Any, sentence: str
+):
+    path = folder / "report" / "identification.json"
+    document = json.loads(path.read_text())
+    document["models"][document["recommended"]]["parameters"]["Cf"][key] = value
+    path.write_text(json.dumps(document))
+    assert run(["gains", str(folder)]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and "run identify again" in said and "Traceback" not in said
+
+
 def test_a_diagnosis_carries_gains_too(tmp_path: Path):
     """Its linear part, with the lag of the servo as a lag; what is not linear is said."""
     from augmented_models import model
