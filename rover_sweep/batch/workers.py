@@ -9,6 +9,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
 from rover_sweep.errors import UsageError
+from rover_sweep.files.orphans import end_with_parent
 
 RETRIES = 3  # by Dask, of a log whose worker failed
 
@@ -24,7 +25,8 @@ def workers(count: int | None, scheduler: str | None) -> Iterator[Executor]:
     if scheduler is None:
         os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the processes that start now
         context = multiprocessing.get_context("spawn")  # as on every platform, and no copied locks
-        with ProcessPoolExecutor(count or default_workers(), mp_context=context) as pool:
+        processes = count or default_workers()
+        with ProcessPoolExecutor(processes, context, end_with_parent) as pool:
             yield pool
         return
     try:

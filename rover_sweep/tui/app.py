@@ -21,8 +21,8 @@ from textual.dom import DOMNode
 from textual.theme import Theme
 
 from rover_sweep.errors import UsageError
+from rover_sweep.files.orphans import end_with_parent
 from rover_sweep.live.source import Play, Played, Source
-from rover_sweep.tui.browser.server_watch import end_with_parent
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.model.setup import Memory, Setup, remember
 from rover_sweep.tui.model.state import AbortAsked, reduce

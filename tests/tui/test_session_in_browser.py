@@ -17,8 +17,8 @@ from aiohttp import ClientSession, WSServerHandshakeError, web
 from rover_sweep.cli.driving import served_session
 from rover_sweep.cli.driving.served_session import program
 from rover_sweep.cli.main import run
+from rover_sweep.files.orphans import end_with_parent
 from rover_sweep.tui.browser import session_server
-from rover_sweep.tui.browser.server_watch import end_with_parent
 from rover_sweep.tui.browser.session_server import SessionServer
 
 

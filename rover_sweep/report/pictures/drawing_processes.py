@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol
+
+from rover_sweep.files.orphans import end_with_parent
 
 MOST = 4  # processes
 
@@ -37,15 +40,23 @@ def pngs(pictures: Sequence[Drawable]) -> Iterator[bytes]:
         return
     _given = pictures
     try:
-        with ProcessPoolExecutor(processes, multiprocessing.get_context("fork")) as pool:
+        with ProcessPoolExecutor(processes, multiprocessing.get_context("fork"), _begin) as pool:
             waiting = [pool.submit(_png, k) for k in range(len(pictures))]
             for k, one in enumerate(waiting):
                 try:
                     yield one.result()
                 except BrokenProcessPool:  # the system ended a process, for want of memory for one
                     yield pictures[k].png()
+                except KeyboardInterrupt:
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    raise
     finally:
         _given = ()
+
+
+def _begin() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process; the parent answers it
+    end_with_parent()
 
 
 def _png(k: int) -> bytes:
