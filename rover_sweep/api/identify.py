@@ -7,7 +7,7 @@ All values are in SI units and ISO axes (x forward, y left, z up); frequencies a
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
 from pathlib import Path
@@ -26,12 +26,14 @@ from rover_sweep.identification.grouping import FITTED, MODELS, Settings
 from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.pipeline import identify as run_identification
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.structure.state_space import OUTPUTS, ModelStructure
 from rover_sweep.report.wording.provenance import Provenance, provenance
 from rover_sweep.spectra.response import Band, FrequencyResponse
 
 if TYPE_CHECKING:
     from rover_sweep.report.identification.report_folder import ReportFiles
+
+ONE = (str, os.PathLike, ModelStructure, Recording)  # given alone instead of in a sequence
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,13 +163,13 @@ def identify(
         raise UsageError('the vehicle is not known: read the runs with rs.read(..., vehicle="rover.toml")')
     if not len(runs):
         raise UsageError("there is no run to identify from")
-    sweeps, checks = fitted_and_verified(runs, verify)
+    sweeps, checks = fitted_and_verified(runs, _listed(verify))
     settings = Settings(
         _known(models, MODELS, "model"),
         _known(fit, ("r", "ay", "vydot", "p"), "response"),
         tied,
-        band,
-        dict(bands or {}),
+        None if band is None else _band(band, "band"),
+        _bands(bands or {}),
         tuple(windows) if windows else None,
         reduction=reduction,
         keep=parameter_names(keep),
@@ -226,13 +228,30 @@ def load_result(path: Location) -> Result:
 
 
 def _known(given: Sequence[str], known: Sequence[str], what: str) -> tuple[str, ...]:
-    names = (given,) if isinstance(given, str) else tuple(given)
+    names = _listed(given)
     for name in names:
         if name not in known:
             raise UsageError(f"there is no {what} {name!r}; choose from {', '.join(known)}")
     return names
 
 
+def _bands(given: Mapping[str, Band]) -> dict[str, Band]:
+    if not isinstance(given, Mapping):
+        raise UsageError(
+            f'bands is {given!r}; give a usable band for a response, as {{"r": (2, 30)}} [rad/s]'
+        )
+    _known(tuple(given), OUTPUTS, "response")
+    return {name: _band(band, f"the band of {name}") for name, band in given.items()}
+
+
+def _band(given: Any, what: str) -> Band:
+    try:
+        low, high = (float(x) for x in given)
+    except (TypeError, ValueError):
+        raise UsageError(f"{what} is {given!r}; give (lowest, highest) frequency [rad/s]") from None
+    return low, high
+
+
 def _listed(given: Any) -> tuple[Any, ...]:
     """The arguments as a tuple; a single one becomes a tuple of one."""
-    return (given,) if isinstance(given, str | os.PathLike | ModelStructure) else tuple(given)
+    return tuple(given) if isinstance(given, Iterable) and not isinstance(given, ONE) else (given,)

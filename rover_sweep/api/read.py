@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.api.known_steering import through_linkage
-from rover_sweep.api.trial_source import trial_source
+from rover_sweep.api.trial_source import sources_without, trial_source
 from rover_sweep.data.recording import Recording, grouped_warnings, steered
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
 from rover_sweep.data.run_names import named, source_names
@@ -150,7 +150,8 @@ def read(
 ) -> Runs:
     """All runs of .BIN, .tlog or .csv files, of pairs "log.BIN+log.tlog", or of the folder of a session.
 
-    "runs.csv:3" reads only trial 3 of a file; without=["runs.csv:3"] leaves it out, to hold it out.
+    "runs.csv:3" reads only trial 3 of a file; without=["runs.csv:3"] leaves it out, to hold it out, and
+    without=["run4.BIN"] the whole file.
     vehicle: a vehicle file (rover.toml) or a `Vehicle`, needed to convert the PWM to a road-wheel angle; for
     the folder of a session, default its own file. columns: the column map of a .csv. gyro_hz, accel_hz:
     low-passes of the sensors [Hz, 0 = off] that replace the recorded ones. system: MAVLink id of the vehicle
@@ -172,12 +173,18 @@ def read(
     """
     if not sources:
         raise UsageError("nothing to read: give the path of a .BIN, .tlog or .csv")
+    for source in sources:
+        if not isinstance(source, str | PathLike):
+            raise UsageError(f"rs.read takes paths of files or folders, not {source!r}")
+    if not isinstance(vehicle, str | PathLike | Vehicle | None):
+        raise UsageError(f'vehicle is {vehicle!r}; give the path of a vehicle file, such as "rover.toml"')
     vehicle = kept_vehicle_file([str(source) for source in sources]) if vehicle is None else vehicle
     rover = load_vehicle(vehicle) if isinstance(vehicle, str | PathLike) else vehicle
     filters = {k: v for k, v in (("gyro_hz", gyro_hz), ("accel_hz", accel_hz)) if v is not None}
     column_map = columns if columns is None or isinstance(columns, Mapping) else str(columns)
     apart = [str(s) for s in ((without,) if isinstance(without, str | PathLike) else without)]
-    runs = load_runs([str(source) for source in sources], column_map, filters or None, apart, system)
+    kept = sources_without([str(source) for source in sources], apart)
+    runs = load_runs(kept, column_map, filters or None, apart, system)
     if rover is not None:
         runs = tuple(with_delta(run, rover) for run in runs)
     return Runs(runs, rover, Path(vehicle) if isinstance(vehicle, str | PathLike) else None)

@@ -36,6 +36,9 @@ def fitted_and_verified(
     runs: Sequence[Recording], verify: Sequence[Recording] = ()
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
     """(runs to fit, runs to verify on); by default verified on the doublets. UsageError for a run in both."""
+    for run in verify:
+        if not isinstance(run, Recording):
+            raise UsageError(f'verify: {run!r} is no run; give runs that were read, such as [runs["run4"]]')
     fitted, doublets = divided(runs)
     checks = tuple(verify) or doublets
     refuse_overlap(fitted, checks)

@@ -54,6 +54,22 @@ def trial_source(given: str) -> TrialSource:
     return TrialSource(given)
 
 
+def sources_without(sources: Sequence[str], apart: Sequence[str]) -> list[str]:
+    """The sources without the whole files in `apart`; its trials are left out when their file is read.
+
+    UsageError for a part of none of the sources: it would stay in the fit.
+    """
+    places = {given: Path(trial_source(given).source).resolve() for given in (*sources, *apart)}
+    for given in apart:
+        if places[given] not in {places[s] for s in sources}:
+            raise UsageError(f"without: {given} is not among what is read ({', '.join(sources)})")
+    whole = {places[given] for given in apart if not trial_source(given).label}
+    kept = [s for s in sources if places[s] not in whole]
+    if not kept:
+        raise UsageError("without leaves out everything that is read; leave some")
+    return kept
+
+
 def _is_of(label: str, rest: str) -> bool:
     """True where the rest of a run's name begins with a label; numbers are equal by value, 3 and 3.0."""
     if rest == label or rest.startswith(f"{label} "):

@@ -57,6 +57,8 @@ def _rows(run: Recording, channels: Sequence[str] | None) -> list[tuple[str, str
         steering = next((row for row in STEERING if row[0] in run), None)
         return [row for row in (steering, *ROWS) if row is not None and row[0] in run]
     wanted = (channels,) if isinstance(channels, str) else tuple(channels)
+    if not wanted:
+        raise UsageError(f"no channel is named; choose from {', '.join(run.channels)}")
     if missing := [c for c in wanted if c not in run]:
         raise UsageError(f"{run.name} has no channel {missing[0]!r}; it has {', '.join(run.channels)}")
     return [LABELLED.get(c, (c, f"{c}\n{run[c].unit}", 1.0)) for c in wanted]

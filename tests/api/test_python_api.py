@@ -30,6 +30,31 @@ def result(runs: Any) -> Any:
     return rs.identify(runs)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"verify": "run4"}, "verify: 'run4' is no run"),
+        ({"bands": {"q": (1, 2)}}, "there is no response 'q'"),
+        ({"bands": "r"}, "bands is 'r'"),
+        ({"bands": {"r": 3}}, r"the band of r is 3; give \(lowest, highest\)"),
+        ({"band": "x"}, "band is 'x'"),
+        ({"models": 3}, "there is no model 3"),
+    ],
+)
+def test_a_wrong_argument_is_a_sentence(runs: Any, wrong: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(rs.UsageError, match=sentence):
+        rs.identify(runs, **wrong)
+
+
+def test_a_wrong_vehicle_or_path_is_a_sentence(runs: Any) -> None:
+    with pytest.raises(rs.UsageError, match=r"vehicle is 3; give the path"):
+        rs.read(NOMINAL / "run1.BIN", vehicle=3)  # type: ignore[arg-type]
+    with pytest.raises(rs.UsageError, match=r"takes paths of files or folders, not 3"):
+        rs.read(3)  # type: ignore[arg-type]
+    with pytest.raises(rs.UsageError, match=r"no channel is named; choose from pwm"):
+        runs["run1"].plot([])
+
+
 def test_the_lines_of_the_readme_run_as_they_stand(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -193,7 +218,7 @@ def test_another_version_of_the_file_is_told(result: Any, tmp_path: Path) -> Non
 
 def test_a_file_cannot_call_what_it_likes(tmp_path: Path) -> None:
     path = tmp_path / "evil.json"
-    for evil in ("os:system", "rover_sweep.cli.main:main", "rover_sweep.api.save:loads"):
+    for evil in ("os:system", "rover_sweep.cli.main:run", "rover_sweep.api.save:loads"):
         for thing in ({"is": evil, "of": {}}, {"is": "function", "of": evil}):
             content = {"format": "rover-sweep result", "format_version": 1, "result": thing, "arrays": {}}
             path.write_text(json.dumps(content))

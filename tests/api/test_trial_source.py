@@ -48,6 +48,18 @@ def test_nothing_is_left_when_every_trial_is_held_out(trials: str) -> None:
         rs.read(trials, columns=MAP, without=every)
 
 
+def test_a_whole_file_is_left_out(trials: str, tmp_path: Path) -> None:
+    other = Recorder(rate=50).write(tmp_path / "other.csv", SmallCar(), [by_hand(5)], 16.0)
+    assert [r.name for r in rs.read(trials, other, columns=MAP, without=trials)] == ["other 1"]
+    with pytest.raises(rs.UsageError, match="leaves out everything"):
+        rs.read(trials, columns=MAP, without=trials)
+
+
+def test_nothing_is_left_out_by_a_misspelt_name(trials: str) -> None:
+    with pytest.raises(rs.UsageError, match=r"without: drvie.csv:3 is not among what is read \(.*drive.csv"):
+        rs.read(trials, columns=MAP, without="drvie.csv:3")
+
+
 def test_a_run_of_a_file_without_trials_has_its_number(tmp_path: Path) -> None:
     whole = Recorder(rate=50).write(tmp_path / "one.csv", SmallCar(), [by_hand(1)], 16.0)
     bare = {k: v for k, v in MAP.items() if k != "trial"}
