@@ -121,6 +121,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except (click.Abort, KeyboardInterrupt) as error:
         print_error("interrupted", getattr(error, "__notes__", ()))
         return 130
+    except SystemError as error:  # Ctrl-C within compiled code comes wrapped
+        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+            raise
+        print_error("interrupted")
+        return 130
     except BrokenPipeError:  # the reader of our output has closed, as with `| head`
         _to_nowhere()
         return 0
@@ -140,12 +145,3 @@ def _to_nowhere() -> None:
 def _see_help(error: click.ClickException) -> str:
     context = error.ctx if isinstance(error, click.UsageError) else None
     return f" (see {context.command_path} --help)" if context else ""
-
-
-def main() -> None:
-    """Entry point of the `rover-sweep` program."""
-    sys.exit(run())
-
-
-if __name__ == "__main__":
-    main()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -14,6 +17,7 @@ from rover_sweep import __version__, errors
 from rover_sweep.cli import main
 from rover_sweep.data.vehicle_file import example, load
 
+NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 ROVER = str(Path(__file__).parents[1] / "data" / "rover.toml")
 SWING = [
     "inertia",
@@ -31,7 +35,7 @@ SWING = [
 
 
 def program(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rover_sweep.cli.main", *arguments]
+    command = [sys.executable, "-m", "rover_sweep", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
@@ -135,7 +139,7 @@ def test_errors_become_exit_codes(
 
 def test_output_to_a_closed_pipe_is_no_error() -> None:
     done = subprocess.run(
-        f"{sys.executable} -m rover_sweep.cli.main vehicle --example | head -c 1; exit ${{PIPESTATUS[0]}}",
+        f"{sys.executable} -m rover_sweep vehicle --example | head -c 1; exit ${{PIPESTATUS[0]}}",
         shell=True,
         executable="/bin/bash",
         capture_output=True,
@@ -190,8 +194,27 @@ def test_an_input_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixt
     assert log.read_text() == "a recording"
 
 
+def test_ctrl_c_while_the_report_is_written_loses_no_diagnosis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rover_sweep.report.diagnosis import report_folder
+
+    def interrupted(*given: Any) -> Any:
+        os.kill(os.getpid(), signal.SIGINT)
+        return write(*given)
+
+    write = report_folder.write_diagnosis
+    monkeypatch.setattr(report_folder, "write_diagnosis", interrupted)
+    runs = [str(NOMINAL / f"run{k}.BIN") for k in (1, 4)]
+    quick = ["--baseline", "bicycle", "--only", "steering_trim", "--time-limit", "1"]
+    out = tmp_path / "found"
+    assert main.run(["diagnose", *runs, "--vehicle", ROVER, *quick, "--out", str(out)]) == 130
+    assert (out / "diagnosis.html").is_file() and (out / "diagnosis.json").is_file()
+    assert "press Ctrl-C again" in capsys.readouterr().err
+
+
 def test_plain_ascii_terminal() -> None:
-    command = [sys.executable, "-m", "rover_sweep.cli.main", "vehicle", "check", ROVER]
+    command = [sys.executable, "-m", "rover_sweep", "vehicle", "check", ROVER]
     environment = {"PYTHONIOENCODING": "ascii", "PATH": ""}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0 and "2.66 ? 0.005" in done.stdout

@@ -127,7 +127,7 @@ def test_identify_finds_the_true_rover_where_nothing_is_concealed(
     command = [
         sys.executable,
         "-m",
-        "rover_sweep.cli.main",
+        "rover_sweep",
         "identify",
         str(folder / "run1.BIN"),
         str(folder / "run2.BIN"),

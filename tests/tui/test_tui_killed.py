@@ -31,7 +31,7 @@ def rover(tmp_path: Path) -> Iterator[launcher.Running]:
 @contextmanager
 def session(rover: launcher.Running, folder: Path) -> Iterator[Terminal]:
     """Connected and looked at."""
-    command = (sys.executable, "-m", "rover_sweep.cli.main", "session", "--connect", rover.connection)
+    command = (sys.executable, "-m", "rover_sweep", "session", "--connect", rover.connection)
     options = ("--vehicle", str(ROVER_FILE), "--out", str(folder), *OWN, *LIMITS)
     state = {"XDG_STATE_HOME": str(folder.parent / "state"), "PYTHONPATH": str(Path(__file__).parents[2])}
     with Terminal((*command, *options), state) as terminal:

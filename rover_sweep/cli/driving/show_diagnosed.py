@@ -13,9 +13,12 @@ from rover_sweep.errors import DataRefused
 if TYPE_CHECKING:
     from rover_sweep.api.diagnosis_input import Material
     from rover_sweep.cli.driving.show_compared import SimulatorCall
+    from rover_sweep.cli.views.interruption import Interruption
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.diagnosis.result import Diagnosis
     from rover_sweep.diagnosis.settings import DiagnosisSettings
+
+CTRL_C = "finishing with the findings so far and their report; press Ctrl-C again to quit without it"
 
 
 def show_diagnosed(
@@ -33,6 +36,7 @@ def show_diagnosed(
     from datetime import datetime
 
     from rover_sweep.cli.driving.show_compared import show_compared, with_comparison
+    from rover_sweep.cli.views.interruption import Interruption
     from rover_sweep.cli.views.long_work import long_work
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
     from rover_sweep.report.diagnosis.report_folder import write_diagnosis
@@ -43,10 +47,12 @@ def show_diagnosed(
     print_warnings(console, (*given.runs, *given.held_out))
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
-    found, interrupted = _computed(given, rover[0], settings)
-    shown.print(summary(found), width=min(shown.width, WIDTH))
-    with long_work("writing the report") as report:
-        files = write_diagnosis(found, out, origin, report)
+    with Interruption(lambda: console.print(CTRL_C, style="yellow")) as asked:
+        found = _computed(given, rover[0], settings, asked)
+        shown.print(summary(found), width=min(shown.width, WIDTH))
+        with long_work("writing the report") as report:
+            files = write_diagnosis(found, out, origin, report)
+    interrupted = asked.to_stop()
     shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
     if files.variant:
         shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True, markup=False)
@@ -62,21 +68,12 @@ def show_diagnosed(
         raise click.Abort  # so that a script sees from the exit code that the search was stopped early
 
 
-def _computed(given: Material, vehicle: Vehicle, settings: DiagnosisSettings) -> tuple[Diagnosis, bool]:
-    """(diagnosis, True if stopped early), with a progress bar.
-
-    The first Ctrl-C ends the search, the second the program.
-    """
+def _computed(
+    given: Material, vehicle: Vehicle, settings: DiagnosisSettings, asked: Interruption
+) -> Diagnosis:
+    """The diagnosis, with a progress bar; with the findings so far once a stop is asked for."""
     from rover_sweep.api.diagnosis_input import diagnosed
-    from rover_sweep.cli.views.interruption import Interruption
     from rover_sweep.cli.views.long_work import long_work
-    from rover_sweep.cli.views.output import narration
 
-    console = narration()
-    words = "stopping with the findings so far; press Ctrl-C again to quit without a report"
-    with (
-        long_work("diagnosing") as report,
-        Interruption(lambda: console.print(words, style="yellow")) as asked,
-    ):
-        found = diagnosed(given, vehicle, settings, lambda what, share: report(share, what), asked.to_stop)
-    return found, asked.to_stop()
+    with long_work("diagnosing") as report:
+        return diagnosed(given, vehicle, settings, lambda what, share: report(share, what), asked.to_stop)

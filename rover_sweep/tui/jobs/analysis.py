@@ -47,7 +47,7 @@ class AnalysisJob:
 async def run_job(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
     """Yield the job at every change, to its end. Closing the iterator ends the process."""
     began = time.monotonic()
-    program = (sys.executable, "-m", "rover_sweep.cli.main", *job.arguments)
+    program = (sys.executable, "-m", "rover_sweep", *job.arguments)
     process = await asyncio.create_subprocess_exec(
         *program,
         stdin=asyncio.subprocess.DEVNULL,
