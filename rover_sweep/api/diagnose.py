@@ -43,10 +43,11 @@ class FullDiagnosis(Shown, Diagnosis):
         headings = ("left out", "", "value", "90 %", "unit", "or else", "removed")
         notes = [f"unknown in {self.unknown.channel}: {self.unknown.sentence}"] if self.unknown else []
         from rover_sweep.report.wording.bound_words import hiding_words
+        from rover_sweep.report.wording.effect_names import title
 
         hiding = hiding_words(self.cannot_see)
         notes += [f"could still hide (95 %): {hiding}"] if hiding else []
-        unseen = ", ".join(u.effect for u in self.cannot_see if not u.up_to)
+        unseen = ", ".join(title(u.effect) for u in self.cannot_see if not u.up_to)
         notes += [f"these runs cannot show: {unseen}"] if unseen else []
         return ShortTable(f"{self.verdict}: {self.sentence}", headings, tuple(rows), tuple(notes))
 

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Protocol, TypeVar
 
+from rover_sweep.data.result_table import ShortTable, plain_number
+
+HEADINGS = ("parameter", "value", "unit", "90 % interval", "meaning")
+
 
 class _Named(Protocol):
     """Anything with a name."""
@@ -49,3 +53,31 @@ class ByName(tuple[T, ...]):
     def items(self) -> Iterator[tuple[str, T]]:
         """(name, item), in order."""
         return ((item.name, item) for item in self)
+
+    def table(self, title: str = "", notes: tuple[str, ...] = ()) -> ShortTable:
+        """A row for each item: value, unit, interval and meaning, as far as it has them."""
+        rows = tuple(
+            (
+                item.name,
+                plain_number(getattr(item, "value", None)),
+                getattr(item, "unit", ""),
+                _interval(item),
+                getattr(item, "meaning", ""),
+            )
+            for item in self
+        )
+        return ShortTable(
+            title or f"{len(self)} parameter{'s' if len(self) != 1 else ''}", HEADINGS, rows, notes
+        )
+
+    def __repr__(self) -> str:
+        return str(self.table())
+
+    def _repr_html_(self) -> str:
+        return self.table().html()
+
+
+def _interval(item: Any) -> str:
+    """ "low to high" of an item with `interval_90`, or with `low` and `high`; "" without."""
+    ends = getattr(item, "interval_90", (getattr(item, "low", None), getattr(item, "high", None)))
+    return "" if ends is None or ends == (None, None) else " to ".join(plain_number(x) for x in ends)

@@ -23,7 +23,7 @@ AT_LOOP = "at the main loop"  # end of the source of commands time-stamped at th
 Kind = Literal["sweep", "bias_sweep", "doublet", "multisine", "throttle", "other"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Signal:
     """A measured signal on its own time stamps.
 
@@ -45,6 +45,10 @@ class Signal:
             )
         if self.t.size > 1 and not np.all(np.diff(self.t) > 0):
             raise ValueError(f"Signal {self.source}: time stamps must increase strictly")
+
+    def __repr__(self) -> str:
+        span = f", {self.t[0]:.2f} to {self.t[-1]:.2f} s" if self.t.size else ""
+        return f"Signal in {self.unit} from {self.source or '-'}: t and x of {self.t.size} samples{span}"
 
     @property
     def rate(self) -> float:

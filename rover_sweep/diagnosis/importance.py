@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_sweep.diagnosis.result import Array, Diagnosis, Finding, HeldOut
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut
 
 LITTLE = 0.05  # relative drop of J_rms on held-out runs, below which an effect hardly matters
 NOTHING = 0.005  # share of the held-out residual that rounds to 0 %

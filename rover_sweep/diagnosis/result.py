@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 from math import log
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rover_sweep.data.by_name import ByName
 from rover_sweep.data.plain_values import PlainNumbers
+from rover_sweep.data.recording import Array
+from rover_sweep.data.result_table import ShortTable, Shown
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
-Array = NDArray[np.float64]
 Verdict = Literal["none", "explained", "partly explained", "unexplained", "refused"]
 THROUGHOUT = "throughout"  # condition of a mismatch that is not limited to a part of the data
 
@@ -88,8 +86,8 @@ class HeldOut(PlainNumbers):
     share_removed: float | None
 
 
-@dataclass(frozen=True)
-class Finding(PlainNumbers):
+@dataclass(frozen=True, repr=False)
+class Finding(PlainNumbers, Shown):
     """One missing effect with its look-alikes: effects that explain the residual nearly as well.
 
     parameters: by name, as in diagnosis.json: parameters["b"].value.
@@ -120,6 +118,10 @@ class Finding(PlainNumbers):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "parameters", ByName(self.parameters))
+
+    def table(self) -> ShortTable:
+        """Its parameters, what was found and what it does to a turn."""
+        return self.parameters.table(self.effect, tuple(filter(None, (self.sentence, self.turn))))
 
 
 @dataclass(frozen=True)
@@ -269,8 +271,7 @@ class Diagnosis(PlainNumbers):
 
     sentence: the answer in one sentence. baseline: the model that was tested. parameters: those of the
     nominal model, refitted with the effects. scores: {effect: gain in the first round} of all candidates.
-    held_out: nominal and full model on each held-out run. remarks: sentences on the data. seconds: computing
-    time.
+    held_out: nominal and full model on each held-out run. remarks: on the data. seconds: computing time.
     """
 
     verdict: Verdict

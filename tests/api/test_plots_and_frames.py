@@ -69,6 +69,16 @@ def test_floats_print_as_floats(runs: Runs, result: rs.Result, found: rs.FullDia
     assert "np.float64" not in repr(result.models["roll-yaw"].fit.estimates) + repr(found.findings)
 
 
+def test_what_a_prompt_shows_is_a_table(runs: Runs, result: rs.Result, found: rs.FullDiagnosis) -> None:
+    parameters = repr(result.models["roll-yaw"].parameters).splitlines()
+    assert [line.split()[0] for line in parameters[1:4]] == ["parameter", "C", "Izz"]
+    assert " to " in parameters[2] and parameters[2].endswith("cornering stiffness, each axle")
+    assert "rad/s from IMU.GyrZ" in repr(runs["run1"]["r"]) and "array" not in repr(runs["run1"]["r"])
+    finding = found.findings[0]
+    assert repr(finding).startswith(finding.effect) and finding.sentence in repr(finding)
+    assert "identify" in dir(rs) and "TYPE_CHECKING" not in dir(rs)
+
+
 def test_parameters_have_the_names_of_the_json(result: rs.Result, found: rs.FullDiagnosis) -> None:
     document = identification_document(result, result.origin)["models"]["roll-yaw"]["parameters"]
     own = result.models["roll-yaw"].parameters

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_sweep.diagnosis.result import Array, Overlay
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.result import Overlay
 from rover_sweep.report.pictures.style import DATA, WIDTH, log_frequency
 from rover_sweep.report.wording.effect_names import LONG_CHANNELS
 
