@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -96,6 +97,14 @@ def test_svg_is_well_formed_whatever_the_names() -> None:
     text = svg(chart("<script>&\x07</script>"))
     assert ElementTree.fromstring(text).tag.endswith("svg")
     assert "<script" not in text
+
+
+def test_long_titles_side_by_side_are_broken_into_lines() -> None:
+    long = replace(chart().stacks[0], title=f"{'much ' * 14}of it; J {'roll-yaw 1.3, ' * 3}")
+    drawn = ElementTree.fromstring(svg(Chart((long, chart().stacks[0]), columns=2)))
+    titles = [e.text or "" for e in drawn.iter() if e.get("font-weight") == "600"]
+    assert len(titles) == 4 and all(len(t) <= 62 for t in titles)
+    assert titles[2].startswith("J roll-yaw") and titles[3] == "a title"
 
 
 def test_json_cannot_end_its_script_element() -> None:

@@ -121,7 +121,8 @@ def _title(f: FrequencyResponse, group: Group, models: Models, units: ShownUnits
     seen = [group.condition((f.output,))]
     having = {n: m.fit.structure for n, m in models.items() if f.output in m.fit.structure.outputs}
     grades = [f"{name} {costs(structure, seen)[f.output]:.1f}" for name, structure in having.items()]
-    return f"{what}; J {', '.join(grades)}" if grades else what
+    fitted = any(f.output in m.fit.costs for m in models.values())
+    return f"{what}; J {', '.join(grades)}{'' if fitted else ' (not in the fit)'}" if grades else what
 
 
 def limits_around(values: list[Array], least: float) -> tuple[float, float]:

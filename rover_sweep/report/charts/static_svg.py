@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from textwrap import wrap
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -15,6 +16,9 @@ from rover_sweep.report.charts.ticks import ticks
 
 WIDTH = 1000  # px of the whole picture
 LEFT, RIGHT, TITLE, KEY, FOOT, GAP = 58, 8, 22, 18, 38, 9  # px around the panels of a stack
+BOLD = 7.0  # px of a character of a title, on average
+LINE = 16  # px from one line of a title to the next
+TITLED = ' font-weight="600" fill="#111"'
 SOFT, GRID = "#555555", "#dddddd"
 
 
@@ -24,10 +28,14 @@ def svg(chart: Chart) -> str:
     out, top = [], 0.0
     for k in range(0, len(chart.stacks), chart.columns):
         row = chart.stacks[k : k + chart.columns]
+        titles = [_title_lines(stack.title, int((width - LEFT) / BOLD)) for stack in row]
+        lower = LINE * (max(len(lines) for lines in titles) - 1)
         for i, stack in enumerate(row):
-            drawn = "".join(_stack(stack, width, f"c{k + i}"))
-            out.append(f'<g transform="translate({i * (width + 20):.0f} {top:.0f})">{drawn}</g>')
-        top += max(_height(s) for s in row) + 8
+            texts = (_text(LEFT, 14 + LINE * n, t, TITLED) for n, t in enumerate(titles[i]))
+            drawn = f'<g transform="translate(0 {lower})">{"".join(_stack(stack, width))}</g>'
+            place = f"translate({i * (width + 20):.0f} {top:.0f})"
+            out.append(f'<g transform="{place}">{"".join(texts)}{drawn}</g>')
+        top += lower + max(_height(s) for s in row) + 8
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {top:.0f}" '
         f'font-family="system-ui, Arial, sans-serif" font-size="12" fill="none">'
@@ -35,12 +43,17 @@ def svg(chart: Chart) -> str:
     )
 
 
+def _title_lines(title: str, room: int) -> list[str]:
+    """The title in lines of at most `room` characters, broken after a semicolon where there is one."""
+    parts = [title] if len(title) <= room else title.split("; ")
+    return [line for part in parts for line in wrap(part, room, break_on_hyphens=False) or [""]]
+
+
 def _height(stack: Stack) -> float:
     return TITLE + KEY + FOOT + sum(p.height + GAP for p in stack.panels)
 
 
-def _stack(stack: Stack, width: float, name: str) -> Iterator[str]:
-    yield _text(LEFT, 14, stack.title, ' font-weight="600" fill="#111"')
+def _stack(stack: Stack, width: float) -> Iterator[str]:
     yield from _key(stack, width)
     top = TITLE + KEY
     for k, panel in enumerate(stack.panels):

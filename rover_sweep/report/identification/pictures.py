@@ -23,8 +23,8 @@ HISTORY = (
     "estimate biases."
 )
 MODELS = (
-    "with the sensors' known filters. The fit uses the range between the orange lines, of the responses "
-    "named as fitted."
+    "with the sensors' known filters. The fit uses the range between the orange lines, but no response "
+    "whose title says that it is not in the fit."
 )
 ERRORS = (
     "Error of the models: |model / measured - 1| over frequency, in the usable band. Within the grey area "
