@@ -17,6 +17,7 @@ import click
 
 from rover_sweep._version import __version__
 from rover_sweep.cli.views.output import print_error
+from rover_sweep.cli.views.plain_ascii import NAME as PLAIN_LETTERS
 from rover_sweep.errors import RoverSweepError
 
 # The matrices are small: more threads in the linear algebra library would slow it down.
@@ -104,7 +105,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a plain ASCII terminal shows ? for ±, and no traceback
+            stream.reconfigure(errors=PLAIN_LETTERS)  # a plain ASCII terminal shows +- for ±, no traceback
     try:
         result = cli.main(args=arguments, prog_name="rover-sweep", standalone_mode=False)
         sys.stdout.flush()

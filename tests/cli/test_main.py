@@ -217,7 +217,14 @@ def test_plain_ascii_terminal() -> None:
     command = [sys.executable, "-m", "rover_sweep", "vehicle", "check", ROVER]
     environment = {"PYTHONIOENCODING": "ascii", "PATH": ""}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    assert done.returncode == 0 and "2.66 ? 0.005" in done.stdout
+    assert done.returncode == 0 and "2.66 +- 0.005" in done.stdout
+
+
+def test_letters_that_a_terminal_lacks_are_spelt_out() -> None:
+    from rover_sweep.cli.views.plain_ascii import NAME
+
+    assert "k_φ 3 … 4 kg m², 車".encode("ascii", NAME) == b"k_phi 3 .. 4 kg m^2, ?"
+    assert "τ ±".encode("latin-1", NAME) == b"tau \xb1"
 
 
 def test_design_names_the_settings_that_it_assumes(capsys: pytest.CaptureFixture[str]) -> None:
