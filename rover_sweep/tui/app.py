@@ -16,6 +16,7 @@ from functools import partial
 from typing import ClassVar
 
 from textual.actions import ActionParseResult
+from textual.actions import parse as parse_action
 from textual.binding import Binding
 from textual.dom import DOMNode
 from textual.theme import Theme
@@ -26,9 +27,9 @@ from rover_sweep.live.source import Play, Played, Source
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.model.setup import Memory, Setup, remember
 from rover_sweep.tui.model.state import AbortAsked, reduce
+from rover_sweep.tui.screens import frame
 from rover_sweep.tui.screens.connect import ConnectScreen
 from rover_sweep.tui.screens.edit import EditRow
-from rover_sweep.tui.screens.frame import VIEWS
 from rover_sweep.tui.screens.keys_help import KeysHelp
 from rover_sweep.tui.screens.log import LogScreen
 from rover_sweep.tui.screens.plan import PlanScreen
@@ -45,6 +46,9 @@ _SCREENS = (ConnectScreen, PreflightScreen, PlanScreen, RunScreen, VerdictScreen
 _SEEK, _SLOWEST, _FASTEST = 10.0, 0.125, 64.0  # s per key; times real time
 
 
+BLIND = ("abort", "leave")  # actions that are safe where the window shows nothing
+
+
 class SweepApp(SessionApp):
     """The views and the keys that work in all of them."""
 
@@ -58,7 +62,10 @@ class SweepApp(SessionApp):
     BINDINGS: ClassVar = [
         Binding("space", "abort", "ABORT", priority=True),
         Binding("escape", "abort", "ABORT", priority=True),
-        *(Binding(str(n), f"view('{name}')", "views", key_display="1-7") for n, name in enumerate(VIEWS, 1)),
+        *(
+            Binding(str(n), f"view('{name}')", "views", key_display="1-7")
+            for n, name in enumerate(frame.VIEWS, 1)
+        ),
         Binding("tab", "turn(1)", show=False),
         Binding("shift+tab", "turn(-1)", show=False),
         Binding("space", "pause", "pause"),
@@ -119,7 +126,13 @@ class SweepApp(SessionApp):
         default_namespace: DOMNode | None = None,
         namespaces: Mapping[str, DOMNode] | None = None,
     ) -> bool:
-        """Report an exception of a key as a warning: the screen with ABORT must keep running."""
+        """Report an exception of a key as a warning: the screen with ABORT must keep running.
+
+        In a window that is too small to show what a key does, only stopping and leaving have one.
+        """
+        name = (parse_action(action) if isinstance(action, str) else action)[1]
+        if frame.is_small(*self.size) and isinstance(self.screen, SessionScreen) and name not in BLIND:
+            return True
         try:
             return await super().run_action(action, default_namespace, namespaces)
         except Exception as error:
@@ -147,7 +160,7 @@ class SweepApp(SessionApp):
 
     def action_turn(self, step: int) -> None:
         if isinstance(self.screen, SessionScreen):
-            self.action_view(VIEWS[(VIEWS.index(self.screen.view) + step) % len(VIEWS)])
+            self.action_view(frame.VIEWS[(frame.VIEWS.index(self.screen.view) + step) % len(frame.VIEWS)])
 
     def action_keys_help(self) -> None:
         """The keys of the view on top; not over a question, whose every other key is no."""

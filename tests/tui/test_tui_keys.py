@@ -339,6 +339,23 @@ def test_any_size_is_survived(size: tuple[int, int]) -> None:
     after(DRIVEN, then)
 
 
+def test_a_key_does_nothing_where_the_window_cannot_show_what() -> None:
+    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
+        await pilot.resize_terminal(40, 10)
+        await press(pilot, "g", "y", "4", "G", "y")
+        assert not drives(source)
+        await pilot.resize_terminal(80, 24)
+        await press(pilot, "g")
+        await pilot.resize_terminal(30, 6)  # the question does not fit
+        await press(pilot, "y")
+        assert not drives(source)
+        await pilot.resize_terminal(80, 24)
+        await press(pilot, "g", "y")
+        assert len(drives(source)) == 1
+
+    after((*READY, "3"), then, OWN_SETUP)
+
+
 def test_without_a_vehicle_file_nothing_is_identified_and_it_says_why() -> None:
     async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
         await press(pilot, "7", "i", "d", "s")

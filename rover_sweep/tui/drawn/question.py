@@ -10,11 +10,12 @@ from textual.widgets import Static
 
 from rover_sweep.files.printable import printable_lines
 
+LEAST = 40  # columns of a question that can be read
 YES = "y"  # not SPACE or ENTER, which are easily pressed by mistake
 
 
 class Question(ModalScreen[bool]):
-    """Y is yes; every other key is no."""
+    """Y is yes; every other key is no. So is Y in a window that is too small to show the whole question."""
 
     CSS = """
     Question { align: center middle; background: $background; }
@@ -35,4 +36,5 @@ class Question(ModalScreen[bool]):
 
     def on_key(self, event: events.Key) -> None:
         event.stop()
-        self.dismiss(event.key.lower() == YES)
+        box = self.query_one(Vertical).region
+        self.dismiss(event.key.lower() == YES and box in self.region and box.width >= LEAST)

@@ -134,6 +134,11 @@ def keys(bindings: Sequence[tuple[str, str]], palette: Palette, width: int) -> T
     return Text("\n").join(rows)
 
 
+def is_small(width: int, height: int) -> bool:
+    """True for a window that cannot show a view."""
+    return width < LEAST[0] or height < LEAST[1]
+
+
 def too_small(state: State, task: Task, palette: Palette, width: int, height: int) -> Text:
     """Content for a window that is too small; during a run with the pilot's task and the abort keys."""
     rows = ScreenRows(palette, width, height)

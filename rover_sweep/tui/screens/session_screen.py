@@ -104,7 +104,7 @@ class SessionScreen(Screen[None]):
         if not self.is_mounted:
             return
         width, height = self.size
-        small = width < frame.LEAST[0] or height < frame.LEAST[1]
+        small = frame.is_small(width, height)
         for name in ("tabs", "status", "message", "keys"):
             self.query_one(f"#{name}").display = not small
         for name, picture in self._pictures(width, height, small):
