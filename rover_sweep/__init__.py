@@ -14,8 +14,8 @@ From logs to models in Python, with a sweep, a doublet to verify on, and the veh
     >>> files = result.report("report")
 
 Runs, responses, models, diagnoses and simulations print as tables. `.plot()` draws them with matplotlib,
-`.to_frame()` gives a pandas.DataFrame (`pip install 'rover-sweep[pandas]'`). All values are in SI units and
-ISO axes (x forward, y left, z up); frequencies are in rad/s.
+`.to_frame()` gives a pandas.DataFrame (`pip install -e '.[pandas]'` in the checkout). All values are in SI
+units and ISO axes (x forward, y left, z up); frequencies are in rad/s.
 
 `read`, `identify`, `load_result`, `identify_speed`, `diagnose`, `load_diagnosis`, `compare`, `simulate`,
 `to_control`, `to_scipy` and `harmonics` are documented at their definitions: in `rover_sweep.api`,

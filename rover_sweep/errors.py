@@ -17,6 +17,13 @@ class UsageError(RoverSweepError):
     exit_code = 2
 
 
+def missing_extra(need: str, extra: str) -> UsageError:
+    """need: what needs which library; extra: of pyproject.toml. The package itself is on no index."""
+    return UsageError(
+        f"{need}, which is not installed; in the folder of rover-sweep, run: pip install -e '.[{extra}]'"
+    )
+
+
 class DataRefused(RoverSweepError):
     """A recording that cannot be used: damaged, empty, of an unknown format, or without steering."""
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.errors import DataRefused, UsageError, missing_extra
 
 KINDS = (".bin", ".tlog")
 
@@ -93,7 +93,7 @@ def _opened(source: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise UsageError(f"{source} is a URL, which needs fsspec: pip install 'rover-sweep[fleet]'") from None
+        raise missing_extra(f"{source} is a URL and needs fsspec", "fleet") from None
     try:
         fs, path = url_to_fs(source)
     except Exception as error:

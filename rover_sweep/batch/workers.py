@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import UsageError, missing_extra
 from rover_sweep.files.orphans import end_with_parent
 
 RETRIES = 3  # by Dask, of a log whose worker failed
@@ -32,7 +32,7 @@ def workers(count: int | None, scheduler: str | None) -> Iterator[Executor]:
     try:
         from distributed import Client
     except ImportError:
-        raise UsageError("--scheduler needs Dask: pip install 'rover-sweep[fleet]'") from None
+        raise missing_extra("--scheduler needs Dask", "fleet") from None
     try:
         client = Client(scheduler, timeout="20s")
     except (OSError, ValueError, TimeoutError) as error:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import missing_extra
 
 
 def drawing(address: str) -> Callable[..., Any]:
@@ -46,6 +46,4 @@ def _pandas() -> Any:
     try:
         return import_module("pandas")
     except ImportError:
-        raise UsageError(
-            "to_frame() needs pandas, which is not installed; pip install 'rover-sweep[pandas]'"
-        ) from None
+        raise missing_extra("to_frame() needs pandas", "pandas") from None

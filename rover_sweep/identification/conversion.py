@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rover_sweep.data.recording import Array, LowPass
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import missing_extra
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.structure.state_space import ModelStructure
@@ -44,9 +44,7 @@ def to_control(
     try:
         import control
     except ImportError:
-        raise UsageError(
-            "python-control is not installed: pip install control (or rover-sweep[control])"
-        ) from None
+        raise missing_extra("to_control() needs python-control", "control") from None
     if isinstance(found, FrequencyResponse):
         h = np.asarray(found.h)[None, None, :]
         names = {"inputs": [found.input], "outputs": [found.output]}

@@ -93,7 +93,7 @@ def test_a_response_as_frequency_response_data() -> None:
 
 def test_without_python_control_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "control", None)
-    with pytest.raises(rs.UsageError, match="pip install control"):
+    with pytest.raises(rs.UsageError, match=r"pip install -e '\.\[control\]'"):
         rs.to_control(MODEL, SPEED)
 
 

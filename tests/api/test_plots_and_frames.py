@@ -205,7 +205,7 @@ def test_without_pandas_one_sentence_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     for call in (runs.to_frame, runs[0].to_frame, runs.coherence().to_frame):
-        with pytest.raises(rs.UsageError, match=r"pip install 'rover-sweep\[pandas\]'"):
+        with pytest.raises(rs.UsageError, match=r"pip install -e '\.\[pandas\]'"):
             call()
 
 

@@ -90,7 +90,7 @@ def test_an_fmu_without_pythonfmu_is_refused(
 ) -> None:
     monkeypatch.setattr("sitl.twin.fmu_file.can_build", lambda: False)
     assert run(["export", str(variant), "--fmu", str(tmp_path / "rover.fmu")]) == 2
-    assert "run: pip install pythonfmu" in capsys.readouterr().err
+    assert "run: pip install -e '.[fmu]'" in capsys.readouterr().err
     assert not (tmp_path / "rover.fmu").exists()
 
 

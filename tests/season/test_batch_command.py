@@ -162,11 +162,11 @@ def test_a_missing_extra_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "distributed", None)
     monkeypatch.setitem(sys.modules, "fsspec.core", None)
     with (
-        pytest.raises(UsageError, match=r"--scheduler needs Dask: pip install 'rover-sweep\[fleet\]'"),
+        pytest.raises(UsageError, match=r"--scheduler needs Dask, .* pip install -e '\.\[fleet\]'"),
         workers(None, "tcp://127.0.0.1:1"),
     ):
         pass
-    with pytest.raises(UsageError, match=r"pip install 'rover-sweep\[fleet\]'"):
+    with pytest.raises(UsageError, match=r"pip install -e '\.\[fleet\]'"):
         log_sources(["s3://bucket/*.BIN"])
 
 

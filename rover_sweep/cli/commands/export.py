@@ -50,7 +50,7 @@ JUDGED_GOOD = ("good", "acceptable", "none", "explained")
 @click.option(
     "--fmu",
     metavar="FILE.fmu",
-    help="Write the simulated rover as an FMU (FMI 2.0 co-simulation). Needs pip install pythonfmu.",
+    help="Write the simulated rover as an FMU (FMI 2.0 co-simulation). Needs pythonfmu.",
 )
 @click.option("-o", "--output", metavar="FILE", default="-", help="File to write. [default: stdout]")
 def export(

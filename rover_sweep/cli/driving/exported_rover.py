@@ -9,7 +9,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import UsageError, missing_extra
 
 if TYPE_CHECKING:
     from sitl.plant.variant import PlantParameters
@@ -64,7 +64,7 @@ def rover_fmu(rover: ExportedRover, target: Path) -> bytes:
     if target.suffix != ".fmu" or not target.stem.isidentifier():
         raise UsageError(f"{target}: not a name for an FMU; give letters, digits and _, as in rover_twin.fmu")
     if not can_build():
-        raise UsageError("--fmu needs pythonfmu, which is not installed; run: pip install pythonfmu")
+        raise missing_extra("--fmu needs pythonfmu", "fmu")
     try:
         return fmu_file(rover.parameters, rover.origin, target.stem)
     except RuntimeError as error:

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from rover_sweep.cli.views.output import narration
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import UsageError, missing_extra
 
 OPEN = "warning: whoever reaches {host} can drive the rover from this page; there is no password"
 ALL = ("0.0.0.0", "::", "")
@@ -21,9 +21,7 @@ def serve(host: str, port: int) -> None:
     try:
         from rover_sweep.tui.browser.session_server import SessionServer
     except ImportError:
-        raise UsageError(
-            "the session in a browser needs textual-serve: pip install 'rover-sweep[web]'"
-        ) from None
+        raise missing_extra("the session in a browser needs textual-serve", "web") from None
     if host in ALL:
         raise UsageError(
             f"--web-host {host!r} is no single address; give the one of this computer in the network of the "
