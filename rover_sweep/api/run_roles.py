@@ -9,7 +9,8 @@ from itertools import combinations, product
 import numpy as np
 
 from rover_sweep.data.recording import Note, Recording
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.quality.faults import is_unexcited
 
 LEFT_OUT = (
     "is not fitted: a sweep about a steering offset shows the rover near a steady turn, and the other "
@@ -18,11 +19,12 @@ LEFT_OUT = (
 
 
 def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """(runs to fit, doublets to verify on); if all runs are doublets, they are fitted.
+    """(runs to fit, doublets to verify on); DataRefused where no run can be fitted.
 
     A linear model is valid about one operating point, so sweeps about a steering offset are left out when
     there are straight runs; the first of these gets a note.
     """
+    refuse_without_sweep(runs)
     others, doublets = doublets_apart(runs)
     biased = [run.name for run in others if run.kind == "bias_sweep"]
     straight = tuple(run for run in others if run.kind != "bias_sweep")
@@ -46,10 +48,27 @@ def fitted_and_verified(
 
 
 def doublets_apart(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """(other runs, doublets); (doublets, ()) if there are no other runs."""
+    """(other runs, doublets)."""
     doublets = tuple(r for r in runs if r.kind == "doublet")
-    others = tuple(r for r in runs if r.kind != "doublet")
-    return (others, doublets) if others else (doublets, ())
+    return tuple(r for r in runs if r.kind != "doublet"), doublets
+
+
+def refuse_without_sweep(runs: Sequence[Recording]) -> None:
+    """DataRefused where no run can be fitted, because all are doublets or have no excitation."""
+    others, doublets = doublets_apart(runs)
+    if not runs or not all(map(is_unexcited, others)):
+        return
+    names = ", ".join(run.name for run in doublets or others)
+    if doublets:
+        are = "is a doublet" if len(doublets) == 1 else "are doublets"
+        raise DataRefused(
+            f"{names} {are}; a sweep is needed: a doublet verifies a model, but it excites too few "
+            "frequencies to fit one; give a sweep too"
+        )
+    raise DataRefused(
+        f"no steering excitation in {names}: the steering is constant; drive a sweep, or give the column of "
+        "the steering command"
+    )
 
 
 def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> None:

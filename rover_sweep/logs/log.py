@@ -23,6 +23,9 @@ DISORDER = 1.0  # s, largest normal disorder of a stamp, as over a radio link
 ODD = 2  # disordered stamps allowed in any log: a stream that pauses at its start or end
 DISORDER_LIMIT = 0.01  # share of disordered stamps; one drive has fewer
 DUPLICATES_REPORTED = 0.005  # share of samples with a repeated or damaged stamp that gets a note
+DIFFERENT = 0.7  # rms difference over standard deviation; two drives of one wave give about 1.4
+LEAST_US = 10.0  # rms; smaller differences are ignored
+LOOP = 0.02  # s, the slowest main loop; a command may wait so long before it is on the servo
 GYRO_FACTORY_HZ, ACCEL_FACTORY_HZ = 4.0, 10.0  # INS_GYRO_FILTER, default INS_ACCEL_FILTER of Rover
 
 
@@ -227,15 +230,38 @@ def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> di
 
 
 def joined_steering(fine: Signal, coarse: Signal | None) -> Signal:
-    """A staircase: `fine` where it was logged, `coarse` before, after and in its long gaps."""
-    if coarse is None or fine.t.size == 0:
+    """A staircase: `fine`, and `coarse` in gaps of `fine` longer than the interval of `coarse`.
+
+    An applet that pauses logs nothing while the servo may return to trim, so its last value must not be held.
+    A coarse value holds from halfway after the sample before it: the output changed somewhere between them.
+    A `coarse` that is another output is not used.
+    """
+    if coarse is None or fine.t.size == 0 or coarse.t.size < 2 or are_different(*disagreement(coarse, fine)):
         return fine
-    step = 1.0  # s; outside a run the applet may log nothing
+    interval = float(np.median(np.diff(coarse.t)))
     k = np.searchsorted(fine.t, coarse.t, "right")
     before = np.where(k > 0, coarse.t - fine.t[np.maximum(k - 1, 0)], np.inf)
     after = np.where(k < fine.t.size, fine.t[np.minimum(k, fine.t.size - 1)] - coarse.t, np.inf)
-    # after the last fine sample of a run the next coarse sample is used immediately
-    lone = (before > 0) & (after > 0) & ((before + after) > step)
-    t, x = np.concatenate((fine.t, coarse.t[lone])), np.concatenate((fine.x, coarse.x[lone]))
+    lone = (before > LOOP) & (after > 0) & (before + after > interval)
+    since = np.minimum(before, np.append(interval, np.diff(coarse.t)))
+    edges = coarse.t - 0.5 * np.minimum(since, interval)
+    t, x = np.concatenate((fine.t, edges[lone])), np.concatenate((fine.x, coarse.x[lone]))
     order = np.argsort(t, kind="stable")
     return Signal(t[order], x[order], fine.unit, fine.source, hold=fine.hold)
+
+
+def disagreement(coarse: Signal, fine: Signal) -> tuple[float, float]:
+    """(rms difference, standard deviation of `coarse`) [us] where both were logged; zeros where nowhere."""
+    k = np.searchsorted(fine.t, coarse.t)
+    inside = (k > 0) & (k < fine.t.size)
+    steps = np.diff(fine.t)
+    inside[inside] = steps[k[inside] - 1] <= max(1.0, 3 * float(np.median(steps))) if steps.size else False
+    if not np.any(inside):
+        return 0.0, 0.0
+    difference = coarse.x[inside] - np.interp(coarse.t[inside], fine.t, fine.x)
+    return float(np.sqrt(np.mean(difference**2))), float(np.std(coarse.x[inside]))
+
+
+def are_different(difference: float, spread: float) -> bool:
+    """True when a `disagreement` shows that two recorded outputs are not the same one."""
+    return difference > max(LEAST_US, DIFFERENT * spread)

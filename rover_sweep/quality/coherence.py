@@ -15,7 +15,7 @@ from rover_sweep.data.later import data_frame
 from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Array, Recording
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
-from rover_sweep.quality.faults import advice_on
+from rover_sweep.quality.faults import advice_on, is_unexcited
 from rover_sweep.quality.length import is_short, short_trials
 from rover_sweep.spectra.amplitude import RISING_FROM, octaves, wanted_factor
 from rover_sweep.spectra.conditioned import conditioned_responses
@@ -222,6 +222,10 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     roll rate is judged only when it has a usable band.
     """
     input = "delta" if "delta" in run else "pwm"
+    fault = advice_on(run)
+    if fault and is_unexcited(run):
+        unit = run[input].unit
+        return CoherenceVerdict(run.name, False, (0.0, 0.0), 0.0, unit, None, (), fault[1])
     measured = found or responses([run], input=input)
     outputs = tuple(_output(f) for f in measured.values())
     judged = list(judged_responses(measured).values())
@@ -233,7 +237,7 @@ def assess(run: Recording, found: Mapping[str, FrequencyResponse] | None = None)
     keep = _output(worst).covered >= COVERED
     factor = None if keep else _factor(judged)
     peak = _peak(measured, float(np.ptp(run.manoeuvre(input).x)) / 2) * (factor or 1.0)
-    if fault := advice_on(run):
+    if fault:
         return CoherenceVerdict(run.name, False, swept, amplitude, unit, None, outputs, fault[1])
     if run.kind == "doublet":
         sentence = "doublet: for verification, so its coherence is not judged"

@@ -14,7 +14,10 @@ from rover_sweep.quality.clock_rate import STRETCHED, stretched_by_angles
 from rover_sweep.quality.kinematics import kinematics
 from rover_sweep.quality.length import TOO_SHORT
 from rover_sweep.quality.relations import relations
+from rover_sweep.quality.rovers import TWO_ROVERS
 
+NO_EXCITATION = "no excitation"
+OF_SETS = (TOO_SHORT, TWO_ROVERS)  # faults of several runs together
 REPEATED = (CLIPPED, TOO_SHORT)  # faults that another run can avoid
 OPTIONAL = {"p": "r,ay", "ay": "r,p"}  # {channel that a fit can leave out: value of --fit}
 
@@ -55,11 +58,38 @@ def with_faults(run: Recording) -> Recording:
     return replace(run, notes=tuple(dict.fromkeys((*run.notes, *_found(run)))))
 
 
+def is_unexcited(run: Recording) -> bool:
+    """True for a run without steering, which has no frequency response."""
+    return any(note.fault == NO_EXCITATION for note in run.notes)
+
+
 def fault_sentences(runs: Sequence[Recording], channels: Sequence[str]) -> tuple[str, ...]:
     """A sentence for each fault of the runs that affects results from these channels."""
     used = {*channels, "r", "speed"}
     found = ((run.name, f) for run in runs for f in faults_of(run) if used & set(f.spoils))
     return tuple(f"{name}: {_with_option(fault)}" for name, fault in found)
+
+
+def without_faulty(
+    runs: Sequence[Recording], checks: Sequence[Recording], channels: Sequence[str]
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[str, ...]]:
+    """(runs to fit, runs to check on, a sentence for each run left out because a fault spoils `channels`).
+
+    Contradictory runs stay where they are the majority, as then the file is wrong and not a run; so do all
+    runs where none to fit would be left.
+    """
+    used = {*channels, "r", "speed"}
+    given = (*runs, *checks)
+    faults = [[f for f in faults_of(r) if used & {*f.spoils} and f.fault not in OF_SETS] for r in given]
+    idle = {i for i, run in enumerate(given) if is_unexcited(run)}
+    odd = {i for i, found in enumerate(faults) if found} - idle
+    out = idle if 2 * len(odd) > len(given) - len(idle) else idle | odd
+    if out >= {*range(len(runs))}:
+        return tuple(runs), tuple(checks), ()
+    kept = [run for i, run in enumerate(given) if i not in out]
+    fitted = len(runs) - sum(i < len(runs) for i in out)
+    words = (f"left out {given[i].name}: {faults[i][0].text}" for i in sorted(out))
+    return tuple(kept[:fitted]), tuple(kept[fitted:]), tuple(words)
 
 
 def faulty_channels(runs: Sequence[Recording]) -> tuple[set[str], tuple[str, ...]]:

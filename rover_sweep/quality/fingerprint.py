@@ -28,7 +28,8 @@ class Bands:
 
 @dataclass(frozen=True, eq=False)
 class Fingerprint:
-    """yaw: r per steering; lean: p per a_y, independent of tyres, surface, speed and steering.
+    """yaw: r per steering and speed, which is the curvature of the path per steering; lean: p per a_y,
+    independent of tyres, surface, speed and steering.
 
     speed [m/s]; amplitude of the steering, in its unit.
     """
@@ -57,6 +58,7 @@ def fingerprint(run: Recording, input: str) -> Fingerprint:
     if {"p", "ay"} <= set(spectra):
         lean = _answer(w, spectra["p"], spectra["ay"])
     amplitude = float(np.ptp(run.manoeuvre(input).x)) / 2
+    spectra["r"] /= run.mean_speed
     return Fingerprint(_answer(w, spectra["r"], spectra[input]), lean, run.mean_speed, amplitude)
 
 

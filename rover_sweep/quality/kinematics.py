@@ -12,7 +12,7 @@ from rover_sweep.quality.relations import FORCE_RANGE, Relation, Relations
 
 REVERSED, UNIT, SCALE = "reversed", "other unit", "wrong scale"
 SAME = 0.8, 1.25  # an angle's slope over its rate: correct recordings have .94 to 1.01
-CLOSE, WIDE = 1.15, 1.4  # tolerance (factor) for the scale of a known unit: from angles, from a_y over V r
+CLOSE = 1.15  # tolerance (factor) for the scale of a known unit; wheels that slip give others
 PLAIN = 0.5, 2.0  # magnitude of a factor that is not a change of unit
 LEANING = 0.15  # rad s^2/m: 84 deg at 1 g; correct recordings have .002 to .03
 DEGREES, G = 180 / np.pi, 9.80665
@@ -31,16 +31,12 @@ ORIENTATION = "or the autopilot is not mounted as in AHRS_ORIENTATION, or the ro
 
 
 class Wrong(NamedTuple):
-    """A channel with `factor` times its true value, unless one of `others` is wrong. by: the evidence.
-
-    close: tolerance (factor) of the relation.
-    """
+    """A channel with `factor` times its true value, unless one of `others` is wrong. by: the evidence."""
 
     channel: str
     factor: float
     by: str
     others: tuple[str, ...] = ()
-    close: float = CLOSE
 
 
 def kinematics(found: Relations, given_speed: float | None = None) -> Iterator[Note]:
@@ -76,13 +72,15 @@ def _of_force(ratio: float, factor: float, has_heading: bool, lean: Relation | N
     Without a heading, the outward lean decides whether r or a_y is reversed.
     """
     by = f"a_y is {ratio:.3g} times V r"
-    if not has_heading and _unit("r", 1 / ratio, WIDE):
-        return Wrong("r", 1 / ratio, by, ("ay",), WIDE)
-    if _unit("speed", 1 / (ratio * factor), WIDE):
-        return Wrong("speed", 1 / (ratio * factor), by, close=WIDE)
+    if not has_heading and _unit("r", 1 / ratio):
+        return Wrong("r", 1 / ratio, by, ("ay",))
+    if _unit("speed", 1 / (ratio * factor)):
+        return Wrong("speed", 1 / (ratio * factor), by)
     if not has_heading and lean is not None and ratio < 0 and _within(-ratio, FORCE_RANGE):
         return Wrong("ay" if lean.ratio < 0 else "r", -1.0, by)
-    return Wrong("ay", ratio * factor, by, () if has_heading else ("r",), WIDE)
+    known = _unit("ay", ratio * factor) or _within(abs(ratio * factor), FORCE_RANGE)
+    others = (*(() if known else ("speed",)), *(() if has_heading else ("r",)))
+    return Wrong("ay", ratio * factor, by, others)
 
 
 def _roll(found: Relations) -> Iterator[Wrong]:
@@ -107,11 +105,11 @@ def _within(x: float, range: tuple[float, float]) -> bool:
     return range[0] < x < range[1]
 
 
-def _unit(channel: str, factor: float, close: float) -> tuple[str, float] | None:
+def _unit(channel: str, factor: float) -> tuple[str, float] | None:
     """(words, factor) of the unit that gives a channel `factor` times its value (either sign), or None."""
     off = {unit: abs(np.log(abs(factor) / unit[1])) for unit in UNITS[channel]}
     best = min(off, key=lambda unit: off[unit])
-    return best if off[best] < np.log(close) else None
+    return best if off[best] < np.log(CLOSE) else None
 
 
 def _given(wrong: Wrong, speed: float) -> Note:
@@ -123,8 +121,10 @@ def _given(wrong: Wrong, speed: float) -> Note:
 
 
 def _fault(wrong: Wrong) -> Note:
-    channel, factor, by, others, close = wrong
-    unit, turned, plain = _unit(channel, factor, close), factor < 0, _within(abs(factor), PLAIN)
+    channel, factor, by, others = wrong
+    if "speed" in others:
+        return _contradiction(wrong)
+    unit, turned, plain = _unit(channel, factor), factor < 0, _within(abs(factor), PLAIN)
     states = [
         *(["reversed"] if turned else []),
         *([unit[0]] if unit else [] if plain else ["in another unit"]),
@@ -138,3 +138,15 @@ def _fault(wrong: Wrong) -> Note:
     )
     name = UNIT if unit or not plain else REVERSED if turned else SCALE
     return Note("warning", text, name, (channel, *others))
+
+
+def _contradiction(wrong: Wrong) -> Note:
+    """The fault of channels of which any may be wrong, by no known unit."""
+    channels = (*wrong.others, wrong.channel)
+    low, high = FORCE_RANGE
+    text = (
+        f"{', '.join(channels[:-1])} and {channels[-1]} contradict each other: {wrong.by}, but correct "
+        f"recordings have {low:g} to {high:g}, and no unit has this ratio; check their units and scales, and "
+        "whether the wheels that measure the speed slip"
+    )
+    return Note("warning", text, SCALE, channels)

@@ -8,6 +8,7 @@ import pytest
 from rover_sweep.api.diagnosis_input import material
 from rover_sweep.api.run_roles import divided
 from rover_sweep.data.recording import Kind, Recording, Signal
+from rover_sweep.errors import DataRefused
 
 
 def recording(name: str, kind: Kind) -> Recording:
@@ -34,7 +35,7 @@ def test_a_sweep_about_an_offset_is_not_mixed_with_straight_ones_and_that_is_sai
     assert fitted[1].notes == ()
 
 
-@pytest.mark.parametrize("kind", ["sweep", "bias_sweep", "doublet"])
+@pytest.mark.parametrize("kind", ["sweep", "bias_sweep", "other"])
 def test_runs_of_one_kind_are_all_identified_from(kind: Kind) -> None:
     fitted, checks = divided([recording("a", kind), recording("b", kind)])
     assert (names(fitted), checks) == (["a", "b"], ())
@@ -46,3 +47,10 @@ def test_a_diagnosis_drives_every_run_by_itself_and_keeps_them_all() -> None:
         [recording("bent", "bias_sweep"), recording("a", "sweep"), recording("d", "doublet")], ()
     )
     assert (names(given.runs), names(given.held_out)) == (["bent", "a"], ["d"])
+
+
+def test_doublets_alone_need_a_sweep() -> None:
+    with pytest.raises(DataRefused, match="^a is a doublet; a sweep is needed: "):
+        divided([recording("a", "doublet")])
+    with pytest.raises(DataRefused, match="^a, b are doublets; a sweep is needed: "):
+        divided([recording("a", "doublet"), recording("b", "doublet")])

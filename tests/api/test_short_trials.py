@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from small_car import Law, Recorder, SmallCar, by_hand, sine, step
 
 import rover_sweep as rs
+from rover_sweep.cli.main import run as program
 
 MAP = {"time": "t", "delta": "steer", "r": "r", "ay": "ay", "speed": "v", "trial": "trial"}
 ONLY_R = {k: v for k, v in MAP.items() if k != "ay"}
@@ -66,6 +68,32 @@ def test_trials_without_steering_are_left_out(rover: Path, tmp_path: Path) -> No
     laws = [sine(0.8, 0.0), *SINES, sine(0.8, 0.002)]
     source = Recorder().write(tmp_path / "trials.csv", SmallCar(), laws, 4.0)
     assert len(rs.read(source, columns=MAP, vehicle=rover)) == len(SINES)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_trials_of_constant_steering_are_named_and_left_out(
+    rover: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the whole trial as the run: they divided by zero, or were listed as "keep"."""
+    laws = [sine(0.8, 0.0), *SINES, sine(0.8, 0.0)]
+    source = Recorder().write(tmp_path / "trials.csv", SmallCar(), laws, 6.0)
+    columns = {**MAP, "runs": "whole"}
+    (tmp_path / "map.toml").write_text("".join(f'{k} = "{v}"\n' for k, v in columns.items()))
+    assert program(["coherence", "--json", source, "--columns", str(tmp_path / "map.toml")]) == 0
+    verdicts = {v["run"]: v for v in json.loads(capsys.readouterr().out)}
+    idle = ("trials 1", f"trials {len(laws)}")
+    assert all(verdicts[name]["sentence"].startswith("discard: no excitation: ") for name in idle)
+    runs = rs.read(source, columns=columns, vehicle=rover)
+    found = rs.identify(runs, models=["bicycle"], bootstrap=0)
+    assert {v.run for v in found.coherence if not v.keep} == {*idle}
+    assert [run.name for run in found.groups[0].runs] == [v.run for v in found.coherence if v.keep]
+    assert all(any(s.startswith(f"left out {name}: no excitation") for s in found.summary) for name in idle)
+    left = rs.diagnose(runs[:6], baseline="bicycle", only=["transport_delay"], time_limit=0.1)
+    assert left.verdict != "refused"
+    assert any(s.startswith("left out trials 1: no excitation") for s in left.remarks)
+    with pytest.raises(rs.DataRefused, match="no steering excitation in trials 1: "):
+        rs.identify(runs[:1])
+    assert rs.diagnose(runs[:1]).sentence.startswith("no steering excitation in trials 1: ")
 
 
 def test_a_car_slower_than_a_walk_drives(rover: Path, tmp_path: Path) -> None:

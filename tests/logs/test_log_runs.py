@@ -151,6 +151,17 @@ def test_kinds_of_waves() -> None:
     assert kinds == ["sweep", "other", "doublet", "other", "other"]
 
 
+def test_a_driver_who_holds_the_stick_drives_no_doublet() -> None:
+    """Drives of 68 to 361 s at full lock and at rest, as many seconds left as right, were held out."""
+    lengths = np.random.default_rng(2).uniform(0.4, 3.0, 60)
+    steps = np.tile([150.0, -150.0, 0.0], 20)
+    lengths[1::3] *= lengths[::3].sum() / lengths[1::3].sum()
+    t = np.arange(0, 6 + lengths.sum(), 0.02)
+    k = np.searchsorted(3 + np.cumsum(np.concatenate(([0.0], lengths))), t, "right")
+    by_hand = signal(t, 1500 + np.concatenate(([0.0], steps, [0.0]))[k], "us", hold=True)
+    assert kind_of(by_hand, 2.9, float(t[-1]) - 2.9) == "other"
+
+
 def test_notes_on_gaps_uneven_sampling_and_end_stops() -> None:
     log, _ = drive([SWEEP])
     t, r = log.signals["r"].t, log.signals["r"].x

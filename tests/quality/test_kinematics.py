@@ -14,7 +14,7 @@ import rover_sweep as rs
 from rover_sweep.cli.main import run as program
 from rover_sweep.data.recording import Note, Recording
 from rover_sweep.quality.faults import faults_of, with_faults
-from rover_sweep.quality.kinematics import REVERSED, UNIT
+from rover_sweep.quality.kinematics import REVERSED, SCALE, UNIT
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 DEGREES, G = 180 / np.pi, 9.80665
@@ -49,6 +49,36 @@ def test_the_channel_is_named(sweep: Recording, channel: str, factor: float, nam
     fault = fault_of(scaled(sweep, channel, factor))
     assert (fault.fault, fault.spoils) == (name, (channel,))
     assert fault.text.startswith(words), fault.text
+
+
+@pytest.mark.parametrize(("factor", "ratio"), [(1.95, "0.5"), (0.45, "2.")])
+def test_a_speed_in_no_unit_is_not_given_one(sweep: Recording, factor: float, ratio: str) -> None:
+    """Wheels that spin read nearly twice the speed: that was "in mph", which is 2.237 times."""
+    fault = fault_of(scaled(sweep, "speed", factor))
+    assert (fault.fault, set(fault.spoils)) == (SCALE, {"speed", "ay"})
+    assert fault.text.startswith(f"speed and ay contradict each other: a_y is {ratio}"), fault.text
+    assert "wheels" in fault.text and "mph" not in fault.text
+    assert fault_of(scaled(sweep, "speed", 2.237)).text.startswith("speed is in mph")
+
+
+def test_one_run_that_contradicts_itself_is_left_out_and_named() -> None:
+    runs = rs.read(NOMINAL / "run1.BIN", NOMINAL / "run2.BIN", NOMINAL / "run4.BIN", vehicle=VEHICLE)
+    bad = rs.Runs((runs[0], scaled(runs[1], "speed", 1.95), runs[2]), runs.vehicle)
+    result = rs.identify(bad, models=("bicycle",), bootstrap=0)
+    assert [r.name for g in result.groups for r in g.runs] == ["run1"]
+    assert result.models["bicycle"].verdict.level == "good" and result.recommended == "bicycle"
+    assert any(s.startswith("left out run2: speed and ay contradict") for s in result.summary)
+    found = rs.diagnose(bad, only=("transport_delay",), time_limit=0.1)
+    assert found.verdict != "refused"
+    assert any(s.startswith("left out run2: speed and ay contradict") for s in found.remarks)
+
+
+def test_a_fault_of_most_runs_is_one_of_the_file() -> None:
+    runs = rs.read(NOMINAL / "run1.BIN", NOMINAL / "run2.BIN", NOMINAL / "run3.BIN", vehicle=VEHICLE)
+    bad = (scaled(runs[0], "speed", 2.237), scaled(runs[1], "speed", 2.237), runs[2])
+    result = rs.identify(rs.Runs(bad, runs.vehicle), models=("bicycle",), bootstrap=0)
+    assert result.recommended is None
+    assert "speed is in mph" in result.models["bicycle"].verdict.sentences[0]
 
 
 def test_all_three_at_once(sweep: Recording) -> None:

@@ -48,6 +48,16 @@ def test_other_rovers_are_told_by_their_answers(names: tuple[str, str]) -> None:
     assert "are not from the same rover, or it was changed between them: at 2." in text
 
 
+def test_two_rovers_at_other_speeds_and_amplitudes_are_named() -> None:
+    """2.5 and 2.2 m/s, 120 and 240 us: no model of both is recommended, and the runs are named first."""
+    paths = [str(NOMINAL / "run1.BIN"), str(CONCEALED / "c" / "run2.BIN")]
+    runs = rs.read(*paths, vehicle=VEHICLE)
+    result = rs.identify(runs, models=("bicycle",), bootstrap=0)
+    assert result.recommended is None
+    assert result.summary[0].startswith("use none of these models: ")
+    assert "run1 and run2 are not from the same rover" in result.summary[0]
+
+
 def test_another_surface_is_no_other_rover(sweep: Recording) -> None:
     """A surface changes the answer to the steering, and leaves the roll for a_y as it is."""
     softer = damaged(sweep, r=lambda x: 0.85 * x, ay=lambda x: 0.7 * x, p=lambda x: 0.7 * x)

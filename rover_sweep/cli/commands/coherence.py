@@ -92,7 +92,11 @@ def _judged(
     from rover_sweep.live.verdict.keep_or_repeat import advice
     from rover_sweep.live.verdict.run_verdict import proposed
     from rover_sweep.quality.coherence import assess, responses
+    from rover_sweep.quality.faults import is_unexcited
+    from rover_sweep.spectra.amplitude import AmplitudeProposal
 
+    if is_unexcited(run):
+        return assess(run), AmplitudeProposal(0.0, (), None, None, "")
     responding = responses([run], input="delta" if "delta" in run else "pwm")
     verdict = assess(run, responding)
     proposal = proposed(run, responding, parameters, vehicle, servo)
@@ -134,7 +138,8 @@ def show_coherence(
     for o in verdict.outputs:
         band = f"{o.band[0]:.2g} - {o.band[1]:.3g}" if o.band else "none"
         rows.append((o.output, band, f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}"))
-    console.print(_table(headings, rows))
+    if rows:
+        console.print(_table(headings, rows))
     if proposal.bands:
         _show_amplitudes(verdict.amplitude_unit, proposal)
 

@@ -10,6 +10,7 @@ import numpy as np
 from rover_sweep.data.recording import Note, Recording, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import (
+    LOOP,
     STEERING,
     THRUST_LEFT,
     THRUST_RIGHT,
@@ -18,11 +19,12 @@ from rover_sweep.logs.log import (
     output_channel,
     output_channels,
 )
-from rover_sweep.logs.runs.applet import applet_runs
+from rover_sweep.logs.runs.applet import OLD_STATE, OVERRIDE_STATES, applet_runs, is_old
 from rover_sweep.logs.runs.completeness import HOLE, hole_notes
-from rover_sweep.logs.runs.wave import MOVING_SPEED
+from rover_sweep.logs.runs.wave import MOVING_SPEED, active_threshold
 from rover_sweep.quality.clock_rate import stretched_by_applet, stretched_by_arrival
-from rover_sweep.quality.faults import with_faults
+from rover_sweep.quality.faults import NO_EXCITATION, with_faults
+from rover_sweep.quality.length import ALL
 from rover_sweep.quality.relations import relations
 from rover_sweep.quality.steering_lock import at_both_stops
 
@@ -132,7 +134,9 @@ def with_notes(run: Recording, log: Log) -> Recording:
     notes = (
         *run.notes,
         *hole_notes(run),
+        *_unexcited(run),
         *_sampling(run),
+        *_unlogged(run, log),
         *_stops(run, log),
         *at_both_stops(run),
         *_full_scale(run),
@@ -142,6 +146,20 @@ def with_notes(run: Recording, log: Log) -> Recording:
         *_clock(run, log),
     )
     return with_faults(replace(run, notes=tuple(dict.fromkeys(notes))))
+
+
+def _unexcited(run: Recording) -> Iterator[Note]:
+    """The fault of a run without steering; a trial that is a run as a whole may be one."""
+    steering = _steering_of(run)
+    least = active_threshold(steering)
+    if not np.ptp(steering.x) > least:
+        yield Note(
+            "warning",
+            f"no excitation: the steering stays within {least:g} {steering.unit} of "
+            f"{np.median(steering.x):.4g} {steering.unit}, so the run shows no response; drive a sweep",
+            NO_EXCITATION,
+            ALL,
+        )
 
 
 def _steering_of(run: Recording) -> Signal:
@@ -159,13 +177,43 @@ def _sampling(run: Recording) -> Iterator[Note]:
     steering = _steering_of(run)
     if not steering.hold:
         yield from _gaps(steering.source, steering)
-    elif steering.t.size > 1 and HOLE >= (longest := float(np.max(np.diff(steering.t)))) > UNLOGGED:
-        at = steering.t[int(np.argmax(np.diff(steering.t)))]
+
+
+def _unlogged(run: Recording, log: Log) -> Iterator[Note]:
+    """Pauses of a logged output: shown by RCOU, which `joined_steering` uses there, or assumed constant."""
+    steering = _steering_of(run)
+    if not steering.hold:
+        return
+    steps = np.diff(steering.t)
+    longest = float(np.max(steps, initial=0.0))
+    if HOLE >= longest > UNLOGGED:
+        doubt = ", though the servo may have gone back to trim: log RCOU (LOG_BITMASK), which shows it"
         yield Note(
             "warning",
-            f"The steering output ({steering.source}) was not logged for {longest:.2f} s at {at:.1f} s; "
-            "it is assumed constant there",
+            f"The steering output ({steering.source}) was not logged for {longest:.2f} s at "
+            f"{steering.t[int(np.argmax(steps))]:.1f} s; it is assumed constant there"
+            f"{doubt if log.applet is not None else ''}",
         )
+    pauses = [(a, b) for a, b in _pauses(log, run.span) if np.any((steering.t > a + LOOP) & (steering.t < b))]
+    if pauses:
+        a, b = max(pauses, key=lambda pause: pause[1] - pause[0])
+        inside = [log.steering[0].between(*pause).x[:-1] for pause in pauses]
+        moved = max(float(np.max(np.abs(x - x[0]))) for x in inside)
+        away = moved > active_threshold(steering)
+        yield Note(
+            "warning" if away else "info",
+            f"The applet did not log the steering in {len(pauses)} pause{'s' * (len(pauses) > 1)}, "
+            f"the longest of {b - a:.2f} s at {a:.1f} s; RCOU, which is used there, shows that the servo "
+            f"{f'moved by up to {moved:.0f} us' if away else 'kept its position'}",
+        )
+
+
+def _pauses(log: Log, span: tuple[float, float]) -> Iterator[tuple[float, float]]:
+    """Intervals (start, end) [s] in which the applet steered and logged nothing."""
+    for rows in applet_runs(log.applet) if log.applet is not None else ():
+        steers = rows.state == OLD_STATE if is_old(rows) else np.isin(rows.state, list(OVERRIDE_STATES))
+        t = rows.t[steers & (rows.t >= span[0]) & (rows.t <= span[1])]
+        yield from ((float(t[k]), float(t[k + 1])) for k in np.flatnonzero(np.diff(t) > UNLOGGED))
 
 
 def _gaps(source: str, signal: Signal) -> Iterator[Note]:

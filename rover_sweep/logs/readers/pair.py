@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from rover_sweep.data.recording import Note, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs.log import Log, sensor_filters
+from rover_sweep.logs.log import Log, are_different, disagreement, sensor_filters
 
-DIFFERENT = 0.7  # rms difference over standard deviation; two drives of one wave give about 1.4
 UNCOVERED = 30.0  # s of the log without telemetry; more gives a warning
-LEAST_US = 10.0  # rms; smaller differences are ignored
 
 
 def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
@@ -28,7 +24,7 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
             "in common: give the two logs of one drive"
         )
     difference, spread = _disagreement(flash, match)
-    if difference > max(LEAST_US, DIFFERENT * spread):
+    if are_different(difference, spread):
         raise DataRefused(
             f"{flash.name} and {match.name} are not of one drive: their steering outputs differ by "
             f"{difference:.0f} us (rms) and vary by {spread:.0f} us; give the two logs of one drive"
@@ -99,9 +95,4 @@ def _disagreement(flash: Log, telemetry: Log) -> tuple[float, float]:
     """(rms difference, standard deviation) [us] of the steering outputs where both have one."""
     if not flash.steering or not telemetry.steering:
         return 0.0, 0.0
-    coarse, fine = flash.steering[-1], telemetry.steering[0]
-    inside = (coarse.t > fine.t[0]) & (coarse.t < fine.t[-1])
-    if not np.any(inside):
-        return 0.0, 0.0
-    difference = coarse.x[inside] - np.interp(coarse.t[inside], fine.t, fine.x)
-    return float(np.sqrt(np.mean(difference**2))), float(np.std(coarse.x[inside]))
+    return disagreement(flash.steering[-1], telemetry.steering[0])

@@ -23,9 +23,11 @@ REPEAT_EDGE, REPEAT_SHARE = 0.1, 0.6  # of a run: left out at both ends; the lon
 REPEAT_STEP = 0.02  # s
 REPEAT_CORRELATION = 0.98  # autocorrelation at one period; much less for driving by hand
 ONE_LINE = 0.6  # of the power, in one spectral line of a sine
-FEW_LEVELS, LEVEL_GRID, LEFT_OVER = 6, 101, 0.1  # levels of a doublet: rest, two sizes on both sides, a spare
-HELD = 0.2  # share of each side in the plateaus far from the middle
-PLATEAU = 7  # samples of 0.05 s in which a step signal keeps its value
+STEP = 0.05  # s, grid of the pulses
+PULSE = 0.15  # of the amplitude: distance from rest at which a pulse begins
+SHORTEST_PULSE = 0.35  # s; a shorter one is hardly flat
+EQUAL, EDGE = 1.25, 0.15  # largest ratio of the two pulses of a doublet; s, what sampling adds to a length
+FLAT, LEVEL = 0.5, 0.1  # share of a pulse within this part of its height around it; a sine has 0.2
 
 
 def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float]]:
@@ -94,14 +96,15 @@ def kind_of(whole: Signal, start: float, end: float) -> Kind:
     """The kind of wave in start..end [s].
 
     'sweep' if the half periods decrease, 'bias_sweep' if it is also not about the steering before it;
-    'doublet' for steps with zero mean; 'multisine' if it is periodic but not a sine; else 'other'.
+    'doublet' for pairs of equal and opposite pulses; 'multisine' if it is periodic but not a sine; else
+    'other'.
     """
     steering = whole.between(start, end)
     if steering.t.size < 8 or np.ptp(steering.x) <= active_threshold(steering):
         return "other"
     rest = whole.x[max(int(np.searchsorted(whole.t, start)) - 1, 0)]
-    if _is_stepwise(steering):
-        return "doublet" if abs(_mean(steering) - rest) < 0.1 * np.ptp(steering.x) / 2 else "other"
+    if _is_doublet(steering, float(rest)):
+        return "doublet"
     low, high = np.percentile(
         steering.x, (TAIL, 100 - TAIL)
     )  # excludes the fades from rest to a bias and back
@@ -138,37 +141,42 @@ def _is_not_sine(x: Array) -> bool:
     return bool(np.sum(power[max(peak - 2, 0) : peak + 3]) < ONE_LINE * np.sum(power))
 
 
-def _mean(signal: Signal) -> float:
-    """Mean over time of a signal with uneven samples."""
-    return float(np.sum(signal.x[:-1] * np.diff(signal.t)) / (signal.t[-1] - signal.t[0]))
+def _is_doublet(steering: Signal, rest: float) -> bool:
+    """True for one or more pairs of pulses, equal in length and height, the second to the other side.
+
+    A driver who holds the stick makes pulses too, but not equal pairs throughout.
+    """
+    pulses = _pulses(steering, rest)
+    pairs = list(zip(pulses[::2], pulses[1::2], strict=False))
+    return bool(pairs) and len(pulses) % 2 == 0 and all(_is_pair(*pair) for pair in pairs)
 
 
-def _is_stepwise(steering: Signal) -> bool:
-    """True when the signal is constant most of the time and on both sides of its middle."""
-    grid = np.arange(steering.t[0], steering.t[-1], 0.05)
-    if grid.size < 2 * PLATEAU:
-        return False
-    x = np.interp(grid, steering.t, steering.x)
+def _pulses(steering: Signal, rest: float) -> list[tuple[float, Array]]:
+    """(start [s], distance from rest (n,) every `STEP`) of each time away from rest on one side."""
+    grid = np.arange(steering.t[0], steering.t[-1], STEP)
+    if grid.size < 2:
+        return []
+    away = np.interp(grid, steering.t, steering.x) - rest
     if steering.hold:
-        x = steering.x[np.searchsorted(steering.t, grid, "right") - 1]
-    windows = np.lib.stride_tricks.sliding_window_view(x, PLATEAU)
-    amplitude = np.ptp(x) / 2
-    constant = np.ptp(windows, axis=1) < 0.04 * amplitude
-    if np.mean(constant) <= 0.6 or _crossings(steering, float((x.min() + x.max()) / 2)).size < 1:
-        return False
-    plateaus = windows[constant].mean(axis=1) - (x.min() + x.max()) / 2
-    far = [int(np.sum(side * plateaus > 0.5 * amplitude)) for side in (1, -1)]
-    return min(far) > HELD * max(sum(far), 1) and _at_few_levels(plateaus, 0.1 * amplitude)
+        away = steering.x[np.searchsorted(steering.t, grid, "right") - 1] - rest
+    side = np.sign(away) * (np.abs(away) > PULSE * np.max(np.abs(away)))
+    parts = np.split(np.arange(grid.size), np.flatnonzero(np.diff(side)) + 1)
+    return [(float(grid[k[0]]), away[k]) for k in parts if side[k[0]] and k.size > 1]
 
 
-def _at_few_levels(plateaus: Array, width: float) -> bool:
-    """True when `FEW_LEVELS` levels within `width` hold most plateaus (n,); a driver holds any angle."""
-    left, count = plateaus, plateaus.size
-    for _ in range(FEW_LEVELS):
-        if left.size:
-            away = np.abs(left[:, None] - np.linspace(left.min(), left.max(), LEVEL_GRID)[None, :])
-            left = left[away[:, int(np.argmax(np.sum(away <= width, axis=0)))] > width]
-    return bool(left.size <= LEFT_OVER * count)
+def _is_pair(first: tuple[float, Array], second: tuple[float, Array]) -> bool:
+    """True where the second pulse (start [s], distance from rest (n,)) is the first one mirrored."""
+    (begin, one), (turn, two) = first, second
+    lengths = [STEP * one.size, STEP * two.size]
+    heights = [float(np.median(one)), float(np.median(two))]
+    flat = [np.mean(np.abs(x - h) < LEVEL * abs(h)) for x, h in zip((one, two), heights, strict=True)]
+    return bool(
+        heights[0] * heights[1] < 0
+        and max(map(abs, heights)) < EQUAL * min(map(abs, heights))
+        and SHORTEST_PULSE < max(lengths) < EQUAL * min(lengths) + EDGE
+        and turn - begin < EQUAL * lengths[0] + EDGE
+        and min(flat) > FLAT
+    )
 
 
 def _rank_correlation(x: Array) -> float:
