@@ -25,11 +25,12 @@ from rover_sweep.cli.types.options import NumberRange
 from rover_sweep.cli.types.uncertain_number import MeasuredType, TimesType
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.cli.views.paragraphs import bullet
+from rover_sweep.data.plausibility import ROLL_GYRATION, YAW_GYRATION
 from rover_sweep.data.vehicle_file import Measured, Vehicle, load, set_number
 from rover_sweep.errors import DataRefused, UsageError
 
 MASS = MeasuredType(0.05, 5000, "kg", "give kilograms")
-LEAST_GYRATION = 0.1  # of the wheelbase; a narrow rover may come this low about its roll axis
+GYRATION = {"yaw": YAW_GYRATION, "roll": ROLL_GYRATION}
 LENGTH = MeasuredType(0.05, 20, "m", "give metres")
 
 
@@ -125,7 +126,7 @@ def inertia(
         )
     swing = Swings(check_times, check_swings or swings, timer_sd).period if check_times else None
     check = gravity_check(length, swing) if swing else None
-    gyration = _gyration(result, rover)
+    gyration = _gyration(axis, result, rover)
     notes = (
         remarks(test, result, check, swing) + _against(axis, hung, rover) + ([gyration] if gyration else [])
     )
@@ -178,16 +179,16 @@ def _against(axis: Axis, hung: Measured, rover: Vehicle | None) -> list[str]:
     return notes
 
 
-def _gyration(result: Inertia, rover: Vehicle | None) -> str:
+def _gyration(axis: Axis, result: Inertia, rover: Vehicle | None) -> str:
     """A sentence if the radius of gyration is implausible for the wheelbase, else ''."""
     if rover is None:
         return ""
-    share = result.radius_of_gyration / rover.wheelbase
-    if LEAST_GYRATION <= share <= 1:
+    share, (low, high) = result.radius_of_gyration / rover.wheelbase, GYRATION[axis]
+    if low <= share <= high:
         return ""
     return (
         f"the radius of gyration {result.radius_of_gyration:.2g} m is {share:.2g} times the wheelbase "
-        f"{rover.wheelbase:.3g} m (possible: {LEAST_GYRATION:g} to 1); check the units, the number of "
+        f"{rover.wheelbase:.3g} m (plausible: {low:g} to {high:g}); check the units, the number of "
         "swings, and that --times and --check-times are not swapped"
     )
 

@@ -11,8 +11,11 @@ import click
 
 from rover_sweep.cli.views.output import echo, echo_json, results
 from rover_sweep.data.material_sizes import MATERIAL
+from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.vehicle_file import Model, Vehicle, example, load
+from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.data.vehicle_rules import KEYS
+from rover_sweep.errors import UsageError
 
 
 class _VehicleGroup(click.Group):
@@ -46,9 +49,11 @@ def vehicle(ctx: click.Context, show_example: bool) -> None:
 def check(file: str, as_json: bool) -> None:
     """Read FILE, show its values and the models for which they are sufficient.
 
-    Reports all problems at once; exit code 2 if there are any.
+    Reports all problems at once, implausible values too; exit code 2 if there are any.
     """
     found = load(file)
+    if odd := implausible(geometry_of(found)):
+        raise UsageError(f"{file}: {odd[0]}")
     if as_json:
         models = {model: not found.missing_for(model) for model in get_args(Model)}
         echo_json(json.dumps(asdict(found) | {"wheelbase": found.wheelbase, "models": models}, indent=2))
