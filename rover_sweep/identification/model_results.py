@@ -94,9 +94,12 @@ class ModelResult(PlainNumbers, Shown):
         return float(np.mean(list(self.costs.values())))
 
     def spoilt(self, why: tuple[str, ...]) -> ModelResult:
-        """The result with a verdict of at most poor, because the data are faulty. why: sentences."""
+        """The result with a verdict of at most poor where there is a reason. why: sentences."""
+        if not why:
+            return self
         level = self.verdict.level if self.verdict.level == "not identifiable" else "poor"
-        return replace(self, verdict=ModelVerdict(level, (*why, *self.verdict.sentences)))
+        sentences = tuple(dict.fromkeys((*why, *self.verdict.sentences)))
+        return replace(self, verdict=ModelVerdict(level, sentences))
 
     def table(self) -> ShortTable:
         """The fit's table with the verdict and the verification."""
@@ -140,7 +143,7 @@ def model_result(name: str, work: Work) -> ModelResult:
         return physical_result(bicycle(work.geometry, work.settings.tied), work)
     if name not in MODELS:
         raise ValueError(f"there is no model {name!r}; the models are {', '.join(MODELS)}")
-    _need_roll(name, work)
+    need_roll(name, work)
     structure = roll_yaw(work.geometry, work.settings.tied)
     if name == "lumped":
         return lumped_result(structure, work)
@@ -149,7 +152,8 @@ def model_result(name: str, work: Work) -> ModelResult:
     )
 
 
-def _need_roll(name: str, work: Work) -> None:
+def need_roll(name: str, work: Work) -> None:
+    """NotPossible, with the reason, if the runs or the vehicle file allow no model with roll."""
     geometry, p = work.geometry, work.groups[0].responses.get("p")
     if None in (geometry.sprung_mass, geometry.h, geometry.roll_inertia):
         raise NotPossible(
@@ -218,7 +222,10 @@ def _axles_differ(tied: FitResult, apart: FitResult) -> bool:
 
 
 def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
-    """The lumped model at the first speed, from the derivatives of a roll-yaw fit, reduced."""
+    """The lumped model at the first speed, from the derivatives of a roll-yaw fit, reduced.
+
+    Its costs are those over the runs of all speeds, as the costs of the other models.
+    """
     here = Work(work.groups[:1], work.geometry, work.verify_on, work.settings)
     conditions = here.conditions()
     first = fit(start, conditions, drawn_starts(start)).structure
@@ -228,7 +235,16 @@ def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
     variants = {"before reduction": full} if steps else {}
     if here.has_vydot:
         variants["four responses"] = fit(best.structure, here.conditions(best.structure.outputs))
-    return fitted_result(best, variants, here, steps)
+    everywhere = {name: _over_all_runs(f, work) for name, f in variants.items()}
+    found = fitted_result(_over_all_runs(best, work), everywhere, work, steps)
+    if len(work.groups) == 1:
+        return found
+    where = f"fitted at {best.speed:.2f} m/s only, where J_ave is {best.average:.1f}"
+    return replace(found, verdict=replace(found.verdict, sentences=(*found.verdict.sentences, where)))
+
+
+def _over_all_runs(found: FitResult, work: Work) -> FitResult:
+    return replace(found, costs=costs(found.structure, work.conditions(tuple(found.costs))))
 
 
 def _refit_from_near_starts(structure: ModelStructure, conditions: Sequence[Condition]) -> FitResult:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from math import isfinite
 
 from threadpoolctl import threadpool_limits
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plain_values import PlainNumbers
+from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
 from rover_sweep.identification.bootstrap.model_intervals import with_intervals
@@ -29,17 +31,17 @@ from rover_sweep.identification.model_results import (
 from rover_sweep.identification.models.kinematic import kinematic
 from rover_sweep.identification.models.steering_lag import refitted_with_lag
 from rover_sweep.identification.own_structure import own_result
-from rover_sweep.identification.recommendation import recommendation
+from rover_sweep.identification.recommendation import PHYSICAL, recommendation
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.verdicts import ModelVerdict, at_most_acceptable
 from rover_sweep.quality.coherence import CoherenceTable, CoherenceVerdict, assess, input_responses
 from rover_sweep.quality.doubts import doubts
-from rover_sweep.quality.faults import fault_sentences
+from rover_sweep.quality.faults import fault_sentences, without_faulty
 from rover_sweep.quality.length import each_with_length, too_short, with_length
 from rover_sweep.quality.rovers import TWO_ROVERS, with_rovers
 from rover_sweep.spectra.conditioned import moving
 
-WITH_IMU = ("roll-yaw", "bicycle", "lumped")  # models that depend on the IMU's position
+OF_FILE = ("roll-yaw", "bicycle", "lumped")  # models that depend on masses, inertias and the IMU's position
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,9 +140,10 @@ def identify(
     together = with_rovers((*runs, *verify_on))
     runs, verify_on = together[: len(runs)], together[len(runs) :]
     quality = tuple(_assessed(run, wanted.condition_on) for run in each_with_length(runs))
+    runs, verify_on, apart = without_faulty(runs, verify_on, wanted.fitted)
     groups = grouped(runs, wanted)
     reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
-    remarks = tuple(dict.fromkeys(sentences for g in groups for sentences in g.remarks))
+    remarks = (*apart, *dict.fromkeys(sentences for g in groups for sentences in g.remarks))
     if len(reasons) == len(groups):
         stops = (*_short(runs, wanted), *dict.fromkeys(reasons.values()))
         refused = dict.fromkeys((*wanted.models, *(s.name for s in structures)), stops[0])
@@ -152,6 +155,7 @@ def identify(
     if fitted is not None:
         fitted(models)
     models = with_intervals(models, groups, wanted, geometry.friction)
+    models = {n: m.spoilt(_doubted(m, geometry)) for n, m in models.items()}
     if doubtful := doubts(runs):
         models = {n: replace(m, verdict=at_most_acceptable(m.verdict, doubtful)) for n, m in models.items()}
     no_tyres = tyres_not_identifiable(models)
@@ -161,7 +165,7 @@ def identify(
         models,
         (*_long_enough(groups, wanted), *_from_another_rover(verify_on)),
         wanted,
-        _imu_fault(models, work),
+        (*implausible(geometry), *filter(None, (_imu_fault(models, work),))),
     )
     best, sentences = recommendation(models, geometry.wheelbase, no_tyres, faults)
     return Identification(geometry, wanted, groups, quality, models, refused, best, (*sentences, *remarks))
@@ -187,26 +191,35 @@ def _from_another_rover(runs: Sequence[Recording]) -> tuple[Recording, ...]:
     return tuple(run for run in runs if any(note.fault == TWO_ROVERS for note in run.notes))
 
 
+def _doubted(model: ModelResult, geometry: Geometry) -> tuple[str, ...]:
+    """Why the numbers of a fit cannot be used: implausible, or without intervals that were asked for."""
+    free = [e for e in model.fit.estimates if e.free]
+    physical = model.fit.structure.name in PHYSICAL and model.verdict.level != "not identifiable"
+    absurd = implausible(geometry, {e.name: e.value for e in free}) if physical else ()
+    lost = [e.name for e in free if e.interval and not isfinite(e.interval.low + e.interval.high)]
+    none = f"no interval of {', '.join(lost)}: more than half of the bootstrap's fits failed"
+    return (*absurd, *((none,) if lost else ()))
+
+
 def _imu_fault(models: Mapping[str, ModelResult], work: Work) -> str:
     """A sentence on a wrong sign of the IMU's position, from the roll-yaw or else the bicycle model."""
-    name = next((n for n in WITH_IMU[:2] if n in models), "")
+    name = next((n for n in OF_FILE[:2] if n in models), "")
     return wrong_place(models[name].fit, work.conditions(), work.geometry) if name else ""
 
 
 def _judged_by_data(
-    models: Mapping[str, ModelResult], runs: Sequence[Recording], settings: Settings, imu_fault: str
+    models: Mapping[str, ModelResult], runs: Sequence[Recording], settings: Settings, of_file: tuple[str, ...]
 ) -> tuple[dict[str, ModelResult], tuple[str, ...]]:
     """(models, poor at best where their channels are faulty; sentences on the faults).
 
-    imu_fault: a sentence on the IMU's position, '' for none.
+    of_file: sentences on the numbers of the vehicle file.
     """
     why = {
         name: fault_sentences(runs, [o for o in settings.fitted if o in m.fit.structure.outputs])
         for name, m in models.items()
     }
-    if imu_fault:
-        why = {n: (imu_fault, *found) if n in WITH_IMU else found for n, found in why.items()}
-    judged = {name: m.spoilt(why[name]) if why[name] else m for name, m in models.items()}
+    why = {n: (*of_file, *found) if n in OF_FILE else found for n, found in why.items()}
+    judged = {name: m.spoilt(why[name]) for name, m in models.items()}
     return judged, tuple(dict.fromkeys(sentences for found in why.values() for sentences in found))
 
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 from rover_sweep.identification.model_results import MUCH_BETTER, TIED, ModelResult
 
-ORDER = ("roll-yaw", "bicycle", "lumped", "kinematic")  # physical ones first: they are valid at other speeds
-NONE_FITS = "no model fits these runs: see the verdict on each model"
+PHYSICAL = ("roll-yaw", "bicycle")  # valid at other speeds, the more complete one first
+ORDER = (*PHYSICAL, "lumped", "kinematic")
+USABLE = ("good", "acceptable")
 WHEELBASE_RATIO = 2.0  # of effective and measured wheelbase, either way; more indicates a wrong unit or scale
 
 
@@ -17,19 +18,37 @@ def recommendation(
     """(name of the model to use or None, sentences, most important first).
 
     wheelbase: a + b [m]. no_tyres: a sentence on why tyre parameters cannot be identified, or None. faults:
-    sentences on faults of the data.
+    sentences on faults of the data and of the vehicle file.
     """
-    doubt = (*faults, *_wheelbase_sentence(models["kinematic"], wheelbase))
-    if no_tyres and not faults:
-        return "kinematic", (f"use the kinematic model: {no_tyres}", *doubt)
-    usable = [n for n in ORDER if n in models and models[n].verdict.level in ("good", "acceptable")]
+    doubt = _wheelbase_sentence(models["kinematic"], wheelbase)
+    usable = [n for n in ORDER if n in models and models[n].verdict.level in USABLE]
+    if faults and usable in ([], ["kinematic"]):
+        return None, (f"use none of these models: {faults[0]}", *faults[1:], *doubt)
     if not usable:
-        first = "the data are faulty: use none of these models" if faults else NONE_FITS
-        return None, (first, *doubt)
-    best = usable[0]
+        return None, (_none_fits(models), *filter(None, (no_tyres,)), *doubt)
+    best, doubt = usable[0], (*faults, *doubt)
+    if no_tyres and best == "kinematic":
+        return best, (f"use the kinematic model: {no_tyres}", *doubt)
     reasons = models[best].verdict.sentences[: 1 if best == "lumped" else 2]
-    others = (*_axles_sentence(models[best]), *_lumped_sentence(best, models))
+    others = (*_passed_over(best, models), *_axles_sentence(models[best]), *_lumped_sentence(best, models))
     return best, (f"use the {best} model: {'; '.join(reasons)}", *others, *doubt)
+
+
+def _none_fits(models: Mapping[str, ModelResult]) -> str:
+    """Why no model is recommended, with the reasons against the most complete one that was identified."""
+    identified = (n for n in ORDER if n in models and models[n].verdict.level != "not identifiable")
+    name = next(identified, "kinematic")
+    kind = "model" if name == "lumped" else "physical model"
+    why = f"{name}: {'; '.join(models[name].verdict.sentences[:2])}"
+    return f"no {kind} fits these runs ({why}): use `rover-sweep diagnose` to find what is left out"
+
+
+def _passed_over(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
+    """A sentence for each more complete physical model that was fitted and is not used."""
+    better = [n for n in ORDER[: ORDER.index(best)] if n in models and n in PHYSICAL]
+    return tuple(
+        f"the {n} model is {models[n].verdict.level}: {models[n].verdict.sentences[0]}" for n in better
+    )
 
 
 def _axles_sentence(best: ModelResult) -> tuple[str, ...]:

@@ -12,7 +12,8 @@ from rover_sweep.identification.verify import Verification
 Level = Literal["good", "acceptable", "poor", "not identifiable"]
 J_GOOD, J_ACCEPTABLE = 50.0, 100.0
 CR_GUIDE, I_GUIDE = 20.0, 10.0  # percent
-TIC_GUIDE = 0.35  # of the paper: above it a model does not predict the run
+J_RMS_GUIDE, TIC_GUIDE = 2.0, 0.35  # of the paper: above one of them a model does not predict the run
+NO_DELAY = 1e-3  # s
 SAME = 0.02  # relative difference of parameters up to which two minima are one
 CR_LIMIT, I_LIMIT = 60.0, 25.0  # percent: above these a parameter is not identifiable
 
@@ -39,8 +40,10 @@ def judge_model(
         if e.free and e.name not in result.structure.delays and _is_not_identifiable(e)
     ]
     uncertain = [e for e in result.estimates if e.free and _is_uncertain(e) and not (physical and e in lost)]
-    failed = [v for v in verification if not v.tic <= TIC_GUIDE]
-    sentences = [_prediction_sentence(v) for v in failed] + [_cost_sentence(result.average)]
+    failed = [v for v in verification if not (v.tic <= TIC_GUIDE and v.j_rms <= J_RMS_GUIDE)]
+    ended = [e for e in result.estimates if e.at_bound and not _no_delay(e, result)]
+    reasons = [_prediction_sentence(v) for v in failed] + ([_bound_sentence(ended)] if ended else [])
+    sentences = [*reasons, _cost_sentence(result.average)]
     if uncertain:
         sentences.append(
             "uncertain, above the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, uncertain))
@@ -53,7 +56,7 @@ def judge_model(
     if lost and physical:
         first = "cannot be identified: " + ", ".join(map(_numbers, lost))
         return ModelVerdict("not identifiable", (first, *sentences))
-    return ModelVerdict("poor" if failed else _level(result.average), tuple(sentences))
+    return ModelVerdict("poor" if reasons else _level(result.average), tuple(sentences))
 
 
 def at_most_acceptable(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerdict:
@@ -61,8 +64,19 @@ def at_most_acceptable(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerd
     return ModelVerdict("acceptable", (*why, *verdict.sentences)) if verdict.level == "good" else verdict
 
 
+def _no_delay(e: Estimate, result: FitResult) -> bool:
+    """True for a delay at 0, which is a result and not a bound that the fit ran into."""
+    return e.name in result.structure.delays and e.value < NO_DELAY
+
+
 def _prediction_sentence(v: Verification) -> str:
-    return f"does not predict {v.run}: TIC {v.tic:.2f} (guideline <= {TIC_GUIDE:g}), J_rms {v.j_rms:.3g}"
+    tic, j_rms = f"TIC {v.tic:.2f} (guideline <= {TIC_GUIDE:g})", f"J_rms {v.j_rms:.3g} (<= {J_RMS_GUIDE:g})"
+    return f"does not predict {v.run}: {tic}, {j_rms}"
+
+
+def _bound_sentence(ended: Sequence[Estimate]) -> str:
+    values = ", ".join(f"{e.name} {e.value:.3g} {e.unit}" for e in ended)
+    return f"at the bound of what the fit may try, so not a result: {values}"
 
 
 def _start_sentences(result: FitResult) -> list[str]:

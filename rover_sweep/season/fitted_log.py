@@ -46,7 +46,7 @@ SEASON = Tolerances(
     velocity_lag=0.30,
     heading=0.03,
     together=0.20,
-    bend=3.0,
+    bend=1.5,
 )
 """Wide where a rover changes, near the vehicle file elsewhere, so that the fits of all days are close."""
 

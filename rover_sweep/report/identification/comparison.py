@@ -11,7 +11,14 @@ from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.identification.reduction import ReductionStep
 from rover_sweep.identification.structure.state_space import OUTPUTS
-from rover_sweep.identification.verdicts import CR_GUIDE, I_GUIDE, J_ACCEPTABLE, J_GOOD
+from rover_sweep.identification.verdicts import (
+    CR_GUIDE,
+    I_GUIDE,
+    J_ACCEPTABLE,
+    J_GOOD,
+    J_RMS_GUIDE,
+    TIC_GUIDE,
+)
 from rover_sweep.identification.verify import Overlay
 from rover_sweep.report.wording.number_format import (
     OUTPUT_NAMES,
@@ -28,7 +35,6 @@ from rover_sweep.report.wording.shown_units import FOOT, SI, ShownUnits
 
 Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
 SINGLE_J = 150.0  # a single response up to 150-200 is tolerable (Tischler & Remple 2012)
-J_RMS_GUIDE, TIC_GUIDE = 2.0, 0.35
 IGNORED = "filters ignored"
 INTERVALS = (
     "Intervals: bootstrap with noise like the residuals, through the whole method, corrected for its bias. "

@@ -7,7 +7,7 @@ from rover_sweep.identification.acceptance import identified_runs, known_filters
 from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.verdicts import J_ACCEPTABLE, J_GOOD
-from rover_sweep.report.identification.comparison import IGNORED, TIC_GUIDE
+from rover_sweep.report.identification.comparison import IGNORED
 from rover_sweep.report.identification.handling_table import handling_notes
 from rover_sweep.report.wording.number_format import SHORT_NAMES, number, percent, symbol, unit
 from rover_sweep.report.wording.provenance import Provenance
@@ -92,22 +92,16 @@ def prediction_sentence(result: Identification) -> str | None:
 
 
 def diagnosis_remark(result: Identification) -> str | None:
-    """Advice to diagnose if the recommended model misses a response or a verification run, else None."""
-    models = usable(result)
-    name = result.recommended if result.recommended in models else next(reversed(models), None)
-    if name is None:
+    """Advice to diagnose if the recommended model misses one of its responses, else None."""
+    model = usable(result).get(result.recommended or "")
+    if model is None:
         return None
-    model = models[name]
     output, cost = max(model.fit.costs.items(), key=lambda item: item[1], default=("", 0.0))
-    unseen = [v for v in model.verification if v.tic > TIC_GUIDE]
-    if model.fit.average > J_GOOD or cost > J_ACCEPTABLE:
-        misses = f"J of {SHORT_NAMES.get(output, output)} is {cost:.0f}"
-    elif unseen:
-        misses = f"TIC on {unseen[0].run} is {unseen[0].tic:.2f}"
-    else:
+    if model.fit.average <= J_GOOD and cost <= J_ACCEPTABLE:
         return None
     return (
-        f"{misses}: use `rover-sweep diagnose` with the same runs to find what the {name} model leaves out."
+        f"J of {SHORT_NAMES.get(output, output)} is {cost:.0f}: use `rover-sweep diagnose` with the same "
+        f"runs to find what the {result.recommended} model leaves out."
     )
 
 
@@ -131,4 +125,6 @@ def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
         else ("there is no run for verification: drive a doublet and give it with --verify",)
     )
     limits = [note.text for note in handling_notes(result, provenance.verify_runs)]
-    return tuple(dict.fromkeys([*repeat, *refused, *limits, *grouped_warnings(runs), *missing]))
+    wanted = dict.fromkeys([*repeat, *refused, *limits, *grouped_warnings(runs), *missing])
+    said = " ".join(result.summary)
+    return tuple(w for w in wanted if w.partition(": ")[2].removeprefix("discard: ") not in said)

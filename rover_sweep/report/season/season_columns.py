@@ -7,7 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import missing_extra
 from rover_sweep.season.measured_log import MeasuredLog
 from rover_sweep.season.season_result import Season
 
@@ -100,7 +100,7 @@ def as_parquet(columns: Columns) -> bytes:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
-        raise UsageError("--parquet needs pyarrow: pip install 'rover-sweep[fleet]'") from None
+        raise missing_extra("--parquet needs pyarrow", "fleet") from None
     sink = pyarrow.BufferOutputStream()
     pyarrow.parquet.write_table(pyarrow.table(dict(columns)), sink)
     return bytes(sink.getvalue())
