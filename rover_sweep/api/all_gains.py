@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from firmware_params.param_files import parse
 from rover_sweep.api.gains import steering_gains
 from rover_sweep.api.speed import speed_file, speed_gains
 from rover_sweep.gains.gains_json import gains_document
@@ -22,7 +23,10 @@ _STEERED = ("identification.json", "diagnosis.json")
 
 @dataclass(frozen=True, eq=False)
 class AllGains:
-    """What a folder of results supports: of the steering, its limits, and of the speed; None without."""
+    """What a folder of results supports: of the steering, its limits, and of the speed; None without.
+
+    current: the vehicle's present parameters, as far as they are known.
+    """
 
     steering: Proposal | None
     limits: SteeringLimits | None
@@ -41,6 +45,17 @@ class AllGains:
         if self.speed is not None and self.speed.proposed is not None:
             parts.append(speed_text(self.speed))
         return "\n".join(parts)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """The parameters of `text` whose present value is unknown, so that the change could not be undone."""
+        return tuple(p.name for p in parse(self.text) if p.name not in self.current)
+
+    @property
+    def undo(self) -> str:
+        """The present values of the parameters of `text`, as a .param file."""
+        lines = (f"{p.name} {self.current[p.name]:.7g}  # was to be {p.value:g}" for p in parse(self.text))
+        return "\n".join(("# The values before the proposal: load this file to undo it.", "", *lines, ""))
 
     @property
     def document(self) -> dict[str, Any]:
@@ -62,9 +77,9 @@ def all_gains(
     """All that a file or folder of results supports; arguments and errors as of `steering_gains`."""
     path = speed_file(place)
     loop = speed_gains(path, current, current_from) if path else None
-    if path is not None and not any((path.parent / each).is_file() for each in _STEERED):
-        return AllGains(None, None, loop, current)
-    if path is not None and place == path:
-        return AllGains(None, None, loop, current)
+    known = {**(loop.found.parameters if loop else {}), **current}
+    alone = path is not None and not any((path.parent / each).is_file() for each in _STEERED)
+    if alone or (path is not None and place == path):
+        return AllGains(None, None, loop, known)
     steering = steering_gains(place, name, vehicle_file, current, current_from, speed)
-    return AllGains(steering, steering_limits(steering), loop, current)
+    return AllGains(steering, steering_limits(steering), loop, known)

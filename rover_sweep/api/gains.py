@@ -122,12 +122,12 @@ def _result_document(path: Path) -> dict[str, Any]:
 
 
 def _diagnosed(path: Path, name: str | None) -> Identified:
-    from rover_sweep.api.export import read_augmented_model
+    from rover_sweep.api.diagnose import load_diagnosis
 
-    model, verdict = read_augmented_model(path)
-    if name not in (None, model.baseline):
-        raise UsageError(f"{path} has the {model.baseline} model; remove --model {name}")
-    return from_diagnosis(model, verdict)
+    found = load_diagnosis(path)
+    if name not in (None, found.baseline):
+        raise UsageError(f"{path} has the {found.baseline} model; remove --model {name}")
+    return from_diagnosis(found)
 
 
 def _logged(path: Path) -> dict[str, float]:

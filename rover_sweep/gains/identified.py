@@ -11,8 +11,9 @@ from typing import Any
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import LowPass
 from rover_sweep.diagnosis.linear.linear import hidden_filters, left_out, linear
-from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.gains import recorded_loop
+from rover_sweep.gains.trust import absurd, not_predicted
 from rover_sweep.identification.model_results import UNTIED
 from rover_sweep.identification.models.bicycle import bicycle
 from rover_sweep.identification.models.kinematic import kinematic
@@ -22,6 +23,7 @@ from rover_sweep.identification.verdicts import CR_LIMIT, I_LIMIT
 
 PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models valid at speeds other than that of the runs
 NORMAL_90 = 1.645  # standard deviations to each side of a 90 % interval
+WHOLE = ("none", "explained")  # verdicts of a diagnosis whose model lacks nothing that matters
 GUESSED_DELAY, GUESSED_GAIN = 0.3, 0.15  # relative half-widths, if no interval is known
 
 
@@ -34,7 +36,7 @@ class Identified:
     vehicle file. gyro_hz: low-pass of the gyro in the runs; loop_hz: main loop in the runs; both None if
     unknown. amplitude_us, largest_us: smallest and largest PWM amplitude of the runs. hidden: additional
     low-passes found by a diagnosis. remarks: sentences on effects not in the model. reasons: why there is no
-    model.
+    model. doubts: why the model may set no gains, though it may be a good fit.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Identified:
     hidden: tuple[LowPass, ...] = ()
     remarks: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def kinematic(self) -> bool:
@@ -74,20 +77,23 @@ class Identified:
 
 
 def from_identification(document: Mapping[str, Any], wanted: str | None = None) -> Identified:
-    """From the document of identification.json. wanted: one of PHYSICAL, None for the best one.
+    """From the document of identification.json. wanted: one of PHYSICAL, None for the recommended one.
 
     Raises KeyError, TypeError or ValueError for an invalid document.
     """
     models = document["models"]
-    name = wanted or _best(document)
+    name = wanted or document["recommended"]
     speeds = tuple(float(g["speed_m_s"]) for g in document["groups"])
-    if name is None or name not in models:
+    if name not in PHYSICAL or name not in models:
         reasons = (*document["summary"], *(f"{m}: {why}" for m, why in document["refused"].items()))
-        return Identified(name or "none", "refused", None, {}, speeds, reasons=reasons)
+        if name in models:
+            reasons = (f"the recommended {name} model is valid at the speed of the runs only", *reasons)
+        return Identified(name or "no", "refused", None, {}, speeds, reasons=reasons)
     model, steering = models[name], document["vehicle"]["steering"]
     parameters = _best_parameters(model)
     lost = [n for n, p in parameters.items() if p["value"] is None]
-    structure = None if lost else _structure(name, document["vehicle"]["geometry"], parameters)
+    geometry = _geometry(document["vehicle"]["geometry"])
+    structure = None if lost else _structure(name, geometry, parameters)
     run = document["runs"][0]
     bands = [g["responses"]["r"]["band"] for g in document["groups"] if "r" in g["responses"]]
     usable = [b for b in bands if b]
@@ -107,14 +113,25 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
         (),
         recorded_loop.play_remark(steering),
         tuple(model["verdict"]["sentences"]),
+        _doubts(model, geometry, parameters),
     )
 
 
-def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
+def _doubts(model: Mapping[str, Any], geometry: Geometry, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+    """Why a model of an identification.json may set no gains."""
+    tested = [(str(v["run"]), float(v["j_rms"]), float(v["tic"])) for v in model["verification_runs"]]
+    free = {n: float(p["value"]) for n, p in parameters.items() if p["free"] and p["value"] is not None}
+    return (*not_predicted(tested), *absurd(geometry, free))
+
+
+def from_diagnosis(found: Diagnosis) -> Identified:
     """From the linearised model of a diagnosis, with assumed intervals of gain and delay.
 
-    The baseline must be valid at other speeds: ValueError for the lumped one.
+    The baseline must be valid at other speeds: ValueError for the lumped one, and without a model.
     """
+    model = found.model
+    if model is None:
+        raise ValueError(f"this diagnosis holds no model: {found.sentence}")
     if model.lumped:
         raise ValueError(
             "a diagnosis of the lumped model is valid at one speed only, so no gains can be computed"
@@ -122,12 +139,12 @@ def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
     hidden = tuple(f for c, f in hidden_filters(model).items() if c == "r")
     known = model.filters.get("r")
     lost = tuple(f"not included in the computed loop: {words}" for words in left_out(model))
-    levels = {"none": "good", "explained": "good", "partly explained": "acceptable"}
     structure = _with_shorter_delay(linear(model), model.wait)
     assert structure is not None
+    tested = ((h.run, h.after.j_rms, h.after.tic) for h in found.held_out)
     return Identified(
         model.name,
-        levels.get(verdict, "poor"),
+        "good" if found.verdict in WHOLE else "poor",
         structure,
         _assumed_intervals(structure),
         (model.speed,),
@@ -135,26 +152,17 @@ def from_diagnosis(model: AugmentedModel, verdict: str) -> Identified:
         gyro_hz=known.cutoff_hz if known else None,
         hidden=hidden,
         remarks=lost,
-        reasons=(f"the verdict of the diagnosis is: {verdict}",),
+        reasons=(
+            f"the diagnosis says {found.verdict.upper()}, so its model lacks a part of the motion: drive the "
+            "run that it proposes, or compute gains from an identification",
+        ),
+        doubts=(*not_predicted(tested), *absurd(model.rover, structure.values)),
     )
 
 
 def with_steering(found: Identified, rad_per_us: float) -> Identified:
     """The same with rad_per_us of another vehicle file."""
     return replace(found, rad_per_us=rad_per_us)
-
-
-def _best(document: Mapping[str, Any]) -> str | None:
-    """The recommended model if valid at other speeds, else the largest good or acceptable one, else None."""
-    recommended = document["recommended"]
-    if recommended in PHYSICAL:
-        return str(recommended)
-    good = (n for n in PHYSICAL if n in document["models"] and _usable(document["models"][n]))
-    return next(good, None)
-
-
-def _usable(model: Mapping[str, Any]) -> bool:
-    return model["verdict"]["level"] in ("good", "acceptable")
 
 
 def _best_parameters(model: Mapping[str, Any]) -> dict[str, Any]:
@@ -185,8 +193,11 @@ def _not_identifiable(name: str, p: Mapping[str, Any]) -> bool:
     return name != "tau" and bool(p["at_bound"] or uncertain)
 
 
-def _structure(name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> ModelStructure:
-    geometry = Geometry(**{f.name: known[f.name] for f in fields(Geometry) if f.name in known})
+def _geometry(known: Mapping[str, Any]) -> Geometry:
+    return Geometry(**{f.name: known[f.name] for f in fields(Geometry) if f.name in known})
+
+
+def _structure(name: str, geometry: Geometry, parameters: Mapping[str, Any]) -> ModelStructure:
     tied = "C" in parameters
     made = {
         "roll-yaw": lambda: roll_yaw(geometry, tied),

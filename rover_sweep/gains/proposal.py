@@ -15,7 +15,15 @@ from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.steering_plant import SampledPlant, sampled_plant
 from rover_sweep.gains.step import Step, step_of
 from rover_sweep.gains.support import Support, extrapolated, supported, supported_loop
-from rover_sweep.gains.tuning import Family, design_gains, feed_forward, integrator_limit, speeds_around
+from rover_sweep.gains.tuning import (
+    MOST_CHANGE,
+    Family,
+    bounds,
+    design_gains,
+    feed_forward,
+    speeds_around,
+    unbounded,
+)
 
 MOST_CORNERS = 6  # parameters whose interval ends are combined: 64 corners per speed, 32 with Cf = Cr
 
@@ -55,8 +63,13 @@ class Proposal:
     feed_forwards: Mapping[float, float] | None = None
 
 
-def propose_gains(found: Identified, autopilot: Autopilot, speed: float | None = None) -> Proposal:
-    """Gains for a design speed [m/s], by default that of the runs."""
+def propose_gains(
+    found: Identified, autopilot: Autopilot, speed: float | None = None, at_once: bool = False
+) -> Proposal:
+    """Gains for a design speed [m/s], by default that of the runs.
+
+    at_once: the designed gains, however far they are from the current ones, and not a step towards them.
+    """
     at = speed or float(np.mean(found.speeds))
     speed_range = (min(speeds_around(at)), max(speeds_around(at)))
     support = supported(found, autopilot, at)
@@ -71,9 +84,11 @@ def propose_gains(found: Identified, autopilot: Autopilot, speed: float | None =
     if any(not plant.stable for plant in family.plants):
         return Proposal(found, autopilot, at, support, None, None, speed_range)
     now = assess_gains(family, autopilot.gains)
-    made = _supported_gains(support, family, autopilot.gains)
+    made = _supported_gains(support, family, unbounded(autopilot.gains))
     judged = assess_gains(family, made) if made else None
     support, judged = _with_design_check(found, support, judged)
+    if judged is not None and not at_once:
+        support, judged = _step(support, family, judged)
     values = found.structure.values
     return Proposal(
         found,
@@ -131,17 +146,36 @@ def assess_gains(family: Family, gains: Gains) -> AssessedGains:
     )
 
 
-def _supported_gains(support: Support, family: Family, now: Gains) -> Gains | None:
-    """The gains at the supported level, None if unsupported or if no pair of P and I keeps the margins."""
+def _supported_gains(support: Support, family: Family, most: Gains) -> Gains | None:
+    """The gains at the supported level up to `most`; None if unsupported or if no pair keeps the margins."""
+    now = family.autopilot.gains
     if support.level == "none":
         return None
     if support.level == "feed-forward only":
-        return replace(now, ff=round(feed_forward(family), 3))
-    made = design_gains(family, now)
+        return replace(now, ff=round(min(feed_forward(family), most.ff), 3))
+    return design_gains(family, now, most)
+
+
+def _step(support: Support, family: Family, designed: AssessedGains) -> tuple[Support, AssessedGains | None]:
+    """The step from the current gains to the designed ones, with a remark if it is not the whole way."""
+    now = family.autopilot.gains
+    before, most = now.parameters, bounds(now).parameters
+    beyond = [
+        f"{name} {before[name]:.3g} to at most {most[name]:.3g} of the designed {value:.3g}"
+        for name, value in designed.gains.parameters.items()
+        if value > most[name]
+    ]
+    if not beyond:
+        return support, designed
+    made = _supported_gains(support, family, bounds(now))
     if made is None:
-        return None
-    rate = family.autopilot.rate_limit(family.nominal.speed)
-    return replace(made, imax=integrator_limit(family, made.ff, rate))
+        why = f"no P and I keep 6 dB and 45 deg if none is raised by more than a factor of {MOST_CHANGE:g}"
+        return replace(support, level="none", reasons=(why,)), None
+    words = (
+        f"one step raises no gain by more than a factor of {MOST_CHANGE:g}: {', '.join(beyond)}. Try it with "
+        "the wheels off the ground, then at low speed; then compute again from the new gains"
+    )
+    return replace(support, remarks=(words, *support.remarks)), assess_gains(family, made)
 
 
 def _with_design_check(

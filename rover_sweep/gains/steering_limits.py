@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from rover_sweep.gains.proposal import Proposal
 from rover_sweep.gains.steering_chain import GRAVITY
+from rover_sweep.gains.tuning import bound
 
 REACH = 0.9  # share of the turn rate at the stops: the rest is left for feedback
 
@@ -17,7 +18,7 @@ REACH = 0.9  # share of the turn rate at the stops: the rest is left for feedbac
 class SteeringLimits:
     """rate_max: ATC_STR_RAT_MAX [deg/s], from the turn rate at the stops; turn_g: ATC_TURN_MAX_G [g], the
     largest lateral acceleration that the runs confirm, at most that at the stops; None if
-    unknown. now_g: the current one."""
+    unknown. Neither is raised beyond `tuning.bound` at once. now_g: the current one."""
 
     rate_max: float
     turn_g: float | None
@@ -43,6 +44,11 @@ def steering_limits(proposal: Proposal) -> SteeringLimits | None:
     if found.largest_us is not None:
         confirmed = per_us * min(found.largest_us, travel) * speed / GRAVITY
     most_g = REACH * reach * speed / GRAVITY
-    turn_g = None if confirmed is None else max(math.floor(100 * min(confirmed, most_g)) / 100, 0.1)
+    largest_g = bound("ATC_TURN_MAX_G", loop.lateral_g_max)
+    turn_g = (
+        None if confirmed is None else max(math.floor(100 * min(confirmed, most_g, largest_g)) / 100, 0.1)
+    )
     rate = math.floor(math.degrees(REACH * reach))
+    if loop.rate_max > 0:  # 0 is no limit
+        rate = min(rate, math.floor(bound("ATC_STR_RAT_MAX", math.degrees(loop.rate_max))))
     return SteeringLimits(rate, turn_g, math.degrees(reach), confirmed, loop.lateral_g_max)

@@ -37,6 +37,7 @@ def supported(found: Identified, autopilot: Autopilot, speed: float) -> Support:
             _too_far(found, speed),
             _wrong_way(found, autopilot),
             _clipped(found, autopilot),
+            *found.doubts,
         )
         if why
     ]

@@ -8,12 +8,17 @@ at V/1.5, V and 1.5 V, and whose predicted step overshoots by at most 5 %. (Astr
 Advanced PID Control, chapter 6: maximum integral action under robustness constraints; here on the sampled
 loop, with the error after a disturbance instead of the integral gain.)
 
+A step from the present gains raises none by more than `MOST_CHANGE`, so that a wrong model cannot do much
+harm at once; P and I are then the best within this bound, and keep the margins like all others. A gain is
+lowered as far as the margins and the steady turn rate need.
+
 While a turn builds up, the integrator reaches I times the lag of rover and loop, which causes overshoot. FF
 is therefore reduced by half of that, at most by a fifth: the integrator supplies this part of a turn.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,7 +27,7 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import feedback_response, simulate_loop
 from rover_sweep.gains.margins import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, all_margins, frequencies
-from rover_sweep.gains.steering_chain import Autopilot, Gains
+from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, Gains
 from rover_sweep.gains.steering_plant import SampledPlant
 from rover_sweep.gains.step import disturbance_error, step_size, step_target
 
@@ -31,6 +36,8 @@ SPEED_RANGE = 1.5  # the gains are designed for V / 1.5 to 1.5 V
 FF_REDUCTION, MOST_FF_REDUCTION = 0.5, 0.2  # shares of I times lag, and of FF
 MOST_P, MOST_I = 2.0, 2.0  # ranges of the parameters (AR_AttitudeControl.cpp, var_info)
 MOST_D, D_WORTH = 0.4, 0.7
+MOST_CHANGE = 2.0  # factor by which a proposal raises a gain at once
+UNBOUNDED = dict.fromkeys(("ff", "p", "i", "imax"), math.inf)
 _I_ENOUGH = 0.9  # of MOST_I: D cannot improve the loop much then
 _D_OF_FF = (0.02, 0.05)  # s
 _P_OF_FF = np.concatenate(([0.0], np.geomspace(0.03, 6.0, 40)))  # P in units of FF
@@ -70,34 +77,55 @@ def feed_forward(family: Family) -> float:
     return 1.0 / (plant.gain * family.angle_per_output[0] * family.autopilot.speed_scale(plant.speed))
 
 
-def design_gains(family: Family, keep: Gains) -> Gains | None:
-    """The best gains with the filters and IMAX of `keep`; None if no pair of P and I keeps the margins.
+def bound(name: str, now: float) -> float:
+    """The largest value to which a proposal raises a parameter from its present one: `MOST_CHANGE` times
+    that, or the firmware's default where that is more (from 0 there is no factor)."""
+    return max(MOST_CHANGE * now, DEFAULTS[name])
+
+
+def bounds(now: Gains) -> Gains:
+    """The largest gains of a proposal. D is a small share of FF and has no bound of its own."""
+    most = {name: bound(f"ATC_STR_RAT_{name.upper()}", getattr(now, name)) for name in UNBOUNDED}
+    return replace(now, d=MOST_D, **most)
+
+
+def unbounded(now: Gains) -> Gains:
+    """Bounds that allow every gain."""
+    return replace(now, d=MOST_D, **UNBOUNDED)
+
+
+def design_gains(family: Family, keep: Gains, most: Gains) -> Gains | None:
+    """The best FF, P, I, D and IMAX up to `most` with the filters of `keep`; None if no P and I keep the
+    margins.
 
     D is used only if it reduces the disturbance error below `D_WORTH` times that without D, as with a slow
     gyro filter.
     """
-    right = feed_forward(family)
-    found = _best_pair(family, replace(keep, ff=right, d=0.0))
-    if found is not None and found[0].i >= _I_ENOUGH * MOST_I:
-        return found[0]
-    for share in _D_OF_FF:
-        other = _best_pair(family, replace(keep, ff=right, d=_rounded_down(min(share * right, MOST_D))))
+    right = min(feed_forward(family), most.ff)
+    found = _best_pair(family, replace(keep, d=0.0), most)
+    enough = found is not None and found[0].i >= _I_ENOUGH * min(MOST_I, most.i)
+    for share in () if enough else _D_OF_FF:
+        other = _best_pair(family, replace(keep, d=_rounded_down(min(share * right, MOST_D))), most)
         if other is not None and (found is None or other[1] < D_WORTH * found[1]):
             found = other
-    return found[0] if found else None
+    if found is None:
+        return None
+    made, rate = found[0], family.autopilot.rate_limit(family.nominal.speed)
+    return replace(made, imax=min(integrator_limit(family, made.ff, rate), most.imax))
 
 
-def _best_pair(family: Family, shared: Gains) -> tuple[Gains, float] | None:
-    """(gains, disturbance error [rad]) of the best P and I with the D and filters of `shared`, or None."""
-    right = shared.ff
-    p, i = (grid.ravel() for grid in np.meshgrid(_P_OF_FF * right, _I_OF_FF * right))
-    offered = (p <= MOST_P) & (i <= MOST_I)
-    p, i = p[offered], i[offered]
+def _best_pair(family: Family, shared: Gains, most: Gains) -> tuple[Gains, float] | None:
+    """(gains, disturbance error [rad]) of the best P and I up to `most` with D and filters of `shared`."""
+    right = feed_forward(family)
+    offered_p = np.unique(np.minimum(_P_OF_FF * right, min(MOST_P, most.p)))
+    offered_i = np.unique(np.minimum(_I_OF_FF * right, min(MOST_I, most.i)))
+    p, i = (grid.ravel() for grid in np.meshgrid(offered_p, offered_i))
     keeps = robust(family, shared, p, i)
     p, i = p[keeps], i[keeps]
     if p.size == 0:
         return None
     ff = np.maximum(right - FF_REDUCTION * i * family.lag, (1 - MOST_FF_REDUCTION) * right)
+    ff = np.minimum(ff, most.ff)
     damped = overshoots(family, shared, p, i, ff) <= MOST_OVERSHOOT
     if not damped.any():
         return None

@@ -82,8 +82,10 @@ MOTORS: tuple[Row, ...] = (
     ("ATC_STR_RAT_P", 0.2, "float"),
     ("ATC_STR_RAT_I", 0.2, "float"),
     ("ATC_STR_RAT_D", 0, "float"),
+    ("ATC_STR_RAT_IMAX", 1, "float"),
     ("ATC_STR_RAT_MAX", 120, "float"),
     ("ATC_STR_ACC_MAX", 120, "float"),
+    ("ATC_TURN_MAX_G", 0.6, "float"),
 )
 RADIO: tuple[Row, ...] = (
     ("RC_OVERRIDE_TIME", 3, "float"),

@@ -44,11 +44,12 @@ NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
 
 
 def proposed() -> Proposal:
-    """For the nominal recordings, as `rover-sweep identify` and `rover-sweep gains` make it."""
-    runs = rs.read(NOMINAL / "run1.BIN", NOMINAL / "run2.BIN", vehicle=DATA / "rover.toml")
+    """For the nominal recordings, as `rover-sweep gains` makes it after as many steps as it takes."""
+    names = ("run1", "run2", "run4")
+    runs = rs.read(*(NOMINAL / f"{name}.BIN" for name in names), vehicle=DATA / "rover.toml")
     result = rs.identify(runs)
     found = from_identification(identification_document(result, result.origin))
-    return propose_gains(found, autopilot({p.name: p.value for p in read(shipped())}), SPEED)
+    return propose_gains(found, autopilot({p.name: p.value for p in read(shipped())}), SPEED, at_once=True)
 
 
 def report(log: Path, told: list[Segment], proposal: Proposal, loop: Autopilot) -> None:

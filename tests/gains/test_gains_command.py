@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
+from math import log
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,11 @@ import pytest
 
 from firmware_params.param_files import read
 from rover_sweep.cli.main import run
+from rover_sweep.diagnosis.result import Diagnosis, Fit, HeldOut, Verdict
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.gains.identified import from_diagnosis
+from rover_sweep.gains.proposal import Proposal, propose_gains
+from rover_sweep.gains.steering_chain import autopilot
 
 DATA = Path(__file__).parents[1] / "data"
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
@@ -40,10 +47,46 @@ def test_a_folder_and_a_log_give_a_table_and_a_file(folder: Path, capsys: pytest
     assert "(was 0.75)" in written["ATC_STR_RAT_FF"].reason  # the recordings flew sim_vehicle's 0.75
 
 
-def test_a_large_change_is_tried_off_the_ground(folder: Path, capsys: pytest.CaptureFixture[str]):
-    assert run(["gains", str(folder)]) == 0
-    large = [line for line in capsys.readouterr().out.splitlines() if line.startswith("Large changes: ")]
-    assert "ATC_STR_RAT_FF 0.2 to " in large[0] and "wheels off the ground" in large[0]
+def test_one_step_is_bounded_and_says_by_what(folder: Path, capsys: pytest.CaptureFixture[str]):
+    """From gains far below the design, one proposal raises none beyond twice its value, or the default."""
+    now = {"FF": 0.15, "P": 0.2, "I": 0.0}
+    asked = folder / "now.param"
+    asked.write_text("".join(f"ATC_STR_RAT_{name} {value}\n" for name, value in now.items()))
+    assert run(["gains", str(folder), "--now", str(asked), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    proposed = told["proposed"]["parameters"]
+    most = {"FF": 0.3, "P": 0.4, "I": 0.2}
+    assert all(proposed[f"ATC_STR_RAT_{name}"] <= value for name, value in most.items())
+    assert proposed["ATC_STR_RAT_FF"] == 0.3, "the design is at more than three times of it"
+    words = next(r for r in told["support"]["remarks"] if "raises no gain by more than a factor of 2" in r)
+    assert "ATC_STR_RAT_FF 0.15 to at most 0.3 of the designed 0.9" in words
+    assert "ATC_STR_RAT_I 0 to at most 0.2 of the designed" in words and "wheels off the ground" in words
+    assert told["proposed"]["worst"]["gain_margin_db"] >= 6 <= told["proposed"]["worst"]["phase_margin_deg"]
+
+
+def test_a_file_is_undone_by_another(folder: Path, capsys: pytest.CaptureFixture[str]):
+    out = folder / "gains.param"
+    assert run(["gains", str(folder), "--now", str(LOG), "--out", str(out)]) == 0
+    assert f"{folder / 'undo-gains.param'} undoes them" in capsys.readouterr().err
+    undone = {p.name: p.value for p in read(folder / "undo-gains.param")}
+    assert set(undone) == {p.name for p in read(out)}
+    assert (
+        undone["ATC_STR_RAT_FF"] == 0.75
+        and undone["ATC_STR_RAT_P"] == 0.2
+        and undone["ATC_STR_RAT_MAX"] == 120
+    )
+
+
+def test_what_could_not_be_undone_is_not_written(folder: Path, capsys: pytest.CaptureFixture[str]):
+    out, now = folder / "gains.param", folder / "now.param"
+    now.write_text("ATC_STR_RAT_FF 0.75\nATC_STR_RAT_P 0.2\n")
+    for given in ([], ["--now", str(now)]):
+        assert run(["gains", str(folder), *given, "--out", str(out)]) == 2
+        said = capsys.readouterr()
+        assert "Gains for 2.45 m/s" in said.out
+        assert "ATC_STR_RAT_IMAX, ATC_STR_RAT_MAX are unknown, so the change could not be undone" in said.err
+        assert ("ATC_STR_RAT_P" in said.err) == (not given)
+        assert not out.exists() and not (folder / "undo-gains.param").exists()
 
 
 def test_json_stands_alone_on_stdout(folder: Path, capsys: pytest.CaptureFixture[str]):
@@ -139,18 +182,53 @@ def test_a_diagnosis_carries_gains_too(tmp_path: Path):
     """Its linear part, with the lag of the servo as a lag; what is not linear is said."""
     from augmented_models import model
 
-    from rover_sweep.gains.identified import from_diagnosis
-    from rover_sweep.gains.proposal import propose_gains
-    from rover_sweep.gains.steering_chain import autopilot
-
-    found = from_diagnosis(model("servo_lag", "steering_backlash"), "explained")
-    made = propose_gains(found, autopilot({"INS_GYRO_FILTER": 20.0, "SCHED_LOOP_RATE": 100.0}), 2.5)
+    made = of_diagnosis(diagnosis(model("servo_lag", "steering_backlash")))
     assert made.support.level == "gains"
     assert made.proposed.worst_gain[0] >= 6
     assert made.delay == pytest.approx(0.02 - 0.005)  # the wait for the main loop is not the loop's
     assert any("steering_backlash" in remark for remark in made.support.remarks)
-    slow = propose_gains(from_diagnosis(model("servo_lag"), "unexplained"), made.autopilot, 2.5)
-    assert "the verdict of the diagnosis is: unexplained" in slow.support.reasons[0]
+
+
+def diagnosis(model: AugmentedModel, verdict: Verdict = "explained", j_rms: float = 0.9) -> Diagnosis:
+    kept = HeldOut("run4", Fit(3.0, 0.2), Fit(j_rms, 0.05), 0.9)
+    return Diagnosis(verdict, "the servo lags", model.baseline, held_out=(kept,), model=model)
+
+
+def of_diagnosis(found: Diagnosis) -> Proposal:
+    loop = autopilot({"INS_GYRO_FILTER": 20.0, "SCHED_LOOP_RATE": 100.0})
+    return propose_gains(from_diagnosis(found), loop, 2.5)
+
+
+@pytest.mark.parametrize("verdict", ["unexplained", "partly explained", "refused"])
+def test_a_diagnosis_that_does_not_explain_the_runs_gives_no_gains(verdict: Verdict):
+    from augmented_models import model
+
+    made = of_diagnosis(diagnosis(model("servo_lag"), verdict))
+    assert made.proposed is None and made.support.level == "none"
+    assert f"the diagnosis says {verdict.upper()}, so its model lacks a part" in made.support.reasons[0]
+
+
+def test_a_diagnosis_whose_held_out_run_failed_or_is_missing_gives_no_gains():
+    from augmented_models import model
+
+    failed = diagnosis(model("servo_lag"), j_rms=2.1)
+    for found, words in (
+        (failed, "does not predict run4, which was held out: J_rms 2.1 (at most 2), TIC 0.05"),
+        (replace(failed, held_out=()), "no run was held out"),
+    ):
+        made = of_diagnosis(found)
+        assert made.proposed is None
+        assert words in made.support.reasons[0]
+
+
+def test_implausible_numbers_of_a_diagnosis_give_no_gains():
+    """Half the height and three times the roll inertia: what the roll-yaw model made of a kinematic rover."""
+    from augmented_models import model
+
+    made = of_diagnosis(diagnosis(model("servo_lag", ln_h=log(0.47), ln_Ixx=log(3.08))))
+    assert made.proposed is None
+    assert [r.partition(" = ")[0] for r in made.support.reasons] == ["Ixx", "h"]
+    assert "times the" in made.support.reasons[0] and "of the vehicle file" in made.support.reasons[0]
 
 
 def test_what_a_vehicle_flies_is_read_over_the_link(

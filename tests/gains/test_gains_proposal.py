@@ -74,9 +74,8 @@ def test_another_speed_scale_changes_the_gains_by_its_factor(document: Any):
 
 
 def test_a_slow_gyro_filter_costs_gain(document: Any, proposal: Proposal):
-    slow = propose_gains(
-        from_identification(document), autopilot({**AS_RECORDED, "INS_GYRO_FILTER": 4.0}), 2.5
-    )
+    loop = autopilot({**AS_RECORDED, "INS_GYRO_FILTER": 4.0})
+    slow = propose_gains(from_identification(document), loop, 2.5, at_once=True)
     assert slow.proposed.worst_gain[0] >= GAIN_MARGIN_DB
     assert slow.proposed.gains.p < proposal.proposed.gains.p
     assert slow.proposed.gains.i < proposal.proposed.gains.i
@@ -130,6 +129,43 @@ def test_no_model_supports_nothing(document: Any):
     assert "the coherence is too low" in refused(document)
 
 
+@pytest.mark.parametrize(
+    ("tested", "words"),
+    [
+        ([], "no run was held out"),
+        ([{"run": "run4", "j_rms": 2.4, "tic": 0.1}], "does not predict run4, which was held out: J_rms 2.4"),
+        ([{"run": "run4", "j_rms": 1.0, "tic": 0.4}], "TIC 0.40 (at most 0.35)"),
+    ],
+)
+def test_a_model_that_predicts_no_held_out_run_supports_nothing(document: Any, tested: Any, words: str):
+    for model in document["models"].values():
+        model["verification_runs"] = tested
+    assert words in refused(document)
+
+
+def test_implausible_numbers_support_nothing(document: Any):
+    """Ten times the yaw inertia of the vehicle file, however good the fit."""
+    inertia = roll_yaw(document)["parameters"]["Izz"]
+    inertia |= {"value": 10 * inertia["value"], "interval_90": [0.6, 0.8]}
+    assert "kg m^2 is implausible: it is 10 times the 0.069" in refused(document)
+
+
+def test_an_implausible_wheelbase_supports_no_feed_forward(document: Any):
+    plain = document["models"]["kinematic"]
+    plain["verdict"], document["recommended"] = {"level": "good", "sentences": []}, "kinematic"
+    plain["parameters"]["L_eff"] |= {"value": 1.2, "interval_90": [1.1, 1.3]}
+    assert "a steering scale of 0.33 times rad_per_us is implausible" in refused(document)
+
+
+@pytest.mark.parametrize("recommended", ["lumped", None])
+def test_only_the_recommended_model_supports_gains(document: Any, recommended: str | None):
+    """Not another one that fits: what is recommended is judged together with the data."""
+    document["recommended"], document["summary"] = recommended, ["why it is so"]
+    document["models"]["lumped"] = document["models"]["bicycle"]
+    assert document["models"]["bicycle"]["verdict"]["level"] == "good"
+    assert "why it is so" in refused(document)
+
+
 def test_lost_coherence_below_the_crossover_supports_nothing(document: Any):
     document["groups"][0]["responses"]["r"]["band"] = [0.3, 1.0]
     assert "not coherent (usable from 0.3 to 1 rad/s)" in refused(document)
@@ -173,7 +209,9 @@ def test_an_unstable_rover_supports_nothing(document: Any):
 
 def test_the_kinematic_model_carries_the_feed_forward_alone(document: Any):
     document["models"]["kinematic"]["verdict"] = {"level": "good", "sentences": []}
-    made = propose_gains(from_identification(document, "kinematic"), LOOP, 2.5)
+    found = replace(from_identification(document, "kinematic"), doubts=())
+    assert propose_gains(found, LOOP, 2.5).proposed.gains.ff == 0.4, "twice the default"
+    made = propose_gains(found, LOOP, 2.5, at_once=True)
     assert made.support.level == "feed-forward only"
     wheelbase = document["models"]["kinematic"]["parameters"]["L_eff"]["value"]
     assert made.proposed.gains.ff == pytest.approx(wheelbase / 0.38, abs=0.001)

@@ -16,6 +16,7 @@ from rover_sweep.errors import LinkError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from rover_sweep.api.all_gains import AllGains
     from rover_sweep.vehicle.link.access import Access
 
 
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
     "--out",
     type=click.Path(dir_okay=False),
     metavar="FILE.param",
-    help="Write the proposed parameters to this file.",
+    help="Write the proposed parameters to this file, and the present ones to undo-FILE.param.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON on stdout.")
 def gains(
@@ -70,20 +71,22 @@ def gains(
     Shows gain and phase margins, the predicted step response, the valid speed range, and the same for the
     current parameters. P and I keep margins of 6 dB and 45 deg for all parameter values within their 90 %
     intervals, from speed/1.5 to 1.5 speed. The loop includes the firmware's scaling with speed
-    (MOT_SPD_SCA_BASE). If the identification does not support gains, the reasons are shown and no file is
-    written.
+    (MOT_SPD_SCA_BASE). Gains need a model that predicts a held-out run and has plausible numbers, from a
+    diagnosis one that explains the runs; else the reasons are shown and no file is written. One proposal
+    raises no gain by more than a factor of 2.
 
     \b
     rover-sweep gains report --now log.BIN --speed 2.5 --out gains.param
 
     Nothing is changed on a vehicle. Load the file with a ground station, and test it first with the wheels
-    off the ground.
+    off the ground; load undo-gains.param to undo it.
     """
     from rover_sweep.api.all_gains import all_gains
     from rover_sweep.cli.views.output import echo_json, narration, results
 
     if out is not None:
-        refuse_input(out, place, now, vehicle_file)
+        for written in (out, str(_undo_of(Path(out)))):
+            refuse_input(written, place, now, vehicle_file)
     current = _current_parameters(now, url, access)
     both = all_gains(Path(place), name, vehicle_file, current, now or url or "the defaults", speed)
     if as_json:
@@ -97,7 +100,7 @@ def gains(
         if both.speed is not None:
             show_speed_gains(results(), both.speed)
     if out is not None:
-        narration().print(_write(both.text, Path(out)), markup=False, soft_wrap=True)
+        narration().print(_write(both, Path(out)), markup=False, soft_wrap=True)
 
 
 def _current_parameters(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
@@ -128,13 +131,23 @@ def _parameters_over(url: str, access: Access) -> dict[str, float]:
     return found
 
 
-def _write(text: str, path: Path) -> str:
-    """Write the file; returns a sentence that it was written, or why not."""
+def _write(both: AllGains, path: Path) -> str:
+    """Write the file and the one that undoes it; returns a sentence that they were written, or why not."""
     from rover_sweep.files.replaced import write_file
 
-    if not text:
+    if not both.text:
         return f"{path} was not written: there are no gains to propose"
     if not path.parent.is_dir():
         raise UsageError(f"cannot write {path.name}: there is no folder {path.parent}; create it")
-    write_file(path, text)
-    return f"parameters written to {path}"
+    if both.unknown:
+        raise UsageError(
+            f"{path} was not written: the present values of {', '.join(both.unknown)} are unknown, so the "
+            "change could not be undone; give all parameters of the vehicle with --now or --connect"
+        )
+    undo = write_file(_undo_of(path), both.undo)
+    write_file(path, both.text)
+    return f"parameters written to {path}; {undo} undoes them"
+
+
+def _undo_of(path: Path) -> Path:
+    return path.with_name(f"undo-{path.name}")
