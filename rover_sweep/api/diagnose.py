@@ -115,7 +115,8 @@ def diagnose(
     """Find the physics that a model lacks: where, which effect, how large, and the evidence.
 
     held_out: runs used neither for the fit nor for the selection; by default the doublets among `runs`.
-    baseline: the model to test, "roll-yaw" (default), "bicycle", "lumped" or "kinematic". model: an
+    baseline: the model to test, "roll-yaw", "bicycle", "lumped" or "kinematic"; by default "roll-yaw", or
+    the simpler one of "bicycle" and "kinematic" if the runs do not determine roll or tyres. model: an
     identification.json with the baseline and its parameters. simulated: recordings of a simulation with the
     same steering as `runs`, whose model becomes the baseline. only, without: ids of effects to try, or to
     exclude. time_limit [s]; stop: returns True to end; both end with the results so far. progress(activity,
@@ -146,7 +147,7 @@ def diagnose(
     limit = time_limit_of(time_limit)
     _refuse_no_runs("held_out", held_out)
     _refuse_no_runs("simulated", simulated)
-    name, values = nominal_of(Path(model), baseline) if model is not None else (baseline or "roll-yaw", {})
+    name, values = nominal_of(Path(model), baseline) if model is not None else (baseline, {})
     chosen, left_out = candidates_left(_listed(only), _listed(without), None if simulated else name)
     settings = DiagnosisSettings(name, chosen, left_out, limit, seed, values)
     given = material(runs, held_out, simulated)

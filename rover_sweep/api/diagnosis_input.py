@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.api.known_steering import has_linkage, known
-from rover_sweep.api.run_roles import doublets_apart, refuse_overlap
+from rover_sweep.api.run_roles import doublets_apart, refuse_overlap, refuse_without_sweep
+from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.material_sizes import tolerances_of
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
@@ -20,9 +21,10 @@ from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSettings
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
-from rover_sweep.identification.grouping import Settings, grouped
+from rover_sweep.identification.baseline import determined_model
+from rover_sweep.identification.grouping import Group, Settings, grouped
 from rover_sweep.identification.imu_place import wrong_place_in
-from rover_sweep.quality.faults import OPTIONAL, faulty_channels
+from rover_sweep.quality.faults import OPTIONAL, faulty_channels, without_faulty
 from rover_sweep.quality.length import with_length
 from rover_sweep.quality.rovers import with_rovers
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
@@ -61,10 +63,8 @@ def material(
 
     UsageError where one run has two roles.
     """
-    if held_out:
-        fitted, kept = tuple(runs), tuple(held_out)
-    else:
-        fitted, kept = doublets_apart(runs)
+    others, doublets = doublets_apart(runs)
+    fitted, kept = (tuple(runs), tuple(held_out)) if held_out or not others else (others, doublets)
     refuse_overlap(fitted, kept)
     for run in simulated:
         if any(_of_one_file(run, other) for other in (*fitted, *kept)):
@@ -95,18 +95,20 @@ def diagnosed(
     settled = {effect: why for effect, why in bench.settled.items() if effect not in settings.with_effects}
     settings = replace(settings, spread=bench.spread, without_effects=(*settings.without_effects, *settled))
     left_out: tuple[str, ...] = ()
-    misplaced = ""
+    misplaced = simpler = ""
     try:
         given, left_out = _sound(given)
         rover, groups = geometry_of(vehicle), grouped(given.runs, Settings())
-        misplaced = wrong_place_in(groups, rover, settings.baseline)
+        if settings.baseline is None and not given.simulated:
+            settings, simpler = _with_baseline(settings, groups, rover)
+        misplaced = wrong_place_in(groups, rover, settings.baseline or "")
         found = diagnose(given.runs, rover, settings, given.held_out, given.simulated, progress, stop, groups)
     except DataRefused as error:
         found = _refused(str(error), given, settings, time.monotonic() - started)
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
         found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
-    remarks += [*([misplaced] if misplaced else []), *left_out]
+    remarks += [*filter(None, (simpler, misplaced)), *left_out]
     remarks += [f"{effect} was not looked for: {why}" for effect, why in settled.items()]
     if has_linkage(vehicle):
         remarks.append(
@@ -119,24 +121,38 @@ def diagnosed(
     return replace(found, remarks=(*found.remarks, *remarks))
 
 
+def _with_baseline(
+    settings: DiagnosisSettings, groups: Sequence[Group], rover: Geometry
+) -> tuple[DiagnosisSettings, str]:
+    """The settings with the baseline that the runs determine; a remark if it is not the roll-yaw model."""
+    baseline, why = determined_model(groups, rover)
+    candidates_left(settings.with_effects, settings.without_effects, baseline)
+    remark = f"the baseline is the {baseline} model: {why}" if why else ""
+    return replace(settings, baseline=baseline), remark
+
+
 def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
-    """The material without faulty lateral channels, and the reasons; DataRefused where more is faulty."""
+    """The material without faulty runs and lateral channels, and why; DataRefused where more is faulty."""
+    refuse_without_sweep(given.runs)
+    sound, checks, apart = without_faulty(given.runs, given.held_out, ())
+    given = replace(given, runs=sound, held_out=checks)
     runs = with_rovers((*with_length(given.runs), *given.held_out))
     without, why = faulty_channels(runs)
     if not without:
-        return given, ()
+        return given, apart
     left = {c for run in runs for c in run.channels} - without
     if without - set(OPTIONAL) or not left & set(OPTIONAL):
         raise DataRefused("; ".join(why))
     fitted, kept = (tuple(r.without(without) for r in some) for some in (given.runs, given.held_out))
-    return replace(given, runs=fitted, held_out=kept), tuple(f"left out: {words}" for words in why)
+    out = replace(given, runs=fitted, held_out=kept)
+    return out, (*apart, *(f"left out: {words}" for words in why))
 
 
 def _refused(why: str, given: Material, settings: DiagnosisSettings, seconds: float) -> Diagnosis:
     return Diagnosis(
         "refused",
         why,
-        settings.baseline,
+        settings.baseline or "roll-yaw",
         seconds=seconds,
         runs=tuple(run.name for run in given.runs),
         held_out_runs=tuple(run.name for run in given.held_out),
@@ -160,7 +176,7 @@ def candidates_left(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(with_effects, without_effects) of the settings; UsageError where no candidate would be left.
 
-    baseline: None where a simulation will determine it.
+    baseline: None where a simulation or the runs will determine it.
     """
     chosen, left_out = effects_named(only), effects_named(without)
     left = set(chosen or library()) - set(left_out)

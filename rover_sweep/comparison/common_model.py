@@ -50,7 +50,7 @@ WIDE = Tolerances(
     velocity_lag=0.30,
     heading=0.05,
     together=0.20,
-    bend=3.0,
+    bend=1.5,
 )
 NEAR = 1e-3  # of a coordinate's scale: at its bound
 ABSENT, STEP = 0.3, 0.5  # of an effect's usual size: absent below, and step of its difference quotient

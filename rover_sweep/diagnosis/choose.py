@@ -156,6 +156,23 @@ def _chosen(
     return Choice(first, current, tuple(named), support=support)
 
 
+def without_name(
+    choice: Choice, effect: str, why: str, runs: Sequence[Experiment], options: Options
+) -> Choice:
+    """The choice without one of its effects, which is listed with the reason only."""
+    named = tuple(n for n in choice.named if n.trial.effect != effect)
+    gain = next(n.trial.gain for n in choice.named if n.trial.effect == effect)
+    support = {
+        **choice.support,
+        effect: replace(choice.support.get(effect, EffectSupport(effect, gain)), against=why),
+    }
+    last = choice.first
+    if named:
+        last = round_of(runs, choice.last.model.without(effect), choice.last.fitted.x, options, near=True)
+        last = replace(last, problem=last.problem.to_the_end)
+    return replace(choice, last=last, named=named, support=support)
+
+
 def _search(
     runs: Sequence[Experiment],
     model: Model,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
@@ -11,14 +12,15 @@ from threadpoolctl import threadpool_limits
 
 from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.certainty import probability
-from rover_sweep.diagnosis.choose import ANSWER_FROM, Choice, Named, choose
+from rover_sweep.diagnosis.choose import ANSWER_FROM, Choice, Named, choose, without_name
 from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
 from rover_sweep.diagnosis.held_out.speed_finding import WORSE, earned, speed_finding, unknown_loss
 from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
-from rover_sweep.diagnosis.held_out.turn_impact import turn_sentence
+from rover_sweep.diagnosis.held_out.turn_impact import Turn, turn_sentence, turn_with
 from rover_sweep.diagnosis.held_out.worth import (
     FittedModel,
     HeldOutRun,
@@ -27,9 +29,10 @@ from rover_sweep.diagnosis.held_out.worth import (
     refitted_without,
     worse_channels,
 )
-from rover_sweep.diagnosis.importance import is_nothing
+from rover_sweep.diagnosis.importance import why_no_verdict
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
+from rover_sweep.diagnosis.problem.residuals import Stopped
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -46,22 +49,25 @@ from rover_sweep.diagnosis.search.parameter_intervals import (
     UNBOUNDED,
     draw_coordinates,
     effect_values,
+    holds_absence,
     nominal_values,
 )
 from rover_sweep.diagnosis.search.rounds import Options
 from rover_sweep.diagnosis.search.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.search.upper_bounds import upper_bounds
-from rover_sweep.diagnosis.settings import DiagnosisSettings
+from rover_sweep.diagnosis.settings import Baseline, DiagnosisSettings
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.first_use import COMPILING, must_compile
+from rover_sweep.diagnosis.simulation.nominal import physical_numbers
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
 from rover_sweep.diagnosis.unexplained.modelled import in_model, with_laws_of
 from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unknown_place
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Group, Settings, grouped
 
 Progress = Callable[[str, float], None]
@@ -113,13 +119,16 @@ def diagnose(
         late = limit is not None and time.monotonic() - started > limit
         return late or (stop is not None and stop())
 
-    _refuse(runs, rover, settings, groups)
+    groups = groups or grouped(runs, Settings())
     if simulated:
-        settings = replace(settings, baseline=baseline_of([experiment(run) for run in simulated], rover))
+        baseline: Baseline = baseline_of([experiment(run) for run in simulated], rover)
+    else:
+        baseline = settings.baseline or determined_model(groups, rover)[0]
+    _refuse(runs, rover, baseline, groups)
     every = in_order([experiment(run) for run in (*runs, *held_out_runs)])
     used, held = every[: len(runs)], every[len(runs) :]
     _refuse_without_floor(used)
-    model = Model(settings.baseline, rover, settings.spread, two_clocks=any(r.two_clocks for r in used))
+    model = Model(baseline, rover, settings.spread, two_clocks=any(r.two_clocks for r in used))
     options = Options(
         settings.with_effects,
         settings.without_effects,
@@ -133,8 +142,10 @@ def diagnose(
         options.progress(COMPILING, 0.0)
     choice = choose(used, model, begin, options, held)
     options.progress("describing what is left", ANSWER_FROM)
-    found, laws = _answer(choice, used, held, settings)
-    remarks = [f"the simulation follows the {settings.baseline} model"] if simulated else []
+    answer = _sure_answer(choice, used, held, options)
+    choice = answer.choice
+    found, laws = _answer(answer, used, held, settings)
+    remarks = [f"the simulation follows the {baseline} model"] if simulated else []
     remarks += smoothed_channels(choice.last.problem.floor)
     if choice.stopped and limit is not None and time.monotonic() - started > limit:
         remarks.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
@@ -143,17 +154,15 @@ def diagnose(
     return replace(found, seconds=time.monotonic() - started, remarks=(*remarks, *found.remarks), model=whole)
 
 
-def _refuse(
-    runs: Sequence[Recording], rover: Geometry, settings: DiagnosisSettings, groups: Sequence[Group]
-) -> None:
-    if settings.baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
+def _refuse(runs: Sequence[Recording], rover: Geometry, baseline: Baseline, groups: Sequence[Group]) -> None:
+    if baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
         raise UsageError(
             "the roll-yaw model needs sprung_mass, cg_height_above_roll_centre and roll_inertia in the "
             "vehicle file; add them or use --baseline bicycle"
         )
     if not runs:
         raise DataRefused("all runs are held out; give at least one run to diagnose")
-    for group in groups or grouped(runs, Settings()):
+    for group in groups:
         if why := group.why_not():
             raise DataRefused(why)
 
@@ -178,19 +187,53 @@ def _start(parameters: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class _SureAnswer:
+    """The choice whose findings are verdicts, with what they were computed from."""
+
+    choice: Choice
+    models: _Models
+    drawn: list[dict[str, float]]
+    held_out: tuple[HeldOutRun, ...]
+    findings: tuple[Finding, ...]
+
+
+def _sure_answer(
+    choice: Choice, used: Sequence[Experiment], held: Sequence[Experiment], options: Options
+) -> _SureAnswer:
+    """The choice without the findings that are no verdict, taken away one by one, the smallest first."""
+    while True:
+        first, last = choice.first, choice.last
+        drawn = draw_coordinates(last, options.seed)
+        # the fits nearest to the recordings: a model alone, without the rover's tolerances, predicts a run
+        models = _Models(FittedModel(first.model, first.closest.x), FittedModel(last.model, last.closest.x))
+        held_out = tuple(HeldOutRun.of(run, last.problem.floor, models.full) for run in held)
+        findings, against = [], {}
+        for named in choice.named:
+            law = named.trial.law
+            turn = turn_with(law.id, models.full, last.problem.runs)
+            finding = _finding(named, choice, drawn, held_out, models, turn)
+            findings.append(finding)
+            if why := why_no_verdict(finding, holds_absence(law, drawn), turn):
+                against[law.id] = why
+        if not against or choice.stopped:
+            return _SureAnswer(choice, models, drawn, held_out, tuple(findings))
+        least = min((f for f in findings if f.effect in against), key=lambda f: f.evidence["gain"]).effect
+        with suppress(Stopped):
+            choice = without_name(choice, least, against[least], used, options)
+            continue
+        choice = replace(choice, stopped=True)
+
+
 def _answer(
-    choice: Choice, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
+    sure: _SureAnswer, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
 ) -> tuple[Diagnosis, FoundLaws | None]:
     """(the diagnosis without its model, the laws of the unknown that belong into the model)."""
+    choice, models, held_out, drawn = sure.choice, sure.models, sure.held_out, sure.drawn
     first, last = choice.first, choice.last
-    drawn = draw_coordinates(last, settings.seed)
-    # the fits nearest to the recordings: a model alone, without the rover's tolerances, predicts a run
-    models = _Models(FittedModel(first.model, first.closest.x), FittedModel(last.model, last.closest.x))
     floor = last.problem.floor
-    held_out = tuple(HeldOutRun.of(run, floor, models.full) for run in held)
     speed = _speed_answer(choice, used, held_out, models.full, settings)
-    findings = (*(_finding(n, choice, drawn, held_out, models) for n in choice.named), *speed.findings)
-    findings = tuple(f for f in findings if not is_nothing(f))
+    findings = (*sure.findings, *speed.findings)
     places = mismatches(first.problem.plain, first.closest.rows)
     left = _unknown(choice, findings, speed.unknown, places, settings.seed)
     left, laws = with_laws_of(left, last, held_out) if left and not choice.exceeded else (left, None)
@@ -199,15 +242,18 @@ def _answer(
     if not choice.stopped:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     withdrawn = () if choice.exceeded else choice.withdrawn
-    measure = () if choice.stopped else at_the_end(last.problem, last.fitted)
+    rover = last.model.rover
+    absurd = implausible(rover, physical_numbers(last.fitted.x, rover))
+    measure = absurd if choice.stopped else (*absurd, *at_the_end(last.problem, last.fitted))
     compared = {run.run.name: worse_channels(run, models.nominal, models.full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}
     named = {f.effect for f in findings}
     against = {e: s.against for e, s in choice.support.items() if s.against and e not in named}
     answer = Diagnosis(
-        verdict=verdict_of(findings, left, variance, choice.stopped, bool(worse)),
-        sentence=sentence_of(findings, left, variance, choice.stopped, measure),
-        baseline=settings.baseline,
+        # a model with absurd numbers explains nothing, however well it fits
+        verdict=verdict_of(findings, left, variance, choice.stopped or bool(absurd), bool(worse)),
+        sentence=sentence_of(findings, left, variance, choice.stopped, measure, bool(against)),
+        baseline=choice.last.model.baseline,
         mismatch=places,
         findings=findings,
         unknown=left,
@@ -280,6 +326,7 @@ def _finding(
     drawn: list[dict[str, float]],
     held_out: Sequence[HeldOutRun],
     models: _Models,
+    turn: Turn | None,
 ) -> Finding:
     effect, last = named.trial.law, choice.last
     values = effect_values(effect, last, drawn)
@@ -306,7 +353,7 @@ def _finding(
         form=effect.form,
         forms=named.trial.forms,
         probability=probability(evidence),
-        turn=turn_sentence(effect.id, models.full, last.problem.runs),
+        turn=turn_sentence(turn),
     )
 
 

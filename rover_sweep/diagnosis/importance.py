@@ -1,4 +1,4 @@
-"""How much a finding matters: its share of the unexplained residual, and what it does to a turn."""
+"""Whether a finding is a verdict, and how much it matters: its share of the residual, its turn."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.held_out.turn_impact import Turn
 from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut
 
 LITTLE = 0.05  # relative drop of J_rms on held-out runs, below which an effect hardly matters
 NOTHING = 0.005  # share of the held-out residual that rounds to 0 %
+SURE = 0.8  # probability from which an effect is named
 LONGEST = 0.4  # s, largest delay that is tried
 LEAST_DELAY, LEAST_GAIN = 0.005, 0.01  # s, relative: smaller changes of a turn are not stated
 
@@ -32,11 +34,21 @@ class TurnChange:
         return self.delay * self.speed
 
 
-def is_nothing(f: Finding) -> bool:
-    """True where every size is 0, or every held-out run shows a share that rounds to 0 %."""
-    shares = [h.share_removed for h in f.held_out]
-    none_shown = bool(shares) and all(s is not None and abs(s) < NOTHING for s in shares)
-    return none_shown or (bool(f.parameters) and all(v.value == 0.0 for v in f.parameters))
+def why_no_verdict(f: Finding, absent: bool, turn: Turn | None = None) -> str:
+    """Why a finding is listed only and not named, "" where it is a verdict.
+
+    absent: the 90 % intervals of its size hold no effect at all. turn: what it does to one, None where it has
+    no part in it.
+    """
+    if absent:
+        return "the interval of its size holds none at all"
+    if f.probability is not None and f.probability < SURE:
+        return f"of such findings {100 * f.probability:.0f} % were right, and a name needs {100 * SURE:.0f} %"
+    if f.held_out and not any((h.share_removed or 0.0) >= NOTHING for h in f.held_out):
+        return f"it does not improve {', '.join(h.run for h in f.held_out)}"
+    if turn is not None and not turn.visible and hardly_matters(f.held_out):
+        return "it changes no turn visibly"
+    return ""
 
 
 def hardly_matters(held_out: Sequence[HeldOut]) -> bool:

@@ -14,7 +14,7 @@ BASELINES: tuple[Baseline, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """Settings. baseline: the model to test.
+    """Settings. baseline: the model to test, None for the most complete one that the runs determine.
 
     with_effects: the only candidates, empty for all; without_effects: ids to exclude. time_limit [s]: the
     diagnosis ends with the results so far, None for no limit. seed: of the bootstrap. parameters: {name: SI
@@ -22,7 +22,7 @@ class DiagnosisSettings:
     tolerances of a rover against its vehicle file.
     """
 
-    baseline: Baseline = "roll-yaw"
+    baseline: Baseline | None = None
     with_effects: tuple[str, ...] = ()
     without_effects: tuple[str, ...] = ()
     time_limit: float | None = None

@@ -34,9 +34,11 @@ def sentence_of(
     variance: float,
     stopped: bool = False,
     first: Sequence[str] = (),
+    listed: bool = False,
 ) -> str:
     """The answer in one sentence, the details are in `left`. first: what must be measured before any name.
 
+    listed: effects that fit are listed in the remarks, with the reasons why they are not named.
     The other arguments are those of `verdict_of`.
     """
     named = " and ".join(f.sentence.removesuffix(", ") for f in findings)
@@ -53,7 +55,8 @@ def sentence_of(
     elif left and not stopped:
         answer = rest if "candidate" in rest else f"{rest}, and no candidate explains it"
     else:
-        answer = named or rest or "these runs show no missing effect: the residual is at the noise floor"
+        nothing = "nothing that matters was found" if listed else "these runs show no missing effect"
+        answer = named or rest or f"{nothing}: the residual is at the noise floor"
     return ". ".join((*first, answer if not first else answer[:1].upper() + answer[1:]))
 
 

@@ -28,9 +28,10 @@ def test_a_transport_delay_is_added_to_the_start_of_each_turn() -> None:
 
 
 def test_the_sentence_has_the_figures() -> None:
-    words = turn_sentence("transport_delay", fitted("transport_delay", delay=0.135), RUNS)
+    words = turn_sentence(turn_with("transport_delay", fitted("transport_delay", delay=0.135), RUNS))
     assert "adds 0.12 s to its start" in words and words.endswith("m off")
-    assert turn_sentence("sensor_scale", fitted("sensor_scale", sensor_scale__gyro=0.1), RUNS) == ""
+    assert turn_with("sensor_scale", fitted("sensor_scale", sensor_scale__gyro=0.1), RUNS) is None
+    assert turn_sentence(None) == ""
 
 
 def test_a_scale_makes_turns_tighter() -> None:

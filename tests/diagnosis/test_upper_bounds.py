@@ -46,7 +46,7 @@ def bounds() -> dict[str, Unseen]:
 def test_the_bound_holds_the_truth() -> None:
     ratio = bounds()["front_rear_stiffness"].up_to["ratio"]
     assert ratio.low is not None and ratio.high is not None and ratio.matters == pytest.approx(exp(0.15))
-    assert 0.6 < ratio.low < exp(HIDDEN)
+    assert 0.5 < ratio.low < exp(HIDDEN)  # each response may be wrong by 2 %
     assert 1.15 < ratio.high < 1.6
 
 

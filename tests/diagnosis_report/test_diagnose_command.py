@@ -46,7 +46,7 @@ def test_the_report_is_written_and_the_summary_printed(
     document = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert [(r["role"], r["name"]) for r in document["recordings"]] == [("fit", "run1"), ("held out", "run4")]
     assert all(len(r["sources"][0]["sha256"]) == 64 for r in document["recordings"])
-    assert document["vehicle"]["file"] == "rover.toml" and document["settings"]["baseline"] == "roll-yaw"
+    assert document["vehicle"]["file"] == "rover.toml" and document["baseline"] == "roll-yaw"
 
 
 def test_doublets_are_held_out_unless_other_runs_are(engine: Engine, asked: RunProgram) -> None:

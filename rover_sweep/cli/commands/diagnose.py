@@ -27,7 +27,11 @@ BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
     metavar="FILE",
     help="Vehicle file (default: the session's, or rover.toml here).",
 )
-@click.option("--baseline", type=click.Choice(BASELINES), help="Baseline model to test (default: roll-yaw).")
+@click.option(
+    "--baseline",
+    type=click.Choice(BASELINES),
+    help="Baseline model to test (default: roll-yaw, or less if the runs do not determine roll or tyres).",
+)
 @click.option(
     "--model",
     "model_file",
@@ -152,6 +156,6 @@ def _settings(
     if model_file and simulated:
         raise UsageError("--model and --simulation are alternatives; give only one of them")
     limit = time_limit_of(time_limit)
-    name, values = nominal_of(Path(model_file), baseline) if model_file else (baseline or "roll-yaw", {})
+    name, values = nominal_of(Path(model_file), baseline) if model_file else (baseline, {})
     chosen, left_out = candidates_left(only, without, None if simulated else name)
     return DiagnosisSettings(name, chosen, left_out, limit, seed, values)

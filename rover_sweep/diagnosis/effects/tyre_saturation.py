@@ -26,18 +26,19 @@ EFFECT = VehicleEffect(
         EffectParameter(
             "mu",
             "-",
-            1.2,
+            2.0,
             0.0,
             6.0,
             "peak side force over the static axle load",
             form="inverse",
-            tolerance=0.25,
+            matters=1.4,  # a peak of 0.7 of the load and more is a normal tyre, the bend of the nominal model
         ),
     ),
     apart="depends on the side force; load transfer depends on a_y squared, a cubic gain on the angle",
     next_run="a sweep of double amplitude, and one at a second speed",
     fills={"mu": "inv_mu"},
     baselines=("roll-yaw", "bicycle"),
+    releases={"bend": (0.0, 0.0)},  # the nominal bend is the beginning of the same law
     signed=False,
     form="tanh",
 )

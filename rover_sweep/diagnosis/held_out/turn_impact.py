@@ -21,6 +21,7 @@ STRAIGHT, LENGTH = 4.0, 16.0  # s before the step, and in total
 LONGEST = 3.0  # s of the turn that is compared
 QUARTER = np.pi / 2
 CLOCKS = ("clock_offset",)  # change the recording, not the rover
+LATER, TIGHTER, ASIDE = 0.01, 0.01, 0.02  # s, relative, and m per m of path: visible on the ground
 
 
 @dataclass(frozen=True)
@@ -39,18 +40,18 @@ class Turn:
     rate: float
     path: float
 
-
-def turn_sentence(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> str:
-    """What one effect of a fitted model does to a turn, in plain figures; "" where it has no part in one.
-
-    used: the runs, for the speed and size of the turn.
-    """
-    turn = turn_with(effect, whole, used)
-    return _turn_words(turn) if turn else ""
+    @property
+    def visible(self) -> bool:
+        """True where a driver would see the change of the turn."""
+        length = self.speed * LONGEST
+        return abs(self.delay) >= LATER or abs(self.rate) >= TIGHTER or self.path >= ASIDE * length
 
 
 def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Turn | None:
-    """The turn with and without the effect, None where it changes nothing in it or belongs to one run."""
+    """The turn with and without the effect, None where it changes nothing in it or belongs to one run.
+
+    used: the runs, for the speed and size of the turn.
+    """
     law = next((e for e in whole.model.structure.effects if e.id == effect), None)
     if law is None or law.in_one_run or effect in CLOCKS:
         return None
@@ -123,8 +124,10 @@ def _place(moved: dict[str, Array], begin: int, end: int) -> Array:
     return np.array([x, y])
 
 
-def _turn_words(turn: Turn) -> str:
-    """The turn in plain figures."""
+def turn_sentence(turn: Turn | None) -> str:
+    """What an effect does to a turn, in plain figures; "" where it has no part in one."""
+    if turn is None:
+        return ""
     changes = []
     if abs(turn.delay) >= 0.005:
         kind = "adds" if turn.delay > 0 else "removes"

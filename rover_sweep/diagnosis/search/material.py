@@ -15,6 +15,7 @@ def material_sizes(effect: Effect, spread: Tolerances) -> dict[str, float]:
     """{parameter: coordinate to exceed}: the effect's own material size, or a tolerance of the rover."""
     moved: Mapping[str, Mapping[str, float]] = {
         "front_rear_stiffness": {"ratio": spread.ratio},
+        "imu_offset": {"x": 2.0 * spread.imu, "z": 2.0 * spread.imu},
         "imu_tilt": {"roll": spread.bias_ay / GRAVITY},
         "steering_trim": {"u0": spread.trim},
         "velocity_lag": {"T": spread.velocity_lag},

@@ -87,6 +87,14 @@ def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) ->
     return tuple(out)
 
 
+def holds_absence(effect: Effect, drawn: list[dict[str, float]]) -> bool:
+    """True where the 90 % interval of each size of the effect holds its absent value."""
+    names = [effect.coordinate_name(p) for p in effect.parameters if p.name != "t"]
+    doubtful = _with_doubt(effect, drawn)
+    ends = [np.percentile([x.get(name, 0.0) for x in doubtful], LEVEL) for name in names]
+    return bool(ends) and all(low <= 0.0 <= high for low, high in ends)
+
+
 def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str, float]]:
     """The draws with the uncertainty that no such recording reduces (`Effect.doubt`) added."""
     random = np.random.default_rng(len(drawn))

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem.model_error import model_error
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, never, problem
 from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
@@ -208,7 +209,7 @@ def round_of(
     plain, closest = fit_with_floor(runs, model, start, near, options.stop if near else never)
     options.progress("measuring what every rover has", 0.3)
     usual = signatures(plain, closest, model, possible(model, runs)[0], tolerances=True)
-    usual += speed_drift(plain, closest)
+    usual += [*speed_drift(plain, closest), *model_error(plain, closest)]
     metric = plain.in_metric(columns(usual, plain.size))
     tolerances = tuple(replace(s, rows=metric.of(s.rows)) for s in usual)
     known = replace(closest, jacobian=metric.of(closest.jacobian))

@@ -65,15 +65,18 @@ class Model:
 
     @property
     def free(self) -> tuple[Coordinate, ...]:
-        """The fitted coordinates: nominal ones (without prior if an effect releases them) and added ones."""
+        """The fitted coordinates: nominal ones (without prior if an effect releases them) and added ones.
+
+        A coordinate that an effect releases to one value only is held there.
+        """
         nominal = self._nominal()
         released = {k: v for e in self.effects for k, v in self._released(form_named(e)).items()}
-        out = [
-            replace(c, low=released[c.name][0], high=released[c.name][1], prior=None)
-            if c.name in released
-            else c
-            for c in nominal
-        ]
+        out = []
+        for c in nominal:
+            if c.name in released:
+                low, high = released[c.name]
+                c = replace(c, low=low, high=high, prior=None, step=c.step if high > low else 0.0)
+            out.append(c)
         for name in self.effects:
             out += added_coordinates(self.law(name))
         return tuple(out)

@@ -7,8 +7,9 @@ never a finding. Positive physical numbers have logarithmic coordinates.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import log, pi
+from math import exp, log, pi
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.tolerances import Tolerances
@@ -69,7 +70,7 @@ def coordinates(
             _log("C", stiffness, "N/rad"),
             _log("Izz", inertia, "kg m^2"),
             Coordinate("ln_ratio", 0.0, -s.ratio, s.ratio, 0.1),
-            Coordinate("bend", s.bend, 0.0, 4 * s.bend, 0.3, 0.6 * s.bend),
+            Coordinate("bend", s.bend, 0.0, 2 * s.bend, 0.3, 0.6 * s.bend),
             Coordinate("track", 0.0, 0.0, 3 * wide, 0.5 * wide, wide),
             Coordinate("da", 0.0, -3 * s.cg, 3 * s.cg, 0.01, s.cg),
         ]
@@ -85,6 +86,19 @@ def coordinates(
             Coordinate("ln_Ixx", 0.0, -3 * s.roll_inertia, 3 * s.roll_inertia, 0.1, s.roll_inertia),
         ]
     return tuple(out)
+
+
+def physical_numbers(x: Mapping[str, float], rover: Geometry) -> dict[str, float]:
+    """{name as in `implausible`: SI value} of the coordinates of a fitted model."""
+    out = {name: exp(x[f"ln_{name}"]) for name in ("Izz", "k_phi") if f"ln_{name}" in x}
+    if "ln_C" in x:
+        half = 0.5 * x.get("ln_ratio", 0.0)
+        out |= {"Cf": exp(x["ln_C"] + half), "Cr": exp(x["ln_C"] - half)}
+    if rover.roll_inertia and "ln_Ixx" in x:
+        out["Ixx"] = rover.roll_inertia * exp(x["ln_Ixx"])
+    if rover.h and "ln_h" in x:
+        out["h"] = rover.h * exp(x["ln_h"])
+    return out | {"steering_scale": 1.0 + x.get("scale", 0.0)}
 
 
 def _log(name: str, start: float, unit: str) -> Coordinate:

@@ -31,7 +31,7 @@ class VehicleNumbers(NamedTuple):
 
     m, ms: mass and sprung mass. h: height of the sprung mass above the roll axis. Ixx, Izz, Ixz: inertia.
     a, b: CG to the front and to the rear axle. Cf, Cr: cornering stiffness. k_phi, b_phi: roll stiffness
-    and damping. g: gravity. bend: fifth-order fall of the tyre force, see `_tyre`. inv_mu: 1 over the peak
+    and damping. g: gravity. bend: third-order fall of the tyre force, see `_tyre`. inv_mu: 1 over the peak
     force per axle load. sigma: relaxation length. k_load: loss of stiffness at a_y = g. e_roll: steering
     angle per roll angle, e_rear the same of the rear axle. T_roll: dry friction torque. ln_width: ln of its
     smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a peak that falls. yaw_damp [N m s] and
@@ -72,11 +72,11 @@ AT = VehicleNumbers(*range(len(VehicleNumbers._fields)))  # index of each number
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _tyre(alpha, c, load, inv_load, inv_mu, half_bend, form):  # type: ignore[no-untyped-def]
-    """Side force [N]: -C alpha, less from the fifth order on (bend), saturating by a form (inv_mu)."""
+def _tyre(alpha, c, load, inv_load, inv_mu, bend, form):  # type: ignore[no-untyped-def]
+    """Side force [N]: -C alpha, less from the third order on (bend), saturating by a form (inv_mu)."""
     force = -c * alpha
-    square = (force * inv_load) * (force * inv_load)
-    force = force / sqrt(1.0 + half_bend * square * square)
+    share = force * inv_load
+    force = force / sqrt(1.0 + bend * share * share)
     if inv_mu > 1e-9:
         top = load / inv_mu
         if form == 1.0:
@@ -109,7 +109,7 @@ def _constants(q, roll):  # type: ignore[no-untyped-def]
     inv_j = 1.0 / j if roll else 0.0  # 0 where the vehicle file has no roll
     spring, inv_width = ms * g * h - q[AT.k_phi], 1.0 / (SGN_WIDTH * exp(q[AT.ln_width]))
     body = a, b, 1.0 / m, inv_izz, ixz, hm, twist, inv_j, spring, q[AT.b_phi], q[AT.T_roll], inv_width
-    tyres = q[AT.Cf], q[AT.Cr], load_f, load_r, 1.0 / load_f, 1.0 / load_r, q[AT.inv_mu], 0.5 * q[AT.bend]
+    tyres = q[AT.Cf], q[AT.Cr], load_f, load_r, 1.0 / load_f, 1.0 / load_r, q[AT.inv_mu], q[AT.bend]
     laws = q[AT.tyre_form], q[AT.k_load], q[AT.e_roll], q[AT.e_rear], q[AT.compliance], q[AT.track]
     return body, tyres, laws, (q[AT.yaw_damp], q[AT.yaw_damp_v], q[AT.sigma])
 
@@ -168,7 +168,7 @@ def _slope(c, given, x, shifted, roll, relaxed):  # type: ignore[no-untyped-def]
     shifted: lateral acceleration over g at the begin of the step, by which load has moved.
     """
     a, b, inv_m, inv_izz, ixz, hm, twist, inv_j, spring, b_phi, t_roll, inv_width = c[0]
-    stiff_f, stiff_r, load_f, load_r, inv_load_f, inv_load_r, inv_mu, half_bend = c[1]
+    stiff_f, stiff_r, load_f, load_r, inv_load_f, inv_load_r, inv_mu, bend = c[1]
     form, k_load, e_roll, e_rear, compliance, track = c[2]
     yaw_damp, yaw_damp_v, sigma = c[3]
     v, r, phi, p, lag_f, lag_r = x
@@ -184,8 +184,8 @@ def _slope(c, given, x, shifted, roll, relaxed):  # type: ignore[no-untyped-def]
     if compliance != 0.0:
         # the force that takes the angle away, by linear tyres: F = -C (alpha + compliance F)
         alpha_f -= compliance * cf * alpha_f / (1.0 + compliance * cf)
-    front = _tyre(alpha_f, cf, load_f, inv_load_f, inv_mu, half_bend, form)
-    rear = _tyre(alpha_r, cr, load_r, inv_load_r, inv_mu, half_bend, form)
+    front = _tyre(alpha_f, cf, load_f, inv_load_f, inv_mu, bend, form)
+    rear = _tyre(alpha_r, cr, load_r, inv_load_r, inv_mu, bend, form)
     df = drear = 0.0
     if relaxed:
         rate = min(forward / sigma, FASTEST)

@@ -1,0 +1,125 @@
+"""`python -m tests.diagnosis.healthy`: healthy rovers of three sizes, diagnosed; nothing may be named.
+
+The simulated rover of `sitl`, as delivered and 1.6 and 2.6 times as long, each with other tyres, springs,
+servo and noise, drives two default sweeps and a doublet with the steering and speed of committed recordings.
+Its owner has measured it without an error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import rover_sweep as rs
+from sitl.plant.variant import PlantParameters, load_variant
+from tests.comparison.pairs import drive
+
+NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
+RUNS = tuple(NOMINAL / f"{run}.BIN" for run in ("run1", "run2", "run4"))  # 120 us, 240 us, doublet
+LENGTHS = (1.0, 1.6, 2.6)  # times the nominal rover: about 3, 11 and 47 kg
+VARIED = (
+    "front_cornering_stiffness",
+    "rear_cornering_stiffness",
+    "yaw_inertia",
+    "roll_stiffness",
+    "roll_damping",
+    "servo_lag",
+    "friction",
+)
+TRUE = {"Izz": "yaw_inertia", "k_phi": "roll_stiffness", "b_phi": "roll_damping"}
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A healthy rover's diagnosis. inside: {parameter: the printed interval holds the truth}."""
+
+    seed: int
+    length: float
+    verdict: str
+    names: tuple[str, ...]
+    inside: dict[str, bool]
+    seconds: float
+
+
+def healthy_rover(seed: int) -> tuple[float, PlantParameters]:
+    """(times the nominal length, the rover): alike in shape, density and gravity, then varied."""
+    random = np.random.default_rng(seed)
+    s = LENGTHS[seed % len(LENGTHS)]
+    rover = load_variant("nominal")
+    powers = {  # of the length
+        3.0: ("mass", "sprung_mass", "front_cornering_stiffness", "rear_cornering_stiffness"),
+        1.0: ("cg_to_front_axle", "cg_to_rear_axle", "cg_height_above_roll_centre"),
+        5.0: ("yaw_inertia", "roll_inertia"),
+        4.0: ("roll_stiffness", "road_yaw_moment", "road_roll_moment"),
+        4.5: ("roll_damping",),
+    }
+    large = {name: getattr(rover, name) * s**power for power, names in powers.items() for name in names}
+    large |= {name: getattr(rover, name) * s**3 for name in ("drive_force_limit", "road_force")}
+    large["imu_position"] = tuple(s * x for x in rover.imu_position)
+    rover = replace(rover, **large)
+    return s, replace(rover, **{name: getattr(rover, name) * random.uniform(0.9, 1.15) for name in VARIED})
+
+
+def exact_vehicle_file(rover: PlantParameters) -> str:
+    """The rover's own numbers as a vehicle file."""
+    measured = (
+        "mass",
+        "sprung_mass",
+        "cg_to_front_axle",
+        "cg_to_rear_axle",
+        "cg_height_above_roll_centre",
+        "roll_inertia",
+        "yaw_inertia",
+    )
+    lines = ["[vehicle]", 'name = "healthy"', *(f"{name} = {getattr(rover, name)!r}" for name in measured)]
+    lines += ["[steering]", f"trim_us = {rover.steering_trim_us}", f"rad_per_us = {rover.rad_per_us!r}"]
+    return "\n".join([*lines, "[imu]", f"position = {list(rover.imu_position)}", ""])
+
+
+def examined(seed: int) -> Examined:
+    """One rover, driven and diagnosed."""
+    length, rover = healthy_rover(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        logs = drive(rover, RUNS, Path(folder) / "runs", 1000 * seed)
+        vehicle = Path(folder) / "rover.toml"
+        vehicle.write_text(exact_vehicle_file(rover))
+        runs = rs.read(*map(str, logs[:2]), vehicle=vehicle)
+        held_out = rs.read(str(logs[2]), vehicle=vehicle)
+        started = time.monotonic()
+        found = rs.diagnose(runs, held_out)
+    true = {name: getattr(rover, field) for name, field in TRUE.items()}
+    true["C"] = float(np.sqrt(rover.front_cornering_stiffness * rover.rear_cornering_stiffness))
+    inside = {v.name: (v.low or 0.0) <= true[v.name] <= (v.high or np.inf) for v in found.parameters}
+    names = tuple(f.effect for f in found.findings)
+    return Examined(seed, length, found.verdict, names, inside, time.monotonic() - started)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.diagnosis.healthy", description=__doc__)
+    parser.add_argument("--rovers", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first rover")
+    parser.add_argument("--jobs", type=int, default=1)
+    args = parser.parse_args()
+    every = []
+    with ProcessPoolExecutor(args.jobs) as pool:
+        for one in pool.map(examined, range(args.first, args.first + args.rovers)):
+            every.append(one)
+            missed = [name for name, inside in one.inside.items() if not inside]
+            print(
+                f"{one.seed:4d} {one.length:.1f} {one.verdict}: {', '.join(one.names) or '-'}"
+                f"  outside their intervals: {', '.join(missed) or '-'}  {one.seconds:.0f} s",
+                flush=True,
+            )
+    print(f"named {sum(bool(one.names) for one in every)} of {len(every)}")
+    for name in (*TRUE, "C"):
+        print(f"{name} inside {sum(one.inside[name] for one in every)} of {len(every)}")
+
+
+if __name__ == "__main__":
+    main()
