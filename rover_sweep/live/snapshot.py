@@ -77,7 +77,8 @@ class ResponseCurve:
 class Verdict:
     """The verdict on a run. sentence: what to do and why, in plain words; amplitude: proposed for the
     next one [us], None where this one's will do. per_band: amplitudes proposed band by band,
-    (low, high [rad/s], us). source: the recording that was judged. curves: what was measured, to draw it."""
+    (low, high [rad/s], us). source: the recording that was judged. curves: what was measured, to draw it.
+    throttle: (that of the run, the lower one proposed) [us], None where it was not too high."""
 
     run: str
     advice: Advice
@@ -88,3 +89,4 @@ class Verdict:
     source: Path | None = None
     remarks: tuple[str, ...] = ()
     curves: tuple[ResponseCurve, ...] = ()
+    throttle: tuple[int, int] | None = None

@@ -20,17 +20,17 @@ from textual.reactive import reactive
 
 from rover_sweep.live.source import Connect, DriveRequest, Ended, Fix, Preflight, Request, Several, Source
 from rover_sweep.session.session import SessionRun
-from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
 from rover_sweep.tui.drawn.question import Question
 from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.jobs.desk import Desk, command_inputs
 from rover_sweep.tui.model.connections import ConnectionChoice, places, with_systems
+from rover_sweep.tui.model.consent import question_before
 from rover_sweep.tui.model.feed import Feed
-from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, ground, with_names
+from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, with_names
 from rover_sweep.tui.model.setup import Setup, recall, remember, serial_ports, with_url
 from rover_sweep.tui.model.state import Asked, RunRecord, State, reduce
-from rover_sweep.vehicle.events import RunFinished, RunStarted
+from rover_sweep.vehicle import events as e
 
 
 class Arrived(Message):
@@ -96,11 +96,11 @@ class SessionApp(App[None]):
             self.turn_to("preflight", ("connect",))
         elif isinstance(message, Several):
             self.places = with_systems(self.places, message.url, message.heard)
-        elif isinstance(message, RunStarted):
+        elif isinstance(message, e.RunStarted):
             self.turn_to("run", ("plan", "verdict"))
         elif isinstance(message, Ended) and isinstance(message.request, Fix) and not message.failure:
             self.ask(Preflight())
-        elif isinstance(message, RunFinished):
+        elif isinstance(message, e.RunFinished):
             self.chosen = self._first_left()
         elif self.state.verdict is not before.verdict and self.state.verdict is not None:
             self.turn_to("verdict", ("run",))
@@ -144,24 +144,33 @@ class SessionApp(App[None]):
         return self._speed if self.state.driving else math.nan
 
     def drive_next(self) -> None:
-        """Drive the chosen row; asks first if this program arms or throws the switch."""
+        """Drive the chosen row; asks first if this program arms or throws the switch, or if it is kept."""
         row = self.next_row
         if row is None or not self.may_drive:
             return
-        own = self.setup.own_part
-        if not own:
+        question = question_before(row, self.setup, self.state)
+        if not question:
             self._drive(row)
             return
-        question = (
-            f"{row.name}: {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s, "
-            f"{labels.seconds(row.manoeuvre.duration)}{ground(row, self.setup.vehicle)}.\n\n"
-            f"This program {', '.join(own)}.\n\nIs the area clear of people and obstacles?"
-        )
-        self.push_screen(Question(question, "start the run"), partial(self._consented, row))
+        self.push_screen(Question(question, "start the run"), partial(self._consented, row, self.setup))
 
-    def _consented(self, row: Row, yes: bool | None) -> None:
-        if yes and self.may_drive:
+    def _consented(self, row: Row, asked: Setup, yes: bool | None) -> None:
+        if yes and self.may_drive and self.setup is asked:  # a yes is to what the question named
             self._drive(row)
+
+    def can_lower_throttle(self, run: RunRecord | None) -> bool:
+        """True if the run was too fast with the throttle that is still set."""
+        step = run.verdict.throttle if run and run.verdict else None
+        return step is not None and step[0] == self.setup.settings.throttle_us and not self.state.under_way
+
+    def lower_throttle(self, run: RunRecord) -> None:
+        """Set the throttle of the next runs to what the run's verdict proposes; drives nothing."""
+        if self.can_lower_throttle(run) and run.verdict and run.verdict.throttle:
+            driven, lower = run.verdict.throttle
+            settings = replace(self.setup.settings, throttle_us=lower)
+            self.setup = replace(self.setup, settings=settings)
+            words = f"throttle lowered from {driven} to {lower} us for the next runs; G asks before each"
+            self.state = reduce(self.state, e.Notice("info", words))
 
     def _drive(self, row: Row) -> None:
         self._speed = row.speed
@@ -217,8 +226,8 @@ class SessionApp(App[None]):
         """True if the session has the recordings or the report that the command needs."""
         folder = self.setup.folder
         ready = folder is not None and self.setup.vehicle_path is not None
-        if kind == "gains":
-            return ready and self.desk.report() is not None
+        if kind == "gains":  # from the rover's present parameters, which its log has
+            return ready and bool(self.state.logs) and self.desk.report() is not None
         return ready and folder is not None and bool(command_inputs(self.state, folder))
 
     def analyse(self, kind: str, chosen: AnalysisJob | None = None) -> None:

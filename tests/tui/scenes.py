@@ -27,7 +27,9 @@ from textual.pilot import Pilot
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Played, Preflight, Update
+from rover_sweep.live.verdict.stopped import stopped_verdict
 from rover_sweep.manoeuvre.sweep import ThrottleSweep
+from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.app import SweepApp
 from rover_sweep.tui.jobs.analysis import AnalysisJob
 from rover_sweep.tui.model.setup import Setup
@@ -43,6 +45,12 @@ Step = str | Sequence[Update]  # a key, or what the source tells
 
 _READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
 _DRIVEN: tuple[Step, ...] = (*_READY, "3", "g", under_way())
+FAST: tuple[Update, ...] = (
+    e.RunFinished("sweep1", False, "speed 4.0 > 4 m/s", TLOG, (4.0, 20.0), 1, ()),
+    snapshot(20.0, state=0, state_name="idle", armed=False, switch=1000.0, speed=0.1),
+    Ended(drive(settings=OWN)),
+    Judged(stopped_verdict(SessionRun("sweep1", SWEEP, 2.0), "speed 4.0 > 4 m/s", TLOG, 1710, 1500)),
+)
 _KEEP = Verdict("sweep1", "keep", "keep: coherence >= 0.6 over 0.3-25 rad/s", VERDICT.bands[:4])
 _ASKED: tuple[Step, ...] = (*_READY, "3", "g", [e.RunStarted("sweep1", SWEEP, TLOG)])
 _THROTTLE = [
@@ -97,6 +105,12 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
 OWN_SCENES: Mapping[str, tuple[Step, ...]] = {
     "run-consent": (*_READY, "3", "g"),
     "run-throttle-consent": (*_READY, "3", "h", "g"),
+    "run-kept-consent": (
+        *(*_READY, "3", "g", "y", under_way()),
+        [*finished()[:3], Ended(drive(settings=OWN)), Judged(_KEEP)],
+        *("3", "up", "g"),
+    ),
+    "verdict-too-fast": (*_READY, "3", "g", "y", [*under_way(), *FAST], "5"),
 }
 
 JOBS = (
@@ -190,4 +204,4 @@ def all_scenes() -> dict[str, tuple[Sequence[Step], Setup]]:
     }
 
 
-__all__ = ["OWN", "ROVER", "SCENES", "SETUP", "WORKED_OUT", "all_scenes", "playing"]
+__all__ = ["FAST", "OWN", "ROVER", "SCENES", "SETUP", "WORKED_OUT", "all_scenes", "playing"]

@@ -14,6 +14,7 @@ from rover_sweep.live.snapshot import Verdict
 from rover_sweep.live.source import Checked, DriveRequest, Fix, Update
 from rover_sweep.live.vehicle.background import Background
 from rover_sweep.live.vehicle.stop import Aborted
+from rover_sweep.live.verdict.stopped import stopped_verdict, too_fast
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.folder import Session
@@ -35,6 +36,7 @@ from rover_sweep.vehicle.logs.download import MavlinkLogs
 from rover_sweep.vehicle.parameters.read_write import read_parameter, read_present
 from rover_sweep.vehicle.preflight.all_checks import preflight, remedy
 from rover_sweep.vehicle.preflight.item import Check
+from rover_sweep.vehicle.run.controls import find_channels
 
 # Of what only a screen needs [Hz]; the runs' streams are `IDENTIFICATION_RATES`.
 _SCREEN_RATES = {"SYS_STATUS": 1.0, "GPS_RAW_INT": 2.0, "EKF_STATUS_REPORT": 2.0}
@@ -104,9 +106,9 @@ class VehicleWork:
             else:
                 self._background.judge(tlog, ended.span, planned.name, self.session.vehicle_file)
             return
-        reason = "aborted" if ended is None else ended.reason
-        sentence = f"it did not come to its end ({reason}): drive it again"
-        self._background.tell(tlog, Verdict(planned.name, "repeat", sentence, source=tlog))
+        reason, throttle = "aborted" if ended is None else ended.reason, settings.throttle_us
+        neutral = _neutral(link) if throttle is not None and too_fast(reason) else None
+        self._background.tell(tlog, stopped_verdict(planned, reason, tlog, throttle, neutral))
         if ended is None:
             raise Aborted
 
@@ -147,3 +149,10 @@ class VehicleWork:
 
     def _loop_rate(self, link: Link) -> float:
         return read_parameter(link, "SCHED_LOOP_RATE")
+
+
+def _neutral(link: Link) -> int | None:
+    """The trim of the throttle [us], None if the rover no longer tells it."""
+    with contextlib.suppress(LinkError):
+        return find_channels(link).throttle_trim
+    return None

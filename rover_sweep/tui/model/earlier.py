@@ -72,6 +72,7 @@ def _verdict(saved: Mapping[str, Any] | None) -> Verdict | None:
             tuple((float(a), float(b), float(c)) for a, b, c in saved.get("per_band") or ()),
             remarks=tuple(str(remark) for remark in saved.get("remarks") or ()),
             curves=tuple(_curve(**curve) for curve in saved.get("curves") or ()),
+            throttle=_step(*saved["throttle"]) if saved.get("throttle") else None,
         )
     except (KeyError, TypeError, ValueError, OverflowError):
         return None
@@ -79,6 +80,10 @@ def _verdict(saved: Mapping[str, Any] | None) -> Verdict | None:
 
 def _band(response: str, low: float, high: float, coherence: float, words: str) -> CoherenceBand:
     return CoherenceBand(str(response), float(low), float(high), float(coherence), str(words))
+
+
+def _step(driven: int, proposed: int) -> tuple[int, int]:
+    return int(driven), int(proposed)
 
 
 def _curve(response: str, steering: str = "us", **numbers: list[float]) -> ResponseCurve:

@@ -10,6 +10,7 @@ from textual.binding import Binding
 
 from rover_sweep.tui.drawn import labels
 from rover_sweep.tui.drawn.drawing import ScreenRows, cells, window
+from rover_sweep.tui.model.consent import driven_for
 from rover_sweep.tui.model.plan_rows import SPEED, Row, largest, needs, new
 from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.edit import EditRow
@@ -175,10 +176,9 @@ class PlanScreen(SessionScreen):
 
 def last_outcome(row: Row, runs: tuple[RunRecord, ...]) -> str:
     """The outcome of a row's latest run, and the number of earlier runs."""
-    mine = [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
     outcomes = [
         " ".join(labels.ADVICE[run.verdict.advice] if run.verdict else labels.OUTCOMES[run.outcome])
-        for run in reversed(mine)
+        for run in reversed(driven_for(row, runs))
     ]
     before = f" ({len(outcomes) - 1} before)" if len(outcomes) > 1 else ""
     return f"{outcomes[0]}{before}" if outcomes else ""

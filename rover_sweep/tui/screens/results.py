@@ -73,10 +73,14 @@ class ResultsScreen(SessionScreen):
             return "No complete run yet: nothing to identify."
         if self.session.setup.vehicle_path is None:
             return "No vehicle file: quit and start again with --vehicle rover.toml to identify here."
-        logs = "" if self.state.logs else " (from telemetry; press 6 and L to fetch the log)"
         report = self.session.desk.report(self.job)
-        gains = f"; S computes gains from {report.name}" if report else ""
-        return f"I identifies, D diagnoses {', '.join(whole)}{logs}{gains}"
+        gains = f"S computes gains from {report.name}" if report else ""
+        if self.state.logs:
+            more = f"; {gains}" if gains else ""
+        else:
+            then = f", then {gains}" if gains else ""
+            more = f" (from telemetry; press 6 and L to fetch the log{then})"
+        return f"I identifies, D diagnoses {', '.join(whole)}{more}"
 
     def _about(self, rows: ScreenRows, job: AnalysisJob) -> None:
         palette = self.palette

@@ -25,13 +25,14 @@ _WAITING = {
 
 
 class VerdictScreen(SessionScreen):
-    """W adds a repeat with the proposed amplitude to the plan; B draws what was measured."""
+    """W adds a repeat with the proposed amplitude to the plan, T lowers the throttle; B draws responses."""
 
     view = "verdict"
     repeats_messages = False
     BINDINGS = [
         Binding("g", "go", "drive the next"),
         Binding("w", "take", "plan the repeat"),
+        Binding("t", "lower", "lower the throttle"),
         Binding("b", "bode", "Bode"),
         Binding("up", "other(-1)", "other response"),
         Binding("down", "other(1)", "other response"),
@@ -84,14 +85,22 @@ class VerdictScreen(SessionScreen):
             return ""
         verdict, row = run.verdict, self.session.next_row
         again = f"W plans a repeat with {verdict.amplitude:.0f} us. " if verdict and verdict.amplitude else ""
+        if verdict is not None and verdict.throttle and self.session.can_lower_throttle(run):
+            again = f"T lowers the throttle to {verdict.throttle[1]} us; then G asks and drives it again. "
         if verdict is not None and verdict.advice != "keep" and again:
             return again
         if row is None:
             first = "disarm, then " if self.state.armed else ""
             return f"{again}The plan is complete: {first}6 fetches the logs, 7 identifies, 3 plans more."
         return (
-            f"{again}Next: {row.name}, {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s (G drives it)."
+            f"{again}Next: {row.name}, {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s"
+            f"{self._throttle()} (G drives it)."
         )
+
+    def _throttle(self) -> str:
+        """With which throttle this program drives, as part of a sentence; "" if the pilot does."""
+        us = self.session.setup.settings.throttle_us
+        return "" if us is None else f" with throttle {us} us"
 
     def _advice(self, rows: ScreenRows, run: RunRecord) -> None:
         verdict, palette = run.verdict, self.palette
@@ -133,9 +142,15 @@ class VerdictScreen(SessionScreen):
         if self.run_shown is not None:
             self.session.plan_repeat(self.run_shown)
 
+    def action_lower(self) -> None:
+        if self.run_shown is not None:
+            self.session.lower_throttle(self.run_shown)
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "go":
             return self.session.may_drive
+        if action == "lower":
+            return self.session.can_lower_throttle(self.run_shown)
         if action == "take":
             return self.run_shown is not None and self.run_shown.verdict is not None
         if action in ("bode", "other"):
