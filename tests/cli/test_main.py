@@ -248,6 +248,12 @@ def test_vehicle_example_and_check(tmp_path: Path, capsys: pytest.CaptureFixture
     wrong.write_text("[vehicle]\nmas = 2\n")
     assert main.run(["vehicle", "check", str(wrong)]) == 2
     assert "did you mean mass?" in capsys.readouterr().err
+    wrong.write_text(example().replace("mass = { value = 2.66,", "mass = { value = 26.6,"))
+    assert main.run(["vehicle", "check", str(wrong)]) == 2
+    out, err = capsys.readouterr()
+    assert "sufficient" not in out
+    assert "the vehicle file is implausible: sprung mass / mass is 0.09 (plausible: 0.4 to 1)" in err
+    assert "Check mass first" in err
 
 
 def test_vehicle_check_says_which_models_lack_what(

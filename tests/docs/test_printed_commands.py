@@ -48,7 +48,6 @@ LONG = (
     "rover-sweep plan",
     "rover-sweep batch",
     "rover-sweep gains dry-run/report",
-    "rover-sweep gains today/report",
     "cp -r dry-run today",
     "for n in 1 2 3 4; do rover-sweep redrive",
     "rover-sweep identify run1.BIN+run1.tlog",
