@@ -134,14 +134,10 @@ def accuracy(structure: ModelStructure, conditions: Sequence[Condition]) -> tupl
     H is the Hessian of the SUM of the costs, 2 Jac^T Jac near the optimum.
     """
     theta = np.abs([p.value for p in structure.free])
-    jac = np.concatenate([jacobian(structure, c) for c in conditions]) * theta
-    hessian = 2 * jac.T @ jac
-    with np.errstate(divide="ignore", invalid="ignore"):
-        insensitivity = 1 / np.sqrt(np.diag(hessian))
-        try:
-            bound = 2 * np.sqrt(np.abs(np.diag(np.linalg.inv(hessian))))
-        except np.linalg.LinAlgError:
-            bound = np.full(theta.size, np.inf)
+    jac = np.concatenate([jacobian(structure, c) for c in conditions])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        insensitivity = 1 / np.sqrt(2 * np.sum(jac**2, axis=0)) / theta
+        bound = np.sqrt(np.diag(covariance(structure, conditions))) / theta
     return 100 * bound, 100 * insensitivity
 
 

@@ -21,6 +21,7 @@ from rover_sweep.spectra.response import Band
 from rover_sweep.spectra.windowed import Complex
 
 MAX_STEPS = 8  # most Gauss-Newton steps of a replicate
+TINY = 1e-300  # of a positive parameter without a lower bound
 CONVERGED = 1e-6  # of the cost: converged when the predicted gain of a step is smaller
 
 
@@ -105,7 +106,11 @@ def _refit(expansion: _Expansion, bands: Sequence[Band], rows: np.ndarray) -> Ar
     x, residual = np.zeros((rows.size, expansion.start.size)), data.copy()
     moving = np.arange(rows.size)
     for _ in range(MAX_STEPS):
-        step, gain = _step(model.sensitivities(x[moving]), weight[moving], residual[moving])
+        slope = model.sensitivities(x[moving])
+        step, _ = _step(slope, weight[moving], residual[moving])
+        # a parameter at its bound that the step would push beyond stays there, and no longer counts
+        blocked = (step != 0) & (expansion.within_bounds(x[moving] + step) == x[moving])
+        step, gain = _step(np.where(blocked[:, None, :], 0.0, slope), weight[moving], residual[moving])
         x[moving] = expansion.within_bounds(x[moving] + step)
         cost = np.sum(weight[moving] * residual[moving] ** 2, axis=1)
         moving = moving[~(gain <= CONVERGED * cost)]
@@ -150,9 +155,12 @@ class _Expansion:
 
     def within_bounds(self, x: Array) -> Array:
         """x (..., n_free), clipped to the parameters' bounds."""
-        small = np.where(self.log, np.clip(x, -50, 50), x)
-        theta = np.clip(self.theta(small), self.lower, self.upper)
-        return np.where(self.log, np.log(np.where(self.log, theta / self.start, 1.0)), theta - self.start)
+        start = np.where(self.log, self.start, 1.0)
+        low, high = (
+            np.where(self.log, np.log(np.maximum(bound, TINY) / start), bound - self.start)
+            for bound in (self.lower, self.upper)
+        )
+        return np.clip(x, low, high)
 
     def at(self, x: Array) -> ModelStructure:
         """The structure at x (n_free,)."""
