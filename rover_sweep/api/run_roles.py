@@ -55,17 +55,23 @@ def doublets_apart(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tu
 
 def refuse_without_sweep(runs: Sequence[Recording]) -> None:
     """DataRefused where no run can be fitted, because all are doublets or have no excitation."""
+    if why := why_not_fitted(runs):
+        raise DataRefused(why)
+
+
+def why_not_fitted(runs: Sequence[Recording]) -> str:
+    """A sentence on why no run can be fitted, "" if one can."""
     others, doublets = doublets_apart(runs)
     if not runs or not all(map(is_unexcited, others)):
-        return
+        return ""
     names = ", ".join(run.name for run in doublets or others)
     if doublets:
         are = "is a doublet" if len(doublets) == 1 else "are doublets"
-        raise DataRefused(
+        return (
             f"{names} {are}; a sweep is needed: a doublet verifies a model, but it excites too few "
             "frequencies to fit one; give a sweep too"
         )
-    raise DataRefused(
+    return (
         f"no steering excitation in {names}: the steering is constant; drive a sweep, or give the column of "
         "the steering command"
     )

@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.certainty import probability
 from rover_sweep.diagnosis.choose import ANSWER_FROM, Choice, Named, choose, without_name
@@ -50,6 +49,7 @@ from rover_sweep.diagnosis.search.parameter_intervals import (
     draw_coordinates,
     effect_values,
     holds_absence,
+    implausible_numbers,
     nominal_values,
 )
 from rover_sweep.diagnosis.search.rounds import Options
@@ -61,7 +61,6 @@ from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.first_use import COMPILING, must_compile
-from rover_sweep.diagnosis.simulation.nominal import physical_numbers
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
 from rover_sweep.diagnosis.unexplained.modelled import in_model, with_laws_of
 from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unknown_place
@@ -242,8 +241,7 @@ def _answer(
     if not choice.stopped:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     withdrawn = () if choice.exceeded else choice.withdrawn
-    rover = last.model.rover
-    absurd = implausible(rover, physical_numbers(last.fitted.x, rover))
+    absurd = implausible_numbers(last, drawn)
     measure = absurd if choice.stopped else (*absurd, *at_the_end(last.problem, last.fitted))
     compared = {run.run.name: worse_channels(run, models.nominal, models.full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}

@@ -64,7 +64,7 @@ def test_a_file_without_bench_values_changes_nothing(monkeypatch: pytest.MonkeyP
         raise KeyboardInterrupt
 
     monkeypatch.setattr("rover_sweep.diagnosis.diagnose.diagnose", seen)
-    settings = DiagnosisSettings(without_effects=("roll_steer",))
+    settings = DiagnosisSettings("roll-yaw", without_effects=("roll_steer",))
     with pytest.raises(KeyboardInterrupt):
         diagnosed(material([one], []), vehicle, settings)
     assert asked[0][0][0] is one

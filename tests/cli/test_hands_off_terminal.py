@@ -77,8 +77,8 @@ def test_a_hostile_vehicle_that_is_driven(hostile: str, run_program: RunProgram,
         str(tmp_path / "out"),
         "--vehicle",
         ROVER,
-        "--doublet",
-        "150",
+        "--sweep",
+        "120,2,20,10",
         *DRIVEN,
     )
     assert done.code == 0, done.err

@@ -51,6 +51,22 @@ def test_runs_are_driven_judged_fetched_and_identified(
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_a_doublet_alone_is_recorded_and_not_identified(
+    ready: launcher.Running, run_program: RunProgram, tmp_path: Path
+) -> None:
+    out = tmp_path / "doublet"
+    done = run_program(
+        *("run", "--connect", ready.connection, "--vehicle", ROVER, "--out", str(out)),
+        "--doublet",
+        "150",
+        *DRIVEN,
+    )
+    assert done.code == 0, done.err
+    said = " ".join(done.err.split())
+    assert "nothing is identified: doublet is a doublet; a sweep is needed" in said and "doublet.tlog" in said
+    assert (out / "doublet.tlog").stat().st_size > 1000 and not (out / "report").exists()
+
+
 def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
     run_program: RunProgram, ready: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

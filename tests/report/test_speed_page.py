@@ -87,8 +87,8 @@ def test_without_a_law_the_page_says_why(speed: SpeedIdentification, tmp_path: P
 def test_steering_runs_in_the_same_folder_add_their_limits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    steered = DATA / "ardurover-4.6.3" / "nominal" / "run1.BIN"
-    given = [str(steered), str(SWEEP), "--vehicle", str(DATA / "rover.toml"), "--models", "bicycle"]
+    steered = [str(DATA / "ardurover-4.6.3" / "nominal" / f"run{n}.BIN") for n in (1, 4)]  # and a doublet
+    given = [*steered, str(SWEEP), "--vehicle", str(DATA / "rover.toml"), "--models", "bicycle"]
     assert run(["identify", *given, "--bootstrap", "0", "--out", str(tmp_path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["format"] == "rover-sweep identification"
     html = (tmp_path / "speed.html").read_text()

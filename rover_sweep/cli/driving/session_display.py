@@ -148,10 +148,10 @@ def identify_session(
 ) -> None:
     """Identify from the complete runs of a session, verify on its doublets, write its report/.
 
-    Throttle sweeps become speed.html and speed.json in it; as_json prints the latter only if there are
-    no other runs.
+    Without a sweep there is nothing to identify: the recordings are kept, and a sentence says so. Throttle
+    sweeps become speed.html and speed.json in it; as_json prints the latter only if there are no other runs.
     """
-    from rover_sweep.api.run_roles import divided
+    from rover_sweep.api.run_roles import divided, why_not_fitted
     from rover_sweep.api.speed import throttle_sweeps
     from rover_sweep.cli.driving.show_identified import show_identified
     from rover_sweep.cli.driving.show_speed import add_steering, show_speed
@@ -168,6 +168,9 @@ def identify_session(
     runs = complete_runs(session, rover[0])
     for words in origin_words(session.folder, runs):
         narration().print(words, markup=False, soft_wrap=True)
+    if not as_json and (why := why_not_fitted(runs)):
+        narration().print(f"nothing is identified: {why}; {_kept(session.folder, list(session.runs))}")
+        return
     sweeps, doublets = divided(runs)
     show_identified(sweeps, doublets, rover, Settings(bootstrap=200), report, as_json, full, more)
     add_steering(speed, report)

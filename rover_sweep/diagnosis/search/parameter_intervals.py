@@ -15,16 +15,18 @@ from math import exp
 
 import numpy as np
 
+from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.search.rounds import Round
-from rover_sweep.diagnosis.simulation.nominal import Coordinate
+from rover_sweep.diagnosis.simulation.nominal import Coordinate, physical_numbers
 
 DRAWS = 400
 LEVEL = (5.0, 95.0)  # percent
+SURE = 0.95  # share of the draws that are implausible, from which a number is
 OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
 UNBOUNDED = 1e9  # value of a limit or cut-off that the data do not show
 SCANNED = 0.02  # relative standard deviation of a size that was scanned in steps of 2.5 %
@@ -93,6 +95,18 @@ def holds_absence(effect: Effect, drawn: list[dict[str, float]]) -> bool:
     doubtful = _with_doubt(effect, drawn)
     ends = [np.percentile([x.get(name, 0.0) for x in doubtful], LEVEL) for name in names]
     return bool(ends) and all(low <= 0.0 <= high for low, high in ends)
+
+
+def implausible_numbers(last: Round, drawn: list[dict[str, float]]) -> tuple[str, ...]:
+    """Sentences on the numbers that are implausible whatever the runs leave open, and on the vehicle file."""
+    rover = last.model.rover
+    every = [physical_numbers(x, rover) for x in drawn]
+    sure = {
+        name: value
+        for name, value in physical_numbers(last.fitted.x, rover).items()
+        if np.mean([bool(implausible(rover, {name: one[name]})) for one in every]) >= SURE
+    }
+    return implausible(rover, sure)
 
 
 def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str, float]]:
