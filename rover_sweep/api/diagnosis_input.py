@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ NOTHING_HELD_OUT = (
     "no run was held out, so the result is not tested on other data: drive a doublet or one more sweep, "
     "and give it with --hold-out"
 )
+MORE_COMPLETE: Mapping[str, Baseline] = {"tyre_slip": "bicycle", "roll_dof": "roll-yaw"}  # with the effect
 Progress = Callable[[str, float], None]
 Stop = Callable[[], bool]
 
@@ -99,10 +101,15 @@ def diagnosed(
     try:
         given, left_out = _sound(given)
         rover, groups = geometry_of(vehicle), grouped(given.runs, Settings())
-        if settings.baseline is None and not given.simulated:
+        own = settings.baseline is not None or bool(given.simulated)
+        if not own:
             settings, simpler = _with_baseline(settings, groups, rover)
         misplaced = wrong_place_in(groups, rover, settings.baseline or "")
-        found = diagnose(given.runs, rover, settings, given.held_out, given.simulated, progress, stop, groups)
+        asked = partial(diagnose, given.runs, rover, held_out_runs=given.held_out, simulated=given.simulated)
+        found = asked(settings, progress=progress, stop=stop, groups=groups)
+        while not own and (more := _more_complete(found)):
+            settings, simpler = replace(settings, baseline=more), ""
+            found = asked(settings, progress=progress, stop=stop, groups=groups)
     except DataRefused as error:
         found = _refused(str(error), given, settings, time.monotonic() - started)
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
@@ -129,6 +136,14 @@ def _with_baseline(
     candidates_left(settings.with_effects, settings.without_effects, baseline)
     remark = f"the baseline is the {baseline} model: {why}" if why else ""
     return replace(settings, baseline=baseline), remark
+
+
+def _more_complete(found: Diagnosis) -> Baseline | None:
+    """The baseline that has the sideslip or roll which a simpler one was found to lack, None if none was.
+
+    What the coherence of one channel did not show, all channels together may.
+    """
+    return next((MORE_COMPLETE[f.effect] for f in found.findings if f.effect in MORE_COMPLETE), None)
 
 
 def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:

@@ -9,7 +9,9 @@ import pytest
 
 import rover_sweep as rs
 from rover_sweep.api.diagnosis_input import diagnosed, material
+from rover_sweep.data.by_name import ByName
 from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.diagnosis.result import Diagnosis, Finding
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.errors import UsageError
 from rover_sweep.identification.baseline import determined_model
@@ -63,3 +65,23 @@ def test_without_the_numbers_of_roll_the_bicycle_is_the_most_complete_model():
         found[0] == "bicycle"
         and "needs sprung_mass, cg_height_above_roll_centre and roll_inertia" in found[1]
     )
+
+
+def test_a_baseline_that_lacks_roll_gives_way_to_one_with_it(monkeypatch: pytest.MonkeyPatch):
+    """One channel's coherence hid the roll that all channels together show: it is no left-out physics."""
+    asked = []
+
+    def found(runs, rover, settings, **given):
+        asked.append(settings.baseline)
+        effect = Finding("roll_dof", (), ByName(()), {}, (), "", "", "")
+        return Diagnosis("explained", "", settings.baseline, findings=(effect,) if len(asked) == 1 else ())
+
+    monkeypatch.setattr("rover_sweep.diagnosis.diagnose.diagnose", found)
+    monkeypatch.setattr("rover_sweep.api.diagnosis_input.determined_model", lambda *_: ("bicycle", "no roll"))
+    runs = rs.read(FIRMWARE / "defaults" / "run1.BIN", vehicle=DATA / "rover.toml")
+    assert runs.vehicle is not None
+    answer = diagnosed(material(tuple(runs), ()), runs.vehicle, DiagnosisSettings())
+    assert asked == ["bicycle", "roll-yaw"] and answer.baseline == "roll-yaw" and not answer.findings
+    assert not any(r.startswith("the baseline is") for r in answer.remarks)
+    diagnosed(material(tuple(runs), ()), runs.vehicle, DiagnosisSettings("bicycle"))
+    assert asked[2:] == ["bicycle"]
