@@ -3,6 +3,7 @@
     tanh:   F = mu Fz tanh(z),  z = C alpha/(mu Fz)
     brush:  F = mu Fz (z - z^2/3 + z^3/27) up to z = 3, mu Fz beyond
     falling peak:  F = mu Fz sin(1.6 atan(z/1.6))
+    knee:   F = mu Fz z/(1 + z^6)^(1/6)
 
 F: side force of an axle [N]. Fz: its static load [N]. alpha: slip angle [rad]. mu [-]: peak side force over
 load, 1/6 and more (coordinate 1/mu). The residual power grows 16 times when the amplitude doubles, so it
@@ -59,5 +60,13 @@ FORMS = (
         equation="F = mu Fz sin(1.6 atan(C alpha/(1.6 mu Fz)))",
         source="Pacejka 2012, chapter 4, magic formula with the shape factor 1.6",
         sets={"tyre_form": 2.0},
+    ),
+    replace(
+        EFFECT,
+        first=False,
+        form="knee",
+        equation="F = C alpha/(1 + (C alpha/(mu Fz))^6)^(1/6)",
+        source="a linear tyre up to Coulomb's limit, as a rigid wheel on dry ground",
+        sets={"tyre_form": 3.0},
     ),
 )

@@ -34,7 +34,7 @@ class VehicleNumbers(NamedTuple):
     and damping. g: gravity. bend: third-order fall of the tyre force, see `_tyre`. inv_mu: 1 over the peak
     force per axle load. sigma: relaxation length. k_load: loss of stiffness at a_y = g. e_roll: steering
     angle per roll angle, e_rear the same of the rear axle. T_roll: dry friction torque. ln_width: ln of its
-    smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a peak that falls. yaw_damp [N m s] and
+    smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a peak that falls, 3 a knee. yaw_damp [N m s] and
     yaw_damp_v [N m^2]: yaw moments -yaw_damp r and -yaw_damp_v r/V. compliance [rad/N]: angle of the front
     wheels that the front side force takes away. track [m^2]: square
     of the half track, by which the wheels of both sides differ in slip.
@@ -84,6 +84,9 @@ def _tyre(alpha, c, load, inv_load, inv_mu, bend, form):  # type: ignore[no-unty
             return copysign(top * z * (3.0 - z * (3.0 - z)), force)
         if form == 2.0:
             return top * sin(FALLING * atan(force / (FALLING * top)))
+        if form == 3.0:
+            square = (force / top) * (force / top)
+            return force / (1.0 + square * square * square) ** (1.0 / 6.0)
         return top * tanh(force / top)
     return force
 
