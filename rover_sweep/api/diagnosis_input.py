@@ -13,10 +13,9 @@ from typing import Any
 from rover_sweep.api.known_steering import has_linkage, known
 from rover_sweep.api.run_roles import doublets_apart, refuse_overlap, refuse_without_sweep
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.material_sizes import tolerances_of
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
-from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSettings
@@ -93,7 +92,7 @@ def diagnosed(
     from rover_sweep.diagnosis.diagnose import diagnose
 
     started = time.monotonic()
-    bench = known(vehicle, tolerances_of(vehicle.material))
+    bench = known(vehicle, tolerances_of(vehicle))
     settled = {effect: why for effect, why in bench.settled.items() if effect not in settings.with_effects}
     settings = replace(settings, spread=bench.spread, without_effects=(*settings.without_effects, *settled))
     left_out: tuple[str, ...] = ()

@@ -13,10 +13,9 @@ from typing import Protocol
 from rover_sweep.api.diagnosis_input import Material, diagnosed, material
 from rover_sweep.api.known_steering import known
 from rover_sweep.api.plan import as_planned, planning_limits
-from rover_sweep.data.material_sizes import tolerances_of
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
-from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.design.demand import space
 from rover_sweep.diagnosis.plans.next_run import OpenPoints, RunValue, run_values
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
@@ -145,7 +144,7 @@ def _ranking(
     recordings: Sequence[Recording], driven: Sequence[PlannedRun], means: Means, vehicle: Vehicle
 ) -> Callable[[OpenPoints], Sequence[RunValue]]:
     def ranked(points: OpenPoints) -> Sequence[RunValue]:
-        spread = known(vehicle, tolerances_of(vehicle.material)).spread
+        spread = known(vehicle, tolerances_of(vehicle)).spread
         kept = {run.name: experiment(run) for run in recordings}
         _, rad_per_us = vehicle.steering()
         planner = Planner(

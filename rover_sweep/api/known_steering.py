@@ -111,11 +111,11 @@ def known(vehicle: Vehicle, spread: Tolerances) -> Known:
     settled = {}
     for effect, (parameter, key, unit) in MEASURED.items():
         number: Measured | None = getattr(vehicle, key)
-        matters = material_sizes(library()[effect], spread).get(parameter, 0.0)
+        matters = material_sizes(library()[effect], spread, vehicle.wheelbase).get(parameter, 0.0)
         if number is not None and number.sd is not None and HALF_90 * number.sd < matters:
             settled[effect] = f"the bench measured {key} {number}{unit}, which the model includes"
     limit = vehicle.servo_rate_limit
-    matters = material_sizes(library()[LIMIT], spread)["R"]  # s/rad, of 1/R
+    matters = material_sizes(library()[LIMIT], spread, vehicle.wheelbase)["R"]  # s/rad, of 1/R
     if limit is not None and limit.sd is not None and HALF_90 * limit.sd / limit.value**2 < matters:
         settled[LIMIT] = f"the bench measured {LIMIT} {limit} rad/s, which the model includes"
     lag, usual = vehicle.servo_lag, MATERIAL[LAG].default

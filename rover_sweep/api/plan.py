@@ -10,10 +10,9 @@ import numpy as np
 
 from rover_sweep.api.known_steering import known
 from rover_sweep.data.geometry import FRICTION, GRAVITY, NEAR
-from rover_sweep.data.material_sizes import tolerances_of
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
-from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.diagnosis.plans.plan_result import Limits, Plan, PlannedRun
 from rover_sweep.errors import UsageError
 
@@ -40,7 +39,7 @@ def plan_runs(
 
     _, rad_per_us = vehicle.steering()
     _refuse_nothing_wanted(wanted, vehicle)
-    bench = known(vehicle, tolerances_of(vehicle.material))
+    bench = known(vehicle, tolerances_of(vehicle))
     settled = {effect: why for effect, why in bench.settled.items() if effect not in wanted}
     return plan(
         tuple(runs),
@@ -60,9 +59,7 @@ def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
     from rover_sweep.diagnosis.plans.sets import Planner
 
     geometry, (_, rad_per_us) = geometry_of(vehicle), vehicle.steering()
-    planner = Planner(
-        geometry, abs(rad_per_us), wanted, tolerances_of(vehicle.material), {}, lambda what, share: None
-    )
+    planner = Planner(geometry, abs(rad_per_us), wanted, tolerances_of(vehicle), {}, lambda what, share: None)
     if wanted and not planner.asked:
         raise UsageError(
             f"no run can show {', '.join(wanted)} with the {planner.model.baseline} baseline of this plan; "

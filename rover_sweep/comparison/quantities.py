@@ -190,6 +190,6 @@ def _of_instruments(effect: Effect) -> bool:
 
 
 def _matters(effect: Effect, model: Model) -> float:
-    sizes = material_sizes(effect, model.spread)
+    sizes = material_sizes(effect, model.spread, model.rover.wheelbase)
     first = effect.parameters[0]
     return sizes.get(first.name, 0.0)

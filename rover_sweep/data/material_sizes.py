@@ -1,13 +1,13 @@
 """[material] of the vehicle file: normal tolerances; a smaller deviation is not reported as a finding.
 
 For a quantity fitted within bounds the size is the bound. For one with a Gaussian prior it is two standard
-deviations of the prior.
+deviations of the prior. The standard deviation of a number that the vehicle file has, if written there, wins.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from rover_sweep.data.tolerances import Tolerances
@@ -15,7 +15,10 @@ from rover_sweep.data.tolerances import Tolerances
 
 @dataclass(frozen=True)
 class MaterialSize:
-    """A key of [material]. field: of `Tolerances`; deviations: size over that field; most: largest size."""
+    """A key of [material]. field: of `Tolerances`; deviations: size over that field; most: largest size.
+
+    A field of a length is a share of the wheelbase.
+    """
 
     unit: str
     meaning: str
@@ -25,8 +28,9 @@ class MaterialSize:
 
     @property
     def default(self) -> float:
-        """The default size, in `unit`."""
-        return float(self.deviations * getattr(Tolerances(), self.field))
+        """The default size, in `unit`; a length is that of a wheelbase of 0.5 m."""
+        wheelbase = 0.5 if self.unit == "m" else 1.0
+        return float(self.deviations * wheelbase * getattr(Tolerances(), self.field))
 
 
 MATERIAL: dict[str, MaterialSize] = {
@@ -41,7 +45,7 @@ MATERIAL: dict[str, MaterialSize] = {
     "cg_position": MaterialSize("m", "CG along the rover", "cg", 2, 1.0),
     "cg_height_share": MaterialSize("-", "share of cg_height_above_roll_centre", "h", 2, 1.0),
     "roll_inertia_share": MaterialSize("-", "share of roll_inertia", "roll_inertia", 2, 1.0),
-    "imu_position": MaterialSize("m", "place of the IMU", "imu", 2, 1.0),
+    "imu_position": MaterialSize("m", "place of the IMU", "imu_x", 2, 1.0),
     "sensor_lag": MaterialSize("s", "lag of a_y or p beyond the known filters", "sensor_lag", 2, 0.2),
     "velocity_scale": MaterialSize("-", "share of the EKF's V_y", "velocity_gain", 2, 1.0),
     "velocity_lag": MaterialSize("s", "lag of the EKF's velocity", "velocity_lag", 1, 1.0),
@@ -64,10 +68,3 @@ def read_material(table: Mapping[str, Any]) -> tuple[dict[str, float], list[str]
         else:
             sizes[key] = float(entry)
     return sizes, problems
-
-
-def tolerances_of(sizes: Mapping[str, float]) -> Tolerances:
-    """Tolerances for diagnosis and plan: the sizes of a vehicle file, defaults for the others."""
-    return replace(
-        Tolerances(), **{MATERIAL[k].field: size / MATERIAL[k].deviations for k, size in sizes.items()}
-    )

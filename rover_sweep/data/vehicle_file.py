@@ -1,25 +1,24 @@
 """The vehicle file `rover.toml`: read, checked completely, written without losing its comments.
 
 Sections: [vehicle], [steering], [imu], [fit] and [material]; see `example`. Any number, except in [material],
-may be `{ value = .., sd = .. }`. The quantities that a fit may change are one list, `[fit] free =
-["roll_inertia"]`.
+may be `{ value = .., sd = .. }` or `{ value = .., how = "ruler" }` (`vehicle_rules.HOW`). The quantities that
+a fit may change are one list, `[fit] free = ["roll_inertia"]`.
 """
 
 from __future__ import annotations
 
 import os
-import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
 from rover_sweep.data.material_sizes import read_material
-from rover_sweep.data.vehicle_rules import FREE_KEYS, KEYS, inconsistencies, read_number, unknown_keys
+from rover_sweep.data.vehicle_rules import FREE_KEYS, HOW, KEYS, inconsistencies, read_number, unknown_keys
 from rover_sweep.errors import UsageError
-from rover_sweep.files.documents import read_toml
+from rover_sweep.files.documents import read_toml, toml_hint
 
 Model = Literal["bicycle", "roll-yaw", "lumped"]
 
@@ -33,13 +32,23 @@ NEEDED: dict[Model, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Measured:
-    """A number of the vehicle file; `sd` is its standard deviation in the same unit, None if not stated."""
+    """A number of the vehicle file; `sd` is its standard deviation in the same unit, None if not stated.
+
+    how: the source of `sd`: "" if written, a word of `HOW`, "[material]" or "default".
+    """
 
     value: float
     sd: float | None = None
+    how: str = ""
 
     def __str__(self) -> str:
-        return f"{self.value:g}" if self.sd is None else f"{self.value:g} ± {self.sd:g}"
+        return f"{self.value:g}" if self.sd is None else f"{self.value:g} ± {self.sd:.3g}"
+
+    def measured_by(self, wheelbase: float) -> Measured:
+        """The number with the standard deviation of its `how`; wheelbase [m]."""
+        if self.how not in HOW:
+            return self
+        return replace(self, sd=HOW[self.how] * (wheelbase if self.how == "ruler" else abs(self.value)))
 
 
 @dataclass(frozen=True)
@@ -136,7 +145,7 @@ def parse(text: str, name: str = "rover.toml") -> Vehicle:
     try:
         data = read_toml(text)
     except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"{name} is not valid TOML: {error}{_hint(text, str(error))}") from None
+        raise UsageError(f"{name} is not valid TOML: {error}{toml_hint(text, str(error))}") from None
     problems = unknown_keys(data)
     numbers = {key: _number(data, key, problems) for key in KEYS}
     title = _section(data, "vehicle").get("name", "")
@@ -150,7 +159,12 @@ def parse(text: str, name: str = "rover.toml") -> Vehicle:
     problems += inconsistencies(values, tuple(m.value for m in imu) if imu else None)
     if problems:
         raise UsageError(_listed(name, problems))
-    fields: dict[str, Any] = {key.partition(".")[2]: number for key, number in numbers.items()}
+    wheelbase = values["vehicle.cg_to_front_axle"] + values["vehicle.cg_to_rear_axle"]
+    fields: dict[str, Any] = {
+        key.partition(".")[2]: number and number.measured_by(wheelbase) for key, number in numbers.items()
+    }
+    if imu:
+        imu = imu[0].measured_by(wheelbase), imu[1].measured_by(wheelbase), imu[2].measured_by(wheelbase)
     return Vehicle(name=title, imu_position=imu, free=free, material=material, **fields)
 
 
@@ -188,6 +202,7 @@ def _put(document: Any, key: str, number: Measured) -> None:
     table = document[section] if section in document else document.setdefault(section, tomlkit.table())
     fields = {"value": number.value} | ({} if number.sd is None else {"sd": number.sd})
     if isinstance(table.get(name), tomlkit.items.Table):  # written as [vehicle.mass]: change it in place
+        table[name].pop("how", None)
         table[name].update(fields)
     else:
         inside = ", ".join(f"{field} = {x!r}" for field, x in fields.items())
@@ -237,17 +252,32 @@ def _number(data: dict[str, Any], key: str, problems: list[str]) -> Measured | N
 def _position(data: dict[str, Any], problems: list[str]) -> tuple[Measured, Measured, Measured] | None:
     if "position" not in _section(data, "imu"):
         return None
-    entry = data["imu"]["position"]
+    entry = _axes(data["imu"]["position"])
     if not isinstance(entry, list) or len(entry) != 3:
         problems.append(
             f"[imu] position is {entry!r}; it must be three numbers [forward, right, down] in m, "
-            "such as: position = [0.02, 0.0, 0.05]"
+            'such as: position = [0.02, 0.0, 0.05], or { value = [..], how = "ruler" }'
         )
         return None
-    read = [read_number(part, f"[imu] position[{i}]", None) for i, part in enumerate(entry)]
-    problems += [complaint for _, complaints in read for complaint in complaints]
+    one = isinstance(data["imu"]["position"], dict)
+    read = [
+        read_number(part, "[imu] position" if one else f"[imu] position[{i}]", None)
+        for i, part in enumerate(entry)
+    ]
+    problems += dict.fromkeys(complaint for _, complaints in read for complaint in complaints)
     found = [Measured(*pair) for pair, _ in read if pair]
     return (found[0], found[1], found[2]) if len(found) == 3 else None
+
+
+def _axes(entry: Any) -> Any:
+    """{ value = [x, y, z], sd = one or [..] } as one entry for each axis; anything else as it is."""
+    if not isinstance(entry, dict) or not isinstance(values := entry.get("value"), list):
+        return entry
+    sd = entry.get("sd")
+    every = sd if isinstance(sd, list) else [sd] * len(values)
+    if len(every) != len(values):
+        return entry
+    return [{**entry, "value": value, "sd": one} for value, one in zip(values, every, strict=True)]
 
 
 def _free(data: dict[str, Any], problems: list[str]) -> tuple[str, ...]:
@@ -267,17 +297,3 @@ def _listed(name: str, problems: list[str]) -> str:
     if len(problems) == 1:
         return f"{name}: {problems[0]}"
     return f"{name} has {len(problems)} problems:" + "".join(f"\n  - {problem}" for problem in problems)
-
-
-def _hint(text: str, message: str) -> str:
-    """A hint on the common mistakes: a decimal comma, or a unit after the number."""
-    line = re.search(r"line (\d+)", message)
-    lines = text.splitlines()
-    if not line or not 0 < int(line[1]) <= len(lines):
-        return ""
-    content = lines[int(line[1]) - 1].strip()
-    if re.search(r"=\s*-?\d+,\d", content):
-        return f"; write decimals with a point: {content}"
-    if re.search(r"=\s*-?[\d.]+\s*[A-Za-z°]", content):
-        return f"; write the number without its unit: {content}"
-    return f": {content}"

@@ -25,6 +25,9 @@ class Key:
     required: bool = False
 
 
+# {`how` of a number: its standard deviation over the value; of "ruler" over the wheelbase}
+HOW = {"scale": 0.01, "ruler": 0.02, "swing": 0.10, "bench": 0.03, "guess": 0.30}
+
 KEYS: dict[str, Key] = {
     "vehicle.mass": Key("kg", "mass, ready to drive", "mass = 2.66  # kg", required=True),
     "vehicle.cg_to_front_axle": Key(
@@ -145,15 +148,15 @@ def _owner(key: str) -> str | None:
 
 def read_number(
     entry: Any, where: str, rule: Key | None
-) -> tuple[tuple[float, float | None] | None, list[str]]:
-    """((value, sd), complaints) of a TOML entry; the pair is None if it is not a valid number."""
-    value, sd = entry, None
+) -> tuple[tuple[float, float | None, str] | None, list[str]]:
+    """((value, sd, how), complaints) of a TOML entry; the first is None if it is not a valid number."""
+    value, sd, how = entry, None, None
     if isinstance(entry, dict):
-        extra = [key for key in entry if key not in ("value", "sd")]
+        extra = [key for key in entry if key not in ("value", "sd", "how")]
         if extra or "value" not in entry:
             wrong = f"has {', '.join(extra)}" if extra else "has no value"
             return None, [f"{where} {wrong}; write {{ value = .., sd = .. }}"]
-        value, sd = entry["value"], entry.get("sd")
+        value, sd, how = entry["value"], entry.get("sd"), entry.get("how")
     example = f", such as: {rule.example}" if rule else " in metres"
     if not _is_number(value):
         quotes = " in quotes" if isinstance(value, str) else ""
@@ -167,7 +170,25 @@ def read_number(
         complaints.append(
             f"{where}: sd {sd:g} is above the value {value:g}; sd is in {rule.unit}, not percent"
         )
-    return (None, complaints) if complaints else ((float(value), None if sd is None else float(sd)), [])
+    if how is not None:
+        complaints += _of_how(how, where, value if rule else 0.0, sd, rule.unit if rule else "m")
+    return (
+        (None, complaints) if complaints else ((float(value), sd if sd is None else float(sd), how or ""), [])
+    )
+
+
+def _of_how(how: Any, where: str, value: float, sd: Any, unit: str) -> list[str]:
+    """A sentence if `how` is unknown or gives no standard deviation of this number."""
+    if not isinstance(how, str) or how not in HOW:
+        words = ", ".join(f'"{word}"' for word in HOW)
+        return [f"{where}: how is {how!r}; write one of {words}, or sd = .. in its place"]
+    if sd is not None:
+        return [f"{where} has sd and how; write only one of them"]
+    if how == "ruler" and unit != "m":
+        return [f'{where}: how is "ruler", which is for lengths; this number is in {unit}']
+    if how != "ruler" and not value:
+        return [f'{where}: how = "{how}" is a share of the value, which may be 0; write sd = ..']
+    return []
 
 
 def _is_number(entry: Any) -> bool:

@@ -7,6 +7,7 @@ than 4,300 digits, and tomllib takes minutes for a key of 100,000 parts.
 from __future__ import annotations
 
 import json
+import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
@@ -80,3 +81,17 @@ def _levels(value: Any) -> Iterator[list[Any]]:
 def _parts(value: Any) -> Iterable[Any]:
     """The items of an object or a list."""
     return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+
+
+def toml_hint(text: str, message: str) -> str:
+    """A hint on the common mistakes in TOML: a decimal comma, or a unit after the number."""
+    line = re.search(r"line (\d+)", message)
+    lines = text.splitlines()
+    if not line or not 0 < int(line[1]) <= len(lines):
+        return ""
+    content = lines[int(line[1]) - 1].strip()
+    if re.search(r"=\s*-?\d+,\d", content):
+        return f"; write decimals with a point: {content}"
+    if re.search(r"=\s*-?[\d.]+\s*[A-Za-z°]", content):
+        return f"; write the number without its unit: {content}"
+    return f": {content}"

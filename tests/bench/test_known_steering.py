@@ -16,10 +16,10 @@ from rover_sweep.api.diagnosis_input import diagnosed, material
 from rover_sweep.api.known_steering import FINE, behind_servo, has_linkage, known, through_linkage
 from rover_sweep.api.plan import plan_runs
 from rover_sweep.cli.main import run
-from rover_sweep.data.material_sizes import tolerances_of
 from rover_sweep.data.recording import Signal
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.data.vehicle_file import Measured, load
+from rover_sweep.data.vehicle_geometry import tolerances_of
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.plans.sets import Planner
@@ -55,7 +55,7 @@ def test_a_file_without_bench_values_changes_nothing(monkeypatch: pytest.MonkeyP
     one = rs.read(DRIVEN / "run1.BIN", vehicle=ROVER)[0]
     assert not has_linkage(vehicle)
     assert through_linkage(one, vehicle) is one
-    spread = tolerances_of(vehicle.material)
+    spread = tolerances_of(vehicle)
     assert known(vehicle, spread).spread is spread
     assert not known(vehicle, spread).settled
 
@@ -124,7 +124,7 @@ def test_what_is_known_is_no_candidate_and_what_is_not_stays_one():
     assert slow.spread.lag == pytest.approx(1.25 * 0.03 + 0.002)
     assert slow.spread.together - Tolerances().together == pytest.approx(slow.spread.lag - Tolerances().lag)
     by_hand = replace(vehicle, servo_lag=Measured(0.03, 0.001), material={"servo_lag": 0.06})
-    assert known(by_hand, tolerances_of(by_hand.material)).spread.lag == 0.06
+    assert known(by_hand, tolerances_of(by_hand)).spread.lag == 0.06
 
 
 def test_a_steering_that_was_logged_slowly_is_taken_through_curve_and_play_alone():

@@ -243,7 +243,7 @@ def test_vehicle_example_and_check(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "roll-yaw: sufficient" in shown and "2.66 ± 0.005" in shown
     assert main.run(["vehicle", "check", ROVER, "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    assert data["mass"] == {"value": 2.66, "sd": 0.005} and data["models"]["roll-yaw"] is True
+    assert data["mass"] == {"value": 2.66, "sd": 0.005, "how": ""} and data["models"]["roll-yaw"] is True
     wrong = tmp_path / "wrong.toml"
     wrong.write_text("[vehicle]\nmas = 2\n")
     assert main.run(["vehicle", "check", str(wrong)]) == 2

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from fabricated_engine import Engine, ProgramResult
 
-from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.vehicle_file import load
+from rover_sweep.data.vehicle_geometry import tolerances_of
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
@@ -29,9 +30,11 @@ def test_diagnosis_is_made_with_them(
     runs = (NOMINAL / "run1.BIN", NOMINAL / "run4.BIN")
     code, _, err = run_program("diagnose", *runs, "--vehicle", vehicle, "--out", tmp_path / "report")
     assert code == 0, err
-    assert engine.given["settings"].spread == Tolerances(lag=0.015)
+    assert engine.given["settings"].spread == tolerances_of(load(vehicle))
+    assert engine.given["settings"].spread.lag == 0.015
 
 
 def test_plan_is_made_with_them(engine: Engine, run_program: RunProgram, vehicle: Path) -> None:
     assert run_program("plan", "--vehicle", vehicle, "--sweep", "150@2.4").code == 0
-    assert engine.given["spread"] == Tolerances(lag=0.015)
+    assert engine.given["spread"] == tolerances_of(load(vehicle))
+    assert engine.given["spread"].lag == 0.015

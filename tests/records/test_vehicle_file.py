@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import hypot
 from pathlib import Path
 
 import pytest
 
-from rover_sweep.data.material_sizes import MATERIAL, tolerances_of
+from rover_sweep.data.material_sizes import MATERIAL
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.data.vehicle_file import Measured, example, load, parse, set_number
+from rover_sweep.data.vehicle_geometry import tolerances_of, with_uncertainties
 from rover_sweep.errors import UsageError
 
 DATA = Path(__file__).parents[1] / "data"
@@ -58,13 +60,65 @@ def test_free_and_sd_inside_position() -> None:
 
 def test_material_sizes_of_the_example_are_the_defaults() -> None:
     sizes = parse(example()).material
-    assert sizes == pytest.approx({key: rule.default for key, rule in MATERIAL.items()})
-    assert parse(MINIMAL).material == {} and tolerances_of({}) == Tolerances()
+    assert sizes == pytest.approx({key: MATERIAL[key].default for key in sizes})
+    assert parse(MINIMAL).material == {}
+    assert tolerances_of(parse(MINIMAL)) == replace(Tolerances(), imu_z=0.02)  # no h: no doubt of the axis
 
 
 def test_material_sizes_become_the_spread() -> None:
-    stated = parse(MINIMAL + "[material]\nservo_lag = 0.012\ncg_position = 0.004\n").material
-    assert tolerances_of(stated) == replace(Tolerances(), lag=0.012, cg=0.002)
+    stated = parse(MINIMAL + "[material]\nservo_lag = 0.012\ncg_position = 0.004\nimu_position = 0.02\n")
+    found = tolerances_of(stated)
+    assert found.lag == 0.012
+    assert [0.391 * x for x in (found.cg, found.imu_x, found.imu_z)] == pytest.approx([0.002, 0.01, 0.01])
+
+
+WHOLE = (
+    MINIMAL + "cg_height_above_roll_centre = 0.058\nroll_inertia = 0.0125\nyaw_inertia = 0.07\n"
+    "[steering]\ntrim_us = 1500\nrad_per_us = -0.001\n[imu]\nposition = [0, 0, 0]\n"
+)
+
+
+@pytest.mark.parametrize("times", [0.4, 1.0, 6.0])
+def test_defaults_scale_with_the_vehicle(times: float) -> None:
+    rover = parse(WHOLE)
+    assert rover.cg_height_above_roll_centre and rover.imu_position
+    alike = replace(
+        rover,
+        **{
+            name: Measured(times * getattr(rover, name).value)
+            for name in ("cg_to_front_axle", "cg_to_rear_axle", "cg_height_above_roll_centre")
+        },
+    )
+    found, wheelbase = tolerances_of(alike), times * 0.391
+    least = max(0.02, 0.005 / wheelbase)  # of the IMU, 5 mm
+    assert (found.scale, found.h, found.roll_inertia) == pytest.approx((0.03, 0.30, 0.15))
+    assert (found.cg, found.imu_x) == pytest.approx((0.02, least))
+    assert found.imu_z == pytest.approx(hypot(least, 0.30 * 0.058 / 0.391))  # h is in doubt, and so the axis
+
+
+def test_what_the_owner_wrote_wins() -> None:
+    """sd and how before [material], [material] before the defaults; `how` says which."""
+    text = WHOLE.replace("0.203", '{ value = 0.203, how = "scale" }')
+    text = text.replace("-0.001", "{ value = -0.001, sd = 0.0 }")
+    text = text.replace("= [0, 0, 0]", "= { value = [0, 0, 0.01], sd = [0.001, 0.002, 0.003] }")
+    rover = parse(text + "[material]\ncg_position = 0.1\nroll_inertia_share = 0.1\nimu_position = 0.1\n")
+    found = tolerances_of(rover)
+    assert (found.cg, found.roll_inertia) == pytest.approx((0.00203 / 0.391, 0.05))
+    assert found.scale == 1e-3  # an exact number is still a number with a prior
+    assert found.imu_x == pytest.approx(0.001 / 0.391)
+    assert found.imu_z == pytest.approx(hypot(0.003, 0.30 * 0.058) / 0.391)
+    full = with_uncertainties(rover)
+    assert full.cg_to_front_axle == Measured(0.203, pytest.approx(0.00203), "scale")
+    assert full.cg_to_rear_axle == Measured(0.188, 0.05, "[material]")
+    assert full.mass == Measured(2.66, pytest.approx(0.0266), "default")
+    assert full.imu_position == (Measured(0.0, 0.001), Measured(0.0, 0.002), Measured(0.01, 0.003))
+
+
+def test_one_way_for_the_whole_position() -> None:
+    rover = parse(WHOLE.replace("= [0, 0, 0]", '= { value = [0, 0, 0.05], how = "ruler" }'))
+    assert rover.imu_position is not None
+    assert {m.how for m in rover.imu_position} == {"ruler"}
+    assert [m.sd for m in rover.imu_position] == pytest.approx([0.02 * 0.391] * 3)
 
 
 MISTAKES = {
@@ -98,6 +152,18 @@ MISTAKES = {
     "sd in percent": (MINIMAL.replace("0.203", "{value = 0.203, sd = 2}"), "sd is in m, not percent"),
     "sd negative": (MINIMAL.replace("2.66", "{value = 2.66, sd = -0.1}"), "sd is -0.1"),
     "sd alone": (MINIMAL.replace("2.66", "{sd = 0.1}"), "has no value; write { value = .., sd = .. }"),
+    "how, unknown": (MINIMAL.replace("2.66", '{value = 2.66, how = "eyes"}'), "how is 'eyes'; write one of"),
+    "how and sd": (MINIMAL.replace("2.66", '{value = 2.66, sd = 0.1, how = "scale"}'), "has sd and how"),
+    "ruler for a mass": (MINIMAL.replace("2.66", '{value = 2.66, how = "ruler"}'), "which is for lengths"),
+    "share of nothing": (MINIMAL + 'roll_yaw_inertia = {value = 0, how = "guess"}', "write sd = .."),
+    "position on scales": (
+        MINIMAL + '[imu]\nposition = {value = [0, 0, 0.05], how = "scale"}',
+        '[imu] position: how = "scale" is a share',
+    ),
+    "position, two sd": (
+        MINIMAL + "[imu]\nposition = {value = [0, 0, 0.05], sd = [0.1, 0.1]}",
+        "it must be three numbers",
+    ),
     "odd field": (MINIMAL.replace("2.66", "{value = 2.66, free = true}"), "has free; write"),
     "position of two": (MINIMAL + "[imu]\nposition = [0, 0.05]", "three numbers [forward, right, down]"),
     "free unknown": (MINIMAL + '[fit]\nfree = ["C_f"]', "free contains 'C_f'; it may contain mass"),

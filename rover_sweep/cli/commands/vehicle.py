@@ -12,8 +12,8 @@ import click
 from rover_sweep.cli.views.output import echo, echo_json, results
 from rover_sweep.data.material_sizes import MATERIAL
 from rover_sweep.data.plausibility import implausible
-from rover_sweep.data.vehicle_file import Model, Vehicle, example, load
-from rover_sweep.data.vehicle_geometry import geometry_of
+from rover_sweep.data.vehicle_file import Measured, Model, Vehicle, example, load
+from rover_sweep.data.vehicle_geometry import SIZED, geometry_of, with_uncertainties
 from rover_sweep.data.vehicle_rules import KEYS
 from rover_sweep.errors import UsageError
 
@@ -47,13 +47,14 @@ def vehicle(ctx: click.Context, show_example: bool) -> None:
 @click.argument("file", type=click.Path(dir_okay=False))
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout.")
 def check(file: str, as_json: bool) -> None:
-    """Read FILE, show its values and the models for which they are sufficient.
+    """Read FILE, show its values, their standard deviations and the models for which they are sufficient.
 
     Reports all problems at once, implausible values too; exit code 2 if there are any.
     """
     found = load(file)
     if odd := implausible(geometry_of(found)):
         raise UsageError(f"{file}: {odd[0]}")
+    found = with_uncertainties(found)
     if as_json:
         models = {model: not found.missing_for(model) for model in get_args(Model)}
         echo_json(json.dumps(asdict(found) | {"wheelbase": found.wheelbase, "models": models}, indent=2))
@@ -68,16 +69,23 @@ def _show(found: Vehicle, file: str) -> None:
     table = Table(
         title=f"{file}: {found.name or 'no name'}", title_justify="left", box=None, padding=(0, 2, 0, 0)
     )
-    for heading, justify in (("key", "left"), ("value", "right"), ("unit", "left"), ("meaning", "left")):
+    for heading, justify in (
+        ("key", "left"),
+        ("value", "right"),
+        ("unit", "left"),
+        ("sd from", "left"),
+        ("meaning", "left"),
+    ):
         table.add_column(heading, justify=justify, no_wrap=heading != "meaning")  # type: ignore[arg-type]
     for key, rule in KEYS.items():
         name = key.partition(".")[2]
         number = getattr(found, name)
         free = " [free]" if name in found.free else ""
-        table.add_row(name, "-" if number is None else str(number), rule.unit, rule.meaning + free)
-    table.add_row("wheelbase", f"{found.wheelbase:g}", "m", "a + b")
-    place = "-" if found.imu_position is None else ", ".join(str(m) for m in found.imu_position)
-    table.add_row("imu position", place, "m", "forward, right, down")
+        shown = "-" if number is None else str(number)
+        table.add_row(name, shown, rule.unit, _source(number), rule.meaning + free)
+    table.add_row("wheelbase", f"{found.wheelbase:g}", "m", "", "a + b")
+    for axis, number in zip(("forward", "right", "down"), found.imu_position or (None,) * 3, strict=True):
+        table.add_row(f"imu {axis}", str(number or "-"), "m", _source(number), f"IMU {axis} of the sprung CG")
     console.print(table)
     console.print()
     for model in get_args(Model):
@@ -87,10 +95,20 @@ def _show(found: Vehicle, file: str) -> None:
         console.print(text)
 
 
+def _source(number: Measured | None) -> str:
+    """Where the standard deviation comes from."""
+    return "" if number is None or number.sd is None else number.how or "written"
+
+
 def _remarks(found: Vehicle) -> list[str]:
     remarks = []
-    if found.material:
-        sizes = (f"{k} {size:g} {MATERIAL[k].unit}".rstrip(" -") for k, size in found.material.items())
+    of_numbers = {*SIZED.values(), "imu_position"}  # shown with the numbers
+    sizes = [
+        f"{k} {size:g} {MATERIAL[k].unit}".rstrip(" -")
+        for k, size in found.material.items()
+        if k not in of_numbers
+    ]
+    if sizes:
         remarks.append(f"diagnose ignores effects smaller than: {', '.join(sizes)}")
     if found.rad_per_us is None:
         remarks.append(

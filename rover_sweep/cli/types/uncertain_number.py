@@ -36,7 +36,7 @@ class MeasuredType(click.ParamType):
             self.fail(
                 f"{value!r}: the uncertainty must be between 0 and the number, in {self.unit}", param, ctx
             )
-        return Measured(*numbers)
+        return Measured(numbers[0], numbers[1] if len(numbers) == 2 else None)
 
 
 class TimesType(click.ParamType):

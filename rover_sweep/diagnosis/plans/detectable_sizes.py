@@ -34,7 +34,7 @@ def _sizes(runs: Expected, effect: Effect) -> Iterator[tuple[EffectParameter, fl
     for side in sides(effect, model, tuple(r.name for r in problem.runs)):
         ways, way = both.setdefault(side.parameter.name, {}), (side.effect.name, side.way)
         ways[way] = min(ways.get(way, inf), _found_from(runs, side))
-    least = material_sizes(effect, model.spread)
+    least = material_sizes(effect, model.spread, model.rover.wheelbase)
     for p in effect.parameters:
         if p.name in both:
             yield p, max(*both[p.name].values(), least.get(p.name, 0.0))
@@ -54,7 +54,8 @@ def _found_from(runs: Expected, side: Side) -> float:
 
 
 def _shown(effect: Effect, parameter: EffectParameter, size: float, runs: Expected) -> DetectableSize:
-    material = material_sizes(effect, runs.signals.model.spread).get(parameter.name)
+    model = runs.signals.model
+    material = material_sizes(effect, model.spread, model.rover.wheelbase).get(parameter.name)
     way = -1.0 if effect.id == "clock_offset" else 1.0
     name, unit, value = reported_value(effect, parameter, way * size)
     if effect.id == "clock_offset":

@@ -145,7 +145,8 @@ class Stacked:
         """{effect: detectable size over the size that matters}, where that is above `LATE`."""
         out = {}
         for effect, size in ((e, next(iter(shown.values()))) for e, shown in self.sizes.items()):
-            matters = material_sizes(self.model.law(effect), self.model.spread).get(size.parameter.name, 0.0)
+            every = material_sizes(self.model.law(effect), self.model.spread, self.model.rover.wheelbase)
+            matters = every.get(size.parameter.name, 0.0)
             if matters > 0 and size.coordinate > LATE * matters:
                 out[effect] = size.coordinate / matters
         return out
@@ -250,7 +251,8 @@ def _size(stacked: Stacked, k: int, rows: Array) -> Size | None:
         return None
     upper_bound = _upper_bound(stacked.model, effect, parameter)
     needed = upper_bound + float(np.sqrt(stacked.thresholds[s.effect])) / strength
-    least = material_sizes(effect, stacked.model.spread).get(parameter.name, 0.0)
+    model = stacked.model
+    least = material_sizes(effect, model.spread, model.rover.wheelbase).get(parameter.name, 0.0)
     if s.effect in LAGS:  # the other lag as in a normal rover
         other = "delay" if s.effect == "servo_lag" else "lag"
         least = stacked.model.spread.together - stacked._start.x[other]

@@ -157,7 +157,7 @@ def matters(trial: Trial) -> bool:
         return x["lag"] + x["delay"] > spread.together
     if trial.effect == "clock_offset" and not trial.model.two_clocks:
         return x["delay"] < -EARLIER
-    return exceeds_material_size(effect, x, spread)
+    return exceeds_material_size(effect, x, spread, trial.model.rover.wheelbase)
 
 
 def fit_with_floor(

@@ -64,7 +64,7 @@ def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
     shown = [e for e in ends if isfinite(e.coordinate)]
     if not shown:
         return Unseen(effect.id, NO_BOUND)
-    material = material_sizes(effect, last.model.spread)
+    material = material_sizes(effect, last.model.spread, last.model.rover.wheelbase)
     largest = max(shown, key=lambda e: abs(e.coordinate) / abs(e.side.parameter.size))
     above = [abs(e.coordinate) > material.get(e.side.parameter.name, 0.0) for e in shown]
     ranges, why = _ranges(effect, last.model.laws(effect.id), ends, material), BOUND

@@ -45,7 +45,8 @@ def coordinates(
 
     spread: normal tolerances. slip, roll: True if the model has them, by the baseline or by an effect.
     """
-    s = spread
+    s, length = spread, rover.wheelbase
+    cg, imu_x, imu_z = s.cg * length, s.imu_x * length, s.imu_z * length
     out = [
         Coordinate("lag", 0.02, 0.0, s.lag, 0.01),
         Coordinate("lag_shape", 0.1, 0.0, 0.5, 0.1, 0.2),  # first order to a damping of .71
@@ -54,8 +55,8 @@ def coordinates(
         Coordinate("vscale", 0.0, -3 * s.speed, 3 * s.speed, 0.02, s.speed),
         Coordinate("trim", 0.0, -s.trim, s.trim, 0.005),
         Coordinate("bias_ay", 0.0, -s.bias_ay, s.bias_ay, 0.1),
-        Coordinate("imu_x", 0.0, -3 * s.imu, 3 * s.imu, 0.01, s.imu),
-        Coordinate("imu_z", 0.0, -3 * s.imu, 3 * s.imu, 0.01, s.imu),
+        Coordinate("imu_x", 0.0, -3 * imu_x, 3 * imu_x, 0.01, imu_x),
+        Coordinate("imu_z", 0.0, -3 * imu_z, 3 * imu_z, 0.01, imu_z),
         Coordinate("ay_lag", 0.0, -3 * s.sensor_lag, 3 * s.sensor_lag, 0.005, s.sensor_lag),
         Coordinate("p_lag", 0.0, -s.sensor_lag, s.sensor_lag, 0.005, s.sensor_lag / 3),
         Coordinate("vy_lag", 0.003, 0.0, s.velocity_lag, 0.02),
@@ -72,7 +73,7 @@ def coordinates(
             Coordinate("ln_ratio", 0.0, -s.ratio, s.ratio, 0.1),
             Coordinate("bend", s.bend, 0.0, 2 * s.bend, 0.3, 0.6 * s.bend),
             Coordinate("track", 0.0, 0.0, 3 * wide, 0.5 * wide, wide),
-            Coordinate("da", 0.0, -3 * s.cg, 3 * s.cg, 0.01, s.cg),
+            Coordinate("da", 0.0, -3 * cg, 3 * cg, 0.01, cg),
         ]
     elif baseline == "kinematic":
         out.append(_log("L_eff", rover.wheelbase, "m"))
