@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -75,15 +76,18 @@ def read_identified(place: Path, name: str | None) -> Identified:
 
 
 def recorded_parameters(path: Path) -> dict[str, float]:
-    """Parameters by name from a .param file or a log; UsageError if unreadable."""
-    if path.suffix.lower() in LOGS:
-        return _logged(path)
+    """Parameters by name from a .param file or a log; UsageError if unreadable or impossible."""
     from firmware_params.param_files import read
 
     try:
-        return {wanted.name: wanted.value for wanted in read(path)}
+        logged = path.suffix.lower() in LOGS
+        found = _logged(path) if logged else {wanted.name: wanted.value for wanted in read(path)}
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} cannot be read as parameters: {error}") from None
+    for name, value in found.items():
+        if name.startswith("ATC_STR_RAT_") and not 0.0 <= value < math.inf:
+            raise UsageError(f"{path}: {name} is {value:g}; it must be 0 or more: save the parameters again")
+    return found
 
 
 def _file(place: Path) -> Path:

@@ -89,6 +89,13 @@ RANGES = (
         40.0,
         "per rad",
     ),
+    PlausibleRange(
+        "cornering stiffness over load, front axle over rear axle",
+        ("Cf", "Cr", "a", "b"),
+        lambda n: n["Cf"] * n["a"] / (n["Cr"] * n["b"]),
+        0.4,
+        2.5,
+    ),
     PlausibleRange("roll per lateral acceleration", ("k_phi", "ms", "h"), _roll_per_g, 0.2, 40.0, "deg/g"),
 )
 # Of an identified value over that of the vehicle file. In the paper models are within 25 % of the swing test.
@@ -148,7 +155,7 @@ def _implausible_result(rover: Geometry, found: Numbers) -> tuple[str, ...]:
         against = [_ratio_words(r, both) for r in new if _is_outside(r, both)]
         low, high = OVER_FILE.get(name, (0.0, math.inf))
         if name in known and not low <= value / known[name] <= high:
-            times = f"it is {value / known[name]:.2g} times the {known[name]:.3g}{UNITS[name]} of the vehicle"
+            times = f"it is {value / known[name]:.3g} times the {known[name]:.3g}{UNITS[name]} of the vehicle"
             against.insert(0, f"{times} file (plausible: {low:g} to {high:g})")
         if against:
             out[name] = f"{name} = {value:.3g}{UNITS.get(name, '')} is implausible: {against[0]}"

@@ -42,7 +42,7 @@ from rover_sweep.diagnosis.result import (
     Unknown,
     Unseen,
 )
-from rover_sweep.diagnosis.search.bounds import at_the_end, unknown_at_bound
+from rover_sweep.diagnosis.search.bounds import at_the_end, many_at_the_end, unknown_at_bound
 from rover_sweep.diagnosis.search.look_alikes import LookAlike
 from rover_sweep.diagnosis.search.parameter_intervals import (
     UNBOUNDED,
@@ -241,15 +241,16 @@ def _answer(
     if not choice.stopped:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     withdrawn = () if choice.exceeded else choice.withdrawn
-    absurd = implausible_numbers(last, drawn)
-    measure = absurd if choice.stopped else (*absurd, *at_the_end(last.problem, last.fitted))
+    ends = {} if choice.stopped else at_the_end(last.problem, last.fitted)
+    doubts = (*implausible_numbers(last, drawn), *many_at_the_end(ends))
+    measure = doubts or tuple(ends.values())
     compared = {run.run.name: worse_channels(run, models.nominal, models.full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}
     named = {f.effect for f in findings}
     against = {e: s.against for e, s in choice.support.items() if s.against and e not in named}
     answer = Diagnosis(
-        # a model with absurd numbers explains nothing, however well it fits
-        verdict=verdict_of(findings, left, variance, choice.stopped or bool(absurd), bool(worse)),
+        # a model with doubtful numbers explains nothing, however well it fits
+        verdict=verdict_of(findings, left, variance, choice.stopped or bool(doubts), bool(worse)),
         sentence=sentence_of(findings, left, variance, choice.stopped, measure, bool(against)),
         baseline=choice.last.model.baseline,
         mismatch=places,

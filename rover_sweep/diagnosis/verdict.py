@@ -57,7 +57,8 @@ def sentence_of(
     else:
         nothing = "nothing that matters was found" if listed else "these runs show no missing effect"
         answer = named or rest or f"{nothing}: the residual is at the noise floor"
-    return ". ".join((*first, answer if not first else answer[:1].upper() + answer[1:]))
+    begin, *others = (*first, answer)
+    return ". ".join((begin, *(words[:1].upper() + words[1:] for words in others)))
 
 
 def remarks_of(

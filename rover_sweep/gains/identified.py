@@ -152,10 +152,7 @@ def from_diagnosis(found: Diagnosis) -> Identified:
         gyro_hz=known.cutoff_hz if known else None,
         hidden=hidden,
         remarks=lost,
-        reasons=(
-            f"the diagnosis says {found.verdict.upper()}, so its model lacks a part of the motion: drive the "
-            "run that it proposes, or compute gains from an identification",
-        ),
+        reasons=(f"the diagnosis says {found.verdict.upper()}, so its model lacks a part of the motion",),
         doubts=(*not_predicted(tested), *absurd(model.rover, structure.values)),
     )
 

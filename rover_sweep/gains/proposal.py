@@ -161,7 +161,7 @@ def _step(support: Support, family: Family, designed: AssessedGains) -> tuple[Su
     now = family.autopilot.gains
     before, most = now.parameters, bounds(now).parameters
     beyond = [
-        f"{name} {before[name]:.3g} to at most {most[name]:.3g} of the designed {value:.3g}"
+        f"{name} from {before[name]:.3g} to {most[name]:.3g} now (the design is {value:.3g})"
         for name, value in designed.gains.parameters.items()
         if value > most[name]
     ]

@@ -125,7 +125,7 @@ class Autopilot:
         if "ATC_STR_RAT_FF" in self.assumed and len(self.assumed) >= len(DEFAULTS):
             rates = f"SCHED_LOOP_RATE {self.loop_hz:g} Hz, INS_GYRO_FILTER {self.gyro_hz:g} Hz"
             return (
-                f"The vehicle's parameters were not given: the firmware's defaults are assumed, with {rates}."
+                f"The steering's parameters are not known: the firmware's defaults are assumed, with {rates}."
             )
         return f"Assumed at the firmware's defaults: {', '.join(self.assumed)}."
 

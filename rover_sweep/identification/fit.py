@@ -34,11 +34,16 @@ TOLERABLE = 200.0  # J of a single response that is still tolerable (Tischler & 
 MARGIN = 1e-3  # rad/s: numerical error of a pole at 0
 
 
+AT_BOUND = 1e-6  # distance from a bound, in the unit of the parameter
+NO_DELAY = 1e-3  # s
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate(PlainNumbers):
     """A parameter after the fit: value, lower and upper bound in `unit`.
 
-    cr_percent, insensitivity_percent: equations (13) and (14) in % of |value|, None for a fixed parameter.
+    cr_percent, insensitivity_percent: equations (13) and (14) in % of |value|, None for a fixed parameter
+    and for a value of 0. at_bound: where the fit ran into a bound; a delay of 0 is a result.
     interval: confidence interval by the bootstrap, None unless requested; of the bicycle and roll-yaw model
     it includes errors of the structure, see `structural_error`.
     """
@@ -193,9 +198,17 @@ def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread
     """Costs and accuracies of a structure at its present values. spread: passed on to the result."""
     usable = tuple(restricted(c, structure) for c in conditions)
     cr, insensitivity = accuracy(structure, usable)
-    by_name = {p.name: (cr[i], insensitivity[i]) for i, p in enumerate(structure.free)}
+    by_name = {p.name: (cr[i], insensitivity[i]) for i, p in enumerate(structure.free) if p.value}
     estimates = tuple(
-        Estimate(p.name, p.unit, p.value, p.free, *by_name.get(p.name, (None, None)), _at_bound(p), p.meaning)
+        Estimate(
+            p.name,
+            p.unit,
+            p.value,
+            p.free,
+            *by_name.get(p.name, (None, None)),
+            _at_bound(p) and not (p.name in structure.delays and p.value < NO_DELAY),
+            p.meaning,
+        )
         for p in structure.parameters
     )
     spreads = covariance(structure, usable)
@@ -255,4 +268,5 @@ def _descend(
         ftol=tolerance,
         max_nfev=300,
     )
-    return at(done.x), float(2 * done.cost)
+    ended = ~log & (done.x - low < AT_BOUND)  # the search stops a little inside of a bound
+    return at(np.where(ended, low, done.x)), float(2 * done.cost)

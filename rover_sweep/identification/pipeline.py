@@ -31,7 +31,7 @@ from rover_sweep.identification.model_results import (
 from rover_sweep.identification.models.kinematic import kinematic
 from rover_sweep.identification.models.steering_lag import refitted_with_lag
 from rover_sweep.identification.own_structure import own_result
-from rover_sweep.identification.recommendation import PHYSICAL, recommendation
+from rover_sweep.identification.recommendation import PHYSICAL, recommendation, wrong_wheelbase
 from rover_sweep.identification.structure.state_space import ModelStructure
 from rover_sweep.identification.verdicts import ModelVerdict, at_most_acceptable
 from rover_sweep.quality.coherence import CoherenceTable, CoherenceVerdict, assess, input_responses
@@ -165,9 +165,13 @@ def identify(
         models,
         (*_long_enough(groups, wanted), *_from_another_rover(verify_on)),
         wanted,
-        (*implausible(geometry), *filter(None, (_imu_fault(models, work),))),
+        (
+            *implausible(geometry),
+            *wrong_wheelbase(models["kinematic"], geometry.wheelbase),
+            *filter(None, (_imu_fault(models, work),)),
+        ),
     )
-    best, sentences = recommendation(models, geometry.wheelbase, no_tyres, faults)
+    best, sentences = recommendation(models, no_tyres, faults)
     return Identification(geometry, wanted, groups, quality, models, refused, best, (*sentences, *remarks))
 
 

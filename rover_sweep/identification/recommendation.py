@@ -13,25 +13,24 @@ WHEELBASE_RATIO = 2.0  # of effective and measured wheelbase, either way; more i
 
 
 def recommendation(
-    models: Mapping[str, ModelResult], wheelbase: float, no_tyres: str | None, faults: tuple[str, ...] = ()
+    models: Mapping[str, ModelResult], no_tyres: str | None, faults: tuple[str, ...] = ()
 ) -> tuple[str | None, tuple[str, ...]]:
     """(name of the model to use or None, sentences, most important first).
 
-    wheelbase: a + b [m]. no_tyres: a sentence on why tyre parameters cannot be identified, or None. faults:
-    sentences on faults of the data and of the vehicle file.
+    no_tyres: a sentence on why tyre parameters cannot be identified, or None. faults: sentences on faults of
+    the data and of the vehicle file.
     """
-    doubt = _wheelbase_sentence(models["kinematic"], wheelbase)
     usable = [n for n in ORDER if n in models and models[n].verdict.level in USABLE]
     if faults and usable in ([], ["kinematic"]):
-        return None, (f"use none of these models: {faults[0]}", *faults[1:], *doubt)
+        return None, (f"use none of these models: {faults[0]}", *faults[1:])
     if not usable:
-        return None, (_none_fits(models), *filter(None, (no_tyres,)), *doubt)
-    best, doubt = usable[0], (*faults, *doubt)
+        return None, (_none_fits(models), *filter(None, (no_tyres,)), *faults)
+    best = usable[0]
     if no_tyres and best == "kinematic":
-        return best, (f"use the kinematic model: {no_tyres}", *doubt)
+        return best, (f"use the kinematic model: {no_tyres}", *faults)
     reasons = models[best].verdict.sentences[: 1 if best == "lumped" else 2]
     others = (*_passed_over(best, models), *_axles_sentence(models[best]), *_lumped_sentence(best, models))
-    return best, (f"use the {best} model: {'; '.join(reasons)}", *others, *doubt)
+    return best, (f"use the {best} model: {'; '.join(reasons)}", *others, *faults)
 
 
 def _none_fits(models: Mapping[str, ModelResult]) -> str:
@@ -73,7 +72,7 @@ def _lumped_sentence(best: str, models: Mapping[str, ModelResult]) -> tuple[str,
     )
 
 
-def _wheelbase_sentence(plain: ModelResult, wheelbase: float) -> tuple[str, ...]:
+def wrong_wheelbase(plain: ModelResult, wheelbase: float) -> tuple[str, ...]:
     """A sentence when the rover turns far less or far more than its wheelbase gives."""
     ratio = plain.fit["L_eff"].value / wheelbase
     if 1 / WHEELBASE_RATIO < ratio < WHEELBASE_RATIO:

@@ -13,7 +13,6 @@ Level = Literal["good", "acceptable", "poor", "not identifiable"]
 J_GOOD, J_ACCEPTABLE = 50.0, 100.0
 CR_GUIDE, I_GUIDE = 20.0, 10.0  # percent
 J_RMS_GUIDE, TIC_GUIDE = 2.0, 0.35  # of the paper: above one of them a model does not predict the run
-NO_DELAY = 1e-3  # s
 SAME = 0.02  # relative difference of parameters up to which two minima are one
 CR_LIMIT, I_LIMIT = 60.0, 25.0  # percent: above these a parameter is not identifiable
 
@@ -41,7 +40,7 @@ def judge_model(
     ]
     uncertain = [e for e in result.estimates if e.free and _is_uncertain(e) and not (physical and e in lost)]
     failed = [v for v in verification if not (v.tic <= TIC_GUIDE and v.j_rms <= J_RMS_GUIDE)]
-    ended = [e for e in result.estimates if e.at_bound and not _no_delay(e, result)]
+    ended = [e for e in result.estimates if e.at_bound]
     reasons = [_prediction_sentence(v) for v in failed] + ([_bound_sentence(ended)] if ended else [])
     sentences = [*reasons, _cost_sentence(result.average)]
     if uncertain:
@@ -62,11 +61,6 @@ def judge_model(
 def at_most_acceptable(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerdict:
     """The verdict with a level of at most acceptable. why: sentences on doubts that the fit cannot show."""
     return ModelVerdict("acceptable", (*why, *verdict.sentences)) if verdict.level == "good" else verdict
-
-
-def _no_delay(e: Estimate, result: FitResult) -> bool:
-    """True for a delay at 0, which is a result and not a bound that the fit ran into."""
-    return e.name in result.structure.delays and e.value < NO_DELAY
 
 
 def _prediction_sentence(v: Verification) -> str:

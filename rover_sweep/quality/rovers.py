@@ -27,6 +27,7 @@ SAME_AMPLITUDE = 0.3  # relative; above it, nonlinear effects make responses dif
 SAME, OTHER = (0.08, 0.07), (0.14, 0.12)
 BY_SPEED = 0.45  # |ln| of the yaw ratio per |ln| of the speed ratio: tyres and delay, at most .47 in 35 sets
 GAIN = 0.22  # |ln| of the steady yaw gain's ratio at one speed and amplitude, which the tyres hardly change
+OPPOSITE = 1.0  # of the yaw rate per steering; the other sign is pi
 SIGNIFICANT = 3.0  # random errors
 ASSUMED = "assumed"  # word in the source of a low-pass that is not in the log
 CERTAIN = ("board", "system id")  # keys of the log that identify a vehicle; the others can be changed
@@ -91,6 +92,11 @@ def _by_responses(one: Fingerprint, two: Fingerprint) -> str:
         return (
             f"{speeds} their roll for the same a_y differs by {_percent(lean)} and their path for the same "
             f"steering by {_percent(yaw)}, which another surface cannot cause"
+        )
+    if same and _exceeds(yaw, OPPOSITE):
+        return (
+            f"{speeds} and one amplitude their yaw rate for the same steering differs by {_percent(yaw)}, as "
+            "with the other sign of the steering or another linkage"
         )
     gain = gain_ratio(one.yaw, two.yaw) if same else None
     if _exceeds(gain, GAIN):

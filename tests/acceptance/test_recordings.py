@@ -104,6 +104,9 @@ def test_a_kinematic_rover_has_no_tyres(data, tmp_path):
     assert bicycle["parameters"]["C"]["value"] is None
     assert "roll rate does not follow" in document["refused"]["roll-yaw"]
     assert "kinematic" in document["summary"][0]
+    tau = document["models"]["kinematic"]["parameters"]["tau"]
+    assert tau["value"] == 0.0 and not tau["at_bound"], "no delay is a result, not a bound"
+    assert "inf %" not in json.dumps(document)
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter, savgol_filter
 
 from rover_sweep.data.recording import LowPass
-from rover_sweep.diagnosis.problem.noise_floor import floor_of, has_floor
+from rover_sweep.diagnosis.problem.noise_floor import LEAST, floor_of, has_floor
 from rover_sweep.diagnosis.problem.residuals import with_floor
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, tapered
 
@@ -64,3 +64,11 @@ def test_a_known_filter_is_taken_as_it_is() -> None:
     made = [by_hand(k, smooth=True) for k in range(6)]
     runs = [replace(run, filters={"r": LowPass(4.0)}) for run, _ in made]
     assert not floor_of(runs, [rest for _, rest in made]).top
+
+
+def test_no_floor_is_below_that_of_a_sensor() -> None:
+    """A simulator's roll rate of nothing at all gave 1e10 times the noise."""
+    run, _ = by_hand(0)
+    run = replace(run, measured={**run.measured, "p": np.zeros(run.t.size)})
+    still = floor_of([run], [{"r": np.zeros(run.t.size), "p": np.full(run.t.size, 1e-12)}])
+    assert np.all(still.density["p"] >= LEAST["p"]) and np.all(still.density["r"] >= LEAST["r"])

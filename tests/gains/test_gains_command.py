@@ -59,9 +59,18 @@ def test_one_step_is_bounded_and_says_by_what(folder: Path, capsys: pytest.Captu
     assert all(proposed[f"ATC_STR_RAT_{name}"] <= value for name, value in most.items())
     assert proposed["ATC_STR_RAT_FF"] == 0.3, "the design is at more than three times of it"
     words = next(r for r in told["support"]["remarks"] if "raises no gain by more than a factor of 2" in r)
-    assert "ATC_STR_RAT_FF 0.15 to at most 0.3 of the designed 0.9" in words
-    assert "ATC_STR_RAT_I 0 to at most 0.2 of the designed" in words and "wheels off the ground" in words
+    assert "ATC_STR_RAT_FF from 0.15 to 0.3 now (the design is 0.9" in words
+    assert "ATC_STR_RAT_I from 0 to 0.2 now (the design is " in words and "wheels off the ground" in words
     assert told["proposed"]["worst"]["gain_margin_db"] >= 6 <= told["proposed"]["worst"]["phase_margin_deg"]
+
+
+@pytest.mark.parametrize("value", ["nan", "-0.3", "inf"])
+def test_an_impossible_present_gain_is_refused(folder: Path, value: str, capsys: pytest.CaptureFixture[str]):
+    asked = folder / "now.param"
+    asked.write_text(f"ATC_STR_RAT_FF 0.3\nATC_STR_RAT_P {value}\n")
+    assert run(["gains", str(folder), "--now", str(asked)]) == 2
+    said = capsys.readouterr()
+    assert not said.out and f"{asked}" in said.err and "ATC_STR_RAT_P" in said.err
 
 
 def test_a_file_is_undone_by_another(folder: Path, capsys: pytest.CaptureFixture[str]):
@@ -80,11 +89,12 @@ def test_a_file_is_undone_by_another(folder: Path, capsys: pytest.CaptureFixture
 def test_what_could_not_be_undone_is_not_written(folder: Path, capsys: pytest.CaptureFixture[str]):
     out, now = folder / "gains.param", folder / "now.param"
     now.write_text("ATC_STR_RAT_FF 0.75\nATC_STR_RAT_P 0.2\n")
-    for given in ([], ["--now", str(now)]):
+    unknown, lacking = "ATC_STR_RAT_IMAX, ATC_STR_RAT_MAX are unknown", f"{now} lacks ATC_STR_RAT_"
+    for given, words in (([], unknown), (["--now", str(now)], lacking)):
         assert run(["gains", str(folder), *given, "--out", str(out)]) == 2
         said = capsys.readouterr()
         assert "Gains for 2.45 m/s" in said.out
-        assert "ATC_STR_RAT_IMAX, ATC_STR_RAT_MAX are unknown, so the change could not be undone" in said.err
+        assert words in " ".join(said.err.split()) and "so the change could not be undone" in said.err
         assert ("ATC_STR_RAT_P" in said.err) == (not given)
         assert not out.exists() and not (folder / "undo-gains.param").exists()
 
@@ -127,7 +137,7 @@ def test_what_is_not_supported_writes_no_file(
     out = folder / "gains.param"
     assert run(["gains", str(folder), "--speed", "9", "--out", str(out)]) == 0
     said = capsys.readouterr()
-    assert "No gains can be computed from this identification for 9.00 m/s" in said.out
+    assert "No gains can be computed for 9.00 m/s" in said.out
     assert "too far from the runs" in said.out
     assert "was not written" in said.err
     assert not out.exists()

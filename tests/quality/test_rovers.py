@@ -48,6 +48,14 @@ def test_other_rovers_are_told_by_their_answers(names: tuple[str, str]) -> None:
     assert "are not from the same rover, or it was changed between them: at 2." in text
 
 
+def test_a_run_whose_steering_has_the_other_sign_is_named() -> None:
+    one = of(NOMINAL)[0]
+    pwm = one["pwm"]
+    turned = replace(one, name="turned", channels={**one.channels, "pwm": replace(pwm, x=3000.0 - pwm.x)})
+    (text,) = accused((one, turned))
+    assert "as with the other sign of the steering" in text
+
+
 def test_two_rovers_at_other_speeds_and_amplitudes_are_named() -> None:
     """2.5 and 2.2 m/s, 120 and 240 us: no model of both is recommended, and the runs are named first."""
     paths = [str(NOMINAL / "run1.BIN"), str(CONCEALED / "c" / "run2.BIN")]

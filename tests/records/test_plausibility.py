@@ -67,6 +67,10 @@ def test_a_slip_in_the_file_is_named(wrong: dict[str, float | None], check: str)
             "C = 6 N/rad is implausible: cornering stiffness of the front axle / its load is 0.48 per rad",
         ),
         ({"Cf": 40.0, "Cr": 2000.0}, "Cr = 2e+03 N/rad is implausible: cornering stiffness of the rear axle"),
+        (
+            {"Cf": 267.0, "Cr": 30.0},
+            "Cf = 267 N/rad is implausible: cornering stiffness over load, front axle over rear axle is 9.6",
+        ),
         ({"k_phi": 1.4}, "k_phi = 1.4 N m/rad is implausible: roll per lateral acceleration is "),
         (
             {"steering_scale": 2.0},
@@ -76,8 +80,7 @@ def test_a_slip_in_the_file_is_named(wrong: dict[str, float | None], check: str)
     ids=str,
 )
 def test_an_absurd_result_is_named(found: dict[str, float], words: str) -> None:
-    (sentence,) = implausible(ROVER, found)
-    assert words in sentence
+    assert any(words in sentence for sentence in implausible(ROVER, found))
 
 
 def test_a_usual_result_is_not_accused_and_an_unknown_one_is_ignored() -> None:

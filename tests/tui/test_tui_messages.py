@@ -42,6 +42,9 @@ def test_gains_come_from_the_chosen_report_else_from_the_latest_identification()
     desk.jobs = (first, second, diagnosis, gains, failed)
     assert desk.report() == desk.report(gains) == desk.report(failed) == Path("r2")
     assert desk.report(diagnosis) == Path("d") and desk.report(first) == Path("r1")
+    of_it = replace(gains, source=Path("d"))  # S again after a refusal asks the same diagnosis again
+    desk.jobs = (*desk.jobs, of_it)
+    assert desk.report(of_it) == Path("d")
 
 
 def test_reports_and_gains_of_before_are_found_again(tmp_path: Path) -> None:

@@ -100,7 +100,7 @@ def gains(
         if both.speed is not None:
             show_speed_gains(results(), both.speed)
     if out is not None:
-        narration().print(_write(both, Path(out)), markup=False, soft_wrap=True)
+        narration().print(_write(both, Path(out), now), markup=False, soft_wrap=True)
 
 
 def _current_parameters(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
@@ -131,8 +131,11 @@ def _parameters_over(url: str, access: Access) -> dict[str, float]:
     return found
 
 
-def _write(both: AllGains, path: Path) -> str:
-    """Write the file and the one that undoes it; returns a sentence that they were written, or why not."""
+def _write(both: AllGains, path: Path, now: str | None) -> str:
+    """Write the file and the one that undoes it; returns a sentence that they were written, or why not.
+
+    now: the file with the present parameters, if there is one.
+    """
     from rover_sweep.files.replaced import write_file
 
     if not both.text:
@@ -140,9 +143,11 @@ def _write(both: AllGains, path: Path) -> str:
     if not path.parent.is_dir():
         raise UsageError(f"cannot write {path.name}: there is no folder {path.parent}; create it")
     if both.unknown:
+        names = ", ".join(both.unknown)
+        unknown = f"{now} lacks {names}" if now else f"the present values of {names} are unknown"
         raise UsageError(
-            f"{path} was not written: the present values of {', '.join(both.unknown)} are unknown, so the "
-            "change could not be undone; give all parameters of the vehicle with --now or --connect"
+            f"{path} was not written: {unknown}, so the change could not be undone; give all parameters of "
+            "the vehicle with --now or --connect"
         )
     undo = write_file(_undo_of(path), both.undo)
     write_file(path, both.text)

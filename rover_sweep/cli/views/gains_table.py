@@ -39,7 +39,7 @@ def _verdict(proposal: Proposal) -> str:
     words = {
         "gains": f"Gains {at}, valid from {low:.2f} to {high:.2f} m/s",
         "feed-forward only": f"Only the feed-forward gain can be computed {at}",
-        "none": f"No gains can be computed from this identification {at}",
+        "none": f"No gains can be computed {at}",
     }
     return f"{words[proposal.support.level]} ({proposal.found.name} model, {proposal.found.level})."
 

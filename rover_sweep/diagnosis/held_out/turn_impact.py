@@ -50,13 +50,13 @@ class Turn:
 def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Turn | None:
     """The turn with and without the effect, None where it changes nothing in it or belongs to one run.
 
-    used: the runs, for the speed and size of the turn.
+    used: the runs, for the speed and size of the turn: the largest angle that was driven.
     """
     law = next((e for e in whole.model.structure.effects if e.id == effect), None)
     if law is None or law.in_one_run or effect in CLOCKS:
         return None
     speed = float(np.mean([run.mean_speed for run in used]))
-    angle = float(np.median([run.amplitude for run in used]))
+    angle = max(float(run.amplitude) for run in used)
     step = _step(used[0], speed, angle)
     rest = whole.model.without(effect)
     normal = {c.name: c.start for c in rest.free if c.name in law.releases}

@@ -13,6 +13,8 @@ estimate Gyy (1 - coherence) would contain the distortion that the diagnosis loo
 4. The density at a frequency is the mean of the remaining frames of all runs, at least four; where fewer
    remain it is interpolated in log density. Five lines with weights 1 2 3 2 1 smooth the result.
 5. Runs without any known low-pass, as in tables, have the bounds of `local_noise` in addition.
+6. No density is below that of the best sensor (`LEAST`): a simulator's log has hardly any noise, and a model
+   that is wrong by less than a sensor shows is not wrong.
 
 A mean over m independent frames has the relative standard deviation 1/sqrt(m) (Bendat and Piersol 2010,
 chapter 8); `locate.residual_maps.floor_error` has the value measured for these overlapping frames.
@@ -49,6 +51,9 @@ GUARD = 0.6  # Hz, reach of a line to either side: a Hann window of 4 s, and the
 RESOLVED = 1.0  # Hz, from which taking out mean and slope costs no power
 ENOUGH = 100  # quiet lines from which the level of one run is estimated
 EXCITED = 0.04  # of the largest steering amplitude
+# One-sided densities below which no rover measures: .006 deg/s and 150 ug per sqrt(Hz), as the data sheet of
+# the ICM-20689 has them, and 1 mm/s per sqrt(Hz) of V_y.
+LEAST = {"r": 1.0e-8, "p": 1.0e-8, "ay": 2.2e-6, "vy": 1.0e-6}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +111,7 @@ def floor_of(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]
         measured = np.concatenate([_power(run.measured[channel], size) for run, _, _ in own]).mean(axis=0)
         limit = resolved_top(f[1:], measured[1:], band_level(f[1:], density[channel]))
         top |= {channel: limit} if np.isfinite(limit) else {}
+    density = {c: np.maximum(d, LEAST.get(c, 0.0)) for c, d in density.items()}
     return Floor(f[1:], density, top)
 
 

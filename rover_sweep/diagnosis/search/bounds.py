@@ -15,6 +15,7 @@ from rover_sweep.diagnosis.problem.residuals import Problem, over_noise
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 
+MANY = 3  # numbers outside their tolerances, from which the model is wrong and not the numbers
 COUNTS = 25.0  # drop of the cost from which the end of a tolerance is reported
 WIDENED = 5.0  # factor on the distance of a bound from the start value
 PARAMETERS = {
@@ -68,19 +69,39 @@ def exceeded_bound(problem: Problem, fitted: Fitted) -> ExceededBound | None:
     return max(found, key=lambda b: b.gain, default=None)
 
 
-def at_the_end(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
-    """A sentence for each nominal number at the end of its tolerance that fits better beyond; delay first."""
+def at_the_end(problem: Problem, fitted: Fitted) -> dict[str, str]:
+    """{number: sentence} of the nominal numbers at the end of their tolerances that fit better beyond.
+
+    The delay comes first.
+    """
     found = [c for c in _at_their_bounds(fitted, MEASURED) if c.low != 0.0 or fitted.x[c.name] > c.low]
     found.sort(key=lambda c: FIRST.index(c.name) if c.name in FIRST else len(FIRST))
-    out = []
+    out = {}
     for c in found:
         freed = _freed(problem, fitted, c)
-        if fitted.cost - freed.cost > COUNTS:
-            out.append(
-                f"{MEASURED[c.name]} is at the end of its normal tolerance ({_number(c.name, fitted.x)}) and "
-                f"fits better at {_number(c.name, freed.x)}: measure it"
+        if fitted.cost - freed.cost > COUNTS and _is_beyond(c, freed.x[c.name]):
+            name = MEASURED[c.name]
+            out[name] = (
+                f"{name} is at the end of its normal tolerance ({_number(c.name, fitted.x)}) and fits better "
+                f"at {_number(c.name, freed.x)}: measure it"
             )
-    return tuple(out)
+    return out
+
+
+def many_at_the_end(ends: Mapping[str, str]) -> tuple[str, ...]:
+    """What it means that `MANY` or more numbers want to leave their tolerances together, () if fewer do."""
+    if len(ends) < MANY:
+        return ()
+    return (
+        f"{len(ends)} numbers fit better outside their tolerances ({', '.join(ends)}): the model lacks "
+        "something else, or the runs and the vehicle file are not of one rover",
+    )
+
+
+def _is_beyond(c: Coordinate, value: float) -> bool:
+    """True for a value clearly outside the bounds: a tenth of their width or of the value."""
+    room = 0.1 * (c.high - c.low)
+    return not c.low - room < value < c.high + room
 
 
 def _number(name: str, x: Mapping[str, float]) -> str:

@@ -34,10 +34,10 @@ class VehicleNumbers(NamedTuple):
     and damping. g: gravity. bend: third-order fall of the tyre force, see `_tyre`. inv_mu: 1 over the peak
     force per axle load. sigma: relaxation length. k_load: loss of stiffness at a_y = g. e_roll: steering
     angle per roll angle, e_rear the same of the rear axle. T_roll: dry friction torque. ln_width: ln of its
-    smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a peak that falls, 3 a knee. yaw_damp [N m s] and
-    yaw_damp_v [N m^2]: yaw moments -yaw_damp r and -yaw_damp_v r/V. compliance [rad/N]: angle of the front
-    wheels that the front side force takes away. track [m^2]: square
-    of the half track, by which the wheels of both sides differ in slip.
+    smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a falling peak, 3 a knee. yaw_damp [N m s]
+    and yaw_damp_v [N m^2]: yaw moments -yaw_damp r and -yaw_damp_v r/V. compliance [rad/N]: angle of the
+    front wheels that the front side force takes away. track [m^2]: square of the half track, by which the
+    wheels of both sides differ in slip.
     """
 
     m: float

@@ -25,7 +25,8 @@ _NICENESS = 10  # gives priority to the vehicle's messages
 
 @dataclass(frozen=True)
 class AnalysisJob:
-    """A command. lines: its output, the latest last; summary: from its JSON; page: its report."""
+    """A command. lines: its output, the latest last; summary: from its JSON; page: its report; source: the
+    folder that gains are computed from."""
 
     kind: str
     arguments: tuple[str, ...]
@@ -37,6 +38,7 @@ class AnalysisJob:
     summary: tuple[str, ...] = ()
     page: Path | None = None
     process: int | None = None
+    source: Path | None = None
 
     @property
     def last(self) -> str:

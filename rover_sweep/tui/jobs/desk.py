@@ -47,15 +47,17 @@ class Desk:
         taken = {job.out for job in self.jobs if job.out is not None}
         out = free_path(folder, NAMES[kind], taken)
         if kind == "gains" and report is not None:
-            job = AnalysisJob(kind, gains_of(report, state.logs, out), out)
+            job = AnalysisJob(kind, gains_of(report, state.logs, out), out, source=report)
         else:
             job = AnalysisJob(kind, arguments_of(kind, command_inputs(state, folder), vehicle, out), out)
         self.jobs = (*self.jobs, job)
         self._tasks[job.arguments] = asyncio.create_task(self._follow(job))
 
     def report(self, chosen: AnalysisJob | None = None) -> Path | None:
-        """Folder of an identification or diagnosis for gains: the chosen one, else the latest identification,
-        else the latest diagnosis."""
+        """Folder of an identification or diagnosis for gains: the chosen one, or that of the chosen gains,
+        else the latest identification, else the latest diagnosis."""
+        if chosen is not None and chosen.source is not None:
+            return chosen.source
         done = [job for job in self.jobs if job.kind != "gains" and job.outcome == "done"]
         if chosen in done:
             return chosen.out
