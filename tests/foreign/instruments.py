@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def felt(motion: Array, rover: Rover) -> dict[str, Array]:
     ay, az = cos * across + sin * up, cos * up - sin * across
     turn, roll = r * cos, p.copy()
     if i.mast > 0:
-        ay, roll = _on_mast(ay, roll, i)
+        ay, roll = on_mast(ay, roll, i)
     about_x, about_y, about_z = i.tilt
     return {
         "r": turn + about_y * roll,
@@ -43,7 +44,7 @@ def felt(motion: Array, rover: Rover) -> dict[str, Array]:
     }
 
 
-def _on_mast(ay: Array, p: Array, i: Instruments) -> tuple[Array, Array]:
+def on_mast(ay: Array, p: Array, i: Instruments) -> tuple[Array, Array]:
     """The IMU on a mast that bends by `mast` [rad] at 1 g, lightly damped."""
     w, zeta, b, db = i.mast_w, 0.06, np.zeros(ay.size), np.zeros(ay.size)
     x = y = 0.0
@@ -74,10 +75,15 @@ def lagged(x: Any, lag: float, form: str) -> Any:
     return x
 
 
-def sensed(motion: Array, rover: Rover, rng: Generator, noise: bool = True) -> dict[str, Array]:
-    """Signals (steps,) in the firmware before they are sampled. noise: of the sensors and the EKF."""
-    i, x = rover.instruments, felt(motion, rover)
-    steps, turning = motion.shape[0], 1 / i.wheel_radius
+def sensed(
+    undisturbed: Mapping[str, Array], i: Instruments, rng: Generator, noise: bool = True
+) -> dict[str, Array]:
+    """Signals (steps,) in the firmware before they are sampled, of undisturbed ones as `felt` returns them.
+
+    noise: of the sensors and the EKF.
+    """
+    x = dict(undisturbed)
+    steps, turning = x["r"].size, 1 / i.wheel_radius
     if i.unbalance:
         x["ay"] = x["ay"] + i.unbalance * np.sin(np.cumsum(x["speed"]) * DT * turning) * np.tanh(x["speed"])
     if i.tone:
