@@ -45,9 +45,7 @@ def main() -> None:
     print(table(found))
 
 
-def _results(
-    wanted: list[Wanted], jobs: int
-) -> Iterator[tuple[str, dict[str, Any], Judged, dict[str, Any]]]:
+def _results(wanted: list[Wanted], jobs: int) -> Iterator[tuple[str, dict[str, Any], Judged, dict[str, Any]]]:
     if jobs == 1:
         yield from map(_one, wanted)
         return

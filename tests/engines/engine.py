@@ -61,9 +61,7 @@ def driven(
     """(main loops (k,) [s], PWM (k,) [us], {channel: (steps,)}) of a run; noise: of road and sensors."""
     t_out, us = output_us(drive, rover, np.random.default_rng(int(drive.opened * 1e6)))
     ground = around(rover, drive, rng, noise)
-    motion = used.signals(
-        rover, command(drive, rover, t_out, us), wanted_speed(drive), ground, drive.heading
-    )
+    motion = used.signals(rover, command(drive, rover, t_out, us), wanted_speed(drive), ground, drive.heading)
     return t_out, us, sensed(motion, rover.instruments, rng, noise)
 
 

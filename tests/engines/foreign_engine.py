@@ -15,9 +15,7 @@ from tests.foreign.outside_laws import OUTSIDE_LAWS
 from tests.foreign.rover import SIZES
 
 
-def _signals(
-    rover: EngineRover, command: Array, wanted: Array, around: Array, heading: float
-) -> Signals:
+def _signals(rover: EngineRover, command: Array, wanted: Array, around: Array, heading: float) -> Signals:
     start = np.zeros(STATES)
     start[5] = heading
     return felt(integrated(command, wanted, around, start, rover.numbers), rover)

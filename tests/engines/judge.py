@@ -80,7 +80,9 @@ def table(found: Sequence[Judged]) -> str:
     for engine, kind in dict.fromkeys((one.engine, one.kind) for one in found):
         rows.append(_row(engine, kind, [one for one in found if (one.engine, one.kind) == (engine, kind)]))
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEADS))]
-    lines = ["| " + " | ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) + " |" for row in rows]
+    lines = [
+        "| " + " | ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) + " |" for row in rows
+    ]
     lines.insert(1, "|" + "|".join("-" * (w + 2) for w in widths) + "|")
     return "\n".join(lines)
 

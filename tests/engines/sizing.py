@@ -21,7 +21,7 @@ from tests.engines.rover import EngineRover
 from tests.foreign.drive import Drive
 from tests.foreign.law import Extras, Law
 from tests.foreign.motion import DT
-from tests.foreign.sizing import BAND_HZ, CHANNELS, EVERY, HIGH, LEAST, LOW, WILD, Scale
+from tests.foreign.sizing import BAND_HZ, CHANNELS, EVERY, HIGH, LEAST, LOW, Scale
 
 NOT_FIRST = 2  # the large sweep
 SEARCHES = 5
