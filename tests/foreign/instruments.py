@@ -29,14 +29,8 @@ def felt(motion: Array, rover: Rover) -> dict[str, Array]:
     up = -z * (sin * p_dot + cos * p * p) + GRAVITY * np.cos(n.slope)
     ahead = -v * r - r * r * forward
     ay, az = cos * across + sin * up, cos * up - sin * across
-    turn, roll = r * cos, p.copy()
-    if i.mast > 0:
-        ay, roll = on_mast(ay, roll, i)
-    about_x, about_y, about_z = i.tilt
     return {
-        "r": turn + about_y * roll,
-        "p": np.cos(about_z) * roll - about_y * turn,
-        "ay": ay + np.sin(about_x) * az - np.sin(about_z) * ahead,
+        **mounted(r * cos, p.copy(), (ahead, ay, az), i),
         "vy": v + r * forward - z * cos * p,
         "speed": u,
         "phi": phi,
@@ -44,7 +38,20 @@ def felt(motion: Array, rover: Rover) -> dict[str, Array]:
     }
 
 
-def on_mast(ay: Array, p: Array, i: Instruments) -> tuple[Array, Array]:
+def mounted(turn: Array, roll: Array, force: tuple[Array, Array, Array], i: Instruments) -> dict[str, Array]:
+    """r, p and ay of an IMU that may be tilted or on a mast. force: specific force, body axes, m/s^2."""
+    ahead, ay, az = force
+    if i.mast > 0:
+        ay, roll = _on_mast(ay, roll, i)
+    about_x, about_y, about_z = i.tilt
+    return {
+        "r": turn + about_y * roll,
+        "p": np.cos(about_z) * roll - about_y * turn,
+        "ay": ay + np.sin(about_x) * az - np.sin(about_z) * ahead,
+    }
+
+
+def _on_mast(ay: Array, p: Array, i: Instruments) -> tuple[Array, Array]:
     """The IMU on a mast that bends by `mast` [rad] at 1 g, lightly damped."""
     w, zeta, b, db = i.mast_w, 0.06, np.zeros(ay.size), np.zeros(ay.size)
     x = y = 0.0
