@@ -30,7 +30,7 @@ STOP = 0.15  # s
 U, V, R, PHI, P, PSI, U_DOT, V_DOT, R_DOT, P_DOT, UP_DOT = range(11)
 
 
-@njit
+@njit(error_model="numpy")
 def _rates(x: Array, drive: float, push: Array, p: Parameters, n: Numbers) -> Array:
     """Rates of the states (SAE axes). push: force to the left at the ground [N], yaw moment to the left and
     roll moment [N m]."""
@@ -45,7 +45,7 @@ def _rates(x: Array, drive: float, push: Array, p: Parameters, n: Numbers) -> Ar
     return f
 
 
-@njit
+@njit(error_model="numpy")
 def _run(command: Array, wanted: Array, around: Array, heading: float, p: Parameters, n: Numbers) -> Array:
     """(steps, 11) of the CG of the sprung mass."""
     out = np.zeros((command.size, 11))

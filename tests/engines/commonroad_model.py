@@ -147,10 +147,14 @@ def _compiled() -> Callable[..., Any]:
     sign = njit(tyres.sign)
     tyre = ModuleType("tyre")
     for name in ("longitudinal", "lateral", "longitudinal_comb", "lateral_comb"):
-        setattr(tyre, f"formula_{name}", njit(_with(getattr(tyres, f"formula_{name}"), sign=sign)))
+        setattr(
+            tyre,
+            f"formula_{name}",
+            njit(_with(getattr(tyres, f"formula_{name}"), sign=sign), error_model="numpy"),
+        )
     slow = njit(_with(kinematic.vehicle_dynamics_ks_cog, **rates))
     whole = _with(multibody.vehicle_dynamics_mb, vehicle_dynamics_ks_cog=slow, tireModel=tyre, **rates)
-    return njit(whole)  # type: ignore[no-any-return]
+    return njit(whole, error_model="numpy")  # a rover out of control gives nan
 
 
 def _with(function: FunctionType, **names: Any) -> FunctionType:
