@@ -28,6 +28,7 @@ MODULES = {  # package that it needs
     "foreign": ("tests.engines.foreign_engine", "numba"),
     "mujoco": ("tests.engines.mujoco_engine", "mujoco"),
     "commonroad": ("tests.engines.commonroad_engine", "vehiclemodels"),
+    "slipx": ("tests.engines.slipx_engine", "slipx"),
 }
 
 
