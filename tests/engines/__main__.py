@@ -25,6 +25,9 @@ Wanted = tuple[str, str, int, Path | None]
 
 def main() -> None:
     args = _arguments()
+    if args.read:
+        print(table(list(_kept(args.read))))
+        return
     names = tuple(MODULES) if args.engine == "all" else (args.engine,)
     kinds = tuple(KINDS) if args.kind == "all" else (args.kind,)
     seeds = range(args.seed, args.seed + args.sets)
@@ -35,14 +38,24 @@ def main() -> None:
             drawn = drawn_set(*one)
             print(f"{words(drawn)}  {time.monotonic() - started:.1f} s", flush=True)
         return
-    found = []
-    for drawn_words, truth, result, answer in _results(wanted, args.jobs):
-        print(f"{result.engine} {result.kind} {line(result.marks, answer, drawn_words)}", flush=True)
-        found.append(result)
-        if args.json:
-            with args.json.open("a") as out:
-                out.write(json.dumps({"mark": result.marks.mark, **truth, **answer}) + "\n")
-    print(table(found))
+    found: list[Judged] = []
+    try:
+        for drawn_words, truth, result, answer in _results(wanted, args.jobs):
+            print(f"{result.engine} {result.kind} {line(result.marks, answer, drawn_words)}", flush=True)
+            found.append(result)
+            if args.json:
+                with args.json.open("a") as out:
+                    out.write(json.dumps({"mark": result.marks.mark, **truth, **answer}) + "\n")
+    finally:  # an interrupted bench shows what it has
+        print(table(found))
+
+
+def _kept(paths: list[Path]) -> Iterator[Judged]:
+    """Answers of --json FILE, marked again."""
+    for path in paths:
+        for text in path.read_text().splitlines():
+            one = json.loads(text)
+            yield judged(one, one, engine(one["engine"]).places)
 
 
 def _results(wanted: list[Wanted], jobs: int) -> Iterator[tuple[str, dict[str, Any], Judged, dict[str, Any]]]:
@@ -56,7 +69,7 @@ def _results(wanted: list[Wanted], jobs: int) -> Iterator[tuple[str, dict[str, A
 def _one(wanted: Wanted) -> tuple[str, dict[str, Any], Judged, dict[str, Any]]:
     drawn = drawn_set(*wanted)
     answer = answered(drawn.runs, drawn.held_out)
-    return words(drawn), drawn.truth, judged(drawn, answer, engine(drawn.engine).places), answer
+    return words(drawn), drawn.truth, judged(drawn.truth, answer, engine(drawn.engine).places), answer
 
 
 def words(drawn: BenchSet) -> str:
@@ -78,6 +91,13 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--cache", type=Path, metavar="DIR", help="keep drawn sets here and read them again")
     parser.add_argument("--draw-only", action="store_true", help="print what is concealed, diagnose nothing")
     parser.add_argument("--json", type=Path, metavar="FILE", help="append a JSON line for each set")
+    parser.add_argument(
+        "--read",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="mark answers of --json again and print the table",
+    )
     return parser.parse_args()
 
 

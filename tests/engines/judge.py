@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-from tests.engines.draw import BenchSet
 from tests.foreign.grade import Graded, grade
 
 HALVED = 0.5  # share of the held-out residual that a finding or all of them remove
@@ -38,15 +37,21 @@ class Judged:
     halved: bool | None
 
 
-def judged(drawn: BenchSet, answer: Mapping[str, Any], places: Mapping[str, tuple[str, ...]]) -> Judged:
-    """A finding counts as right if its own name is hidden; one that is near the truth does not count."""
-    marks = grade(str(drawn.seed), drawn.kind, drawn.hidden, answer, places)
+def judged(
+    truth: Mapping[str, Any], answer: Mapping[str, Any], places: Mapping[str, tuple[str, ...]]
+) -> Judged:
+    """Marks of an answer to a set. truth: as in `BenchSet`.
+
+    A finding counts as right if its own name is hidden; one that is near the truth does not count.
+    """
+    hidden = [one["effect"] for one in truth["hidden"]]
+    marks = grade(str(truth["seed"]), truth["kind"], hidden, answer, places)
     said = tuple(
         (float(one["probability"]), one["effect"] in marks.first)
         for one in answer["findings"]
         if one.get("probability") is not None and one["effect"] not in marks.nearest
     )
-    return Judged(drawn.engine, drawn.kind, marks, said, _halved(answer))
+    return Judged(truth["engine"], truth["kind"], marks, said, _halved(answer))
 
 
 def _halved(answer: Mapping[str, Any]) -> bool | None:

@@ -1,4 +1,4 @@
-"""slipx (double track in C++, for cars of 1:10) as an engine, for the two smaller classes.
+"""slipx (double track in C++, for cars of 1:10) as an engine, scaled to every size.
 
 Slip angles with relaxation, load transfer, Magic Formula with a load-sensitive peak, friction ellipse, open
 or locked differential, motor, battery and the drive's losses are slipx's. It has no roll: a body on a spring
@@ -108,4 +108,4 @@ def _signals(rover: EngineRover, command: Array, wanted: Array, around: Array, h
     }
 
 
-ENGINE = Engine("slipx", SIZES[:2], _signals, LISTED, OUTSIDE, PLACES)
+ENGINE = Engine("slipx", SIZES, _signals, LISTED, OUTSIDE, PLACES)

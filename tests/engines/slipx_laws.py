@@ -24,7 +24,7 @@ LISTED: tuple[Law, ...] = (
     *SENSING,
     *vehicle_laws(("tyre_saturation", "Magic Formula"), ("front_rear_stiffness", "ratio"), ("side_wind", "")),
     Law("yaw_damping", "spool", "yaw", 0.99, 1.0, _spool, "-", absolute=True),
-    Law("tyre_relaxation", "slip angle", "tyre", 0.2, 1.5, _relaxing, "m", share_of_base),
+    Law("tyre_relaxation", "slip angle", "tyre", 0.06, 1.5, _relaxing, "m", share_of_base),
 )
 OUTSIDE: tuple[Law, ...] = outside_laws(
     (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -11,13 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.engines.draw import KINDS, BenchSet, drawn_set
+from tests.engines.draw import KINDS, drawn_set
 from tests.engines.engine import CHANNELS, MODULES, Engine, Signals, driven, engine
 from tests.engines.judge import brier, judged, removed, table
 from tests.engines.rover import EngineRover, drawn_rover
 from tests.foreign.chassis import SURFACE
+from tests.foreign.draw import LISTED
 from tests.foreign.drive import drives
 from tests.foreign.motion import DT
+from tests.foreign.outside_laws import OUTSIDE_LAWS
 
 SECONDS = 11.0
 STEERED = 6.0
@@ -84,8 +85,7 @@ def test_right_mirrors_left(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_effects_show_and_none_of_size_zero_does(name: str) -> None:
-    """own numbers of size zero leave a run as it is; another place of the IMU moves a_y as a rigid body."""
+def test_a_size_of_zero_changes_nothing_and_the_imu_moves_with_a_rigid_body(name: str) -> None:
     some, plain = rover(name), turned(name)
     same = driven_by(name, some.having(pendulum=0.0, mast=0.0, slip_speed=0.0, plysteer=0.0, spool=0.0))
     assert np.array_equal(same["ay"], plain["ay"])
@@ -94,6 +94,18 @@ def test_effects_show_and_none_of_size_zero_does(name: str) -> None:
     wanted = 0.1 * np.gradient(plain["r"], DT)[begin]
     gap = (moved["ay"] - plain["ay"])[begin]
     assert np.std(gap - wanted) < 0.15 * np.std(wanted)
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if name != "foreign"])
+def test_every_effect_of_an_engines_own_changes_a_turn(name: str) -> None:
+    some, plain = rover(name), turned(name)
+    for law in (*used(name).listed, *used(name).outside):
+        if law in (*LISTED, *OUTSIDE_LAWS) or "run" in law.extras(np.random.default_rng(1)):
+            continue
+        changed = law.apply(some, law.high, law.extras(np.random.default_rng(1)))
+        x = driven_by(name, changed)  # type: ignore[arg-type]
+        gap = max(float(np.max(np.abs(x[c] - plain[c]))) for c in ("r", "ay", "p", "vy"))
+        assert np.isfinite(gap) and gap > 1e-3, (law.effect, law.form)
 
 
 def test_the_owners_errors_are_those_of_people() -> None:
@@ -140,9 +152,9 @@ def said(*findings: tuple[str, float], share: float = 0.8) -> dict[str, Any]:
 
 
 def test_a_table_of_invented_answers() -> None:
-    drawn = drawn_set("foreign", "none", 1)
-    planted = replace(drawn, kind="single", hidden=("imu_offset",))
-    two = replace(drawn, kind="double", hidden=("imu_offset", "servo_lag"))
+    drawn: dict[str, Any] = {"engine": "foreign", "seed": 1, "kind": "none", "hidden": []}
+    planted = {**drawn, "kind": "single", "hidden": [{"effect": "imu_offset"}]}
+    two = {**drawn, "kind": "double", "hidden": [{"effect": "imu_offset"}, {"effect": "servo_lag"}]}
     rows = [
         judged(drawn, said(), {}),
         judged(drawn, said(("imu_offset", 0.9)), {}),
@@ -157,4 +169,3 @@ def test_a_table_of_invented_answers() -> None:
     assert "| foreign | double | 1    | 1/1   | 0/1        | 1/1 " in text
     assert removed(None) is None and removed({"share_removed": 0.4}) == 0.4
     assert set(KINDS) == {"none", "single", "double", "outside"}
-    assert isinstance(drawn, BenchSet)
