@@ -23,7 +23,7 @@ from tests.foreign.recorded import logged
 from tests.foreign.rover import vehicle_toml
 
 KINDS = {"none": 0, "single": 1, "double": 2, "outside": 1}
-TRIALS = 10  # effects that are tried until one shows in this rover
+TRIALS = 10  # effects that are tried until enough of them show in this rover
 VERSION = 1  # of the cached sets: another number where the drawing has changed
 
 
@@ -85,7 +85,10 @@ def _concealed(
         if sized is None:
             continue
         size, visibility = sized
-        found = law.apply(found, size, extras)
+        both = law.apply(found, size, extras)
+        if hidden and not sizing.in_control(law, both):  # type: ignore[arg-type]
+            continue
+        found = both  # type: ignore[assignment]
         places.add(law.place)
         hidden.append(
             {

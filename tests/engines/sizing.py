@@ -74,6 +74,11 @@ class Sizing:
         changed = law.apply(self.rover, size, extras)
         return scale.visibility(self._run(changed, scale.plan[0]) / scale.noise[:, None], law)
 
+    def in_control(self, law: Law, concealed: EngineRover) -> bool:
+        """Whether a rover with several effects, the last of them `law`, still drives its large sweep."""
+        scale = self.scale(NOT_FIRST)
+        return isfinite(scale.visibility(self._run(concealed, scale.plan[0]) / scale.noise[:, None], law))
+
     def sized(self, law: Law, extras: Extras, rng: Generator) -> tuple[float, float] | None:
         """(size, visibility) that shows plainly; None if no size does."""
 
