@@ -92,8 +92,17 @@ class Graded:
         return "unknown" if self.unknown else "nothing"
 
 
-def grade(name: str, kind: str, hidden: Sequence[str], answer: Mapping[str, Any]) -> Graded:
-    """Marks one answer. hidden: effect ids. answer: verdict, findings, unknown, seconds."""
+def grade(
+    name: str,
+    kind: str,
+    hidden: Sequence[str],
+    answer: Mapping[str, Any],
+    places: Mapping[str, tuple[str, ...]] = PLACES,
+) -> Graded:
+    """Marks one answer. hidden: effect ids. answer: verdict, findings, unknown, seconds.
+
+    places: as PLACES, {effect: words}.
+    """
     missing = list(hidden)
     marks: dict[str, list[str]] = {"first": [], "alike": [], "nearest": [], "wrong": []}
     for finding in _surest_first(answer["findings"], hidden):
@@ -109,13 +118,15 @@ def grade(name: str, kind: str, hidden: Sequence[str], answer: Mapping[str, Any]
         missed=tuple(missing),
         unknown=bool(answer.get("unknown")),
         seconds=float(answer["seconds"]),
-        placed=_placed(hidden, answer.get("unknown")),
+        placed=_placed(hidden, answer.get("unknown"), places),
         **{mark: tuple(effects) for mark, effects in marks.items()},
     )
 
 
-def _placed(hidden: Sequence[str], unknown: Mapping[str, Any] | None) -> bool | None:
-    words = [word for effect in hidden for word in PLACES.get(effect, ())]
+def _placed(
+    hidden: Sequence[str], unknown: Mapping[str, Any] | None, places: Mapping[str, tuple[str, ...]]
+) -> bool | None:
+    words = [word for effect in hidden for word in places.get(effect, ())]
     if not words:
         return None
     said = unknown or {}

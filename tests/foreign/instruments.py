@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,18 @@ def felt(motion: Array, rover: Rover) -> dict[str, Array]:
     up = -z * (sin * p_dot + cos * p * p) + GRAVITY * np.cos(n.slope)
     ahead = -v * r - r * r * forward
     ay, az = cos * across + sin * up, cos * up - sin * across
-    turn, roll = r * cos, p.copy()
+    return {
+        **mounted(r * cos, p.copy(), (ahead, ay, az), i),
+        "vy": v + r * forward - z * cos * p,
+        "speed": u,
+        "phi": phi,
+        "psi": psi,
+    }
+
+
+def mounted(turn: Array, roll: Array, force: tuple[Array, Array, Array], i: Instruments) -> dict[str, Array]:
+    """r, p and ay of an IMU that may be tilted or on a mast. force: specific force, body axes, m/s^2."""
+    ahead, ay, az = force
     if i.mast > 0:
         ay, roll = _on_mast(ay, roll, i)
     about_x, about_y, about_z = i.tilt
@@ -36,10 +48,6 @@ def felt(motion: Array, rover: Rover) -> dict[str, Array]:
         "r": turn + about_y * roll,
         "p": np.cos(about_z) * roll - about_y * turn,
         "ay": ay + np.sin(about_x) * az - np.sin(about_z) * ahead,
-        "vy": v + r * forward - z * cos * p,
-        "speed": u,
-        "phi": phi,
-        "psi": psi,
     }
 
 
@@ -74,10 +82,15 @@ def lagged(x: Any, lag: float, form: str) -> Any:
     return x
 
 
-def sensed(motion: Array, rover: Rover, rng: Generator, noise: bool = True) -> dict[str, Array]:
-    """Signals (steps,) in the firmware before they are sampled. noise: of the sensors and the EKF."""
-    i, x = rover.instruments, felt(motion, rover)
-    steps, turning = motion.shape[0], 1 / i.wheel_radius
+def sensed(
+    undisturbed: Mapping[str, Array], i: Instruments, rng: Generator, noise: bool = True
+) -> dict[str, Array]:
+    """Signals (steps,) in the firmware before they are sampled, of undisturbed ones as `felt` returns them.
+
+    noise: of the sensors and the EKF.
+    """
+    x = dict(undisturbed)
+    steps, turning = x["r"].size, 1 / i.wheel_radius
     if i.unbalance:
         x["ay"] = x["ay"] + i.unbalance * np.sin(np.cumsum(x["speed"]) * DT * turning) * np.tanh(x["speed"])
     if i.tone:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.random import Generator
@@ -13,9 +14,9 @@ from rover_sweep.data.recording import LowPass, Recording, Signal
 from rover_sweep.data.vehicle_file import parse
 from tests.foreign.chassis import STATES
 from tests.foreign.drive import AFTER, BRAKING, STILL, STRAIGHT, Drive, command, output_us, wanted_speed
-from tests.foreign.instruments import sensed
+from tests.foreign.instruments import felt, sensed
 from tests.foreign.motion import DT, integrated
-from tests.foreign.rover import Rover, vehicle_toml
+from tests.foreign.rover import Instruments, Rover, vehicle_toml
 from tests.foreign.surroundings import around
 
 Array = NDArray[np.float64]
@@ -32,13 +33,19 @@ def driven(
     start[5] = drive.heading
     ground = around(rover, drive, rng, noise)
     motion = integrated(command(drive, rover, t_out, us), wanted_speed(drive), ground, start, rover.numbers)
-    return t_out, us, sensed(motion, rover, rng, noise)
+    return t_out, us, sensed(felt(motion, rover), rover.instruments, rng, noise)
 
 
 def recorded(rover: Rover, drive: Drive, rng: Generator) -> Recording:
     """The run as the firmware logs it; time is since boot."""
-    t_out, us, x = driven(rover, drive, rng)
-    i, boot = rover.instruments, round(drive.opened, 6)
+    return logged(rover.instruments, drive, *driven(rover, drive, rng), "foreign plant")
+
+
+def logged(
+    i: Instruments, drive: Drive, t_out: Array, us: Array, x: Mapping[str, Array], firmware: str
+) -> Recording:
+    """A log of signals (steps,) before they are sampled. t_out, us (k,): main loops [s] and PWM [us]."""
+    boot = round(drive.opened, 6)
     steps = np.minimum((t_out / DT).astype(int), x["r"].size - 1)
     every = max(1, round(i.loop_hz / i.ekf_hz))
     channels = {"pwm": Signal(t_out + boot, us, "us", "SWEP.Out at the main loop", hold=True)}
@@ -58,7 +65,7 @@ def recorded(rover: Rover, drive: Drive, rng: Generator) -> Recording:
         standstill=((boot + 0.3, boot + STILL - 0.3), (end + BRAKING + 0.5, end + BRAKING + AFTER - 0.3)),
         straight=((begin - 1.0, begin + STRAIGHT), (end - STRAIGHT + 1.0, end)),
         filters={"r": gyro, "p": gyro, "ay": accel},
-        firmware="foreign plant",
+        firmware=firmware,
         sources=((f"{drive.name}.BIN", digest),),
     )
 

@@ -1,0 +1,24 @@
+"""The plant of tests/foreign as an engine: all its laws, in all their forms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.engines.engine import Array, Engine, Signals
+from tests.engines.rover import EngineRover
+from tests.foreign.chassis import STATES
+from tests.foreign.draw import LISTED
+from tests.foreign.grade import PLACES
+from tests.foreign.instruments import felt
+from tests.foreign.motion import integrated
+from tests.foreign.outside_laws import OUTSIDE_LAWS
+from tests.foreign.rover import SIZES
+
+
+def _signals(rover: EngineRover, command: Array, wanted: Array, around: Array, heading: float) -> Signals:
+    start = np.zeros(STATES)
+    start[5] = heading
+    return felt(integrated(command, wanted, around, start, rover.numbers), rover)
+
+
+ENGINE = Engine("foreign", SIZES, _signals, LISTED, OUTSIDE_LAWS, PLACES)

@@ -1,0 +1,126 @@
+"""Effects that MuJoCo makes by its own contacts, joints and bodies."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from numpy.random import Generator
+
+from tests.engines.rover import EngineRover
+from tests.engines.shared_laws import AROUND, PATH, SENSING, outside_laws, vehicle_laws
+from tests.foreign.chassis import GRAVITY
+from tests.foreign.grade import PLACES as FOREIGN_PLACES
+from tests.foreign.law import Applied, Extras, Law, peak_ay, turning_stiffness
+from tests.foreign.rover import Rover
+
+
+def _own(**names: str) -> Applied:
+    """size as a number of the engine, and those of extras. names: {number of the engine: "size" or extra}."""
+
+    def apply(rover: Rover, size: float, extras: Extras) -> Rover:
+        values = {name: size if key == "size" else extras[key] for name, key in names.items()}
+        return cast(EngineRover, rover).having(**values)
+
+    return apply
+
+
+def _cone(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(mu=_mu(rover, size))
+
+
+def _mu(rover: Rover, size: float) -> float:
+    return peak_ay(rover) / GRAVITY / size
+
+
+def _coupled(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(diff_c=2 * size * turning_stiffness(rover) / rover.numbers.track**2)
+
+
+def _coupling(rover: Rover, size: float) -> float:
+    """Yaw damping without slip of the wheels, N m s/rad."""
+    return size * turning_stiffness(rover) / rover.speed
+
+
+def _bumps(rover: Rover, size: float, _extras: Extras) -> Rover:
+    """Travel of a leg: 1/size of what the large amplitude asks for."""
+    return cast(EngineRover, rover).having(bump=_travel(rover, size))
+
+
+def _travel(rover: Rover, size: float) -> float:
+    n = rover.numbers
+    lean = n.ms * n.h * peak_ay(rover) / (n.kphi - n.ms * GRAVITY * n.h)
+    return lean * n.track / 2 / size
+
+
+def _toe(rover: Rover, size: float, extras: Extras) -> Rover:
+    """Wheels yield by the share `size` of the large amplitude at its side force, with a delay."""
+    return cast(EngineRover, rover).having(toe=_yield(rover, size), toe_lag=extras["lag"])
+
+
+def _yield(rover: Rover, size: float) -> float:
+    """Share of the front slip angle's stiffness: angle lost times stiffness over side force."""
+    n = rover.numbers
+    force = n.m * peak_ay(rover) * n.b / (n.a + n.b)
+    return size * rover.amplitude * n.Cf / force
+
+
+def _drag(rover: Rover, size: float, extras: Extras) -> Rover:
+    return cast(EngineRover, rover).having(drag=_torque(rover, size), drag_period=extras["period"])
+
+
+def _torque(rover: Rover, size: float) -> float:
+    """Share of the weight as a braking force of one wheel, as its torque [N m]."""
+    return size * rover.numbers.m * GRAVITY * rover.instruments.wheel_radius
+
+
+def _swing(rng: Generator) -> dict[str, float]:
+    return {"w": float(rng.uniform(4.5, 9.0))}
+
+
+def _lag(rng: Generator) -> dict[str, float]:
+    return {"lag": float(rng.uniform(0.1, 0.25))}
+
+
+def _period(rng: Generator) -> dict[str, float]:
+    return {"period": float(rng.uniform(0.6, 1.6))}
+
+
+def _third_run(_rng: Generator) -> dict[str, float]:
+    return {"run": 3.0}
+
+
+LISTED: tuple[Law, ...] = (
+    *PATH,
+    *AROUND,
+    *SENSING,
+    *vehicle_laws(
+        ("suspension_friction", "tanh"), ("cross_slope", "plane"), ("front_rear_stiffness", "ratio")
+    ),
+    Law("tyre_saturation", "friction cone", "tyre", 0.7, 1.5, _cone, "-", _mu),
+    Law("yaw_damping", "coupled wheels", "yaw", 0.05, 10.0, _coupled, "N m s/rad", _coupling),
+)
+OUTSIDE: tuple[Law, ...] = (
+    *outside_laws(("outside:cubic_hysteresis", "outside:resonant_linkage", "outside:aliased_vibration")),
+    Law(
+        "outside:pendulum", "hanging load", "cargo", 0.04, 0.35,
+        _own(pendulum="size", pendulum_w="w"), extras=_swing,
+    ),
+    Law("outside:sliding_load", "dry friction and stops", "cargo", 0.04, 0.4, _own(sliding="size")),
+    Law("outside:flexing_mast", "IMU on a hinge", "imu", 0.08, 0.4, _own(mast="size"), "s"),
+    Law("outside:toe_compliance", "trail and bushings", "compliance", 0.1, 0.8, _toe, "-", _yield, _lag),
+    Law(
+        "outside:slip_speed", "force over sliding speed", "tyre", 0.7, 1.0,
+        _own(slip_speed="size"), extras=_third_run, absolute=True,
+    ),
+    Law("outside:bump_stops", "stops of the legs", "roll", 1.2, 4.0, _bumps, "m", _travel),
+    Law("outside:limping_motor", "one wheel drags", "yaw", 0.01, 0.25, _drag, "N m", _torque, _period),
+)  # fmt: skip
+PLACES: dict[str, tuple[str, ...]] = {
+    **FOREIGN_PLACES,
+    "outside:pendulum": ("side force", "roll moment"),
+    "outside:sliding_load": ("side force", "roll moment", "yaw moment"),
+    "outside:toe_compliance": ("steering", "side force"),
+    "outside:slip_speed": ("side force", "yaw moment"),
+    "outside:bump_stops": ("roll moment",),
+    "outside:limping_motor": ("yaw moment",),
+}
