@@ -14,6 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.diagnosis import importance
 from tests.engines.draw import KINDS, BenchSet, drawn_set
 from tests.engines.engine import MODULES, engine
 from tests.engines.judge import Judged, judged, table
@@ -28,6 +29,8 @@ def main() -> None:
     if args.read:
         print(table(list(_kept(args.read))))
         return
+    if args.every_finding:
+        importance.SURE = 0.0  # before the processes of --jobs are forked
     names = tuple(MODULES) if args.engine == "all" else (args.engine,)
     kinds = tuple(KINDS) if args.kind == "all" else (args.kind,)
     seeds = range(args.seed, args.seed + args.sets)
@@ -91,6 +94,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--cache", type=Path, metavar="DIR", help="keep drawn sets here and read them again")
     parser.add_argument("--draw-only", action="store_true", help="print what is concealed, diagnose nothing")
     parser.add_argument("--json", type=Path, metavar="FILE", help="append a JSON line for each set")
+    parser.add_argument(
+        "--every-finding", action="store_true", help="name unsure ones too, to fit tests.foreign.certainty"
+    )
     parser.add_argument(
         "--read",
         type=Path,
