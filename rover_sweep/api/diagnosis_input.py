@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -104,11 +103,11 @@ def diagnosed(
         if not own:
             settings, simpler = _with_baseline(settings, groups, rover)
         misplaced = wrong_place_in(groups, rover, settings.baseline or "")
-        asked = partial(diagnose, given.runs, rover, held_out_runs=given.held_out, simulated=given.simulated)
-        found = asked(settings, progress=progress, stop=stop, groups=groups)
+        others = given.held_out, given.simulated, progress, stop, groups
+        found = diagnose(given.runs, rover, settings, *others)
         while not own and (more := _more_complete(found)):
             settings, simpler = replace(settings, baseline=more), ""
-            found = asked(settings, progress=progress, stop=stop, groups=groups)
+            found = diagnose(given.runs, rover, settings, *others)
     except DataRefused as error:
         found = _refused(str(error), given, settings, time.monotonic() - started)
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:

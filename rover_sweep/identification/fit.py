@@ -43,7 +43,7 @@ class Estimate(PlainNumbers):
     """A parameter after the fit: value, lower and upper bound in `unit`.
 
     cr_percent, insensitivity_percent: equations (13) and (14) in % of |value|, None for a fixed parameter
-    and for a value of 0. at_bound: where the fit ran into a bound; a delay of 0 is a result.
+    and infinite for a value of 0. at_bound: where the fit ran into a bound; a delay of 0 is a result.
     interval: confidence interval by the bootstrap, None unless requested; of the bicycle and roll-yaw model
     it includes errors of the structure, see `structural_error`.
     """
@@ -198,7 +198,7 @@ def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread
     """Costs and accuracies of a structure at its present values. spread: passed on to the result."""
     usable = tuple(restricted(c, structure) for c in conditions)
     cr, insensitivity = accuracy(structure, usable)
-    by_name = {p.name: (cr[i], insensitivity[i]) for i, p in enumerate(structure.free) if p.value}
+    by_name = {p.name: (cr[i], insensitivity[i]) for i, p in enumerate(structure.free)}
     estimates = tuple(
         Estimate(
             p.name,

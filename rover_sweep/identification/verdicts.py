@@ -94,7 +94,8 @@ def _is_not_identifiable(e: Estimate) -> bool:
 
 
 def _is_uncertain(e: Estimate) -> bool:
-    return (e.cr_percent or 0.0) > CR_GUIDE or (e.insensitivity_percent or 0.0) > I_GUIDE
+    """True above a guideline in percent of the value, which says nothing of a value of 0."""
+    return e.value != 0.0 and ((e.cr_percent or 0.0) > CR_GUIDE or (e.insensitivity_percent or 0.0) > I_GUIDE)
 
 
 def _numbers(e: Estimate) -> str:

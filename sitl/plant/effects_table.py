@@ -30,7 +30,8 @@ clock_offset          T [s]: the records of the steering are stamped late by T, 
                       against it; with stream = "velocity" those of the velocity are stamped late by T
 tyre_relaxation       sigma [m]: (sigma/V) F' + F = F0, both axles
 tyre_saturation       mu [-]: F = mu Fz tanh(z), z = C alpha/(mu Fz), both axles; "brush": F = mu Fz
-                      (z - z2/3 + z3/27) up to z = 3; "falling peak": F = mu Fz sin(1.6 atan(z/1.6))
+                      (z - z2/3 + z3/27) up to z = 3; "falling peak": F = mu Fz sin(1.6 atan(z/1.6));
+                      "knee": F = mu Fz z/(1 + z6)^(1/6)
 load_transfer         k [-]: C (1 - k (a_y/g)2), both axles
 front_rear_stiffness  ratio [-]: Cf/Cr, the sum of both as without it
 tyre_slip             C [N/rad] of each axle, Izz [kg m2]
@@ -72,7 +73,7 @@ FORMS: Mapping[str, tuple[str, ...]] = {
     "steering_stiction": ("no memory", "with memory"),
     "steering_backlash": ("play", "smooth hysteresis"),
     "steering_nonlinearity": ("cubic", "quadratic"),
-    "tyre_saturation": ("tanh", "brush", "falling peak"),
+    "tyre_saturation": ("tanh", "brush", "falling peak", "knee"),
     "roll_steer": ("front axle", "rear axle"),
     "yaw_damping": ("over r", "over r/V"),
     "sensor_filter": (

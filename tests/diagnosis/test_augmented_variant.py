@@ -60,6 +60,7 @@ FORMS_JUDGED = {
     "steering_compliance": ("r", 0.1),
     "tyre_saturation/brush": ("vy", 0.2),
     "tyre_saturation/falling peak": ("vy", 0.2),
+    "tyre_saturation/knee": ("vy", 0.2),
     "roll_steer/rear axle": ("r", 0.1),
     "yaw_damping": ("r", 0.1),
     "yaw_damping/over r/V": ("r", 0.1),

@@ -71,7 +71,7 @@ def test_a_baseline_that_lacks_roll_gives_way_to_one_with_it(monkeypatch: pytest
     """One channel's coherence hid the roll that all channels together show: it is no left-out physics."""
     asked = []
 
-    def found(runs, rover, settings, **given):
+    def found(runs, rover, settings, *others):
         asked.append(settings.baseline)
         effect = Finding("roll_dof", (), ByName(()), {}, (), "", "", "")
         return Diagnosis("explained", "", settings.baseline, findings=(effect,) if len(asked) == 1 else ())

@@ -82,7 +82,7 @@ def test_without_a_yaw_inertia_in_the_file_mass_and_axles_tell(runs: rs.Runs) ->
 def test_a_diagnosis_says_it_too(runs: rs.Runs, monkeypatch: pytest.MonkeyPatch) -> None:
     assert runs.vehicle is not None
     monkeypatch.setattr(
-        "rover_sweep.diagnosis.diagnose.diagnose", lambda *_, **__: Diagnosis("none", "", "roll-yaw")
+        "rover_sweep.diagnosis.diagnose.diagnose", lambda *_: Diagnosis("none", "", "roll-yaw")
     )
     given = Material(tuple(moved(run, 0.05, 0.0) for run in runs))
     right, wrong = (diagnosed(given, at(runs.vehicle, x), DiagnosisSettings()) for x in (0.05, -0.05))

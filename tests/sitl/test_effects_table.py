@@ -91,7 +91,7 @@ def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) ->
         ("surface_change = { ratio = 0.8 }", r"needs either t \[s\] or distance"),
         (
             'tyre_saturation = { mu = 1, form = "cubic" }',
-            "'cubic' must be one of tanh, brush, \"falling peak\"",
+            "'cubic' must be one of tanh, brush, \"falling peak\", knee",
         ),
         ("roll_steer = { e = 1, form = 2 }", "form = 2 must be one of"),
         ('load_transfer = { k = 0.1, form = "brush" }', "load_transfer has no parameter form; it has k"),

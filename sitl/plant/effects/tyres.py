@@ -14,6 +14,7 @@ Law = Callable[[float, float, float, float], float]
 """Force [N] from slip angle [rad], stiffness [N/rad], peak force [N] and a shape [-]."""
 
 _PEAKED = 1.6  # shape factor of the magic formula whose force falls beyond the peak
+_KNEE = 6.0
 _RAMP, _DRIFT = 10.0, 300.0  # s
 _YIELDS = 40  # steps of `yielding`, of which linear tyres need one
 _LEAST_SHARE = 0.05  # of the stiffness that load transfer leaves at least
@@ -38,7 +39,13 @@ def peaked(slip: float, stiffness: float, peak: float, shape: float) -> float:
     return lateral_force(slip, stiffness, peak, _PEAKED)
 
 
-_LAWS: dict[str, Law] = {"tanh": saturating, "brush": brush, "falling peak": peaked}
+def knee(slip: float, stiffness: float, peak: float, shape: float) -> float:
+    """A linear tyre that slides at its peak: the smooth minimum of C slip and D, of the sixth order."""
+    wanted = stiffness * slip
+    return -wanted * peak / (peak**_KNEE + abs(wanted) ** _KNEE) ** (1.0 / _KNEE)
+
+
+_LAWS: dict[str, Law] = {"tanh": saturating, "brush": brush, "falling peak": peaked, "knee": knee}
 
 
 def tyre_law(effects: Effects) -> Law:
