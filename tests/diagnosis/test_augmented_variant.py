@@ -19,12 +19,14 @@ import rover_sweep as rs
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.effects import every_form, form_named
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.diagnosis.simulation.single_track import _tyre
 from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.redrive.recorded_course import course_of
 from rover_sweep.redrive.vehicle_variant import on_the_clock
 from rover_sweep.report.export.plant_variant import not_in_the_plant, variant_text
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects.steering_effects import Linkage
+from sitl.plant.effects.tyres import knee
 from sitl.plant.variant import load_variant
 from sitl.redrive.open_loop import redrive
 
@@ -60,7 +62,6 @@ FORMS_JUDGED = {
     "steering_compliance": ("r", 0.1),
     "tyre_saturation/brush": ("vy", 0.2),
     "tyre_saturation/falling peak": ("vy", 0.2),
-    "tyre_saturation/knee": ("vy", 0.2),
     "roll_steer/rear axle": ("r", 0.1),
     "yaw_damping": ("r", 0.1),
     "yaw_damping/over r/V": ("r", 0.1),
@@ -128,6 +129,16 @@ def test_an_effect_does_in_the_plant_what_it_does_in_the_model(effect: str, tmp_
     done = driven(whole, tmp_path)[channel] - plant_without[channel]
     assert rms(wanted) > 0.004 * rms(model_without[channel])  # there is something to reproduce
     assert rms(done - wanted) < room * rms(wanted)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.95, 2.0])
+def test_the_tyre_with_a_knee_is_the_same_in_the_plant(share: float) -> None:
+    """The doublet stays below the knee, so force by force. share: of the slip at which a linear tyre slides."""
+    stiffness, load, mu = 31.0, 13.0, 0.4
+    slip = share * mu * load / stiffness
+    ours = _tyre(slip, stiffness, load, 1.0 / load, 1.0 / mu, 0.0, 3.0)
+    assert ours == pytest.approx(knee(slip, stiffness, mu * load, 1.3), rel=1e-9)
+    assert min(share, 1.0) * 0.85 < -ours / (mu * load) < min(share, 1.0)
 
 
 @pytest.mark.parametrize(
