@@ -133,7 +133,7 @@ def test_an_effect_does_in_the_plant_what_it_does_in_the_model(effect: str, tmp_
 
 @pytest.mark.parametrize("share", [0.3, 0.95, 2.0])
 def test_the_tyre_with_a_knee_is_the_same_in_the_plant(share: float) -> None:
-    """The doublet stays below the knee, so force by force. share: of the slip at which a linear tyre slides."""
+    """The doublet stays below it, so force by force. share: of the slip at which a linear tyre slides."""
     stiffness, load, mu = 31.0, 13.0, 0.4
     slip = share * mu * load / stiffness
     ours = _tyre(slip, stiffness, load, 1.0 / load, 1.0 / mu, 0.0, 3.0)
