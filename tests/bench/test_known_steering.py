@@ -193,7 +193,7 @@ def driven(variant: Path, folder: Path) -> str:
 def test_a_bench_takes_the_look_alikes_out_of_a_diagnosis(
     on_blocks: OnBlocks, vehicle_toml: Path, tmp_path: Path
 ):
-    """Play, an uneven gain and a slow servo stand before what else there is; benched, the tyres alone."""
+    """Play, an uneven gain and a slow servo are found; benched, only the usual bend of tyres is left."""
     wheel, without = tmp_path / "imu.csv", tuple(effect for effect in library() if effect not in NAMED)
     url = on_blocks("--wheel", str(wheel))  # writes the variant as well
     sweep = driven(tmp_path / "variant.toml", tmp_path)
@@ -220,9 +220,7 @@ def test_a_bench_takes_the_look_alikes_out_of_a_diagnosis(
     )
     assert code == 0
     found = rs.diagnose(rs.read(sweep, vehicle=vehicle_toml), without=without)
-    assert found.verdict == "explained"
-    assert [f.effect for f in found.findings] == ["tyre_saturation"]
-    assert found.findings[0].look_alikes == ()
+    assert found.verdict == "none" and not found.findings
     told = " ".join(found.remarks)
     for effect in ("steering_backlash", "steering_asymmetry", "servo_rate_limit", "servo_lag"):
         assert f"{effect} was not looked for: the bench measured" in told

@@ -56,7 +56,7 @@ def test_an_unnamed_term_counts_by_its_fitted_gain() -> None:
     """A wind turns the rover depending on its heading: no candidate does, but an unnamed term does."""
     law = next(w for w in laws() if w.term == "yaw moment ~ cos(psi)")
     windy = replace(MODEL.structure, effects=(law.effect,))
-    random, blown = np.random.default_rng(5), {**X, law.effect.key("amount"): 0.1}
+    random, blown = np.random.default_rng(5), {**X, law.effect.key("amount"): 0.2}
     recorded = []
     for run in sweeps(1):
         motion = logged(run, windy, blown, Sensors.of(run))

@@ -5,15 +5,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from planted import sweeps
 
 from rover_sweep.cli.main import run
 from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.simulation import lumped_baseline
-from rover_sweep.diagnosis.simulation.simulator import vehicle_numbers
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, vehicle_numbers
 from rover_sweep.diagnosis.simulation.single_track import single_tracks
 from rover_sweep.diagnosis.simulation.structure import Structure
 
 SET = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "d"
+BESIDE_DERIVATIVES = [
+    e.id for e in library().values() if "lumped" in e.baselines and e.id not in DEGREES_OF_FREEDOM
+]
 ROVER = Geometry(2.76, 0.196, 0.187, 2.49, 0.058, 0.0146, 0.075)
 
 
@@ -63,3 +70,16 @@ def test_the_first_derivatives_move_as_the_model_that_they_are_made_of_at_any_sp
     found = lumped_baseline.motion(steer, speed, zero, first, 0.005)
     for k, name in enumerate(("v", "r", "phi", "p", "across")):
         assert np.max(np.abs(found[name] - whole[k])) <= 0.005 * np.max(np.abs(whole[k])) + 1e-12, name
+
+
+@pytest.mark.parametrize("effect", BESIDE_DERIVATIVES)
+def test_every_effect_that_may_act_beside_derivatives_can_be_simulated(effect: str) -> None:
+    """A slope looked for the sprung mass's moment, which the derivatives do not have."""
+    run = sweeps(1)[0]
+    model = Model("lumped", ROVER, Tolerances())
+    whole = model.with_effect(effect, run.name)
+    x = {c.name: c.start for c in whole.free} | {
+        c.name: 0.25 * c.scale for c in added_coordinates(whole.law(effect))
+    }
+    found = logged(run, whole.structure, x, Sensors.of(run))
+    assert found and all(np.all(np.isfinite(y)) for y in found.values())

@@ -107,6 +107,8 @@ def _with_slip(structure: Structure, pair: Sequence[_Car]) -> list[dict[str, Arr
 
 
 def _lumped(base: dict[str, Array], structure: Structure, x: Values) -> dict[str, Array]:
+    rover = structure.rover
+    base = base | {"ms_h": np.full(base["t"].size, (rover.sprung_mass or 0.0) * (rover.h or 0.0))}
     weight = _weight(structure, base, x)
     return base | lumped_baseline.motion(base["delta"], base["V"], weight, x, STEP) | {"weight": weight}
 
