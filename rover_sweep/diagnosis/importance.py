@@ -41,7 +41,7 @@ def why_no_verdict(f: Finding, absent: bool, turn: Turn | None = None) -> str:
     no part in it.
     """
     if absent:
-        return "the interval of its size holds none at all"
+        return "the 90 % interval of its size includes zero"
     if f.probability is not None and f.probability < SURE:
         return f"of such findings {100 * f.probability:.0f} % were right, and a name needs {100 * SURE:.0f} %"
     if f.held_out and not any((h.share_removed or 0.0) >= NOTHING for h in f.held_out):

@@ -30,7 +30,7 @@ def not_predicted(held_out: Iterable[tuple[str, float, float]]) -> tuple[str, ..
 def absurd(rover: Geometry, found: Mapping[str, float]) -> tuple[str, ...]:
     """Sentences on implausible numbers of a model. found: {parameter: SI value}, named as in the models.
 
-    A kinematic model has no others than its effective wheelbase, which stands for a steering scale.
+    Of a kinematic model only the effective wheelbase is judged, as a steering scale.
     """
     scale = found.get("gain", 1.0) * rover.wheelbase / found.get("L_eff", rover.wheelbase)
     own = {n: found[n] for n in IDENTIFIED if n in found and "L_eff" not in found}

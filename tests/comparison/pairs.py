@@ -31,6 +31,15 @@ from sitl.redrive.open_loop import redrive
 
 RECORDED = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "c"
 RUNS = ("run1", "run2", "run4")
+VARIED = (
+    "front_cornering_stiffness",
+    "rear_cornering_stiffness",
+    "yaw_inertia",
+    "roll_stiffness",
+    "roll_damping",
+    "servo_lag",
+    "friction",
+)
 KINDS = ("number", "effect", "both", "agree")
 
 # what a number of the simulation is multiplied by, or what is added, and how the tool names it
@@ -78,7 +87,7 @@ class Drawn:
 def drawn(kind: str, seed: int) -> Drawn:
     """One pair of a kind. The same seed gives the same pair."""
     random = np.random.default_rng([seed, KINDS.index(kind)])
-    recorded = _rover(random)
+    recorded = varied(load_variant("nominal"), random)
     simulated = recorded
     truth: list[tuple[str, ...]] = []
     words: dict[str, Any] = {}
@@ -98,18 +107,9 @@ def drawn(kind: str, seed: int) -> Drawn:
     return Drawn(kind, recorded, simulated, tuple(truth), words)
 
 
-def _rover(random: np.random.Generator) -> PlantParameters:
-    nominal = load_variant("nominal")
-    vary = (
-        "front_cornering_stiffness",
-        "rear_cornering_stiffness",
-        "yaw_inertia",
-        "roll_stiffness",
-        "roll_damping",
-        "servo_lag",
-        "friction",
-    )
-    return replace(nominal, **{name: getattr(nominal, name) * random.uniform(0.9, 1.15) for name in vary})
+def varied(rover: PlantParameters, random: np.random.Generator) -> PlantParameters:
+    """The rover with other tyres, springs, inertia and servo, each by a factor of .9 to 1.15."""
+    return replace(rover, **{name: getattr(rover, name) * random.uniform(0.9, 1.15) for name in VARIED})
 
 
 def _changed(rover: PlantParameters, name: str, random: np.random.Generator) -> tuple[PlantParameters, float]:

@@ -18,20 +18,11 @@ import numpy as np
 
 import rover_sweep as rs
 from sitl.plant.variant import PlantParameters, load_variant
-from tests.comparison.pairs import drive
+from tests.comparison.pairs import drive, varied
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 RUNS = tuple(NOMINAL / f"{run}.BIN" for run in ("run1", "run2", "run4"))  # 120 us, 240 us, doublet
 LENGTHS = (1.0, 1.6, 2.6)  # times the nominal rover: about 3, 11 and 47 kg
-VARIED = (
-    "front_cornering_stiffness",
-    "rear_cornering_stiffness",
-    "yaw_inertia",
-    "roll_stiffness",
-    "roll_damping",
-    "servo_lag",
-    "friction",
-)
 TRUE = {"Izz": "yaw_inertia", "k_phi": "roll_stiffness", "b_phi": "roll_damping"}
 
 
@@ -63,7 +54,7 @@ def healthy_rover(seed: int) -> tuple[float, PlantParameters]:
     large |= {name: getattr(rover, name) * s**3 for name in ("drive_force_limit", "road_force")}
     large["imu_position"] = tuple(s * x for x in rover.imu_position)
     rover = replace(rover, **large)
-    return s, replace(rover, **{name: getattr(rover, name) * random.uniform(0.9, 1.15) for name in VARIED})
+    return s, varied(rover, random)
 
 
 def exact_vehicle_file(rover: PlantParameters) -> str:

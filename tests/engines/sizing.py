@@ -8,9 +8,8 @@ is the visibility. One sweep is enough: the one in which the effect begins, else
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import exp, isfinite, log
+from math import isfinite
 
 import numpy as np
 from numpy.random import Generator
@@ -21,10 +20,9 @@ from tests.engines.rover import EngineRover
 from tests.foreign.drive import Drive
 from tests.foreign.law import Extras, Law
 from tests.foreign.motion import DT
-from tests.foreign.sizing import BAND_HZ, CHANNELS, EVERY, HIGH, LEAST, LOW, Scale
+from tests.foreign.sizing import BAND_HZ, CHANNELS, EVERY, Scale, chosen
 
 NOT_FIRST = 2  # the large sweep
-SEARCHES = 5
 
 
 @dataclass
@@ -85,29 +83,4 @@ class Sizing:
         def seen(size: float) -> float:
             return self.visibility(law, size, extras)
 
-        if law.absolute:
-            size = exp(rng.uniform(log(law.low), log(law.high)))
-            visibility = seen(size)
-            return (size, visibility) if isfinite(visibility) and visibility >= LEAST else None
-        return _between(seen, law, exp(rng.uniform(log(LOW), log(HIGH))))
-
-
-def _between(seen: Callable[[float], float], law: Law, wanted: float) -> tuple[float, float] | None:
-    """By false position on logarithms, from the largest size down."""
-    high = (law.high, seen(law.high))
-    if high[1] < LEAST:
-        return None
-    if high[1] <= wanted:
-        return high
-    low = (law.low, seen(law.low))
-    if low[1] >= wanted or not isfinite(low[1]):
-        return low if isfinite(low[1]) else None
-    for _ in range(SEARCHES):
-        known = isfinite(high[1]) and low[1] > 0
-        share = log(wanted / low[1]) / log(high[1] / low[1]) if known else 0.5
-        middle = exp(log(low[0]) + min(0.85, max(0.15, share)) * log(high[0] / low[0]))
-        found = (middle, seen(middle))
-        if abs(log(max(found[1], 1e-9) / wanted)) < 0.3:
-            return found
-        low, high = (found, high) if found[1] < wanted else (low, found)
-    return low if low[1] >= LEAST else high if isfinite(high[1]) else None
+        return chosen(seen, law, rng, searches=5, near=0.3)  # an engine takes seconds

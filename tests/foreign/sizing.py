@@ -8,7 +8,7 @@ At .4 three sweeps hold a chi-squared of several hundred.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import exp, isfinite, log
 
@@ -105,24 +105,36 @@ def sized(rover: Rover, law: Law, extras: Extras, scale: Scale, rng: Generator) 
     def seen(size: float) -> float:
         return scale.visibility(runs(law.apply(rover, size, extras), scale.plan, scale.noise), law)
 
+    return chosen(seen, law, rng, searches=6, near=0.15)
+
+
+def chosen(
+    seen: Callable[[float], float], law: Law, rng: Generator, searches: int, near: float
+) -> tuple[float, float] | None:
+    """(size, visibility) of a drawn visibility, None if even the largest size does not show.
+
+    seen: the visibility of a size. By false position on logarithms, from the largest size down, at most
+    `searches` times and until it is within `near` (logarithm).
+    """
     if law.absolute:
         size = exp(rng.uniform(log(law.low), log(law.high)))
         visibility = seen(size)
         return (size, visibility) if isfinite(visibility) and visibility >= LEAST else None
     wanted = exp(rng.uniform(log(LOW), log(HIGH)))
-    low, high = (law.low, seen(law.low)), (law.high, seen(law.high))
+    high = (law.high, seen(law.high))
     if high[1] < LEAST:
         return None
-    if low[1] >= wanted or not isfinite(low[1]):
-        return low if isfinite(low[1]) else None
     if high[1] <= wanted:
         return high
-    for _ in range(6):
+    low = (law.low, seen(law.low))
+    if low[1] >= wanted or not isfinite(low[1]):
+        return low if isfinite(low[1]) else None
+    for _ in range(searches):
         known = isfinite(high[1]) and low[1] > 0
         share = log(wanted / low[1]) / log(high[1] / low[1]) if known else 0.5
         middle = exp(log(low[0]) + min(0.85, max(0.15, share)) * log(high[0] / low[0]))
         found = (middle, seen(middle))
-        if abs(log(max(found[1], 1e-9) / wanted)) < 0.15:
+        if abs(log(max(found[1], 1e-9) / wanted)) < near:
             return found
         low, high = (found, high) if found[1] < wanted else (low, found)
     return low if low[1] >= LEAST else high if isfinite(high[1]) else None

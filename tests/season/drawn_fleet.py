@@ -23,7 +23,7 @@ from sitl.flash_log.formats import FORMATS
 from sitl.plant.variant import PlantParameters, load_variant
 from sitl.redrive.course import Course
 from sitl.redrive.open_loop import redrive
-from tests.comparison.pairs import vehicle_file
+from tests.comparison.pairs import varied, vehicle_file
 
 RECORDED = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "c" / "run2.BIN"
 BEGIN = date(2026, 3, 2)
@@ -91,18 +91,7 @@ def drawn_fleet(
 
 
 def _numbers(random: np.random.Generator) -> PlantParameters:
-    nominal = load_variant("nominal")
-    vary = (
-        "front_cornering_stiffness",
-        "rear_cornering_stiffness",
-        "yaw_inertia",
-        "roll_stiffness",
-        "roll_damping",
-        "servo_lag",
-        "friction",
-    )
-    drawn = {name: getattr(nominal, name) * random.uniform(0.9, 1.15) for name in vary}
-    return replace(nominal, **drawn, effects={"steering_backlash": {"b": PLAY}})
+    return replace(varied(load_variant("nominal"), random), effects={"steering_backlash": {"b": PLAY}})
 
 
 def write_season(fleet: Sequence[DrawnVehicle], logs: Path, files: Path, seed: int = 1) -> list[Path]:

@@ -99,7 +99,7 @@ def many_at_the_end(ends: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _is_beyond(c: Coordinate, value: float) -> bool:
-    """True for a value clearly outside the bounds: a tenth of their width or of the value."""
+    """True for a value outside the bounds by a tenth of their distance or more."""
     room = 0.1 * (c.high - c.low)
     return not c.low - room < value < c.high + room
 

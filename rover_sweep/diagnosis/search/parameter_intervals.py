@@ -98,13 +98,14 @@ def holds_absence(effect: Effect, drawn: list[dict[str, float]]) -> bool:
 
 
 def implausible_numbers(last: Round, drawn: list[dict[str, float]]) -> tuple[str, ...]:
-    """Sentences on the numbers that are implausible whatever the runs leave open, and on the vehicle file."""
+    """Sentences on the vehicle file, and on numbers that are implausible in nearly all draws."""
     rover = last.model.rover
     every = [physical_numbers(x, rover) for x in drawn]
     sure = {
         name: value
         for name, value in physical_numbers(last.fitted.x, rover).items()
-        if np.mean([bool(implausible(rover, {name: one[name]})) for one in every]) >= SURE
+        if implausible(rover, {name: value})
+        and np.mean([bool(implausible(rover, {name: one[name]})) for one in every]) >= SURE
     }
     return implausible(rover, sure)
 
