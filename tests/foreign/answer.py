@@ -12,7 +12,7 @@ from rover_sweep.api.read import Runs
 from rover_sweep.data.recording import Recording
 from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
 
-KEPT = ("verdict", "sentence", "findings", "unknown", "cannot_see", "held_out", "remarks", "scores")
+KEPT = ("verdict", "sentence", "findings", "unknown", "cannot_see", "held_out", "remarks", "scores", "p_none")
 LATER = ("form", "forms", "probability")  # fields of a finding that a version of the tool may have or lack
 
 

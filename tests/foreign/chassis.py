@@ -5,6 +5,8 @@ the roll axis below the CG and yaw rate r, in the frame that yaws and does not r
 where the left side rises. The CG of the body lies at y = -h sin(phi), z = h cos(phi).
 state: 0 u, 1 v, 2 r, 3 phi, 4 phi', 5 heading, 6 to 9 slip angle or force share of each wheel that lags, 10
 and 11 place and speed of the loose load (left).
+loose_form 0 on a spring beside the CG, 1 a pendulum that hangs from the CG, 2 on a bed at its height with dry
+friction, between stops. lift_form 0 front axle, 1 rear axle.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from tests.foreign.tyres import dead_zone, load_factor, side_force
 Array = NDArray[np.float64]
 STATES = 12
 GRAVITY = 9.81
+BED_FRICTION, BED_WAY, STOP_W = 0.12, 0.12, 60.0  # of a sliding load; its way in tracks; rad/s
 CREEP = 0.1  # m/s: below it tyres resist in proportion to the sliding speed
 # columns of a step's surroundings
 SURFACE, SHIFT, WIND_X, WIND_Y, ROAD_Y, ROAD_YAW, ROAD_ROLL = range(7)
@@ -56,11 +59,16 @@ def derivative(x: Array, delta: float, around: Array, wanted: float, n: Numbers,
         else:
             out[6 + k] = 0.0
         static = n.m * gz * (b if k < 2 else a) / (a + b) / 2
-        load = static + (-lean if k % 2 == 0 else lean) / 2
+        moved = (-lean if k % 2 == 0 else lean) / 2
+        load = static + moved
         stiffness = (n.Cf if k < 2 else n.Cr) / 2 * around[SURFACE]
         stiffness *= 1.0 + math.copysign(n.tyre_left_right, alpha)
         if n.load_form > 0.0:
             stiffness *= load_factor(load, static, n.load_k, n.load_form)
+        if n.lift > 0.0 and (k < 2) == (n.lift_form == 0.0):
+            stiffness *= load_factor(static + n.lift * moved, static, 0.0, 4.0)
+        if n.slip_speed > 0.0:
+            stiffness *= (max(abs(along), 5 * CREEP) / n.speed_ref) ** n.slip_speed
         if n.tyre_dead_zone > 0.0:
             alpha = dead_zone(alpha, n.tyre_dead_zone)
         f = side_force(alpha, stiffness, n.mu * static, n.tyre_form)
@@ -80,20 +88,24 @@ def derivative(x: Array, delta: float, around: Array, wanted: float, n: Numbers,
     fy += wind
     mz += wind * n.wind_x
     mx -= wind * n.wind_z
-    body = n.m
-    if n.loose > 0.0:  # a pendulous load pulls by its spring and damper
+    body, sprung, pull = n.m, n.ms, loose_pull(x[10], x[11], n)
+    if n.loose > 0.0:
         loose = n.loose * n.m
         body -= loose
-        pull = n.loose_w**2 * x[10] + 2 * n.loose_z * n.loose_w * x[11]
         fy += loose * pull
         mx -= loose * pull * n.h
-    mx -= n.kphi * phi + n.bphi * p + _dry(p, n)
+        if n.loose_form > 0.0:
+            sprung -= loose
+        if n.loose_form == 2.0:
+            mx -= loose * gz * x[10]
+    mx -= n.kphi * phi + n.bphi * p + _dry(p, n) + bump_moment(phi, n)
     # two equations for v' and phi''
     cphi, sphi = math.cos(phi), math.sin(phi)
-    m01 = -n.ms * n.h * cphi
-    m11 = n.Ixx + n.ms * n.h * n.h
-    right_y = fy + body * (gy - u * r) - n.ms * n.h * sphi * (p * p + r * r)
-    right_roll = mx + n.ms * n.h * (cphi * (u * r - gy) + gz * sphi + n.h * r * r * sphi * cphi)
+    m01 = -sprung * n.h * cphi
+    m11 = n.Ixx + sprung * n.h * n.h
+    right_y = fy + body * (gy - u * r) - sprung * n.h * sphi * (p * p + r * r)
+    right_roll = mx + sprung * n.h * (cphi * (u * r - gy) + n.h * r * r * sphi * cphi)
+    right_roll += n.ms * n.h * gz * sphi
     det = body * m11 - m01 * m01
     out[1] = (m11 * right_y - m01 * right_roll) / det
     out[4] = (body * right_roll - m01 * right_y) / det
@@ -101,7 +113,9 @@ def derivative(x: Array, delta: float, around: Array, wanted: float, n: Numbers,
     out[2] = (mz - n.ms * n.h * sphi * (out[0] - v * r)) / n.Izz
     out[3], out[5] = p, r
     out[10] = x[11]
-    out[11] = -(n.loose_w**2 * x[10] + 2 * n.loose_z * n.loose_w * x[11]) - (out[1] + u * r - gy)
+    out[11] = -pull - (out[1] + u * r - gy)
+    if n.loose_form > 0.0:
+        out[11] += n.h * (cphi * out[4] - sphi * p * p)
     out[12], out[13], out[14] = front, slip_front, gy
 
 
@@ -111,6 +125,27 @@ def _wheel_angle(k: int, delta: float, phi: float, left: float, base: float, n: 
         return n.roll_steer_rear * phi + n.rear_share * delta
     # Ackermann: cot(outer) - cot(inner) = track / base, here to second order
     return delta * (1.0 + n.ackermann * delta * left / base) + n.roll_steer_front * phi
+
+
+@njit
+def loose_pull(y: float, speed: float, n: Numbers) -> float:
+    """What a loose load at y [m] to the left pulls the rover to the left with, m/s^2 of its mass."""
+    if n.loose_form == 1.0:
+        length = GRAVITY / n.loose_w**2
+        return GRAVITY * math.sin(y / length) + 2 * n.loose_z * n.loose_w * speed
+    if n.loose_form == 2.0:
+        beyond = math.copysign(max(abs(y) - BED_WAY * n.track, 0.0), y)
+        stop = STOP_W**2 * beyond + (STOP_W * speed if beyond != 0.0 else 0.0)
+        return BED_FRICTION * GRAVITY * math.tanh(speed / 0.02) + speed + stop
+    return n.loose_w**2 * y + 2 * n.loose_z * n.loose_w * speed
+
+
+@njit
+def bump_moment(phi: float, n: Numbers) -> float:
+    """Roll moment [N m] of the stops, against phi."""
+    if n.bump <= 0.0:
+        return 0.0
+    return n.bump_k * math.copysign(max(abs(phi) - n.bump, 0.0), phi)
 
 
 @njit

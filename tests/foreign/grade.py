@@ -43,6 +43,13 @@ PLACES: dict[str, tuple[str, ...]] = {
     "outside:aliased_vibration": ("sensor", "a_y", "ay"),
     "outside:wheel_unbalance": ("sensor", "a_y", "ay"),
     "outside:rear_linkage": ("side force", "yaw moment"),
+    "outside:pendulum": ("side force", "roll moment"),
+    "outside:sliding_load": ("side force", "roll moment", "yaw moment"),
+    "outside:toe_compliance": ("steering", "side force"),
+    "outside:slip_speed": ("side force", "yaw moment", "speed"),
+    "outside:bump_stops": ("roll moment",),
+    "outside:wheel_lift": ("side force", "roll moment"),
+    "outside:limping_motor": ("yaw moment",),
 }
 
 

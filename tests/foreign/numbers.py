@@ -55,6 +55,7 @@ class Numbers(NamedTuple):
     resonance_z: float = 0.15
     compliance: float = 0.0
     compliance_form: float = 0.0
+    compliance_lag: float = 0.004  # s: a linkage yields at once
     rear_share: float = 0.0
     roll_steer_front: float = 0.0
     roll_steer_rear: float = 0.0
@@ -67,18 +68,24 @@ class Numbers(NamedTuple):
     sigma_form: float = 0.0
     tyre_dead_zone: float = 0.0
     tyre_left_right: float = 0.0
+    slip_speed: float = 0.0  # stiffness goes with the speed over speed_ref to this power
+    lift: float = 0.0  # factor on the load transfer of an axle whose inner wheel lifts
+    lift_form: float = 0.0
     # moments on the body
     yaw_c: float = 0.0
     diff_c: float = 0.0
     yaw_c2: float = 0.0
     friction: float = 0.0
     friction_form: float = 0.0
+    bump: float = 0.0  # rad: roll at which the stops touch
+    bump_k: float = 0.0  # N m/rad beyond it
     wind_x: float = 0.0  # centre of pressure ahead of the CG
     wind_z: float = 0.0  # and above the roll axis
     # ground
     slope: float = 0.0
     slope_heading: float = 0.0  # downhill
-    # loose load: a share of the mass on a spring across the rover
+    # loose load: a share of the mass that moves across the rover
     loose: float = 0.0
+    loose_form: float = 0.0
     loose_w: float = 8.0
     loose_z: float = 0.15

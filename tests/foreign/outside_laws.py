@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from numpy.random import Generator
 
-from tests.foreign.law import Extras, Law, a_sign, peak_ay, share_of_base, turning_stiffness
+from tests.foreign.chassis import GRAVITY
+from tests.foreign.law import Applied, Extras, Law, a_sign, peak_ay, share_of_base, turning_stiffness
 from tests.foreign.rover import Rover
 
 
@@ -57,6 +58,85 @@ def _by_speed(rover: Rover, size: float, extras: Extras) -> Rover:
 def _dead_slip(rover: Rover, size: float) -> float:
     n = rover.numbers
     return size * n.m * peak_ay(rover) / (n.Cf + n.Cr)
+
+
+def _loose(form: float) -> Applied:
+    def apply(rover: Rover, size: float, extras: Extras) -> Rover:
+        return rover.of(loose=size, loose_form=form, loose_w=extras.get("w", 1.0), loose_z=0.08)
+
+    return apply
+
+
+def _swing(rng: Generator) -> dict[str, float]:
+    return {"w": float(rng.uniform(4.5, 9.0))}
+
+
+def _toe(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.of(compliance=_per_newton(rover, size), compliance_lag=extras["lag"])
+
+
+def _per_newton(rover: Rover, size: float) -> float:
+    """Toe per front side force [rad/N]: the share `size` of the large amplitude at its side force."""
+    n = rover.numbers
+    return size * rover.amplitude * (n.a + n.b) / (n.m * peak_ay(rover) * n.b)
+
+
+def _lag(rng: Generator) -> dict[str, float]:
+    return {"lag": float(rng.uniform(0.1, 0.25))}
+
+
+def _sliding_speed(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(slip_speed=size, speed_ref=rover.speed)
+
+
+def _third_run(_rng: Generator) -> dict[str, float]:
+    return {"run": 3.0}
+
+
+def _stops(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.of(bump=touching(rover, size), bump_k=extras["stiffer"] * rover.numbers.kphi)
+
+
+def touching(rover: Rover, size: float) -> float:
+    """Roll angle [rad] at which stops touch: 1/size of a steady turn's at the large amplitude."""
+    n = rover.numbers
+    return n.ms * n.h * peak_ay(rover) / (n.kphi - n.ms * GRAVITY * n.h) / size
+
+
+def _rubber(rng: Generator) -> dict[str, float]:
+    return {"stiffer": float(rng.uniform(1.5, 6.0))}
+
+
+def _lifting(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.of(lift=size / _moved(rover), lift_form=extras["axle"])
+
+
+def _moved(rover: Rover) -> float:
+    """Share of its load that an inner wheel loses in a steady turn at the large amplitude."""
+    n = rover.numbers
+    return 2 * peak_ay(rover) / GRAVITY * (n.h + n.roll_axis) / n.track
+
+
+def lifting_ay(rover: Rover, size: float) -> float:
+    """a_y [m/s^2] at which an inner wheel has no load: 1/size of a steady turn's at the large amplitude."""
+    return peak_ay(rover) / size
+
+
+def _axle(rng: Generator) -> dict[str, float]:
+    return {"axle": float(rng.integers(2))}
+
+
+def _limping(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.amid(limp=extras["sign"] * _limp(rover, size), limp_period=extras["period"])
+
+
+def _limp(rover: Rover, size: float) -> float:
+    """Yaw moment [N m] of one side that brakes with the share `size` of the weight."""
+    return size * rover.numbers.m * GRAVITY * rover.numbers.track / 2
+
+
+def _period(rng: Generator) -> dict[str, float]:
+    return a_sign(rng) | {"period": float(rng.uniform(0.6, 1.6))}
 
 
 def _tone(rover: Rover, size: float, extras: Extras) -> Rover:
@@ -122,4 +202,20 @@ OUTSIDE_LAWS: tuple[Law, ...] = (
         lambda r, s, e: r.of(rear_share=e["sign"] * s),
         extras=a_sign,
     ),
+    Law("outside:pendulum", "hanging load", "cargo", 0.04, 0.35, _loose(1.0), extras=_swing),
+    Law("outside:sliding_load", "dry friction and stops", "cargo", 0.04, 0.35, _loose(2.0)),
+    Law("outside:toe_compliance", "slow bushings", "compliance", 0.1, 0.8, _toe, "rad/N", _per_newton, _lag),
+    Law(
+        "outside:slip_speed",
+        "force over sliding speed",
+        "tyre",
+        0.7,
+        1.0,
+        _sliding_speed,
+        extras=_third_run,
+        absolute=True,
+    ),
+    Law("outside:bump_stops", "stiffer beyond an angle", "roll", 1.2, 3.0, _stops, "rad", touching, _rubber),
+    Law("outside:wheel_lift", "load to zero", "tyre", 0.8, 2.0, _lifting, "m/s^2", lifting_ay, _axle),
+    Law("outside:limping_motor", "yaw moment", "yaw", 0.01, 0.2, _limping, "N m", _limp, _period),
 )

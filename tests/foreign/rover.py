@@ -88,6 +88,8 @@ class Surroundings:
     gusts: float = 0.25
     shift: float = 0.0  # m, CG forward from `at` in `run` on
     hold: float = 0.0  # s, frame of the servo
+    limp: float = 0.0  # N m, yaw moment of a motor that fails in a part of every period
+    limp_period: float = 1.0  # s
 
 
 @dataclass(frozen=True)

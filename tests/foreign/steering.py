@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from tests.foreign.numbers import Numbers
 
 STATES = 9
-COMPLIANCE_LAG = 0.004  # s: the linkage yields at once
 
 
 @njit
@@ -59,7 +58,7 @@ def steering_step(
         lever = 1.0
         if n.compliance_form == 1.0:
             lever = 0.5 + 0.5 * max(0.0, 1.0 - abs(front_slip) / 0.25)
-        state[8] += dt / COMPLIANCE_LAG * (n.compliance * lever * front_force - state[8])
+        state[8] += dt / n.compliance_lag * (n.compliance * lever * front_force - state[8])
         angle -= state[8]
     return angle
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tests.foreign.chassis import ROAD_ROLL, ROAD_Y, ROAD_YAW, SHIFT, SURFACE, WIND_X, WIND_Y
-from tests.foreign.drive import Drive
+from tests.foreign.drive import STILL, Drive
 from tests.foreign.motion import DT
 from tests.foreign.rover import Rover
 
@@ -18,6 +18,7 @@ GUST_LAG = 2.5  # s
 RAMP = 8.0  # s
 SLIDE = 0.5  # s, of the load
 WARMING = 150.0  # s
+FAILED = 0.45  # share of the period in which a motor fails
 
 
 def around(rover: Rover, drive: Drive, rng: Generator, noise: bool = True) -> Array:
@@ -36,12 +37,15 @@ def around(rover: Rover, drive: Drive, rng: Generator, noise: bool = True) -> Ar
         force = n.m * s.wind * (1 + s.gusts * coloured(_same_gusts(drive), t.size, GUST_LAG))
         out[:, WIND_X] = force * np.cos(s.wind_heading)
         out[:, WIND_Y] = force * np.sin(s.wind_heading)
+    if s.limp:
+        driven = (t > STILL + 2.0) & (t < drive.end)
+        out[:, ROAD_YAW] = s.limp * driven * ((t / s.limp_period) % 1.0 < FAILED)
     if noise:
         rolls = np.clip((t - drive.begin + 5.0) / 2.0, 0.0, 1.0) * (t < drive.end + 1.0)
         scales = (n.m, n.Izz, n.Ixx + n.ms * n.h**2)
         share = min(1.3, drive.speed / rover.speed)
         for column, level, scale in zip((ROAD_Y, ROAD_YAW, ROAD_ROLL), s.road, scales, strict=True):
-            out[:, column] = share * level * scale * coloured(rng, t.size, ROAD_LAG) * rolls
+            out[:, column] += share * level * scale * coloured(rng, t.size, ROAD_LAG) * rolls
     return out
 
 

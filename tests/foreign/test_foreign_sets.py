@@ -73,7 +73,7 @@ def test_every_law_has_an_end_of_its_range_that_changes_the_runs() -> None:
         extras = {**extras, "run": 2.0, "at": 4.0} if "run" in extras else extras
         changed = law.apply(some, (law.low * law.high) ** 0.5, extras)
         assert changed != some
-        which = 2 if law.effect == "outside:speed_steering" else 1
+        which = 2 if law.effect in ("outside:speed_steering", "outside:slip_speed") else 1
         found = driven(changed, plan[which], np.random.default_rng(1), noise=False)[2]
         gap = max(float(np.max(np.abs(found[c] - plain[which][c]))) for c in ("r", "ay", "p", "vy"))
         assert np.isfinite(gap) and gap > 1e-3, (law.effect, law.form)

@@ -4,7 +4,7 @@ Forms (tyre_form): 0 linear; 1 Fiala, the brush with parabolic pressure (Fiala 1
 Magic Formula with a shape factor of 1.6, which falls past its peak (Pacejka 2012, 4.E1); 3 tanh; 4 Dugoff
 (Dugoff et al. 1970); 5 arctangent; 6 exponential.
 load_form: how the stiffness follows the wheel load: 1 a parabola, 2 a power law, 3 sin(2 atan) (Pacejka 2012,
-4.E25).
+4.E25), 4 none of it is lost down to half of the nominal load, all where the wheel lifts.
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ def load_factor(load: float, nominal: float, k: float, form: float) -> float:
     if form == 3.0:
         c = 1.0 / max(k, 1e-9)  # load of the largest stiffness, over the nominal load
         return math.sin(2 * math.atan(f / c)) / math.sin(2 * math.atan(1.0 / c))
+    if form == 4.0:
+        return min(1.0, 2 * f)
     return 1.0
 
 
