@@ -17,7 +17,7 @@ from typing import Any
 from rover_sweep.diagnosis import importance
 from tests.engines.draw import KINDS, BenchSet, drawn_set
 from tests.engines.engine import MODULES, engine
-from tests.engines.judge import Judged, judged, table
+from tests.engines.judge import Judged, judged, reliability, table
 from tests.foreign.answer import answered
 from tests.foreign.summary import line
 
@@ -27,7 +27,7 @@ Wanted = tuple[str, str, int, Path | None]
 def main() -> None:
     args = _arguments()
     if args.read:
-        print(table(list(_kept(args.read))))
+        _show(list(_kept(args.read)))
         return
     if args.every_finding:
         importance.SURE = 0.0  # before the processes of --jobs are forked
@@ -50,7 +50,12 @@ def main() -> None:
                 with args.json.open("a") as out:
                     out.write(json.dumps({"mark": result.marks.mark, **truth, **answer}) + "\n")
     finally:  # an interrupted bench shows what it has
-        print(table(found))
+        _show(found)
+
+
+def _show(found: list[Judged]) -> None:
+    print(table(found))
+    print(f"\n{reliability(found)}")
 
 
 def _kept(paths: list[Path]) -> Iterator[Judged]:
@@ -102,7 +107,7 @@ def _arguments() -> argparse.Namespace:
         type=Path,
         nargs="+",
         metavar="FILE",
-        help="mark answers of --json again and print the table",
+        help="mark answers of --json again and print the tables",
     )
     return parser.parse_args()
 
