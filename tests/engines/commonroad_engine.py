@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from tests.engines.beside import at_speed, load_roll, load_step, lost_share
 from tests.engines.commonroad_laws import LISTED, OUTSIDE, PLACES
 from tests.engines.commonroad_model import RATES, Parameters, parameters
 from tests.engines.engine import Array, Engine, Signals
 from tests.engines.rover import EngineRover
-from tests.foreign.chassis import GRAVITY, ROAD_ROLL, ROAD_Y, ROAD_YAW, WIND_X, WIND_Y
+from tests.foreign.chassis import GRAVITY, ROAD_ROLL, ROAD_Y, ROAD_YAW, WIND_X, WIND_Y, bump_moment
 from tests.foreign.instruments import mounted
 from tests.foreign.motion import DT
 from tests.foreign.numbers import Numbers
@@ -39,7 +40,7 @@ def _rates(x: Array, drive: float, push: Array, p: Parameters, n: Numbers) -> Ar
     f[15] -= left * p.b / p.m_uf
     f[20] -= left * p.a / p.m_ur
     f[5] -= (push[1] - n.yaw_c * -x[5] - n.yaw_c2 * -x[5] * abs(x[5])) / p.I_z
-    f[7] += push[2] / p.I_Phi_s
+    f[7] += (push[2] - bump_moment(x[6], n)) / p.I_Phi_s
     if n.friction > 0.0:
         f[7] -= n.friction * np.tanh(x[7] / 0.02) / p.I_Phi_s
     return f
@@ -55,6 +56,8 @@ def _run(command: Array, wanted: Array, around: Array, heading: float, p: Parame
     down_f = (p.m_s * GRAVITY * p.b / base + p.m_uf * GRAVITY) / 2 / p.K_zt
     down_r = (p.m_s * GRAVITY * p.a / base + p.m_ur * GRAVITY) / 2 / p.K_zt
     moving, speed, front, slip = False, 0.0, 0.0, 0.0
+    load, hung, lost = np.zeros(2), 0.0, 0.0
+    lever = p.a if n.lift_form == 0.0 else -p.b
     for k in range(command.size):
         delta = steering_step(servo, command[k], speed, front, slip, n, DT)
         if not moving:
@@ -80,9 +83,9 @@ def _run(command: Array, wanted: Array, around: Array, heading: float, p: Parame
         drive -= n.rolling * GRAVITY
         cos, sin = np.cos(-x[4]), np.sin(-x[4])
         wind = around[k, WIND_Y] * cos - around[k, WIND_X] * sin
-        push[0] = around[k, ROAD_Y] + wind
-        push[1] = around[k, ROAD_YAW] + wind * n.wind_x
-        push[2] = around[k, ROAD_ROLL] - wind * n.wind_z
+        push[0] = around[k, ROAD_Y] + wind - lost + hung
+        push[1] = around[k, ROAD_YAW] + wind * n.wind_x - lever * lost
+        push[2] = around[k, ROAD_ROLL] - wind * n.wind_z + load_roll(load, hung, n)
         for j in range(SUBSTEPS):
             one = _rates(x, drive, push, p, n)
             if j == 0:
@@ -91,7 +94,14 @@ def _run(command: Array, wanted: Array, around: Array, heading: float, p: Parame
                 out[k, U_DOT], out[k, V_DOT], out[k, R_DOT], out[k, P_DOT] = one[3], -one[10], -one[5], one[7]
             two = _rates(x + DT / SUBSTEPS * one, drive, push, p, n)
             x += DT / SUBSTEPS / 2 * (one + two)
-        front = (p.b * p.m * (out[k, V_DOT] + x[3] * out[k, R]) + p.I_z * out[k, R_DOT]) / base
+        across = out[k, V_DOT] + x[3] * out[k, R]
+        front = (p.b * p.m * across + p.I_z * out[k, R_DOT]) / base
+        if n.lift > 0.0:
+            lean = (n.kphi * x[6] + n.bphi * x[7] + p.m * n.roll_axis * x[3] * out[k, R]) / n.track
+            tyres = (front if n.lift_form == 0.0 else p.m * across - front) + lost
+            lost = lost_share(lean, n) * tyres
+        if n.loose > 0.0:
+            hung = load_step(load, across, n, DT)
         slip, speed = -front / n.Cf, x[3]
         if speed < PACE and wanted[k] == 0.0:
             moving = False
@@ -99,6 +109,7 @@ def _run(command: Array, wanted: Array, around: Array, heading: float, p: Parame
 
 
 def _signals(rover: EngineRover, command: Array, wanted: Array, around: Array, heading: float) -> Signals:
+    rover = at_speed(rover, float(np.max(wanted)))
     i, n = rover.instruments, rover.numbers
     found = _run(command, wanted, around, heading, parameters(rover), n)
     u, v, r, phi, p, psi, u_dot, v_dot, r_dot, p_dot, up_dot = found.T

@@ -38,6 +38,13 @@ OUTSIDE: tuple[Law, ...] = (
             "outside:yaw_drag",
             "outside:aliased_vibration",
             "outside:wheel_unbalance",
+            "outside:pendulum",
+            "outside:sliding_load",
+            "outside:toe_compliance",
+            "outside:slip_speed",
+            "outside:bump_stops",
+            "outside:wheel_lift",
+            "outside:limping_motor",
         )
     ),
     Law("outside:soft_axle", "sideways bushings", "axles", 1.5, 12.0, _soft, "-"),

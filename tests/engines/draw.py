@@ -24,7 +24,7 @@ from tests.foreign.rover import vehicle_toml
 
 KINDS = {"none": 0, "single": 1, "double": 2, "outside": 1}
 TRIALS = 10  # effects that are tried until enough of them show in this rover
-VERSION = 1  # of the cached sets: another number where the drawing has changed
+VERSION = 2  # of the cached sets: another number where the drawing has changed
 
 
 @dataclass(frozen=True)

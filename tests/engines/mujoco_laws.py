@@ -13,6 +13,8 @@ from tests.foreign.grade import PLACES as FOREIGN_PLACES
 from tests.foreign.law import Applied, Extras, Law, peak_ay, turning_stiffness
 from tests.foreign.rover import Rover
 
+FRONT_SHARE = 0.8  # of the roll stiffness, where a front wheel lifts
+
 
 def _own(**names: str) -> Applied:
     """size as a number of the engine, and those of extras. names: {number of the engine: "size" or extra}."""
@@ -73,6 +75,17 @@ def _torque(rover: Rover, size: float) -> float:
     return size * rover.numbers.m * GRAVITY * rover.instruments.wheel_radius
 
 
+def _narrow(rover: Rover, size: float, _extras: Extras) -> Rover:
+    """A narrow track on springs that carry the roll moment in front; its roll stiffness stays as it is."""
+    track = lifted_track(rover, size)
+    return cast(EngineRover, rover.of(track=track)).having(front_share=FRONT_SHARE)
+
+
+def lifted_track(rover: Rover, size: float) -> float:
+    """Track [m] at which a front wheel lifts at 1/size of a steady turn's a_y at the large amplitude."""
+    return 4 * FRONT_SHARE * rover.numbers.h * peak_ay(rover) / size / GRAVITY
+
+
 def _swing(rng: Generator) -> dict[str, float]:
     return {"w": float(rng.uniform(4.5, 9.0))}
 
@@ -113,14 +126,7 @@ OUTSIDE: tuple[Law, ...] = (
         _own(slip_speed="size"), extras=_third_run, absolute=True,
     ),
     Law("outside:bump_stops", "stops of the legs", "roll", 1.2, 4.0, _bumps, "m", _travel),
+    Law("outside:wheel_lift", "contact opens", "tyre", 0.6, 1.6, _narrow, "m", lifted_track),
     Law("outside:limping_motor", "one wheel drags", "yaw", 0.01, 0.25, _drag, "N m", _torque, _period),
 )  # fmt: skip
-PLACES: dict[str, tuple[str, ...]] = {
-    **FOREIGN_PLACES,
-    "outside:pendulum": ("side force", "roll moment"),
-    "outside:sliding_load": ("side force", "roll moment", "yaw moment"),
-    "outside:toe_compliance": ("steering", "side force"),
-    "outside:slip_speed": ("side force", "yaw moment"),
-    "outside:bump_stops": ("roll moment",),
-    "outside:limping_motor": ("yaw moment",),
-}
+PLACES: dict[str, tuple[str, ...]] = {**FOREIGN_PLACES, "outside:limping_motor": ("yaw moment", "speed")}

@@ -2,7 +2,8 @@
 
 A free chassis with its CG at height h above the ground, four legs that slide along its z axis, wheels as
 spheres on hinges; the front wheels steer. Legs that slide along z carry the side force at the ground, so the
-roll axis lies in the ground. Front and rear springs are chosen for the roll stiffness of the drawn rover.
+roll axis lies in the ground. Front and rear springs are chosen for the roll stiffness of the drawn rover;
+half of it is in front, or more where a front wheel is to lift.
 """
 
 from __future__ import annotations
@@ -114,8 +115,10 @@ def _mu(rover: EngineRover) -> float:
 
 def _leg(rover: EngineRover, k: int, sprung: float, ahead: float) -> str:
     n, radius = rover.numbers, rover.instruments.wheel_radius
-    wheel, ks = (n.m - n.ms) / 4, spring(rover)
     front, left = PLACES[k]
+    stiffer = rover.own.get("front_share", 0.5) * 2
+    stiffer = stiffer if front > 0 else 2 - stiffer
+    wheel, ks = (n.m - n.ms) / 4, stiffer * spring(rover)
     base = n.a + n.b
     lever = (n.b + ahead) if front > 0 else (n.a - ahead)
     load = sprung * GRAVITY * cos(n.slope) * lever / base / 2
@@ -127,8 +130,8 @@ def _leg(rover: EngineRover, k: int, sprung: float, ahead: float) -> str:
     steer = f'<joint name="steer{k}" type="hinge" axis="0 0 1"/>' if front > 0 else ""
     rolling = 0.4 * (1 - HUB) * wheel * radius**2
     return f"""<body pos="{_v(place)}"><joint type="slide" axis="0 0 1" stiffness="{ks}"
- damping="{n.bphi / n.track**2}" springref="{-load / ks}" 
- frictionloss="{n.friction / (2 * n.track)}"{travel}/>
+ damping="{stiffer * n.bphi / n.track**2}" springref="{-load / ks}" 
+ frictionloss="{stiffer * n.friction / (2 * n.track)}"{travel}/>
 <inertial pos="0 0 0" mass="{HUB * wheel / 2}" diaginertia="{inertia} {inertia} {inertia}"/>
 <body>{steer}<inertial pos="0 0 0" mass="{HUB * wheel / 2}" diaginertia="{inertia} {inertia} {inertia}"/>
 <body pos="{-0.3 * radius if trail and front > 0 else 0.0} 0 0"><joint name="roll{k}" type="hinge"

@@ -1,9 +1,10 @@
 """Sizes that show plainly, from runs of one sweep of the engine itself.
 
 As in `tests.foreign.sizing`: undisturbed runs with and without the effect, up to 6 Hz in r, a_y, p (V_y for
-effects of the velocity); the part that tyre stiffness, inertia, springs, steering gain, delay and constants
-could imitate is projected out. What remains of the most affected channel, in rms over the rms of the noise,
-is the visibility. One sweep is enough: the one in which the effect begins, else the large one.
+effects of the velocity); the part that tyre stiffness, inertias, height above the roll axis, springs,
+steering gain, delay and constants could imitate is projected out. What remains of the most affected channel,
+in rms over the rms of the noise, is the visibility. One sweep is enough: the one in which the effect begins,
+else the large one.
 """
 
 from __future__ import annotations
@@ -51,6 +52,8 @@ class Sizing:
             self.rover.of(Izz=1.05 * n.Izz),
             self.rover.of(kphi=1.05 * n.kphi),
             self.rover.of(bphi=1.1 * n.bphi),
+            self.rover.of(h=1.1 * n.h),
+            self.rover.of(Ixx=1.1 * n.Ixx),
             replace(self.rover, rad_per_us=1.02 * self.rover.rad_per_us),
         )
         changes = [self._run(one, drive) - plain for one in others]

@@ -13,10 +13,11 @@ import numpy as np
 import slipx
 from numba import njit
 
+from tests.engines.beside import at_speed, load_roll, load_step
 from tests.engines.engine import Array, Engine, Signals
 from tests.engines.rover import EngineRover
 from tests.engines.slipx_laws import LISTED, OUTSIDE, PLACES
-from tests.foreign.chassis import GRAVITY, ROAD_ROLL, ROAD_Y, ROAD_YAW, WIND_X, WIND_Y
+from tests.foreign.chassis import GRAVITY, ROAD_ROLL, ROAD_Y, ROAD_YAW, WIND_X, WIND_Y, bump_moment
 from tests.foreign.instruments import mounted
 from tests.foreign.motion import DT
 from tests.foreign.numbers import Numbers
@@ -67,7 +68,8 @@ def _run(rover: EngineRover, delta: Array, wanted: Array, around: Array, heading
     about, heave = n.Ixx + n.ms * n.h**2, n.ms * n.h / n.m
     stiff, lever = n.kphi - n.ms * GRAVITY * n.h, n.ms * n.h
     out = np.empty((delta.size, 8))
-    phi = p = p_dot = 0.0
+    phi = p = p_dot = across = toe = 0.0
+    load = np.zeros(2)
     ground = around[:, [ROAD_Y, ROAD_YAW, ROAD_ROLL, WIND_X, WIND_Y]].tolist()
     for k, (angle, speed, (side, yaw, roll, wind_x, wind_y)) in enumerate(
         zip(delta.tolist(), wanted.tolist(), ground, strict=True)
@@ -76,13 +78,21 @@ def _run(rover: EngineRover, delta: Array, wanted: Array, around: Array, heading
         if wind_x or wind_y:
             wind = wind_y * np.cos(psi) - wind_x * np.sin(psi)
             side, yaw, roll = side + wind, yaw + wind * n.wind_x, roll - wind * n.wind_z
-        order.steer_cmd = angle + n.roll_steer_front * phi
+        if n.loose:
+            force = load_step(load, across - n.h * p_dot, n, DT)
+            side, roll = side + force, roll + load_roll(load, force, n)
+        order.steer_cmd = angle - toe + n.roll_steer_front * phi
         order.accel_cmd = max(-n.most_drive, min(n.most_drive, (speed - u) / n.tau_drive))
         yaw -= n.yaw_c * r + n.yaw_c2 * r * abs(r)
         step(state, order, DT)
         velocity.y += DT * (side / n.m + heave * p_dot)
         rates.z += DT * yaw / n.Izz
         across = (velocity.y - v) / DT + u * r
+        if n.compliance:
+            front = (n.b * n.m * across + n.Izz * (rates.z - r) / DT) / (n.a + n.b)
+            toe += DT / n.compliance_lag * (n.compliance * front - toe)
+        if n.bump:
+            roll -= bump_moment(phi, n)
         p_dot = (lever * across - stiff * phi - n.bphi * p + roll) / about
         out[k] = u, v, r, phi, p, psi, across, p_dot
         p += DT * p_dot
@@ -91,6 +101,7 @@ def _run(rover: EngineRover, delta: Array, wanted: Array, around: Array, heading
 
 
 def _signals(rover: EngineRover, command: Array, wanted: Array, around: Array, heading: float) -> Signals:
+    rover = at_speed(rover, float(np.max(wanted)))
     i, n = rover.instruments, rover.numbers
     found = _run(rover, _steered(command, wanted, n), wanted, around, heading)
     u, v, r, phi, p, psi, across, p_dot = found.T

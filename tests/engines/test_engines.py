@@ -12,7 +12,7 @@ import pytest
 
 from tests.engines.draw import KINDS, drawn_set
 from tests.engines.engine import CHANNELS, MODULES, Engine, Signals, driven, engine
-from tests.engines.judge import brier, judged, removed, table
+from tests.engines.judge import brier, judged, reliability, removed, table, within
 from tests.engines.rover import EngineRover, drawn_rover
 from tests.foreign.chassis import SURFACE
 from tests.foreign.draw import LISTED
@@ -167,5 +167,26 @@ def test_a_table_of_invented_answers() -> None:
     text = table(rows)
     assert "| foreign | none   | 2    | -     | 1/2" in text
     assert "| foreign | double | 1    | 1/1   | 0/1        | 1/1 " in text
+    text = table([*rows, judged({**planted, "engine": "slipx"}, said(), {})])
+    assert "| all     | single | 3 " in text and "| all" not in table(rows)
     assert removed(None) is None and removed({"share_removed": 0.4}) == 0.4
     assert set(KINDS) == {"none", "single", "double", "outside"}
+
+
+def test_probabilities_and_bounds_against_the_truth() -> None:
+    hidden = {"effect": "imu_offset", "value": 0.04, "unit": "m"}
+    drawn: dict[str, Any] = {"engine": "foreign", "seed": 1, "kind": "single", "hidden": [hidden]}
+    nothing: dict[str, Any] = {**drawn, "kind": "none", "hidden": []}
+    bound = {"x": {"unit": "m", "low": -0.05, "high": 0.02}}
+    missed = {**said(), "p_none": 0.7, "cannot_see": [{"effect": "imu_offset", "up_to": bound}]}
+    rows = [
+        judged(drawn, said(("imu_offset", 0.9), ("roll_steer", 0.88)), {}),
+        judged(drawn, missed, {}),
+        judged(nothing, {**said(), "p_none": 1.0}, {}),
+    ]
+    text = reliability(rows)
+    assert "| 0.85-0.95 | 2        | 0.89      | 0.50  | 0    | -         | -     |" in text
+    assert "| 0.60-0.75 | 0        | -         | -     | 1    | 0.70      | 0.00  |" in text
+    assert "| 0.95-1.00 | 0        | -         | -     | 1    | 1.00      | 1.00  |" in text
+    assert text.endswith("hold the truth: 1/1")
+    assert within(0.1, 0.85, 1.05) and not within(0.2, 0.85, 1.05) and not within(0.5, 0.7, None)
