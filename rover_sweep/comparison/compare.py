@@ -18,10 +18,9 @@ from rover_sweep.comparison.pairing import Pair, pairs_by_steering, shared
 from rover_sweep.comparison.pictured import bode, histories_of, predicted
 from rover_sweep.comparison.sentences import answer_sentence
 from rover_sweep.comparison.suspected import with_suspects
-from rover_sweep.diagnosis.choose import choose
 from rover_sweep.diagnosis.effects import form_named
 from rover_sweep.diagnosis.locate.locate import mismatches
-from rover_sweep.diagnosis.search.rounds import Options
+from rover_sweep.diagnosis.posterior.infer import Options, infer
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -173,8 +172,8 @@ def _searched(
     simulated: Sequence[Experiment], start: Model, recordings: FittedSide, options: Options
 ) -> tuple[str, ...]:
     """The laws that the simulation has beside those of the recordings."""
-    found = choose(simulated, start, recordings.fitted.x, options)
-    return tuple(n.trial.law.name for n in found.named)
+    found = infer(simulated, start, recordings.fitted.x, options)
+    return tuple(n.law.name for n in found.named)
 
 
 def _far_off(simulation: FittedSide) -> tuple[str, ...]:

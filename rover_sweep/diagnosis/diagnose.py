@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
@@ -13,13 +12,11 @@ from threadpoolctl import threadpool_limits
 from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
-from rover_sweep.diagnosis.certainty import probability
-from rover_sweep.diagnosis.choose import ANSWER_FROM, Choice, Named, choose, without_name
 from rover_sweep.diagnosis.effects import Effect, library
 from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
 from rover_sweep.diagnosis.held_out.speed_finding import WORSE, earned, speed_finding, unknown_loss
 from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
-from rover_sweep.diagnosis.held_out.turn_impact import Turn, turn_sentence, turn_with
+from rover_sweep.diagnosis.held_out.turn_impact import Turn, change_in_runs, turn_sentence, turn_with
 from rover_sweep.diagnosis.held_out.worth import (
     FittedModel,
     HeldOutRun,
@@ -28,22 +25,12 @@ from rover_sweep.diagnosis.held_out.worth import (
     refitted_without,
     worse_channels,
 )
-from rover_sweep.diagnosis.importance import why_no_verdict
+from rover_sweep.diagnosis.importance import why_it_does_not_matter
 from rover_sweep.diagnosis.locate.locate import mismatches
+from rover_sweep.diagnosis.posterior.infer import Inference, Named, Options, infer
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
-from rover_sweep.diagnosis.problem.residuals import Stopped
-from rover_sweep.diagnosis.result import (
-    Diagnosis,
-    EffectValue,
-    Falsified,
-    Finding,
-    HeldOut,
-    Mismatch,
-    Unknown,
-    Unseen,
-)
-from rover_sweep.diagnosis.search.bounds import at_the_end, many_at_the_end, unknown_at_bound
-from rover_sweep.diagnosis.search.look_alikes import LookAlike
+from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Falsified, Finding, HeldOut, Unknown, Unseen
+from rover_sweep.diagnosis.search.bounds import at_the_end, many_at_the_end
 from rover_sweep.diagnosis.search.parameter_intervals import (
     UNBOUNDED,
     draw_coordinates,
@@ -52,7 +39,6 @@ from rover_sweep.diagnosis.search.parameter_intervals import (
     implausible_numbers,
     nominal_values,
 )
-from rover_sweep.diagnosis.search.rounds import Options
 from rover_sweep.diagnosis.search.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.search.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.settings import Baseline, DiagnosisSettings
@@ -61,9 +47,9 @@ from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.first_use import COMPILING, must_compile
-from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
-from rover_sweep.diagnosis.unexplained.modelled import in_model, with_laws_of
-from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained, unknown_place
+from rover_sweep.diagnosis.unexplained.law_search import FoundLaw
+from rover_sweep.diagnosis.unexplained.modelled import in_model, with_law_of
+from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.baseline import determined_model
@@ -71,6 +57,9 @@ from rover_sweep.identification.grouping import Group, Settings, grouped
 
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
+ANSWER_FROM = 0.92  # share of the work that is done when the answer is described
+LISTED = 0.1  # probability from which an effect is listed
+LARGE = 1.8  # mean square of a channel's rows that is more than noise which grows with the motion
 MATERIAL_CHANGE = 0.03  # relative change of a nominal parameter from which it is reported as falsified
 
 
@@ -139,18 +128,17 @@ def diagnose(
     begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
     if must_compile():
         options.progress(COMPILING, 0.0)
-    choice = choose(used, model, begin, options, held)
+    found = infer(used, model, begin, options, held)
     options.progress("describing what is left", ANSWER_FROM)
-    answer = _sure_answer(choice, used, held, options)
-    choice = answer.choice
-    found, laws = _answer(answer, used, held, settings)
+    answer, law = _answer(found, used, held, settings)
     remarks = [f"the simulation follows the {baseline} model"] if simulated else []
-    remarks += smoothed_channels(choice.last.problem.floor)
-    if choice.stopped and limit is not None and time.monotonic() - started > limit:
+    remarks += smoothed_channels(found.last.problem.floor)
+    if found.stopped and limit is not None and time.monotonic() - started > limit:
         remarks.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
-    whole = augmented(choice.last.model, choice.last.fitted.x, runs, [run.begin for run in used])
-    whole = in_model(whole, laws) if laws else whole
-    return replace(found, seconds=time.monotonic() - started, remarks=(*remarks, *found.remarks), model=whole)
+    whole = augmented(found.last.model, found.last.fitted.x, runs, [run.begin for run in used])
+    whole = in_model(whole, law) if law else whole
+    remarks += answer.remarks
+    return replace(answer, seconds=time.monotonic() - started, remarks=tuple(remarks), model=whole)
 
 
 def _refuse(runs: Sequence[Recording], rover: Geometry, baseline: Baseline, groups: Sequence[Group]) -> None:
@@ -186,104 +174,82 @@ def _start(parameters: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class _SureAnswer:
-    """The choice whose findings are verdicts, with what they were computed from."""
-
-    choice: Choice
-    models: _Models
-    drawn: list[dict[str, float]]
-    held_out: tuple[HeldOutRun, ...]
-    findings: tuple[Finding, ...]
-
-
-def _sure_answer(
-    choice: Choice, used: Sequence[Experiment], held: Sequence[Experiment], options: Options
-) -> _SureAnswer:
-    """The choice without the findings that are no verdict, taken away one by one, the smallest first."""
-    while True:
-        first, last = choice.first, choice.last
-        drawn = draw_coordinates(last, options.seed)
-        # the fits nearest to the recordings: a model alone, without the rover's tolerances, predicts a run
-        models = _Models(FittedModel(first.model, first.closest.x), FittedModel(last.model, last.closest.x))
-        held_out = tuple(HeldOutRun.of(run, last.problem.floor, models.full) for run in held)
-        findings, against = [], {}
-        for named in choice.named:
-            law = named.trial.law
-            turn = turn_with(law.id, models.full, last.problem.runs)
-            finding = _finding(named, choice, drawn, held_out, models, turn)
-            findings.append(finding)
-            if why := why_no_verdict(finding, holds_absence(law, drawn), turn):
-                against[law.id] = why
-        if not against or choice.stopped:
-            return _SureAnswer(choice, models, drawn, held_out, tuple(findings))
-        least = min((f for f in findings if f.effect in against), key=lambda f: f.evidence["gain"]).effect
-        with suppress(Stopped):
-            choice = without_name(choice, least, against[least], used, options)
-            continue
-        choice = replace(choice, stopped=True)
-
-
 def _answer(
-    sure: _SureAnswer, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
-) -> tuple[Diagnosis, FoundLaws | None]:
-    """(the diagnosis without its model, the laws of the unknown that belong into the model)."""
-    choice, models, held_out, drawn = sure.choice, sure.models, sure.held_out, sure.drawn
-    first, last = choice.first, choice.last
+    found: Inference, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
+) -> tuple[Diagnosis, FoundLaw | None]:
+    """(the diagnosis without its model, the law of the unknown that belongs into the model)."""
+    none, last = found.none, found.last
     floor = last.problem.floor
-    speed = _speed_answer(choice, used, held_out, models.full, settings)
-    findings = (*sure.findings, *speed.findings)
-    places = mismatches(first.problem.plain, first.closest.rows)
-    left = _unknown(choice, findings, speed.unknown, places, settings.seed)
-    left, laws = with_laws_of(left, last, held_out) if left and not choice.exceeded else (left, None)
+    drawn = draw_coordinates(last, settings.seed)
+    # the fits nearest to the recordings: a model alone, without the rover's tolerances, predicts a run
+    models = _Models(FittedModel(none.model, none.closest.x), FittedModel(last.model, last.closest.x))
+    held_out = tuple(HeldOutRun.of(run, floor, models.full) for run in held)
+    minor = dict.fromkeys(found.minor, "it is below the size that matters")
+    findings: list[Finding] = []
+    for named in found.named:
+        turn = turn_with(named.law.id, models.full, last.problem.runs)
+        finding = _finding(named, found, drawn, held_out, models, turn)
+        change = change_in_runs(named.law.id, models.full, last.problem.runs)
+        if why := why_it_does_not_matter(holds_absence(named.law, drawn), turn, change):
+            minor[named.law.id] = why
+        else:
+            findings.append(finding)
+    speed = _speed_answer(found, used, held_out, models.full, settings)
+    findings += speed.findings
+    places = mismatches(none.problem.plain, none.closest.rows)
+    left = None if found.stopped else left_unexplained(found, bool(findings)) or speed.unknown
+    left, law = with_law_of(left, last, held_out) if left else (left, None)
     variance = last.fitted.data_cost / last.problem.size
     cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
-    if not choice.stopped:
+    if not found.stopped:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
-    withdrawn = () if choice.exceeded else choice.withdrawn
-    ends = {} if choice.stopped else at_the_end(last.problem, last.fitted)
+    ends = {} if found.stopped else at_the_end(last.problem, last.fitted)
     doubts = (*implausible_numbers(last, drawn), *many_at_the_end(ends))
     measure = doubts or tuple(ends.values())
     compared = {run.run.name: worse_channels(run, models.nominal, models.full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}
-    named = {f.effect for f in findings}
-    against = {e: s.against for e, s in choice.support.items() if s.against and e not in named}
+    weighed = found.posterior
+    listed = {
+        e: p for e, p in weighed.effects.items() if p >= LISTED and e not in {f.effect for f in findings}
+    }
     answer = Diagnosis(
         # a model with doubtful numbers explains nothing, however well it fits
-        verdict=verdict_of(findings, left, variance, choice.stopped or bool(doubts), bool(worse)),
-        sentence=sentence_of(findings, left, variance, choice.stopped, measure, bool(against)),
-        baseline=choice.last.model.baseline,
+        verdict=verdict_of(findings, left, variance, found.stopped or bool(doubts), bool(worse)),
+        sentence=sentence_of(findings, left, variance, found.stopped, measure, bool(minor)),
+        baseline=last.model.baseline,
         mismatch=places,
-        findings=findings,
+        findings=tuple(findings),
         unknown=left,
         cannot_see=cannot_see,
-        falsified=_falsified(choice) if findings else (),
+        falsified=_falsified(found) if findings else (),
         parameters=ByName(nominal_values(last, drawn)),
-        scores={**{t.effect: max(t.gain, 0.0) for t in first.trials}, **speed.gains},
+        scores={**found.gains, **speed.gains},
         overlays=overlays(held or used[:1], bool(held), models.nominal, models.full, floor),
         held_out=_total(findings, held_out, models),
-        remarks=remarks_of(used, findings, withdrawn, choice.unmodelled, against, worse),
+        remarks=remarks_of(used, findings, minor, listed, worse),
         runs=tuple(r.name for r in used),
         held_out_runs=tuple(r.name for r in held),
+        p_none=weighed.none,
+        p_else=weighed.something_else,
     )
-    return answer, laws
+    return answer, law
 
 
 def _speed_answer(
-    choice: Choice,
+    found: Inference,
     used: Sequence[Experiment],
     held_out: Sequence[HeldOutRun],
     full: FittedModel,
     settings: DiagnosisSettings,
 ) -> _SpeedAnswer:
     """Speed lost in turns, where the fitted motion is good enough to know the drag of the turned wheels."""
-    last = choice.last
+    last = found.last
     if last.model.lumped:
         return _SpeedAnswer({SPEED: "the lumped model has no front tyre force, whose drag must be known"})
-    if choice.stopped:
-        judged = {t.effect for t in choice.first.trials} | set(last.cannot_see)
+    if found.stopped:
+        judged = set(found.gains) | set(last.cannot_see)
         return _SpeedAnswer({e.id: STOPPED for e in library().values() if e.id not in judged})
-    if any(misfit.large for misfit in last.misfit.values()):
+    if max(last.misfit.values(), default=1.0) > LARGE:
         why = "the motion is not explained, so the drag of the turned wheels is not known"
         return _SpeedAnswer({SPEED: why})
     lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
@@ -298,18 +264,6 @@ def _speed_answer(
     return _SpeedAnswer(gains=gains, findings=(finding,))
 
 
-def _unknown(
-    choice: Choice, findings: Sequence[Finding], speed: Unknown | None, places: Sequence[Mismatch], seed: int
-) -> Unknown | None:
-    """The misfit that no effect explains, None where there is none. speed: an unexplained speed loss."""
-    if choice.exceeded:
-        return unknown_at_bound(choice.exceeded, choice.withdrawn)
-    if choice.stopped:
-        return None
-    left = left_unexplained(choice.last, bool(findings), seed, choice.unmodelled) or speed
-    return left or (None if findings else unknown_place(places))
-
-
 def _total(
     findings: Sequence[Finding], held_out: Sequence[HeldOutRun], models: _Models
 ) -> tuple[HeldOut, ...]:
@@ -321,74 +275,59 @@ def _total(
 
 def _finding(
     named: Named,
-    choice: Choice,
+    found: Inference,
     drawn: list[dict[str, float]],
     held_out: Sequence[HeldOutRun],
     models: _Models,
     turn: Turn | None,
 ) -> Finding:
-    effect, last = named.trial.law, choice.last
-    values = effect_values(effect, last, drawn)
-    evidence = {"gain": named.trial.gain, "threshold": named.threshold}
-    support = choice.support.get(effect.id)
-    measures = {
-        "runner_up": named.runner_up,
-        "remaining": last.fitted.data_cost / last.problem.size - 1.0,
-        "predicted": support.predicted if support else None,
-        "held_out_gain": support.held_out if support else None,
-        "held_out_expected": support.expected if support else None,
-    }
-    evidence |= {name: float(value) for name, value in measures.items() if value is not None}
-    evidence |= {f"cosine:{a.effect}": a.cosine for a in named.look_alikes}
+    effect, values = named.law, effect_values(named.law, found.last, drawn)
+    others = {f"probability:{e}": p for e, p in named.alternatives.items()}
     return Finding(
         effect=effect.id,
-        look_alikes=tuple(a.effect for a in named.look_alikes),
+        look_alikes=tuple(named.alternatives),
         parameters=ByName(values),
-        evidence=evidence,
-        held_out=_contribution(effect.id, choice, held_out, models),
+        evidence={"gain": named.gain, **others},
+        held_out=_contribution(effect.id, found, held_out, models),
         next_run=effect.next_run,
-        sentence=_sentence(_with_form(effect, named), values, named.look_alikes),
+        sentence=_sentence(_with_form(effect, found), values, tuple(named.alternatives)),
         equation=effect.equation,
         form=effect.form,
-        forms=named.trial.forms,
-        probability=probability(evidence),
+        probability=named.probability,
         turn=turn_sentence(turn),
     )
 
 
 def _contribution(
-    effect: str, choice: Choice, held_out: Sequence[HeldOutRun], models: _Models
+    effect: str, found: Inference, held_out: Sequence[HeldOutRun], models: _Models
 ) -> tuple[HeldOut, ...]:
     """Each held-out run by the model without this effect, refitted, and by the full model."""
     if not held_out:
         return ()
-    alone = len(choice.named) == 1
-    rest = models.nominal if alone else refitted_without(effect, choice.last.problem.plain, models.full)
+    alone = set(found.last.model.ids) == {effect}
+    rest = models.nominal if alone else refitted_without(effect, found.last.problem.plain, models.full)
     return tuple(compare_held_out(run, rest, models.full) for run in held_out)
 
 
-def _with_form(effect: Effect, named: Named) -> str:
-    """The title, with the form where the data prefer one."""
-    if len(named.trial.forms) < 2:
-        return effect.title
-    if named.forms_alike:
-        return f"{effect.title} (form not told apart)"
-    return f"{effect.title} (form: {effect.form})"
+def _with_form(effect: Effect, found: Inference) -> str:
+    """The title, with its form where the effect has several."""
+    several = len(found.last.model.laws(effect.id)) > 1 and effect.form
+    return f"{effect.title} (form: {effect.form})" if several else effect.title
 
 
-def _sentence(title: str, values: Sequence[EffectValue], look_alikes: Sequence[LookAlike]) -> str:
+def _sentence(title: str, values: Sequence[EffectValue], look_alikes: Sequence[str]) -> str:
     numbers = ", ".join(
         f"{v.name} = {v.value:.3g} {v.unit}".rstrip(" -") for v in values if v.value < UNBOUNDED
     )
-    other = f" (or {', '.join(library()[a.effect].title for a in look_alikes)})" if look_alikes else ""
+    other = f" (or {', '.join(library()[e].title for e in look_alikes)})" if look_alikes else ""
     return f"{title}{other}, {numbers}"
 
 
-def _falsified(choice: Choice) -> tuple[Falsified, ...]:
+def _falsified(found: Inference) -> tuple[Falsified, ...]:
     """Nominal parameters that changed by more than `MATERIAL_CHANGE` when the effects were added."""
-    before, after = choice.first.fitted.x, choice.last.fitted.x
+    before, after = found.none.fitted.x, found.last.fitted.x
     return tuple(
         Falsified(c.parameter, c.unit, exp(before[c.name]), exp(after[c.name]))
-        for c in choice.last.fitted.free
+        for c in found.last.fitted.free
         if c.parameter and c.name in before and abs(before[c.name] - after[c.name]) > MATERIAL_CHANGE
     )

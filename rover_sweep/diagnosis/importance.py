@@ -12,9 +12,8 @@ from rover_sweep.diagnosis.held_out.turn_impact import Turn
 from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut
 
 LITTLE = 0.05  # relative drop of J_rms on held-out runs, below which an effect hardly matters
-NOTHING = 0.005  # share of the held-out residual that rounds to 0 %
-SURE = 0.8  # probability from which an effect is named
 LONGEST = 0.4  # s, largest delay that is tried
+LEAST_CHANGE = 0.02  # of a channel in the runs, rms over rms, that matters where no turn shows it
 LEAST_DELAY, LEAST_GAIN = 0.005, 0.01  # s, relative: smaller changes of a turn are not stated
 
 
@@ -34,19 +33,15 @@ class TurnChange:
         return self.delay * self.speed
 
 
-def why_no_verdict(f: Finding, absent: bool, turn: Turn | None = None) -> str:
-    """Why a finding is listed only and not named, "" where it is a verdict.
+def why_it_does_not_matter(absent: bool, turn: Turn | None = None, change: float = 1.0) -> str:
+    """Why a probable effect is listed as present and not named, "" where it matters.
 
     absent: the 90 % intervals of its size hold no effect at all. turn: what it does to one, None where it has
-    no part in it.
+    no part in it. change: of a channel in the runs, rms over rms.
     """
     if absent:
         return "the 90 % interval of its size includes zero"
-    if f.probability is not None and f.probability < SURE:
-        return f"of such findings {100 * f.probability:.0f} % were right, and a name needs {100 * SURE:.0f} %"
-    if f.held_out and not any((h.share_removed or 0.0) >= NOTHING for h in f.held_out):
-        return f"it does not improve {', '.join(h.run for h in f.held_out)}"
-    if turn is not None and not turn.visible and hardly_matters(f.held_out):
+    if turn is not None and not turn.visible and change < LEAST_CHANGE:
         return "it changes no turn visibly"
     return ""
 

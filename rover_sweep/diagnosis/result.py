@@ -92,14 +92,11 @@ class Finding(PlainNumbers, Shown):
 
     parameters: by name, as in diagnosis.json: parameters["b"].value.
 
-    evidence: {name: number}: "gain" (drop of the whitened cost), "threshold" (bootstrap), "runner_up"
-    (largest gain of another effect over its own), "remaining" (mean square above the noise, after all
-    findings), where they are known "predicted" (gain on each run, fitted to the others), "held_out_gain" and
-    "held_out_expected" (of a true effect), and "cosine:<id>" for each look-alike. held_out: the full model
-    against the refitted model without this effect; with a single finding, against the nominal model.
-    next_run: the run that would decide. form: the law that the data prefer among those of the effect, ""
-    where it has one; forms: {form: gain}. probability: that this is the right effect, see `certainty`; None
-    where it is not known.
+    evidence: {name: number}: "gain" (drop of the whitened cost by the effect) and "probability:<id>" of each
+    look-alike. held_out: the full model against the refitted model without this effect; with a single
+    finding, against the nominal model. next_run: the run that would decide. form: the law that the data
+    prefer among those of the effect, "" where it has one. probability: that this effect is present and
+    matters, see `posterior.weights`; None where it is not known.
     """
 
     effect: str
@@ -111,7 +108,6 @@ class Finding(PlainNumbers, Shown):
     sentence: str
     equation: str
     form: str = ""
-    forms: Mapping[str, float] = field(default_factory=dict)
     probability: float | None = None
     turn: str = ""  # what it does to a turn, in plain figures
 
@@ -270,7 +266,8 @@ class Diagnosis(PlainNumbers):
     """The result of a diagnosis.
 
     sentence: the answer in one sentence. baseline: the model that was tested. parameters: those of the
-    nominal model, refitted with the effects. scores: {effect: gain in the first round} of all candidates.
+    nominal model, refitted with the effects. scores: {effect: drop of chi-squared with it alone}. p_none,
+    p_else: probability that nothing which matters is missing, and that something is which has no name.
     held_out: nominal and full model on each held-out run. remarks: on the data. seconds: computing time.
     """
 
@@ -290,6 +287,8 @@ class Diagnosis(PlainNumbers):
     seconds: float = 0.0
     runs: tuple[str, ...] = ()
     held_out_runs: tuple[str, ...] = ()
+    p_none: float | None = None
+    p_else: float | None = None
     model: AugmentedModel | None = None
     """The nominal model with the effects, for simulation and export; None where the data were refused."""
 

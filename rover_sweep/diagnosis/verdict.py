@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 
 from rover_sweep.diagnosis.result import Finding, Unknown, Verdict
 from rover_sweep.diagnosis.simulation.candidates import speeds_of
@@ -64,25 +63,26 @@ def sentence_of(
 def remarks_of(
     used: Sequence[Experiment],
     findings: Sequence[Finding],
-    withdrawn: Sequence[str],
-    unmodelled: bool = False,
-    against: Mapping[str, str] = MappingProxyType({}),
-    worse: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    minor: Mapping[str, str],
+    listed: Mapping[str, float],
+    worse: Mapping[str, Sequence[str]],
 ) -> tuple[str, ...]:
-    """Limits of the runs, withdrawn effects, and what speaks against effects.
+    """Limits of the runs, and effects that are not named.
 
-    unmodelled: the effects were withdrawn because an unnamed term explains far more. against: {effect: why it
-    did not earn its name}. worse: {held-out run: channels that are predicted worse with the findings}.
+    minor: {effect: why it does not matter}. listed: {effect: probability}. worse: {held-out run: channels
+    that are predicted worse with the findings}.
     """
     out = []
     if len(speeds_of(used)) < 2:
         out.append("all runs have the same speed, so a lag over a distance looks like a lag in time")
     if len({round(run.amplitude, 2) for run in used}) < 2:
         out.append("all runs have the same amplitude, so saturation looks like a smaller linear gain")
-    if withdrawn:
-        why = "an unnamed term explains far more" if unmodelled else "too much remains unexplained"
-        out.append(f"{', '.join(withdrawn)} fit a part of the residual, but {why}; not reported as a finding")
-    out += [f"{effect} fits the runs, but is not reported: {why}" for effect, why in against.items()]
+    out += [f"{effect} is present and does not matter: {why}" for effect, why in minor.items()]
+    out += [
+        f"{effect} is possible ({100 * p:.0f} %), but not sure enough for a name"
+        for effect, p in listed.items()
+        if effect not in minor
+    ]
     out += [
         f"with the findings {', '.join(channels)} of {run} fits worse than without"
         for run, channels in worse.items()

@@ -1,7 +1,7 @@
 """`python -m tests.engines.calibrate DIR`: fit the hyperparameters of the posterior to drawn rovers.
 
-DIR: where `python -m tests.engines --cache DIR` keeps its sets. Each set is explored once, and what weighs its
-explanations is kept beside it. The hyperparameters of `rover_sweep.diagnosis.posterior.weights` are those with
+DIR: where `python -m tests.engines --cache DIR` keeps its sets. Each set is explored once, and what weighs
+its explanations is kept beside it. The hyperparameters of `rover_sweep.diagnosis.posterior.weights` are those with
 the largest mean log probability of the truth. --but ENGINE leaves an engine out and prints the score on it.
 """
 

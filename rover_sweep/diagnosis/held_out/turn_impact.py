@@ -84,6 +84,24 @@ def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Tu
     )
 
 
+def change_in_runs(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> float:
+    """What the effect changes of r, a_y or p in the runs, the largest: rms over the rms of the signal."""
+    law = next((e for e in whole.model.structure.effects if e.id == effect), None)
+    if law is None:
+        return 0.0
+    rest = whole.model.without(effect)
+    normal = {c.name: c.start for c in rest.free if c.name in law.releases}
+    without = FittedModel(rest, {**whole.x, **normal})
+    change: dict[str, float] = {}
+    size: dict[str, float] = {}
+    for run in used:
+        one, two = without.log(run), whole.log(run)
+        for c in {"r", "ay", "p"} & one.keys():
+            change[c] = change.get(c, 0.0) + float(np.sum((two[c] - one[c]) ** 2))
+            size[c] = size.get(c, 0.0) + float(np.sum(one[c] ** 2))
+    return max((float(np.sqrt(change[c] / max(size[c], 1e-12))) for c in change), default=0.0)
+
+
 def _step(like: Experiment, speed: float, angle: float) -> Experiment:
     """Straight, then a step of steering, at a constant speed."""
     n = round(LENGTH * RATE)

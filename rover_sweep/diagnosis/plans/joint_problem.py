@@ -14,6 +14,7 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.plans.evidence import on_blocks, start, typical_floor, with_nuisances
+from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import Problem, with_floor
@@ -21,7 +22,6 @@ from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatu
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
 from rover_sweep.diagnosis.search.candidate_fits import tangent
 from rover_sweep.diagnosis.search.needed_size import Signals
-from rover_sweep.diagnosis.search.rounds import fit_with_floor
 from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment

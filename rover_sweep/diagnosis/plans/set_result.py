@@ -21,8 +21,7 @@ from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Metric
 from rover_sweep.diagnosis.problem.signatures import Signature, columns
 from rover_sweep.diagnosis.search.candidate_fits import tangent
-from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
-from rover_sweep.diagnosis.search.rounds import LAGS
+from rover_sweep.diagnosis.search.material import EARLIER, LAGS, material_sizes
 from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model
 

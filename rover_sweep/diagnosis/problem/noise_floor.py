@@ -48,6 +48,7 @@ LEAST_WINDOW = 1.5  # s, of short trials
 REPEATS = 5  # trials from which short ones together give a floor
 HARMONICS = 5
 GUARD = 0.6  # Hz, reach of a line to either side: a Hann window of 4 s, and the sweep moves
+TOP = 12.0  # Hz, highest line that is compared with a model
 RESOLVED = 1.0  # Hz, from which taking out mean and slope costs no power
 ENOUGH = 100  # quiet lines from which the level of one run is estimated
 EXCITED = 0.04  # of the largest steering amplitude
@@ -150,14 +151,15 @@ def quiet_frames(runs: Sequence[Experiment]) -> tuple[Array, Array]:
 def level_of(run: Experiment, residual: Mapping[str, Array], floor: Floor) -> dict[str, float]:
     """{channel: noise power of one run over that of a floor}.
 
-    residual {channel: (n,)}: of a model that fits. Mean over all quiet lines that a frame resolves; 1 where
-    they are fewer than `ENOUGH`.
+    residual {channel: (n,)}: of a model that fits. Mean over the quiet lines up to `TOP` that a frame
+    resolves (above it filters leave less than the least floor); 1 where they are fewer than `ENOUGH`.
     """
     size = frame_size([run])
     f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
     out = {}
     for channel, x in residual.items():
-        quiet = _quiet(run, f, size) & (f >= RESOLVED) & (f <= 0.4 * run.rates.get(channel, RATE))
+        highest = min(TOP, 0.4 * run.rates.get(channel, RATE))
+        quiet = _quiet(run, f, size) & (f >= RESOLVED) & (f <= highest)
         ratio = _power(x, size)[:, 1:] / floor.at(channel, f[1:])
         out[channel] = float(np.mean(ratio[quiet[:, 1:]])) if quiet.sum() >= ENOUGH else 1.0
     return out

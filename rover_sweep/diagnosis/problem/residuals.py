@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 from scipy.fft import rfft
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.problem.noise_floor import Floor, floor_of
+from rover_sweep.diagnosis.problem.noise_floor import TOP, Floor, floor_of
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.kernel import weigh_into
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion_coordinates, motions
 from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.spectra.side_by_side import side_by_side
 
-TOP = 12.0  # Hz, highest line of all channels
 LOWEST = {"r": 0.0, "ay": 0.0, "p": 0.1, "vy": 0.5}  # Hz; below about 3 rad/s the GPS distorts the EKF's V_y
 HIGHEST = {"vy": 5.0}  # Hz
+FAINT = 1e-3  # variance of a tolerance in units of the noise, below which it changes rows by 0.05 % of them
 MEANS = {"r": 0.004, "ay": 0.12}  # accuracy of a run's mean: gyro drift [rad/s], uneven ground [m/s^2]
 
 
@@ -58,8 +58,8 @@ class Rows:
 class Metric:
     """(I + s s^T)^(-1/2) = I + s inner s^T, in which noise and normal tolerances count the same.
 
-    s (rows, k): rows of the tolerances at one standard deviation. inner (k, k): V h(g^2) V^T with the
-    eigenvectors V and eigenvalues g^2 of s^T s and h(x) = (1/sqrt(1 + x) - 1)/x.
+    s (rows, k): orthogonal combinations of the tolerances' rows at one standard deviation, those whose square
+    g^2 is above `FAINT`. inner (k, k): diagonal, h(g^2) with h(x) = (1/sqrt(1 + x) - 1)/x.
     """
 
     s: Array
@@ -70,8 +70,10 @@ class Metric:
     def of_directions(s: Array) -> Metric:
         """The metric of tolerances whose rows at one standard deviation are the columns of s (rows, k)."""
         square, v = np.linalg.eigh(s.T @ s)
-        square = np.maximum(square, 1e-12)
-        return Metric(s, (v * (np.expm1(-0.5 * np.log1p(square)) / square)) @ v.T, s.astype(np.float32))
+        kept = square > FAINT
+        square, turned = square[kept], s @ v[:, kept]
+        inner = np.diag(np.expm1(-0.5 * np.log1p(square)) / square)
+        return Metric(turned, inner, turned.astype(np.float32))
 
     def of(self, rows: Array) -> Array:
         """Rows (n,) or (n, k) in the metric."""
@@ -160,6 +162,10 @@ class Problem:
     def of(self, rows: Array) -> Array:
         """Whitened rows (size,) or (size, k) in the metric of this problem."""
         return self.metric.of(rows) if self.metric else rows
+
+    def of_columns(self, rows: Array) -> Array:
+        """Many small rows (size, k) in the metric, to seven digits."""
+        return self.metric.of_small(rows) if self.metric else rows
 
     def models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The model's rows for several sets of coordinates; the metric is applied to all at once."""

@@ -1,33 +1,25 @@
-"""A nominal parameter at its bound, where a value beyond the bound would fit better.
-
-Some candidates release such a bound; then they are found. Where no candidate does, a named effect may be
-only a proxy for the parameter.
-"""
+"""Nominal numbers at the end of their tolerance, where a value beyond it would fit better."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import exp
 
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
-from rover_sweep.diagnosis.problem.residuals import Problem, over_noise
-from rover_sweep.diagnosis.result import Unknown
+from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 
 MANY = 3  # numbers outside their tolerances, from which the model is wrong and not the numbers
 COUNTS = 25.0  # drop of the cost from which the end of a tolerance is reported
 WIDENED = 5.0  # factor on the distance of a bound from the start value
-PARAMETERS = {
+MEASURED = {
     "lag": "the servo's lag",
     "delay": "the steering's delay",
     "trim": "the steering's trim",
     "bias_ay": "the accelerometer's bias",
     "ln_ratio": "the ratio of front to rear cornering stiffness",
     "vy_lag": "the lag of the lateral velocity",
-}
-MEASURED = {
-    **PARAMETERS,
     "scale": "the steering scale (rad_per_us)",
     "vscale": "the scale of the speed",
     "imu_x": "the IMU's place along the rover",
@@ -49,32 +41,12 @@ UNITS = {
 FIRST = ("delay", "lag")  # instruments before anything else
 
 
-@dataclass(frozen=True, eq=False)
-class ExceededBound:
-    """A coordinate fitted beyond its bound.
-
-    gain: drop of the cost. channel: where most of the drop is. ratio: rms over noise of the rows there that
-    it explains.
-    """
-
-    coordinate: str
-    gain: float
-    channel: str
-    ratio: float
-
-
-def exceeded_bound(problem: Problem, fitted: Fitted) -> ExceededBound | None:
-    """The coordinate whose bound costs most; None where no coordinate is at its bound."""
-    found = [_released(problem, fitted, c) for c in _at_their_bounds(fitted)]
-    return max(found, key=lambda b: b.gain, default=None)
-
-
 def at_the_end(problem: Problem, fitted: Fitted) -> dict[str, str]:
     """{number: sentence} of the nominal numbers at the end of their tolerances that fit better beyond.
 
     The delay comes first.
     """
-    found = [c for c in _at_their_bounds(fitted, MEASURED) if c.low != 0.0 or fitted.x[c.name] > c.low]
+    found = [c for c in _at_their_bounds(fitted) if c.low != 0.0 or fitted.x[c.name] > c.low]
     found.sort(key=lambda c: FIRST.index(c.name) if c.name in FIRST else len(FIRST))
     out = {}
     for c in found:
@@ -118,22 +90,10 @@ def cost_of(problem: Problem, fitted: Fitted) -> float:
     return float(rows @ rows)
 
 
-def unknown_at_bound(exceeded: ExceededBound, withdrawn: tuple[str, ...]) -> Unknown:
-    """The unknown: the parameter beyond its bound, which explains more than the effects withdrawn for it."""
-    parameter = PARAMETERS[exceeded.coordinate]
-    return Unknown(
-        exceeded.channel,
-        parameter,
-        exceeded.ratio,
-        f"{parameter} outside its normal tolerance fits the runs better than {' and '.join(withdrawn)}, "
-        "so these are not reported; no effect of the library explains such a value",
-    )
-
-
-def _at_their_bounds(fitted: Fitted, names: Mapping[str, str] = PARAMETERS) -> Iterator[Coordinate]:
+def _at_their_bounds(fitted: Fitted) -> Iterator[Coordinate]:
     for c in fitted.free:
         room = 1e-6 * c.scale
-        if c.name in names and not c.low + room < fitted.x[c.name] < c.high - room:
+        if c.name in MEASURED and not c.low + room < fitted.x[c.name] < c.high - room:
             yield c
 
 
@@ -143,14 +103,3 @@ def _freed(problem: Problem, fitted: Fitted, c: Coordinate) -> Fitted:
     wide = replace(c, low=low, high=c.start + WIDENED * (c.high - c.start), prior=None)
     free = tuple(wide if one.name == c.name else one for one in fitted.free)
     return fit(problem, fitted.structure, free, fitted.x, known=fitted)
-
-
-def _released(problem: Problem, fitted: Fitted, c: Coordinate) -> ExceededBound:
-    freed = _freed(problem, fitted, c)
-    less = {}
-    for channel in {r.channel for r in problem.rows}:
-        before, after = (problem.part(f.rows, channel=channel) for f in (fitted, freed))
-        less[channel] = float(before @ before - after @ after)
-    channel = max(less, key=lambda name: less[name])
-    rows = problem.part(fitted.rows - freed.rows, channel=channel)
-    return ExceededBound(c.name, fitted.cost - freed.cost, channel, over_noise(less[channel], rows))

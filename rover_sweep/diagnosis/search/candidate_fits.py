@@ -1,15 +1,9 @@
-"""Each effect added to a model and fitted: how much of the residual it explains.
-
-In three stages, since a fit costs many simulations: the linear prediction of all effects (a score test), a
-fit of those that promise most with the nominal Jacobian of the base, and a second fit of the best with
-their own Jacobian.
-"""
+"""An effect added to a model: its linear prediction (a score test), and its fit with the base's Jacobian."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr
@@ -17,12 +11,8 @@ from scipy.linalg import qr
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
-from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
+from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
-from rover_sweep.spectra.side_by_side import side_by_side
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
 
 SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
 SCANNED = np.geomspace(0.25, 4.0, 112)  # sizes of a law that jumps: 2.5 % apart
@@ -31,35 +21,21 @@ BESIDE = (0.985, 1.015, 0.97, 1.03)  # of the scanned size
 FEW = 3  # steps of those fits
 INSTANTS = 7  # at which a change of ground is tried in each run
 NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
-FITTED_FROM = 0.25  # share of the threshold from which a predicted gain is followed by a fit
 ASTRAY = 0.5  # share of the predicted gain below which a fit is repeated from nearer
 NEARER = 0.3  # share of the way to the first start, for that repetition
-FITTED = 9  # most effects that are fitted
-REFITTED = 5  # most trials that are fitted again
-RESTARTED = 2  # most trials that are also fitted from their own size
-FAR = 2.0  # mean square of the base's rows from which trials are fitted from their own size
-REFIT_STEPS = 5  # the next round continues the best one
-REFITTED_FROM = 0.4  # share of the threshold from which a trial is fitted again
-FORMS_OF = 2  # most trials whose forms are compared
-RIVAL_FORMS = 0.5  # share of the best gain from which the forms of a trial are compared
-SIMPLER = 0.005  # share of the gain that decides nothing between two forms
-NEAR_FORM = 0.7  # share of the best form's gain from which another form is fitted again
-RIVAL = 0.2  # share of the best gain below which a trial is not fitted again
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A model with one more effect, fitted. gain: drop of the cost against the model without.
 
-    Where `fitted` is the fit of the base, the effect was not fitted and `gain` is a linear prediction.
-    effect: the id. forms: {form: gain} of the forms that were fitted.
+    effect: the id.
     """
 
     effect: str
     model: Model
     fitted: Fitted
     gain: float
-    forms: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def law(self) -> Effect:
@@ -217,160 +193,5 @@ def _around_the_scanned(problem: Problem, base: Fitted, one: Screened, law: Effe
     return Trial(one.effect, one.model, whole, base.cost - whole.cost)
 
 
-def fit_candidate(
-    problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
-) -> Trial | None:
-    """The model with the effect, fitted; None where the linear prediction shows no gain."""
-    one = screen(problem, base, space, model, effect)
-    return None if one is None else fit_from(problem, base, one)
-
-
 def _between(now: float, start: float) -> float:
     return now + NEARER * (start - now)
-
-
-def fit_candidates(
-    problem: Problem,
-    base: Fitted,
-    space: Tangent,
-    model: Model,
-    effects: Sequence[Effect],
-    thresholds: Mapping[str, float],
-    progress: Callable[[str, float], None],
-    origin: Fitted | None = None,
-) -> list[Trial]:
-    """Every effect added alone to a model, the largest gain first; fewer when the problem's stop is true.
-
-    Those with the largest predicted gains near their thresholds {effect: gain} are fitted, with the
-    nominal Jacobian of the base. The others keep their predicted gain. origin: the model at its start values,
-    where the base is far off: it may have settled where no effect helps, so all are fitted from there too.
-    """
-    screened: list[Screened] = []
-    tested = _until_stopped(lambda e: screen(problem, base, space, model, e), effects, lambda e: None)
-    for k, (effect, found) in enumerate(zip(effects, tested, strict=True)):
-        progress(f"testing {effect.title}", 0.5 * k / max(len(effects), 1))
-        screened += [found] if found is not None else []
-    screened.sort(key=lambda x: -x.predicted)
-    promising = [x for x in screened if x.predicted >= FITTED_FROM * thresholds.get(x.effect, 0.0)][:FITTED]
-    out = [Trial(x.effect, x.model, base, x.predicted) for x in screened if x not in promising]
-    fits = _until_stopped(lambda x: fit_from(problem, base, x), promising, lambda x: None)
-    for k, (one, trial) in enumerate(zip(promising, fits, strict=True)):
-        progress(f"fitting {one.effect}", 0.5 + 0.5 * k / len(promising))
-        if trial is not None:
-            out.append(trial)
-        elif one.effect not in DEGREES_OF_FREEDOM:
-            out.append(Trial(one.effect, one.model, base, one.predicted))
-    if origin is not None:
-        known = {t.effect for t in out}
-        others = [
-            _unfitted(model, base, e)
-            for e in effects
-            if e.id not in known and not e.in_one_run and e.id not in DEGREES_OF_FREEDOM
-        ]
-        every = (*out, *others)
-        again = _until_stopped(lambda t: _from_origin(problem, base, origin, model, t), every, lambda t: t)
-        out = [t for t, before in zip(again, every, strict=True) if before in out or t.fitted is not base]
-    return sorted(out, key=lambda t: -t.gain)
-
-
-def _until_stopped(
-    work: Callable[[Item], Result], items: Sequence[Item], instead: Callable[[Item], Result]
-) -> Iterator[Result]:
-    """work(item) of each item side by side, instead(item) of those that a stop cut off."""
-
-    def one(item: Item) -> Result:
-        try:
-            return work(item)
-        except Stopped:
-            return instead(item)
-
-    return side_by_side(one, items)
-
-
-def _unfitted(model: Model, base: Fitted, effect: Effect) -> Trial:
-    return Trial(effect.id, model.with_effect(effect.id), base, 0.0)
-
-
-def _from_origin(problem: Problem, base: Fitted, origin: Fitted, model: Model, trial: Trial) -> Trial:
-    """The trial fitted from the model's start values and the effect's own size, where that is better."""
-    if trial.law.in_one_run or trial.effect in DEGREES_OF_FREEDOM:
-        return trial
-    sizes = {trial.law.coordinate_name(p): p.size * p.per for p in trial.law.parameters}
-    start = {**origin.x, **sizes}
-    found = fit(problem, trial.model.structure, trial.model.free, start, known=origin)
-    gain = base.cost - found.cost
-    fitted = trial.fitted is not base
-    better = gain > (trial.gain if fitted else 0.0)
-    return replace(trial, fitted=found, gain=gain) if better else trial
-
-
-def refit_candidates(
-    problem: Problem, base: Fitted, trials: Sequence[Trial], thresholds: Mapping[str, float]
-) -> list[Trial]:
-    """The trials, the best fitted again with their own Jacobian; thresholds: {effect: gain}."""
-    best = max((t.gain for t in trials), default=0.0)
-
-    def again(ranked: tuple[int, Trial]) -> Trial:
-        rank, trial = ranked
-        near = trial.gain > max(REFITTED_FROM * thresholds.get(trial.effect, 0.0), RIVAL * best)
-        if trial.fitted is base or not near or rank >= REFITTED:
-            return trial
-        found = refitted(problem, base, trial)
-        if rank < RESTARTED and base.overdispersion > FAR:
-            other = _restarted(problem, base, found)
-            found = other if other.gain > found.gain else found
-        return found
-
-    refits = _until_stopped(again, list(enumerate(trials)), lambda ranked: ranked[1])
-    out = sorted(refits, key=lambda t: -t.gain)
-    rivals = [
-        t
-        for t in out[:FORMS_OF]
-        if t.fitted is not base and t.gain > max(RIVAL_FORMS * out[0].gain, thresholds.get(t.effect, 0.0))
-    ]
-    forms = _until_stopped(lambda t: best_form(problem, base, t), rivals, lambda t: t)
-    compared = {t.effect: t for t in forms}
-    return sorted((compared.get(t.effect, t) for t in out), key=lambda t: -t.gain)
-
-
-def _restarted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
-    """The trial fitted from its own size: where the nominal fit is far off, the path from zero may fail."""
-    plain = {
-        c.name: c.scale if c.start == 0.0 else c.start
-        for c in added_coordinates(trial.law)
-        if not c.name.endswith(".t")
-    }
-    restart = replace(trial, fitted=replace(trial.fitted, x={**trial.fitted.x, **plain}))
-    return refitted(problem, base, restart)
-
-
-def refitted(problem: Problem, base: Fitted, trial: Trial) -> Trial:
-    """The trial fitted again with its own Jacobian."""
-    found = fit(problem, trial.model.structure, trial.model.free, trial.fitted.x, steps=REFIT_STEPS)
-    return replace(trial, fitted=found, gain=base.cost - found.cost)
-
-
-def best_form(problem: Problem, base: Fitted, trial: Trial) -> Trial:
-    """The form of the trial's effect that explains most, with the gains of all its forms.
-
-    The first form of an effect is the simplest; another one must explain more than it by `SIMPLER`.
-    """
-    law = trial.law
-    best, tried = trial, {law.form: trial}
-    laws = trial.model.laws(trial.effect)
-    for other in laws:
-        if other.name == law.name or trial.effect in DEGREES_OF_FREEDOM:
-            continue
-        effects = tuple(other.name if e == law.name else e for e in trial.model.effects)
-        model = replace(trial.model, effects=effects)
-        known = trial.fitted if other.parameters == law.parameters else base
-        near = fit(problem, model.structure, model.free, trial.fitted.x, steps=REFIT_STEPS, known=known)
-        found = Trial(trial.effect, model, near, base.cost - near.cost)
-        if found.gain > NEAR_FORM * best.gain:
-            again = refitted(problem, base, found)
-            found = again if again.gain > found.gain else found
-        tried[other.form] = found
-        best = found if found.gain > best.gain else best
-    first = tried.get(laws[0].form, best)
-    best = first if first.gain > (1.0 - SIMPLER) * best.gain else best
-    return replace(best, forms={form: t.gain for form, t in tried.items()})

@@ -7,7 +7,13 @@ from collections.abc import Mapping
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.simulation.candidates import Model, added_coordinates
 
+LAGS = ("servo_lag", "transport_delay")
+SWINGING = "servo_lag/second order"
+MOST_SHAPE = 1.0  # of a servo that swings no more than usual, a damping ratio of 0.5
+SHORTEST = 0.008  # s, of a lag whose swinging is within the band of a sweep
+IMPLAUSIBLE = 0.8  # share of an effect's bound, beyond which its size is no answer
 EARLIER = 0.008  # s by which the motion must precede its command, for a clock offset to be the reason
 
 
@@ -33,3 +39,21 @@ def exceeds_material_size(
 ) -> bool:
     """True where any parameter of the effect at the coordinates x exceeds its material size."""
     return effect.exceeds(x, material_sizes(effect, spread, wheelbase))
+
+
+def material(effect: str, model: Model, x: Mapping[str, float]) -> bool:
+    """False where an effect of a fitted model is below its material size, or implausibly near its bound.
+
+    effect: its id. x: {coordinate: value}.
+    """
+    law = next(f for f in map(model.law, model.effects) if f.id == effect)
+    limits = {c.name: max(abs(c.low), abs(c.high)) for c in added_coordinates(law)}
+    if any(abs(x[name]) > IMPLAUSIBLE * limit for name, limit in limits.items() if not name.endswith(".t")):
+        return False
+    if law.name == SWINGING and x["lag_shape"] > MOST_SHAPE and x["lag"] > SHORTEST:
+        return True
+    if effect in LAGS:
+        return x["lag"] + x["delay"] > model.spread.together
+    if effect == "clock_offset" and not model.two_clocks:
+        return x["delay"] < -EARLIER
+    return exceeds_material_size(law, x, model.spread, model.rover.wheelbase)

@@ -27,8 +27,7 @@ from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
-from rover_sweep.diagnosis.search.material import EARLIER
-from rover_sweep.diagnosis.search.rounds import LAGS
+from rover_sweep.diagnosis.search.material import EARLIER, LAGS
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.structure import Structure
 

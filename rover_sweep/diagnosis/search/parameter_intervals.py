@@ -18,10 +18,10 @@ import numpy as np
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import EffectValue
-from rover_sweep.diagnosis.search.rounds import Round
 from rover_sweep.diagnosis.simulation.nominal import Coordinate, physical_numbers
 
 DRAWS = 400
@@ -33,7 +33,7 @@ SCANNED = 0.02  # relative standard deviation of a size that was scanned in step
 FEWEST = 4  # lines of an octave that form a group
 
 
-def draw_coordinates(last: Round, seed: int) -> list[dict[str, float]]:
+def draw_coordinates(last: ModelFit, seed: int) -> list[dict[str, float]]:
     """`DRAWS` coordinates {name: value} from the Gaussian at the fit, clipped to the bounds."""
     fitted = last.fitted
     scale = np.array([c.scale for c in fitted.free])
@@ -78,7 +78,7 @@ def _scores(problem: Problem, fitted: Fitted) -> Array:
     return np.array(out)
 
 
-def effect_values(effect: Effect, last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
+def effect_values(effect: Effect, last: ModelFit, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
     """The reported parameters of an effect with their intervals."""
     out, drawn = [], _with_doubt(effect, drawn)
     for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
@@ -97,7 +97,7 @@ def holds_absence(effect: Effect, drawn: list[dict[str, float]]) -> bool:
     return bool(ends) and all(low <= 0.0 <= high for low, high in ends)
 
 
-def implausible_numbers(last: Round, drawn: list[dict[str, float]]) -> tuple[str, ...]:
+def implausible_numbers(last: ModelFit, drawn: list[dict[str, float]]) -> tuple[str, ...]:
     """Sentences on the vehicle file, and on numbers that are implausible in nearly all draws."""
     rover = last.model.rover
     every = [physical_numbers(x, rover) for x in drawn]
@@ -123,12 +123,12 @@ def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str,
     return out
 
 
-def _begin(last: Round) -> float:
+def _begin(last: ModelFit) -> float:
     """Start of the run in which the ground changed, on its recording's clock [s]."""
     return next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
 
 
-def nominal_values(last: Round, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
+def nominal_values(last: ModelFit, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
     """The physical parameters of the nominal model, refitted together with the effects."""
     out = []
     for c in last.fitted.free:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.residuals import with_floor
-from rover_sweep.diagnosis.search.rounds import fit_with_floor
 from rover_sweep.diagnosis.settings import Baseline
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment

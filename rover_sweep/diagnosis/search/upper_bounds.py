@@ -1,10 +1,10 @@
 """The size up to which an effect that was not found could still be there, at 95 %.
 
-For each sign of each parameter the bound is the larger one of two sizes: the size that 95 % of repeats would
-have found (`needed_size`), and the upper end of what the data allow. With the unit direction u of the part of
-the signature that the nominal model cannot explain, and r the residual rows there, the data give the amount
-u^T r with the standard deviation sqrt(v), so their upper end has the length u^T r + 1.645 sqrt(v). Where the
-search fitted the effect, the upper end of that fit counts too.
+The bound is the upper 95 % quantile of the posterior of the size, for each sign of each parameter. With the
+unit direction u of the part of the signature that the nominal model cannot explain, and r the residual rows
+there, the data give the length u^T r of the signature with the standard deviation sqrt(v), v the variance
+with which the likelihood counts (`posterior.weights`); a length is not negative. The size that has this
+length follows from the growth of the signature (`needed_size`).
 
 The other parameters of the effect are absent while one is judged. Effects that happen in one run at an
 instant are judged in the middle of each run; the run that shows them least counts.
@@ -17,17 +17,20 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit
+from rover_sweep.diagnosis.posterior.weights import COARSE
 from rover_sweep.diagnosis.result import Unseen, UpperBound
-from rover_sweep.diagnosis.search.material import EARLIER, material_sizes
+from rover_sweep.diagnosis.search.material import EARLIER, LAGS, material_sizes
 from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
-from rover_sweep.diagnosis.search.rounds import LAGS, Round
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, possible
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.spectra.side_by_side import side_by_side
 
+LEVEL = 0.95
 ONE_SIDED = 1.645  # standard deviations: 95 % of a normal distribution lie below
 EKF_CROSSOVER = 0.3
 """rad/s, below which an EKF follows its GPS: sqrt(0.35^2 0.012 / (0.3^2 0.2)), the steady state of a scalar
@@ -35,7 +38,6 @@ filter with ArduPilot's EK3_ACC_P_NSE each 12 ms and EK3_VELNE_M_NSE at 5 Hz (Ge
 GPS = "; T_gps: lag of the GPS velocity, most of which an EKF hides"
 BOUND = "a smaller one may not show in these runs"
 HALFWAY = "; sizes for a change halfway through a run, since one at its beginning shows less"
-SIGNIFICANT = 4.0  # gain from which a fitted size counts: two standard deviations
 NO_BOUND = "these runs hardly excite it: they exclude no size"
 
 
@@ -47,7 +49,7 @@ class _End:
     coordinate: float
 
 
-def upper_bounds(last: Round, only: Sequence[str] = (), without: Sequence[str] = ()) -> tuple[Unseen, ...]:
+def upper_bounds(last: ModelFit, only: Sequence[str] = (), without: Sequence[str] = ()) -> tuple[Unseen, ...]:
     """The effects that are not in the model of the last round, with the size up to which each could hide.
 
     only, without: ids of effects, as in the search. Effects that add a degree of freedom have no bound.
@@ -58,7 +60,7 @@ def upper_bounds(last: Round, only: Sequence[str] = (), without: Sequence[str] =
     return tuple(side_by_side(lambda e: _unseen(last, signals, e), judged))
 
 
-def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
+def _unseen(last: ModelFit, signals: Signals, effect: Effect) -> Unseen:
     runs = tuple(r.name for r in last.problem.runs)
     ends = [_end(last, signals, side) for side in sides(effect, last.model, runs, every_form=True)]
     shown = [e for e in ends if isfinite(e.coordinate)]
@@ -76,15 +78,13 @@ def _unseen(last: Round, signals: Signals, effect: Effect) -> Unseen:
     return Unseen(effect.id, why, ranges, change, any(above))
 
 
-def _end(last: Round, signals: Signals, side: Side) -> _End:
+def _end(last: ModelFit, signals: Signals, side: Side) -> _End:
     """The side with its bound."""
-    noise = ONE_SIDED * float(np.sqrt(last.fitted.overdispersion))
-    found = float(np.sqrt(last.null.thresholds.get(side.effect.id, 0.0))) + noise
-    growth = signals.growth(side, found)
+    noise = float(np.sqrt(COARSE * last.fitted.overdispersion))
+    growth = signals.growth(side, ONE_SIDED * noise)
     if growth is None:
         return _End(side, inf)
-    distance = growth.distance_of(max(found, _projected(last, signals, growth) + noise))
-    distance = max(distance, _fitted_end(last, side))
+    distance = growth.distance_of(_upper(_projected(last, signals, growth), noise))
     coordinate = side.start + side.way * (distance if distance <= side.room else inf)
     if side.effect.id in LAGS:  # a finding only where both lags together are above the normal tolerance
         other = "delay" if side.effect.id == "servo_lag" else "lag"
@@ -92,28 +92,19 @@ def _end(last: Round, signals: Signals, side: Side) -> _End:
     return _End(side, coordinate)
 
 
-def _fitted_end(last: Round, side: Side) -> float:
-    """Upper end, as a distance from the side's start, of a size that was fitted; 0 where none was.
-
-    A gain g at the size q means a standard deviation of about q/sqrt(g).
-    """
-    for trial in last.trials:
-        if trial.law.name != side.effect.name or trial.fitted is last.fitted or trial.gain < SIGNIFICANT:
-            continue
-        name, p = side.effect.coordinate_name(side.parameter), side.parameter
-        distance = side.way * (trial.fitted.x.get(name, 0.0) / p.per - side.start)
-        own_run = not side.run or side.run == trial.model.happened_in
-        return distance * (1.0 + ONE_SIDED / float(np.sqrt(trial.gain))) if own_run and distance > 0 else 0.0
-    return 0.0
+def _upper(amount: float, deviation: float) -> float:
+    """The 95 % quantile of a normal distribution that is cut off below 0."""
+    below = float(ndtr(-amount / deviation))
+    return amount + deviation * float(ndtri(below + LEVEL * (1.0 - below)))
 
 
-def _projected(last: Round, signals: Signals, growth: Growth) -> float:
+def _projected(last: ModelFit, signals: Signals, growth: Growth) -> float:
     """Length of the signature that the data give for this side, along its rows."""
     residual = signals.reach(growth.side.effect).outside(last.fitted.rows)
     return float(growth.rows @ residual) / float(np.linalg.norm(growth.rows))
 
 
-def _gps_lag(last: Round) -> UpperBound | None:
+def _gps_lag(last: ModelFit) -> UpperBound | None:
     """The lag of the GPS that the EKF's V_y does not exclude; None without such a V_y.
 
     Far above the crossover w, V_y = V jw/(jw + w) + V_gps w/(jw + w) with V_gps = V exp(-jw T) has the gain
@@ -126,7 +117,7 @@ def _gps_lag(last: Round) -> UpperBound | None:
     return UpperBound("s", 0.0, max(-lowest, 0.0) / EKF_CROSSOVER)
 
 
-def _change(last: Round, signals: Signals, end: _End, material: float) -> float:
+def _change(last: ModelFit, signals: Signals, end: _End, material: float) -> float:
     """Change of r or a_y, the larger one, from normal tolerance to the bound: rms over rms at tolerance.
 
     material: the coordinate from which the effect matters.

@@ -17,6 +17,7 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
 from rover_sweep.diagnosis.effects.kinds import ForceEffect, LinkageEffect, SensorEffect
+from rover_sweep.diagnosis.effects.steering_backlash import play
 from rover_sweep.diagnosis.simulation.experiment import RATE
 from rover_sweep.diagnosis.simulation.structure import Structure
 
@@ -125,7 +126,7 @@ def remembered(x: Array, memory: str, size: float) -> Array:
     if memory == "lag":
         return x - lagged(x, size)
     if memory == "play":
-        return behind_play(x, size)
+        return np.asarray(play(x, size))
     return x
 
 
@@ -140,16 +141,6 @@ def lagged(x: Array, lag: float) -> Array:
 def rate(x: Array) -> Array:
     """The derivative (n,) of x (n,), smoothed."""
     return np.gradient(lagged(x, SMOOTH), 1 / RATE)
-
-
-def behind_play(x: Array, half: float) -> Array:
-    """The output (n,) of a play operator with this half width."""
-    y = np.empty(x.size)
-    now = 0.0
-    for k, value in enumerate(x.tolist()):
-        now = min(max(now, value - half), value + half)
-        y[k] = now
-    return y
 
 
 def factor(times: str, m: Mapping[str, Array]) -> Array | float:

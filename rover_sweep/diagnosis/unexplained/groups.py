@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, acting, quantity, remembered
-from rover_sweep.diagnosis.unexplained.transfers import RunTransfers, added_rows, tapered_spectrum
+from rover_sweep.diagnosis.unexplained.transfers import RunTransfers, tapered_spectrum
 
 KNOTS = 7
 LEAST = 1e-9  # range of a quantity below which it does not vary
@@ -37,7 +36,7 @@ _OVER: dict[str, tuple[str, ...]] = {
 _FACTORED: dict[str, tuple[tuple[str, str], ...]] = {
     "side force front": _SCALED,
     "side force rear": (*_SCALED[2:], ("t", "r")),
-    "side force": (("psi", "v^2"),),
+    "side force": (("psi", "v^2"), ("v", "a_y"), ("t", "a_y")),
     "yaw moment": (("t", "r"), ("v", "r"), ("psi", "v^2")),
 }
 _REMEMBERING = {
@@ -94,15 +93,3 @@ def hats(law: TableLaw, found: Sequence[RunTransfers]) -> list[list[Any]]:
         one = replace(law, y=tuple(float(j == k) for j in range(len(law.x))))
         out.append([tapered_spectrum(t.run, acting(one, t.motion, signal_of(law, t))) for t in found])
     return out
-
-
-def rows_of(problem: Problem, found: Sequence[RunTransfers], laws: Sequence[TableLaw]) -> Iterator[Array]:
-    """The rows (size, k) that the points of each law add."""
-    known: dict[object, list[list[Any]]] = {}
-    for law in laws:
-        signal = law.place if law.place.startswith("sensor") else ""
-        key = replace(law, place=signal)
-        if key not in known:
-            known[key] = hats(law, found)
-        rows = [added_rows(problem, found, law.place, s) for s in known[key]]
-        yield np.column_stack(rows).astype(np.float32)

@@ -63,6 +63,10 @@ def could_be(law: TableLaw) -> str:
     """What the law could be, as a noun phrase."""
     if law.memory == "play":
         return "play, stiction or friction between servo and wheels"
+    if law.memory == "resonance":
+        if law.place == "steering":
+            return "a linkage that gives"
+        return "a mast of the IMU that sways" if law.place.startswith("sensor") else "a load that swings"
     if law.memory == "lag":
         what = "sensor or its filter" if law.place.startswith("sensor") else _lagging(law.place)
         return f"a {what} that lags by about {law.size:g} s"
@@ -90,6 +94,8 @@ def over_words(law: TableLaw) -> str:
         what = f"what is new in {what} over {law.size:g} s"
     elif law.memory == "play":
         what = f"{what} behind a play"
+    elif law.memory == "resonance":
+        what = f"{what} through a resonator"
     return f"{what}, times {FACTORS[law.times]}" if law.times else what
 
 
@@ -102,11 +108,6 @@ def law_sentence(law: TableLaw, alternatives: tuple[str, ...], share: float | No
         f"a fitted law{memory} acts on {places}, over {over_words(law)}{removed}; it could be "
         f"{could_be(law)}; to confirm it, {next_run(law)}"
     )
-
-
-def further_law_sentence(law: TableLaw) -> str:
-    """A second law in a sentence."""
-    return f"a second one acts on {place_words(law.place)}, over {over_words(law)}"
 
 
 def _lagging(place: str) -> str:

@@ -1,4 +1,4 @@
-"""The unknown as a model: the curves of `law_search` in the result and in the augmented model."""
+"""The unknown in the result, with its place and curve, and in the augmented model."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rover_sweep.diagnosis.held_out.worth import HeldOutRun
-from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
-from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit
 from rover_sweep.diagnosis.result import LawCurve, Unknown
-from rover_sweep.diagnosis.search.rounds import Round
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.unexplained.curve_fit import curves
 from rover_sweep.diagnosis.unexplained.input_place import input_places
-from rover_sweep.diagnosis.unexplained.law_search import FoundLaws, find_laws
+from rover_sweep.diagnosis.unexplained.law_search import FoundLaw, find_law
 from rover_sweep.diagnosis.unexplained.law_words import (
     could_be,
-    further_law_sentence,
     law_sentence,
     next_run,
     over_words,
@@ -24,62 +21,59 @@ from rover_sweep.diagnosis.unexplained.law_words import (
 )
 from rover_sweep.diagnosis.unexplained.transfers import transfers
 
-TOO_WEAK = "but removes too little of the held-out residual"
-NO_LAW = "no law over one quantity of the motion predicts it on data that did not choose the law"
+TOO_WEAK = "that removes too little of the held-out residual"
+NO_LAW = "no law over one quantity of the motion, and no resonance, explains it"
 
 
-def with_laws_of(
-    left: Unknown, last: Round, held_out: Sequence[HeldOutRun]
-) -> tuple[Unknown, FoundLaws | None]:
-    """(the unknown with its curves, the laws); a sentence says where no law holds.
+def with_law_of(
+    left: Unknown, last: ModelFit, held_out: Sequence[HeldOutRun]
+) -> tuple[Unknown, FoundLaw | None]:
+    """(the unknown with its place and curve, the law); a sentence says where no law holds.
 
-    last: round of the final model. held_out: runs that judge the curves.
+    last: the model of the answer. held_out: runs that judge the curve.
     """
     if left.channel == "V":
         return replace(left, place="speed"), None
-    plain = last.problem.plain
-    base = sensitivities(plain, last.closest)
-    found = find_laws(plain, base, {h.run.name: h.problem for h in held_out})
+    found = find_law(last, {h.run.name: h.problem for h in held_out})
     if found is None or not found.holds:
-        return _without_law(left, plain, base, found), None
-    share = found.share_removed
-    first = found.laws[0]
-    words = [law_sentence(first.law, first.alternatives, share)]
-    words += [further_law_sentence(one.law) for one in found.laws[1:]]
-    misfit = left.sentence.partition(";")[0]  # without what simple terms say, or that none predicts it
+        return _without_curve(left, last, found), None
+    words = law_sentence(found.law, found.alternatives, found.share_removed)
     return (
         replace(
             left,
-            sentence="; ".join((misfit, "no candidate explains it", *words)),
-            law=" + ".join(f"{one.law.place} ~ {one.law.over}" for one in found.laws),
-            law_gain=found.laws[0].confirmed if share is None else share,
-            place=first.law.place,
-            alternatives=first.alternatives,
+            sentence=f"{left.sentence}; {words}",
+            law=f"{found.law.place} ~ {found.law.over}",
+            law_gain=found.share_removed,
+            place=found.law.place,
+            alternatives=found.alternatives,
             curves=_curves(found, last),
             held_out=found.held_out,
-            could_be=could_be(first.law),
-            next_run=next_run(first.law),
+            could_be=could_be(found.law),
+            next_run=next_run(found.law),
         ),
         found,
     )
 
 
-def _without_law(left: Unknown, problem: Problem, base: Fitted, weak: FoundLaws | None) -> Unknown:
-    """The unknown with its most likely place only: that of a weak law, or where one input explains most."""
-    if weak and not weak.contradicted:
-        law = weak.laws[0].law
-        likely = (law.place, *weak.laws[0].alternatives)
-        why = f"the best law acts on {_either(likely)}, over {over_words(law)}, {TOO_WEAK}"
+def _without_curve(left: Unknown, last: ModelFit, found: FoundLaw | None) -> Unknown:
+    """The unknown with its most likely place: of a resonance, of a curve that does not hold on held-out runs,
+    or where one unmeasured input explains most."""
+    if found is not None:
+        likely = (found.law.place, *found.alternatives)
+        resonance = found.law.memory == "resonance"
+        what = f"a resonance at about {found.law.size:.2g} Hz" if resonance else f"a law {TOO_WEAK}"
+        why = f"{what} acts on {_either(likely)}, over {over_words(found.law)}"
+        left = replace(left, could_be=could_be(found.law), next_run=next_run(found.law))
     else:
-        likely = input_places(problem, transfers(problem.runs, base.structure, base.x), base.rows)
-        why = f"it has the pattern of an unmeasured input at {_either(likely)}" if likely else ""
-    words = [left.sentence, NO_LAW, why] if why else [left.sentence, NO_LAW]
+        plain, near = last.problem.plain, last.closest
+        likely = input_places(plain, transfers(plain.runs, near.structure, near.x), near.rows)
+        why = f"it has the pattern of an unmeasured input at {_either(likely)}" if likely else NO_LAW
     return replace(
         left,
-        sentence="; ".join(words),
+        sentence=f"{left.sentence}; {why}",
         place=likely[0] if likely else "",
         alternatives=likely[1:],
-        held_out=weak.held_out if weak else (),
+        held_out=found.held_out if found else (),
     )
 
 
@@ -87,31 +81,31 @@ def _either(places: tuple[str, ...]) -> str:
     return " or ".join(place_words(p) for p in places)
 
 
-def in_model(model: AugmentedModel, found: FoundLaws) -> AugmentedModel:
-    """The model with the laws, and the coordinates that were fitted with them."""
+def in_model(model: AugmentedModel, found: FoundLaw) -> AugmentedModel:
+    """The model with the law, and the coordinates that were fitted with it."""
+    assert found.fitted is not None
     x = {name: value for name, value in found.fitted.fitted.x.items() if not name.startswith("law")}
     return replace(model, x=x, laws=found.fitted.laws)
 
 
-def _curves(found: FoundLaws, last: Round) -> tuple[LawCurve, ...]:
-    out = []
-    shown = curves(last.problem.plain, found.fitted)
-    for one, law, (y, half) in zip(found.laws, found.fitted.laws, shown, strict=True):
-        out.append(
-            LawCurve(
-                place=law.place,
-                alternatives=one.alternatives,
-                over=law.over,
-                over_unit=law.over_unit,
-                unit=law.unit,
-                x=law.x,
-                y=tuple(y.tolist()),
-                low=tuple((y - half).tolist()),
-                high=tuple((y + half).tolist()),
-                gain=one.gain,
-                times=law.times,
-                memory=law.memory,
-                size=law.size,
-            )
-        )
-    return tuple(out)
+def _curves(found: FoundLaw, last: ModelFit) -> tuple[LawCurve, ...]:
+    assert found.fitted is not None
+    ((y, half),) = curves(last.problem.plain, found.fitted)
+    law = found.law
+    return (
+        LawCurve(
+            place=law.place,
+            alternatives=found.alternatives,
+            over=law.over,
+            over_unit=law.over_unit,
+            unit=law.unit,
+            x=law.x,
+            y=tuple(y.tolist()),
+            low=tuple((y - half).tolist()),
+            high=tuple((y + half).tolist()),
+            gain=found.gain,
+            times=law.times,
+            memory=law.memory,
+            size=law.size,
+        ),
+    )

@@ -35,7 +35,8 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
 
     findings[].held_out is the score on the held-out run with the most data, null without a held-out run;
     held_out_all has the scores on all. evidence is flat: {name: number}. form: of the effect's law, "" where
-    it has one only; forms: {form: gain} of those that were compared.
+    it has one only. p_none, p_else: probability that nothing which matters is missing, and that something is
+    which has no name.
     """
     return plain(
         {
@@ -45,6 +46,8 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
             "sentence": found.sentence,
             "baseline": found.baseline,
             "mismatch": [_mismatch(m) for m in found.mismatch],
+            "p_none": found.p_none,
+            "p_else": found.p_else,
             "findings": [_finding(f, found.overlays) for f in found.findings],
             "turn": _turn(found),
             "unknown": _unknown(found.unknown),
@@ -126,7 +129,6 @@ def _finding(f: Finding, overlays: Sequence[Overlay]) -> dict[str, Any]:
         "sentence": f.sentence,
         "equation": f.equation,
         "form": f.form,
-        "forms": f.forms,
         "probability": f.probability,
         "importance": importance_words(f),
         "turn": f.turn,

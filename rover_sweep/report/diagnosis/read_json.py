@@ -77,6 +77,8 @@ def _diagnosis(d: Mapping[str, Any]) -> Diagnosis:
         seconds=d["seconds"],
         runs=tuple(d["runs"]),
         held_out_runs=tuple(d["held_out_runs"]),
+        p_none=d.get("p_none"),
+        p_else=d.get("p_else"),
         model=augmented_from(model) if model else None,
     )
 
@@ -113,7 +115,6 @@ def _finding(f: Mapping[str, Any]) -> Finding:
         f["sentence"],
         f["equation"],
         f.get("form") or "",
-        dict(f.get("forms") or {}),
         f.get("probability"),
         f.get("turn") or "",
     )

@@ -198,7 +198,7 @@ def look_alike_words(f: Finding) -> str:
     """A sentence with the effects that these runs cannot separate from it, "" for none."""
     if not f.look_alikes:
         return ""
-    look_alikes = [f"{title(e)} ({e}{_cosine(f, e)})" for e in f.look_alikes]
+    look_alikes = [f"{title(e)} ({e}{_share(f, e)})" for e in f.look_alikes]
     return f"These runs cannot separate it from: {'; '.join(look_alikes)}."
 
 
@@ -209,24 +209,25 @@ def next_words(f: Finding) -> str:
     return f"To {'separate them' if f.look_alikes else 'confirm it'}: {f.next_run}"
 
 
-def _cosine(f: Finding, effect: str) -> str:
-    cosine = f.evidence.get(f"cosine:{effect}")
-    return "" if cosine is None else f", cosine {cosine:.2f}"
+def _share(f: Finding, effect: str) -> str:
+    share = f.evidence.get(f"probability:{effect}")
+    return "" if share is None else f", {100 * share:.0f} %"
 
 
 def evidence_words(f: Finding) -> str:
-    """Reduction of chi-squared with its chance threshold; "" if unknown."""
+    """Reduction of chi-squared; "" if unknown."""
     gain, chance = f.evidence.get("gain"), f.evidence.get("threshold")
-    if not gain or not chance:
+    if not gain:
         return ""
-    return f"Chi-squared falls by {number(gain, 3)} (by chance: at most {number(chance, 3)})."
+    limit = f" (by chance: at most {number(chance, 3)})" if chance else ""
+    return f"Chi-squared falls by {number(gain, 3)}{limit}."
 
 
 def certainty_words(f: Finding) -> str:
     """How sure the finding is; "" if unknown."""
     if f.probability is None:
         return ""
-    return f"Of findings like this one in test rovers, {100 * f.probability:.0f} % were right."
+    return f"It is the right name with a probability of {100 * f.probability:.0f} %."
 
 
 def finding_title(f: Finding) -> str:

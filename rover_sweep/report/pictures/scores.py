@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -16,7 +15,7 @@ NAMED, ALIKE, OTHER = "#D55E00", "#56B4E9", "#BDBDBD"
 
 
 def scores(found: Diagnosis) -> Figure:
-    """Reduction of chi-squared by each candidate in the first round, largest on top; findings marked."""
+    """Reduction of chi-squared by each candidate alone, largest on top; findings marked."""
     known = {e: float(s) if np.isfinite(s) else 0.0 for e, s in found.scores.items()}
     order = sorted(known, key=lambda e: known[e])
     named = {f.effect for f in found.findings}
@@ -39,11 +38,9 @@ def scores(found: Diagnosis) -> Figure:
     for k, value in enumerate(values):
         axes.text(1.08 * max(value, LEAST), k, _gain(value), va="center", fontsize=8.5)
     axes.set_xlabel("reduction of chi-squared")
-    _threshold(found, axes)
     keys: list[Artist] = [Patch(facecolor=NAMED, label="named")] if named else []
     keys += [Patch(facecolor=ALIKE, hatch="//", edgecolor="white", label="look-alike")] if alike else []
     keys += [Patch(facecolor=OTHER, label="other")] if keys else []
-    keys += _threshold(found, axes)
     if keys:
         axes.legend(handles=keys, loc="lower right")
     return figure
@@ -52,11 +49,3 @@ def scores(found: Diagnosis) -> Figure:
 def _gain(value: float) -> str:
     """The number with a space between thousands; below 1000 with three digits."""
     return f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}") if value >= 1000 else f"{value:.3g}"
-
-
-def _threshold(found: Diagnosis, axes: Axes) -> list[Artist]:
-    """Draw the chance threshold of the first finding, and return its legend entry; [] if unknown."""
-    known = [f.evidence["threshold"] for f in found.findings[:1] if "threshold" in f.evidence]
-    if not known or not np.isfinite(known[0]):
-        return []
-    return [axes.axvline(known[0], color="#333333", linewidth=1.2, linestyle=(0, (4, 2)), label="chance")]

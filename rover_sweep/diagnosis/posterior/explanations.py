@@ -1,0 +1,187 @@
+"""Explanations of what a baseline leaves: sets of effects, each fitted in one and the same problem.
+
+A beam search. To the best explanations so far each effect is added: its linear prediction (a score test, see
+`problem.signatures`) chooses what is fitted in the full simulation. All explanations are fitted in one metric
+with one noise floor, so that their costs can be compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
+from rover_sweep.diagnosis.search.candidate_fits import Screened, Tangent, fit_from, screen, tangent
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
+from rover_sweep.spectra.side_by_side import side_by_side
+
+Progress = Callable[[str, float], None]
+DONE = (0.2, 0.5, 0.7)  # shares of the whole work at which the levels begin, as in typical diagnoses
+WIDTH = (10, 4, 2)  # effects that are fitted to an explanation of 0, 1, 2 effects
+BEAM = (1, 2, 1)  # explanations of 0, 1, 2 effects that are extended
+REFITTED = 7  # explanations of one level that are fitted with their own Jacobian
+WORTH = 6.0  # predicted gain over a row's variance, below which an effect is not fitted
+PASSES, CONVERGED = (
+    3,
+    1.0,
+)  # fresh Jacobians of a fit, and drop of the cost over a row's variance that ends it
+GOES_ON = 12.0  # gain over a row's variance from which one more effect is tried
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A model with a set of effects, fitted. own: with its own Jacobian."""
+
+    model: Model
+    fitted: Fitted
+    own: bool = False
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """The ids of its effects."""
+        return frozenset(self.model.ids)
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares of its rows and priors."""
+        return self.fitted.cost
+
+
+def explored(
+    problem: Problem,
+    first: Explanation,
+    effects: Sequence[Effect],
+    progress: Progress = lambda what, share: None,
+) -> list[Explanation]:
+    """The explanations that were found, the first one among them, the smallest cost first.
+
+    Where the problem's stop is true, those found so far. progress(activity, share of all the work).
+    """
+    pool: dict[frozenset[str], Explanation] = {first.effects: first}
+    level, alone = [first], dict[str, Explanation]()
+    for depth, (width, beam) in enumerate(zip(WIDTH, BEAM, strict=True)):
+        progress(f"trying {('single effects', 'pairs of effects', 'three effects')[depth]}", DONE[depth])
+        try:
+            ranked = _next_level(problem, level, beam, width, effects, alone, pool)
+        except Stopped:
+            break
+        if not alone:
+            alone = {next(iter(e.effects - first.effects)): e for e in ranked}
+        pool |= {e.effects: e for e in ranked}
+        least = min(e.cost for e in level)
+        if not ranked or least - ranked[0].cost < GOES_ON * ranked[0].fitted.overdispersion:
+            break
+        level = ranked
+    return sorted(pool.values(), key=lambda e: e.cost)
+
+
+def _next_level(
+    problem: Problem,
+    level: Sequence[Explanation],
+    beam: int,
+    width: int,
+    effects: Sequence[Effect],
+    alone: Mapping[str, Explanation],
+    pool: Mapping[frozenset[str], Explanation],
+) -> list[Explanation]:
+    """The best of a level with one more effect each, the smallest cost first."""
+    new: dict[frozenset[str], Explanation] = {}
+    for one in sorted(level, key=lambda e: e.cost)[:beam]:
+        for more in _extended(problem, one, effects, width, alone, {*pool, *new}):
+            new[more.effects] = more
+    ranked = sorted(new.values(), key=lambda e: e.cost)
+    refits = side_by_side(lambda e: refitted(problem, e), ranked[:REFITTED])
+    return sorted([*refits, *ranked[REFITTED:]], key=lambda e: e.cost)
+
+
+def refitted(problem: Problem, one: Explanation) -> Explanation:
+    """The explanation fitted on with its own Jacobian, in the best form of each of its effects."""
+    best = _converged(problem, one)
+    for law in [one.model.law(e) for e in one.model.effects]:
+        for other in one.model.laws(law.id):
+            if other.name == law.name or law.id in DEGREES_OF_FREEDOM:
+                continue
+            effects = tuple(other.name if e == law.name else e for e in one.model.effects)
+            model = replace(one.model, effects=effects)
+            known = best.fitted if other.parameters == law.parameters else _without(best.fitted, law.id)
+            start = {**best.fitted.x, **_same_size(law, other, best.fitted.x)}
+            near = fit(problem, model.structure, model.free, start, known=known)
+            if near.cost < best.cost - WORTH * near.overdispersion:
+                best = _converged(problem, Explanation(model, near))
+    return best
+
+
+def _same_size(law: Effect, other: Effect, x: Mapping[str, float]) -> dict[str, float]:
+    """{coordinate: value} of another form at the size that this one has; its own size where they differ."""
+    values = law.values(x)
+    return {
+        other.coordinate_name(p): p.per * (p.coordinate(values[p.name]) if p.name in values else p.size)
+        for p in other.parameters
+    }
+
+
+def _converged(problem: Problem, one: Explanation) -> Explanation:
+    """Fitted until a fresh Jacobian changes nothing."""
+    now = one.fitted
+    for _ in range(PASSES):
+        here = sensitivities(problem, now)
+        found = fit(problem, one.model.structure, one.model.free, here.x, known=here)
+        done = here.cost - found.cost < CONVERGED * found.overdispersion
+        now = replace(found, jacobian=here.jacobian)
+        if done:
+            break
+    return Explanation(one.model, now, True)
+
+
+def _without(fitted: Fitted, effect: str) -> Fitted:
+    """The fit with the columns of all coordinates but those of an effect."""
+    kept = [k for k, c in enumerate(fitted.free) if not c.name.startswith(f"{effect}.")]
+    return replace(fitted, free=tuple(fitted.free[k] for k in kept), jacobian=fitted.jacobian[:, kept])
+
+
+def _extended(
+    problem: Problem,
+    of: Explanation,
+    effects: Sequence[Effect],
+    width: int,
+    alone: Mapping[str, Explanation],
+    known: set[frozenset[str]],
+) -> list[Explanation]:
+    base = of.fitted if of.own else sensitivities(problem, of.fitted)
+    space = tangent(base)
+    free = [e for e in effects if e.id not in of.model.ids and of.effects | {e.id} not in known]
+
+    def promise(e: Effect) -> Screened | None:
+        if e.id in alone:
+            return _again(problem, base, space, of.model, alone[e.id])
+        return screen(problem, base, space, of.model, e)
+
+    screened = [s for s in side_by_side(promise, free) if s]
+    worth = WORTH * base.overdispersion
+    chosen = [s for s in sorted(screened, key=lambda s: -s.predicted) if s.predicted > worth][:width]
+    fits = side_by_side(lambda s: fit_from(problem, base, s), chosen)
+    return [Explanation(t.model, t.fitted) for t in fits]
+
+
+def _again(
+    problem: Problem, base: Fitted, space: Tangent, model: Model, alone: Explanation
+) -> Screened | None:
+    """The linear prediction of an effect that was fitted alone, at the size that it had there."""
+    name = alone.model.effects[-1]
+    law = alone.model.law(name)
+    more = model.with_effect(
+        name, alone.model.happened_in if law.in_one_run else "", alone.model.happened_order
+    )
+    own = {law.coordinate_name(p) for p in law.parameters} | {*law.releases}
+    start = {n: alone.fitted.x[n] for n in own if n in alone.fitted.x}
+    rows = problem.model(more.structure, {**base.x, **start})
+    signature = space.outside(rows - (problem.measured - base.rows))
+    power = float(signature @ signature)
+    if power < 1e-6:
+        return None
+    amount = float(signature @ space.outside(base.rows)) / power
+    if amount <= 0 and not law.signed:
+        return None
+    return Screened(law.id, more, amount * amount * power, start)

@@ -1,0 +1,230 @@
+"""From runs to the probabilities of explanations: fit, explore, weigh, and the model of the answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun
+from rover_sweep.diagnosis.posterior.explanations import Explanation, explored, refitted
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit, usual_errors
+from rover_sweep.diagnosis.posterior.unnamed import families, held_out_costs
+from rover_sweep.diagnosis.posterior.weights import (
+    Evidence,
+    Posterior,
+    SomethingElse,
+    coarsened,
+    evidence_of,
+    posterior,
+)
+from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.problem.signatures import columns
+from rover_sweep.diagnosis.simulation.candidates import Model, possible
+from rover_sweep.diagnosis.simulation.experiment import Experiment
+
+SURE = 0.8
+"""Probability from which an effect is named, or together one of a few."""
+FEW = 3  # most effects that one of a few lists
+SHARE = 0.1  # least probability of one of a few
+LIKELY = 6  # families without a name that held-out runs judge
+
+
+@dataclass(frozen=True, eq=False)
+class Options:
+    """Settings of an inference. only, without: ids of effects; seed: of the intervals' draws.
+
+    progress(activity, share done 0..1); stop: True ends the search.
+    """
+
+    only: tuple[str, ...]
+    without: tuple[str, ...]
+    seed: int
+    progress: Callable[[str, float], None]
+    stop: Callable[[], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """An effect of the answer. law: in its form. probability: that it is present and matters.
+
+    alternatives: {effect: probability} of those that share the evidence, where no single one is sure.
+    gain: drop of the cost by it, the other effects kept. forms: {form: probability among its forms}.
+    """
+
+    law: Effect
+    probability: float
+    alternatives: Mapping[str, float]
+    gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class Inference:
+    """none: the baseline alone; last: the model of the answer, in the same metric. named: its effects that
+    are answers. minor: its effects that are present and do not matter. gains:
+    {effect: drop of the cost with it alone}.
+    """
+
+    none: ModelFit
+    last: ModelFit
+    posterior: Posterior
+    named: tuple[Named, ...]
+    minor: tuple[str, ...]
+    gains: Mapping[str, float]
+    stopped: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """The explanations of some runs with all that weighs them. pool, evidence: in the same order."""
+
+    none: ModelFit
+    pool: tuple[Explanation, ...]
+    evidence: tuple[Evidence, ...]
+    held: tuple[Problem, ...]
+    others: tuple[SomethingElse, ...] = ()
+
+    @property
+    def held_rows(self) -> int:
+        """Number of held-out rows."""
+        return sum(p.size for p in self.held)
+
+    def of(self, effects: frozenset[str]) -> Explanation:
+        """The explanation with these effects."""
+        return next(e for e in self.pool if e.effects == effects)
+
+    @property
+    def posterior(self) -> Posterior:
+        """The probabilities of all."""
+        return posterior(self.evidence, self.held_rows, self.others)
+
+
+def explore(
+    runs: Sequence[Experiment],
+    model: Model,
+    start: Mapping[str, float],
+    options: Options,
+    held: Sequence[Experiment] = (),
+) -> Explored:
+    """The explanations of what a model leaves; the arguments are those of `infer`."""
+    options.progress("fitting the model", 0.0)
+    none = model_fit(runs, model, start, options.only, options.without)
+    first = Explanation(model, none.fitted, own=True)
+    effects = possible(model, runs, options.only, options.without)[0]
+    searched = replace(none.problem, stop=options.stop)
+    pool = tuple(e for e in explored(searched, first, effects, options.progress) if e.own)
+    options.progress("weighing the explanations", 0.85)
+    judged = tuple(_held_out(run, none) for run in held)
+    costs = [sum(_left(p, e) for p in judged) for e in pool]
+    length = float(none.problem.runs[0].t[-1])
+    evidence = tuple(evidence_of(e, c, length, len(runs)) for e, c in zip(pool, costs, strict=True))
+    found = Explored(none, pool, evidence, judged)
+    if options.stop():
+        return found
+    options.progress("looking for what has no name", 0.88)
+    tried = dict.fromkeys((frozenset(), found.posterior.weighed[0].effects))
+    return replace(found, others=tuple(_something_else(found, ids) for ids in tried))
+
+
+def infer(
+    runs: Sequence[Experiment],
+    model: Model,
+    start: Mapping[str, float],
+    options: Options,
+    held: Sequence[Experiment] = (),
+) -> Inference:
+    """The probabilities of all explanations of what a model leaves, and the answer.
+
+    start: {coordinate: value} to begin the first fit from. held: runs to which nothing is fitted; they weigh
+    the explanations. Where options.stop is true it ends with what was found so far.
+    """
+    found = explore(runs, model, start, options, held)
+    weighed, none = found.posterior, found.none
+    named = _named(weighed)
+    whole = _whole(found, weighed, named)
+    last = none.with_explanation(whole.model, whole.fitted) if whole.effects else none
+    return Inference(
+        none,
+        last,
+        weighed,
+        tuple(_of(found, last, weighed, effect, others) for effect, others in named),
+        tuple(sorted(whole.effects - {n for n, _ in named})),
+        {
+            next(iter(e.effects)): max(none.fitted.cost - e.cost, 0.0)
+            for e in found.pool
+            if len(e.effects) == 1
+        },
+        options.stop(),
+    )
+
+
+def _something_else(found: Explored, effects: frozenset[str]) -> SomethingElse:
+    """The families with the largest evidence in what an explanation leaves."""
+    e, variance = found.of(effects), coarsened(found.evidence)
+    every = sorted(families(found.none.problem, e.fitted), key=lambda f: -f.evidence(variance))[:LIKELY]
+    changes = np.zeros(len(every))
+    for run in found.held:
+        before, after = held_out_costs(run, e.fitted, every, variance)
+        changes += np.array(after) - before
+    return SomethingElse(effects, tuple(every), changes)
+
+
+def _held_out(run: Experiment, none: ModelFit) -> Problem:
+    """A held-out run as a problem in the metric of what every rover has."""
+    floor = HeldOutRun.of(run, none.problem.floor, FittedModel(none.model, none.closest.x)).problem
+    return floor.in_metric(columns(usual_errors(floor, none.fitted, none.model), floor.size))
+
+
+def _left(held: Problem, e: Explanation) -> float:
+    rows = held.measured - held.model(e.fitted.structure, e.fitted.x)
+    return float(rows @ rows)
+
+
+def _named(weighed: Posterior) -> list[tuple[str, dict[str, float]]]:
+    """(effect, {alternative: probability}) of those that are sure, or sure to be one of a few."""
+    found = weighed.effects
+    sure: list[tuple[str, dict[str, float]]] = [(e, {}) for e, p in found.items() if p >= SURE]
+    kept = {e for e, _ in sure}
+    rivals: dict[str, float] = {}
+    for one in weighed.weighed:
+        others = one.named - kept
+        if kept <= one.named and len(others) == 1:
+            (effect,) = others
+            rivals[effect] = rivals.get(effect, 0.0) + one.probability * one.matters[effect]
+    few = sorted(((p, e) for e, p in rivals.items() if p >= SHARE), reverse=True)[:FEW]
+    if len(few) > 1 and sum(p for p, _ in few) >= SURE:
+        sure.append((few[0][1], {e: p for p, e in few[1:]}))
+    return sure
+
+
+def _whole(found: Explored, weighed: Posterior, named: Sequence[tuple[str, object]]) -> Explanation:
+    """The most probable explanation with all named effects and no other one that matters."""
+    ids = frozenset(e for e, _ in named)
+    if not ids:
+        return found.of(frozenset())
+    fitting = [w.effects for w in weighed.weighed if w.named == ids]
+    if fitting:
+        return found.of(fitting[0])
+    near = found.of(next((w.effects for w in weighed.weighed if ids <= w.named), frozenset()))
+    model = near.model
+    for extra in near.effects - ids:
+        model = model.without(extra)
+    for missing in ids - set(model.ids):
+        source = next(found.of(w.effects).model for w in weighed.weighed if missing in w.effects)
+        name = next(n for n in source.effects if source.law(n).id == missing)
+        model = model.with_effect(name, source.happened_in, source.happened_order)
+    x = {c.name: near.fitted.x.get(c.name, c.start + c.scale) for c in model.free}
+    begin = replace(near.fitted, structure=model.structure, free=model.free, x=x)
+    return refitted(found.none.problem, Explanation(model, begin))
+
+
+def _of(
+    found: Explored, last: ModelFit, weighed: Posterior, effect: str, others: Mapping[str, float]
+) -> Named:
+    """One effect of the answer, with what it explains beside the others."""
+    rest = frozenset(last.model.ids) - {effect}
+    gain = min(e.cost for e in found.pool if e.effects <= rest) - last.fitted.cost
+    law = next(last.model.law(n) for n in last.model.effects if last.model.law(n).id == effect)
+    return Named(law, weighed.effects.get(effect, 0.0), dict(others), max(gain, 0.0))

@@ -1,0 +1,219 @@
+"""How probable each explanation is.
+
+    ln w(E) = -[C(E) - C(none)]/(2 t v) - [H(E) - H(none)]/(2 t_h v_h) + ln Occam(E) + ln prior(E)
+
+C: sum of squares of rows and priors in the runs of the fit, H: of the rows of held-out runs, to which nothing
+is fitted. v, v_h: mean squares of a row under the best explanation, at least 1. t, t_h: no model is exact, so
+thousands of rows do not count as thousands of witnesses (a coarsened likelihood: Miller and Dunson 2019,
+J. Am. Stat. Assoc. 114). Occam: the width that the data leave to each parameter of an effect over the width
+of its prior, once for each form, and run, that was tried (Laplace's approximation: MacKay 1992, Neural
+Computation 4(3)).
+
+With E there may be something else, a family f without a name (`unnamed`):
+
+    w(E and something else) = w(E) prior sum over f of exp(power ln Z(f) - [H(E, f) - H(E)]/(2 t_h v_h))
+
+Z: its marginal likelihood over that of E alone. An effect of E may then only stand in for it. The effect is
+kept with the probability 1/(1 + (kept u/g)^2), u the drop of the cost by the best family and g the one by the
+effect.
+
+The hyperparameters below have the largest mean log score on drawn rovers of several engines
+(`python -m tests.engines.calibrate`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import exp, log, prod, sqrt
+
+import numpy as np
+
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.posterior.explanations import Explanation
+from rover_sweep.diagnosis.posterior.unnamed import Family
+from rover_sweep.diagnosis.problem.least_squares import Fitted
+from rover_sweep.diagnosis.search.material import material
+
+COARSE, COARSE_HELD = 8.0, 14.0  # t and t_h
+FIRST, FURTHER = -0.6, -3.4  # ln prior of one effect over none, and of each further one
+ELSE, POWER = -2.8, 0.35  # ln prior of something else, and the power of its marginal likelihood
+KEPT = 8.0
+LEAST_GAIN = 10.0  # drop of the cost over the variance of a row, below which an effect does not matter
+WIDTH = 2.5  # prior width of a parameter over the size at which its effect is plainly visible
+JUMP = 0.03  # relative width that the data leave to a parameter that is scanned
+HUGE = 1e9  # standard deviation of a coordinate that the data do not hold
+SPAN = sqrt(2.0 * np.pi)  # width of a normal density of unit height over its standard deviation
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for one explanation, in numbers.
+
+    effects: their ids. cost: sum of squares of rows and priors; rows: number of rows; data: their sum of
+    squares. held: sum of squares of the held-out rows, 0 without such runs. tries: forms, and runs, that were
+    tried. widths: that the data leave to each parameter, at a variance of 1 of the rows, over that of its
+    prior. material: ids of the effects whose size matters.
+    """
+
+    effects: frozenset[str]
+    cost: float
+    data: float
+    rows: int
+    held: float
+    tries: int
+    widths: tuple[float, ...]
+    material: frozenset[str]
+
+    @property
+    def variance(self) -> float:
+        """Mean square of a row."""
+        return self.data / self.rows
+
+
+@dataclass(frozen=True, eq=False)
+class SomethingElse:
+    """Families without a name in what the explanation with these effects leaves, and the change of the
+    held-out sum of squares (n,) by each."""
+
+    effects: frozenset[str]
+    families: tuple[Family, ...]
+    held: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """An explanation with its probability. matters: {effect: probability that it is real and matters}.
+
+    unnamed: with something else.
+    """
+
+    effects: frozenset[str]
+    probability: float
+    matters: Mapping[str, float]
+    unnamed: bool = False
+
+    @property
+    def named(self) -> frozenset[str]:
+        """Ids of its effects that matter."""
+        return frozenset(self.matters)
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """The explanations with and without something else, the most probable one first."""
+
+    weighed: tuple[Weighed, ...]
+
+    @property
+    def effects(self) -> dict[str, float]:
+        """{effect: probability that it is present and matters}, the largest first."""
+        found: dict[str, float] = {}
+        for one in self.weighed:
+            for effect, real in one.matters.items():
+                found[effect] = found.get(effect, 0.0) + real * one.probability
+        return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+    @property
+    def none(self) -> float:
+        """Probability that no effect matters and there is nothing else."""
+        return sum(w.probability for w in self.weighed if not w.named and not w.unnamed)
+
+    @property
+    def something_else(self) -> float:
+        """Probability that something without a name is there."""
+        return sum(w.probability for w in self.weighed if w.unnamed)
+
+
+def posterior(pool: Sequence[Evidence], held_rows: int, others: Sequence[SomethingElse] = ()) -> Posterior:
+    """The probabilities of a pool with the explanation without effects.
+
+    held_rows: number of held-out rows. others: of explanations in the pool.
+    """
+    none = next(e for e in pool if not e.effects)
+    variance = coarsened(pool)
+    scale = COARSE_HELD * max(1.0, min(e.held for e in pool) / held_rows) if held_rows else 1.0
+    logs = [
+        -0.5 * (e.cost - none.cost) / variance
+        - 0.5 * (e.held - none.held) / scale
+        + sum(min(log(w * sqrt(variance)), 0.0) for w in e.widths)
+        - log(e.tries)
+        + (FIRST + FURTHER * (len(e.effects) - 1) if e.effects else 0.0)
+        for e in pool
+    ]
+    gains = [_gains(e, pool) for e in pool]
+    least = LEAST_GAIN * variance / COARSE
+    weighed = [
+        Weighed(e.effects, weight, {i: 1.0 for i in e.material if gain[i] > least})
+        for e, weight, gain in zip(pool, logs, gains, strict=True)
+    ]
+    for other in others:
+        k = next(n for n, e in enumerate(pool) if e.effects == other.effects)
+        evidence = np.array([f.evidence(variance) for f in other.families])
+        power = float(np.logaddexp.reduce(POWER * evidence - 0.5 * other.held / scale))
+        rest = KEPT * 2.0 * variance * float(np.max(evidence))
+        real = {i: 1.0 / (1.0 + (rest / gains[k][i]) ** 2) for i in weighed[k].matters}
+        weighed.append(Weighed(other.effects, logs[k] + ELSE + power, real, True))
+    largest = max(w.probability for w in weighed)
+    total = sum(exp(w.probability - largest) for w in weighed)
+    found = [replace(w, probability=exp(w.probability - largest) / total) for w in weighed]
+    return Posterior(tuple(sorted(found, key=lambda w: -w.probability)))
+
+
+def coarsened(pool: Sequence[Evidence]) -> float:
+    """Variance of a row with which the likelihood counts."""
+    return COARSE * max(1.0, min(e.variance for e in pool))
+
+
+def _gains(e: Evidence, pool: Sequence[Evidence]) -> dict[str, float]:
+    """{effect: drop of the cost by it, against the best explanation in the pool of the others alone}."""
+    return {
+        i: max(min(o.cost for o in pool if o.effects <= e.effects - {i}) - e.cost, 0.0) for i in e.effects
+    }
+
+
+def evidence_of(e: Explanation, held: float, length: float, runs: int) -> Evidence:
+    """The numbers of a fitted explanation. held: see `Evidence`; length: of a run [s]; runs: their number."""
+    errors, laws = standard_errors(e.fitted), [e.model.law(name) for name in e.model.effects]
+    widths = {name: width for law in laws for name, width in _widths(law, length).items()}
+    return Evidence(
+        e.effects,
+        e.cost,
+        e.fitted.data_cost,
+        e.fitted.rows.size,
+        held,
+        prod(len(e.model.laws(law.id)) * (runs if law.in_one_run else 1) for law in laws),
+        tuple(max(errors[n] * SPAN / w, 1e-12) for n, w in widths.items() if n in errors),
+        frozenset(i for i in e.effects if material(i, e.model, e.fitted.x)),
+    )
+
+
+def _widths(law: Effect, length: float) -> dict[str, float]:
+    """{coordinate: width of its prior}."""
+    return {
+        law.coordinate_name(p): length if p.name == "t" else WIDTH * p.size * p.per for p in law.parameters
+    }
+
+
+def standard_errors(fitted: Fitted) -> dict[str, float]:
+    """{coordinate: standard deviation}, at a variance of 1 of the rows; at a bound the decay length there."""
+    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
+    normal = fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-9)
+    inside = [
+        k
+        for k, c in enumerate(fitted.free)
+        if c.step > 0 and c.low + 1e-6 * c.scale < fitted.x[c.name] < c.high - 1e-6 * c.scale
+    ]
+    spread = np.sqrt(np.diag(np.linalg.inv(normal[np.ix_(inside, inside)])))
+    free = [fitted.free[k] for k in inside]
+    found = {c.name: float(s) * c.scale for c, s in zip(free, spread, strict=True)}
+    for k, c in enumerate(fitted.free):
+        if c.name in found:
+            continue
+        if c.step == 0.0:
+            found[c.name] = JUMP * abs(fitted.x[c.name])
+        else:
+            slope = abs(float(fitted.jacobian[:, k] @ fitted.rows)) / c.scale
+            found[c.name] = min(1.0 / slope, HUGE) if slope > 0.0 else HUGE
+    return found
