@@ -22,6 +22,8 @@ DONE = (0.2, 0.5, 0.7)  # shares of the whole work at which the levels begin, as
 WIDTH = (10, 4, 2)  # effects that are fitted to an explanation of 0, 1, 2 effects
 BEAM = (1, 2, 1)  # explanations of 0, 1, 2 effects that are extended
 REFITTED = 7  # explanations of one level that are fitted with their own Jacobian
+RIVAL = 0.3  # share of the best gain of a level from which an explanation is fitted on
+NEAR = 60.0  # difference of the costs over a row's variance within which it always is
 WORTH = 6.0  # predicted gain over a row's variance, below which an effect is not fitted
 PASSES, CONVERGED = (
     3,
@@ -92,8 +94,15 @@ def _next_level(
         for more in _extended(problem, one, effects, width, alone, {*pool, *new}):
             new[more.effects] = more
     ranked = sorted(new.values(), key=lambda e: e.cost)
-    refits = side_by_side(lambda e: refitted(problem, e), ranked[:REFITTED])
-    return sorted([*refits, *ranked[REFITTED:]], key=lambda e: e.cost)
+    rivals = [e for e in ranked[:REFITTED] if _rivals(e, ranked[0], min(one.cost for one in level))]
+    refits = side_by_side(lambda e: refitted(problem, e), rivals)
+    return sorted([*refits, *ranked[len(rivals) :]], key=lambda e: e.cost)
+
+
+def _rivals(one: Explanation, best: Explanation, before: float) -> bool:
+    """True where it may be as probable as the best one. before: the cost of what they extend."""
+    reach = max((1.0 - RIVAL) * (before - best.cost), NEAR * best.fitted.overdispersion)
+    return one.cost - best.cost < reach
 
 
 def refitted(problem: Problem, one: Explanation) -> Explanation:
