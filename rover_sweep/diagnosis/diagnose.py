@@ -28,10 +28,7 @@ from rover_sweep.diagnosis.held_out.worth import (
 from rover_sweep.diagnosis.importance import why_it_does_not_matter
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.posterior.infer import Inference, Named, Options, infer
-from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
-from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Falsified, Finding, HeldOut, Unknown, Unseen
-from rover_sweep.diagnosis.search.bounds import at_the_end, many_at_the_end
-from rover_sweep.diagnosis.search.parameter_intervals import (
+from rover_sweep.diagnosis.posterior.parameter_intervals import (
     UNBOUNDED,
     draw_coordinates,
     effect_values,
@@ -39,8 +36,11 @@ from rover_sweep.diagnosis.search.parameter_intervals import (
     implausible_numbers,
     nominal_values,
 )
-from rover_sweep.diagnosis.search.simulated_baseline import baseline_of
-from rover_sweep.diagnosis.search.upper_bounds import upper_bounds
+from rover_sweep.diagnosis.posterior.simulated_baseline import baseline_of
+from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
+from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
+from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Falsified, Finding, HeldOut, Unknown, Unseen
+from rover_sweep.diagnosis.search.bounds import at_the_end, many_at_the_end
 from rover_sweep.diagnosis.settings import Baseline, DiagnosisSettings
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented

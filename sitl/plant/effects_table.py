@@ -21,7 +21,7 @@ steering_stiction     s [rad]: d stays until abs(u - d) > s, then d = u; "with m
 steering_backlash     b [rad], half the gap: play operator behind the servo; "smooth hysteresis": d = u - b z,
                       b z' = u' - abs(u') z
 steering_nonlinearity c3 [1/rad2]: u (1 + c3 u2); "quadratic": u (1 + c3 abs(u) 0.3 rad)
-steering_asymmetry    e [-]: (1 + e) u to the left, (1 - e) u to the right
+steering_asymmetry    e [-]: (1 + e) u to the left, (1 - e) u to the right; "quadratic": u + e u2/(0.3 rad)
 steering_trim         u0 [rad]: d = u - u0
 steering_scale        s [-]: (1 + s) u; the vehicle file keeps the rad_per_us without it
 steering_compliance   k [rad/N]: d - k F of the front axle
@@ -47,7 +47,8 @@ sensor_scale          gyro, accel [-]: measured = (1 + scale) true
 sensor_filter         gyro_hz, accel_hz [Hz]: second-order Butterworth low-pass before the autopilot's own;
                       "first order"; "delay" of 1/(2 pi f); "first order, before the estimator" and "second
                       order, before the estimator": the estimator's heading integrates the filtered yaw rate
-velocity_lag          T [s]: the whole first-order lag of the estimator's velocity
+velocity_lag          T [s]: the whole first-order lag of the estimator's velocity; "delay": the velocity of
+                      T ago
 surface_change        ratio [-]: C of both axles after / before; t [s] on the plant's clock or distance [m],
                       from which on it stays; "over ten seconds" from t on; "all along" without either: ln C
                       grows by ln ratio in 300 s
@@ -73,9 +74,11 @@ FORMS: Mapping[str, tuple[str, ...]] = {
     "steering_stiction": ("no memory", "with memory"),
     "steering_backlash": ("play", "smooth hysteresis"),
     "steering_nonlinearity": ("cubic", "quadratic"),
+    "steering_asymmetry": ("two slopes", "quadratic"),
     "tyre_saturation": ("tanh", "brush", "falling peak", "knee"),
     "roll_steer": ("front axle", "rear axle"),
     "yaw_damping": ("over r", "over r/V"),
+    "velocity_lag": ("first order", "delay"),
     "sensor_filter": (
         "second order",
         "first order",

@@ -105,6 +105,9 @@ class Sensors:
         self._follow = (
             1.0 - exp(-1.0 / (rate_hz * parameters.velocity_lag)) if parameters.velocity_lag else 1.0
         )
+        late = form(parameters.effects, "velocity_lag") == "delay" and parameters.velocity_lag > 0.0
+        cutoff = 1.0 / (2.0 * pi * parameters.velocity_lag) if late else 0.0
+        self._late = tuple(Delayed(rate_hz, cutoff) for _ in range(3)) if late else ()
         self._pending: list[GpsFix] = []
         self._next_fix = 0.0
         zero = (0.0, 0.0, 0.0)
@@ -216,7 +219,11 @@ class Sensors:
         roll, pitch, yaw = self.true_attitude
         yaw += self._heading_lag  # the heading that is integrated from a late gyro
         self.attitude = (roll + angle * errors[0], pitch + angle * errors[1], yaw + angle * errors[2])
-        self._lagged = lagged = _towards(self._lagged, self.true_velocity, self._follow)
+        if self._late:
+            a, b, c = (f.apply(v) for f, v in zip(self._late, self.true_velocity, strict=True))
+            self._lagged = lagged = (a, b, c)
+        else:
+            self._lagged = lagged = _towards(self._lagged, self.true_velocity, self._follow)
         self.velocity = (lagged[0] + speed * errors[3], lagged[1] + speed * errors[4], lagged[2])
         self.position = self.true_position
 

@@ -9,8 +9,8 @@ import pytest
 
 import rover_sweep as rs
 from rover_sweep.api.compare import compared
+from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.search.rounds import fit_with_floor
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import experiment

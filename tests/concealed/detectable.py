@@ -18,13 +18,13 @@ from rover_sweep.api.read import read
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.diagnosis.effects import Effect, library
+from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Array, Problem
 from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
 from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
 from rover_sweep.diagnosis.search.material import material_sizes
-from rover_sweep.diagnosis.search.rounds import fit_with_floor
 from rover_sweep.diagnosis.search.threshold import null_distribution
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import experiment

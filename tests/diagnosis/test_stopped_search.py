@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.choose import choose
+from rover_sweep.diagnosis.posterior.infer import Options, infer
+from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.residuals import Problem, Stopped, never
-from rover_sweep.diagnosis.search.rounds import Options, fit_with_floor
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
@@ -48,24 +48,23 @@ def test_a_simulation_after_the_stop_raises() -> None:
     stopped = replace(problem, stop=lambda: True)
     with pytest.raises(Stopped):
         stopped.model(fitted.structure, fitted.x)
-    assert stopped.to_the_end.model(fitted.structure, fitted.x).shape == (problem.size,)
 
 
 @pytest.mark.parametrize("after", [0, 3, 25, 60])
 def test_the_answer_so_far_can_be_simulated(after: int) -> None:
-    found = choose(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: None, Counted(after)))
+    found = infer(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: None, Counted(after)))
     assert found.stopped
-    for part in (found.first, found.last):
+    for part in (found.none, found.last):
         assert isinstance(part.problem, Problem)
         assert part.problem.model(part.model.structure, part.fitted.x).shape == (part.problem.size,)
     for one in found.named:
-        assert one.trial.effect in found.last.model.ids
+        assert one.law.id in found.last.model.ids
 
 
 def test_without_a_stop_the_effect_is_named_and_the_share_done_grows() -> None:
     shares: list[float] = []
-    found = choose(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: shares.append(share), never))
-    assert [n.trial.effect for n in found.named] == ["transport_delay"]
+    found = infer(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: shares.append(share), never))
+    assert [n.law.id for n in found.named] == ["transport_delay"]
     assert not found.stopped
-    assert shares == sorted(shares), "a second round goes on where the first one ended"
-    assert shares[0] == 0.1 and 0.6 < shares[-1] <= 0.92
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0 and 0.6 < shares[-1] <= 0.92

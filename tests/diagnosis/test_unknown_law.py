@@ -11,17 +11,18 @@ import pytest
 from scipy.signal import firwin
 
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.posterior.curve_families import groups, hats
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit
+from rover_sweep.diagnosis.posterior.transfers import added_rows, tapered_spectrum, transfers
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, problem
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, tapered
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law, with_laws
-from rover_sweep.diagnosis.unexplained.groups import groups, hats
 from rover_sweep.diagnosis.unexplained.input_place import input_places
-from rover_sweep.diagnosis.unexplained.law_search import find_laws
-from rover_sweep.diagnosis.unexplained.modelled import NO_LAW, with_laws_of
-from rover_sweep.diagnosis.unexplained.transfers import added_rows, tapered_spectrum, transfers
+from rover_sweep.diagnosis.unexplained.law_search import find_law
+from rover_sweep.diagnosis.unexplained.modelled import NO_LAW, with_law_of
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
 DAMPING = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))
@@ -64,30 +65,34 @@ def _fitted(runs: list[Experiment], noise: list[dict[str, Array]]) -> tuple[Prob
     return found, sensitivities(found, fit(found, MODEL.structure, MODEL.free, X, steps=4))
 
 
+def _last(used: Problem, base: Fitted) -> ModelFit:
+    return ModelFit(MODEL, used, base, base, (), {})
+
+
 def test_the_place_of_a_planted_law_is_found_and_holds_on_another_run() -> None:
     runs, noise = _with_law(LAWS["steering"], 3)
     used, base = _fitted(runs[:2], noise[:2])
-    found = find_laws(used, base, {"run3": problem(runs[2:], noise[2:])})
+    found = find_law(_last(used, base), {"run3": problem(runs[2:], noise[2:])})
     assert found is not None and found.holds
-    first = found.laws[0]
-    assert "steering" in (first.law.place, *first.alternatives)
+    assert "steering" in (found.law.place, *found.alternatives)
     assert found.share_removed is not None and found.share_removed > 0.7
 
 
 def test_the_unknown_says_place_curve_worth_and_next_run() -> None:
     runs, noise = _with_law(LAWS["sensor of r"], 3)
     used, base = _fitted(runs[:2], noise[:2])
-    last: Any = SimpleNamespace(problem=SimpleNamespace(plain=used), closest=base)
     held: Any = SimpleNamespace(run=SimpleNamespace(name="run3"), problem=problem(runs[2:], noise[2:]))
-    found, laws = with_laws_of(Unknown("r", "r", 2.0, "r differs; nothing predicts it"), last, (held,))
-    assert laws and found.place == "sensor of r" and len(found.curves) == len(laws.laws)
+    found, laws = with_law_of(
+        Unknown("r", "r", 2.0, "r differs; nothing predicts it"), _last(used, base), (held,)
+    )
+    assert laws and found.place == "sensor of r" and len(found.curves) == 1
     curve, at = found.curves[0], np.array(found.curves[0].x)
     assert curve.over == "signal" and curve.over_unit == curve.unit == "rad/s"
     inside = np.abs(at) > 0.3
     assert np.allclose(np.array(curve.y)[inside], 0.05 * np.abs(at[inside]), rtol=0.5)
     assert all(low <= y <= high for low, y, high in zip(curve.low, curve.y, curve.high, strict=True))
     assert found.could_be in found.sentence and found.next_run in found.sentence
-    assert "nothing predicts it" not in found.sentence and "% of the residual" in found.sentence
+    assert "% of the residual" in found.sentence
     (judged,) = found.held_out
     assert judged.after < judged.before and judged.run == "run3"
 
@@ -95,8 +100,7 @@ def test_the_unknown_says_place_curve_worth_and_next_run() -> None:
 def test_without_a_law_the_unknown_says_so() -> None:
     runs, noise = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
     used, base = _fitted(runs[:1], noise[:1])
-    last: Any = SimpleNamespace(problem=SimpleNamespace(plain=used), closest=base)
-    found, laws = with_laws_of(Unknown("r", "r", 2.0, "r differs"), last, ())
+    found, laws = with_law_of(Unknown("r", "r", 2.0, "r differs"), _last(used, base), ())
     assert laws is None and NO_LAW in found.sentence and not found.curves and not found.place
 
 
@@ -130,7 +134,7 @@ def test_every_baseline_has_candidates_at_the_places_that_it_has(baseline: str) 
 def test_nothing_is_found_where_only_noise_is_left() -> None:
     runs, noise = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
     used, base = _fitted(runs[:1], noise[:1])
-    assert find_laws(used, base, {}) is None
+    assert find_law(_last(used, base), {}) is None
 
 
 def test_rows_of_a_law_are_those_of_the_simulation() -> None:
@@ -168,8 +172,8 @@ def test_a_table_that_cannot_be_simulated_is_refused(change: dict[str, object]) 
 def test_a_law_with_play_has_a_memory() -> None:
     t = np.arange(400) / RATE
     steer = 0.2 * np.sin(2 * np.pi * t)
-    from rover_sweep.diagnosis.simulation.table_law import behind_play
+    from rover_sweep.diagnosis.effects.steering_backlash import play
 
-    out = behind_play(steer, 0.05)
+    out = play(steer, 0.05)
     assert np.max(np.abs(out)) == pytest.approx(0.15, abs=1e-3)
     assert np.max(np.abs(steer - out)) == pytest.approx(0.05, abs=1e-9)

@@ -12,11 +12,10 @@ from planted import MODEL, NOISE, X, sweeps
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit
+from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
-from rover_sweep.diagnosis.search.candidate_fits import Trial
 from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
-from rover_sweep.diagnosis.search.rounds import Options, Round, round_of
-from rover_sweep.diagnosis.search.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
 ONLY = ("front_rear_stiffness", "steering_backlash", "velocity_lag", "servo_rate_limit")
@@ -24,7 +23,7 @@ HIDDEN = -0.22  # ln Cf/Cr, beyond the normal tolerance of 0.15
 
 
 @cache
-def judged() -> Round:
+def judged() -> ModelFit:
     """Three sweeps of a rover whose rear axle is stiffer, too little to be found."""
     random, x = np.random.default_rng(3), {**X, "ln_ratio": HIDDEN}
     runs = []
@@ -35,8 +34,7 @@ def judged() -> Round:
                 run, measured={c: y + NOISE[c] * random.standard_normal(y.size) for c, y in motion.items()}
             )
         )
-    found = round_of(runs, MODEL, X, Options(ONLY, (), 1, lambda what, share: None, lambda: True))
-    return replace(found, problem=found.problem.to_the_end)
+    return model_fit(runs, MODEL, X, ONLY)
 
 
 def bounds() -> dict[str, Unseen]:
@@ -94,18 +92,6 @@ def test_the_needed_length_is_that_of_a_new_simulation(effect: str) -> None:
     assert growth is not None
     rows = signals.reach(side.effect).outside(signals.rows(side, growth.distance_of(6.0)))
     assert float(np.linalg.norm(rows)) == pytest.approx(6.0, rel=0.15)
-
-
-def test_a_fitted_size_widens_the_bound() -> None:
-    """A fitted ln ratio of -0.9 with a gain of 16 may be -0.15 - 0.75 (1 + 1.645/4) at 95 %."""
-    last = judged()
-    x = {**last.fitted.x, "ln_ratio": -0.9}
-    released = last.model.with_effect("front_rear_stiffness")
-    trial = Trial("front_rear_stiffness", released, replace(last.fitted, x=x), 16.0)
-    found = upper_bounds(replace(last, trials=(trial,)), ("front_rear_stiffness",))
-    low, usual = found[0].up_to["ratio"].low, bounds()["front_rear_stiffness"].up_to["ratio"]
-    assert low == pytest.approx(exp(-0.15 - 0.75 * (1 + 1.645 / 4)))
-    assert usual.low is not None and low < usual.low and found[0].up_to["ratio"].high == usual.high
 
 
 def test_a_prior_takes_a_part_at_a_cost() -> None:

@@ -46,9 +46,12 @@ def test_a_partly_explained_diagnosis_is_one_sentence_without_the_details() -> N
 
 
 def test_a_finding_that_a_held_out_run_contradicts_is_reported() -> None:
-    assert remarks_of([], [finding(0.4, -0.1, None)], ())[-1].endswith("worse on run5")
-    assert not any("not confirmed" in remark for remark in remarks_of([], [finding(0.4, None)], ()))
+    assert remarks_of([], [finding(0.4, -0.1, None)], {}, {}, {})[-1].endswith("worse on run5")
+    assert not any("not confirmed" in remark for remark in remarks_of([], [finding(0.4, None)], {}, {}, {}))
 
 
-def test_an_effect_that_explains_little_is_reported_as_withdrawn() -> None:
-    assert "surface_change fit a part" in remarks_of([], [], ("surface_change",))[-1]
+def test_effects_that_are_not_named_are_listed_with_the_reason() -> None:
+    minor, listed = {"roll_steer": "it is below the size that matters"}, {"imu_offset": 0.42}
+    found = remarks_of([], [], minor, listed, {})
+    assert "roll_steer is present and does not matter: it is below the size that matters" in found
+    assert "imu_offset is possible (42 %), but not sure enough for a name" in found

@@ -37,7 +37,7 @@ steering_backlash
   the noise: 4.21 without it, 1.12 with it).
   Chi-squared falls by 412 (by chance: at most 21.4).
   These runs cannot separate it from: deadband of the steering
-  (steering_deadband, cosine 0.95).
+  (steering_deadband, 31 %).
   To separate them: a servo test on blocks: 40 us at 0.5 rad/s, wheels off the
   ground.
 

@@ -9,7 +9,7 @@ import pytest
 from fabricated_diagnoses import BACKLASH
 
 from rover_sweep.diagnosis.held_out.turn_impact import Turn
-from rover_sweep.diagnosis.importance import importance_words, turn_change, turn_words, why_no_verdict
+from rover_sweep.diagnosis.importance import importance_words, turn_change, turn_words, why_it_does_not_matter
 from rover_sweep.diagnosis.result import Diagnosis, Fit, HeldOut, Overlay
 
 FRICTION = replace(BACKLASH, held_out=(HeldOut("run5", Fit(1.31, 0.1), Fit(1.28, 0.1), 0.04),))
@@ -34,37 +34,17 @@ def test_an_effect_that_hardly_matters_says_so():
     assert "87 % of the squared residual above the noise on run4" in importance_words(BACKLASH)
 
 
-@pytest.mark.parametrize("share", [0.0, -0.2, None])
-def test_a_finding_that_does_not_improve_the_held_out_run_is_no_verdict(share):
-    held_out = (HeldOut("run5", Fit(1.1791, 0.1), Fit(1.1807, 0.1), share),)
-    found = replace(BACKLASH, held_out=held_out)
-    assert why_no_verdict(found, absent=False) == "it does not improve run5"
-    one_is_enough = replace(found, held_out=(*held_out, *BACKLASH.held_out))
-    assert why_no_verdict(one_is_enough, absent=False) == ""
+def test_an_effect_whose_interval_holds_its_absence_does_not_matter():
+    assert why_it_does_not_matter(absent=True) == "the 90 % interval of its size includes zero"
+    assert why_it_does_not_matter(absent=False) == ""
 
 
-def test_a_finding_is_a_verdict_from_80_percent_on():
-    assert "79 % were right" in why_no_verdict(replace(BACKLASH, probability=0.79), absent=False)
-    assert why_no_verdict(replace(BACKLASH, probability=0.8), absent=False) == ""
-
-
-def test_a_finding_whose_interval_holds_its_absence_is_no_verdict():
-    assert (
-        why_no_verdict(replace(BACKLASH, probability=0.98), absent=True)
-        == "the 90 % interval of its size includes zero"
-    )
-
-
-def test_a_finding_that_changes_no_turn_and_hardly_the_fit_is_no_verdict():
+def test_an_effect_that_changes_neither_a_turn_nor_a_run_does_not_matter():
     still = replace(TURN, delay=0.002, path=0.01)
-    assert why_no_verdict(FRICTION, absent=False, turn=still) == "it changes no turn visibly"
-    assert why_no_verdict(FRICTION, absent=False, turn=TURN) == ""
-    assert why_no_verdict(BACKLASH, absent=False, turn=still) == "", "the fit improves by far"
-    assert why_no_verdict(FRICTION, absent=False, turn=None) == "", "a sensor has no part in a turn"
-
-
-def test_a_finding_without_held_out_runs_is_kept():
-    assert why_no_verdict(replace(BACKLASH, held_out=()), absent=False) == ""
+    assert why_it_does_not_matter(False, still, 0.01) == "it changes no turn visibly"
+    assert why_it_does_not_matter(False, TURN, 0.01) == ""
+    assert why_it_does_not_matter(False, still, 0.05) == "", "a servo that sticks shows in a run only"
+    assert why_it_does_not_matter(False, None, 0.0) == "", "a sensor has no part in a turn"
 
 
 def test_the_delay_and_the_gain_of_a_turn():

@@ -14,7 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.diagnosis import importance
+from rover_sweep.diagnosis.posterior import infer
 from tests.engines.draw import KINDS, BenchSet, drawn_set
 from tests.engines.engine import MODULES, engine
 from tests.engines.judge import Judged, judged, reliability, table
@@ -30,7 +30,7 @@ def main() -> None:
         _show(list(_kept(args.read)))
         return
     if args.every_finding:
-        importance.SURE = 0.0  # before the processes of --jobs are forked
+        infer.SURE = 0.0  # before the processes of --jobs are forked
     names = tuple(MODULES) if args.engine == "all" else (args.engine,)
     kinds = tuple(KINDS) if args.kind == "all" else (args.kind,)
     seeds = range(args.seed, args.seed + args.sets)
@@ -99,9 +99,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--cache", type=Path, metavar="DIR", help="keep drawn sets here and read them again")
     parser.add_argument("--draw-only", action="store_true", help="print what is concealed, diagnose nothing")
     parser.add_argument("--json", type=Path, metavar="FILE", help="append a JSON line for each set")
-    parser.add_argument(
-        "--every-finding", action="store_true", help="name unsure ones too, to fit tests.foreign.certainty"
-    )
+    parser.add_argument("--every-finding", action="store_true", help="name unsure ones too")
     parser.add_argument(
         "--read",
         type=Path,

@@ -1,8 +1,9 @@
 """`python -m tests.engines.calibrate DIR`: fit the hyperparameters of the posterior to drawn rovers.
 
 DIR: where `python -m tests.engines --cache DIR` keeps its sets. Each set is explored once, and what weighs
-its explanations is kept beside it. The hyperparameters of `rover_sweep.diagnosis.posterior.weights` are those with
-the largest mean log probability of the truth. --but ENGINE leaves an engine out and prints the score on it.
+its explanations is kept beside it. The hyperparameters of `rover_sweep.diagnosis.posterior.weights` are those
+with the largest mean log probability of the truth. --but ENGINE leaves an engine out and prints the score on
+it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from scipy.optimize import minimize
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.diagnosis.posterior import weights
 from rover_sweep.diagnosis.posterior.infer import Options, explore
-from rover_sweep.diagnosis.posterior.weights import Evidence, SomethingElse, posterior
+from rover_sweep.diagnosis.posterior.weights import ExplanationEvidence, SomethingElse, posterior
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
 from rover_sweep.identification.baseline import determined_model
@@ -42,7 +43,7 @@ class Known:
     engine: str
     hidden: frozenset[str]
     near: frozenset[str]
-    evidence: tuple[Evidence, ...]
+    evidence: tuple[ExplanationEvidence, ...]
     held_rows: int
     others: tuple[SomethingElse, ...]
 

@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.diagnosis import importance
+from rover_sweep.diagnosis.posterior import infer
 from tests.foreign.draw import KINDS, draw
 from tests.foreign.drawn import diagnosed_sets, truth_words
 from tests.foreign.grade import Graded
@@ -23,7 +23,7 @@ from tests.foreign.summary import line, table
 def main() -> None:
     args = _arguments()
     if args.every_finding:
-        importance.SURE = 0.0  # before the processes of --jobs are forked
+        infer.SURE = 0.0  # before the processes of --jobs are forked
     kinds = tuple(KINDS) if args.kind == "all" else (args.kind,)
     seeds = range(args.seed, args.seed + args.sets)
     if args.draw_only:
@@ -60,9 +60,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--draw-only", action="store_true", help="print what is concealed, diagnose nothing")
     parser.add_argument("--shared", type=Path, metavar="DIR", help="recorded rovers instead of drawn ones")
     parser.add_argument("--only", default="", help="cases of --shared, as in c12,c13")
-    parser.add_argument(
-        "--every-finding", action="store_true", help="name unsure ones too, to fit tests.foreign.certainty"
-    )
+    parser.add_argument("--every-finding", action="store_true", help="name unsure ones too")
     parser.add_argument("--json", type=Path, metavar="FILE", help="append a JSON line for each set")
     return parser.parse_args()
 

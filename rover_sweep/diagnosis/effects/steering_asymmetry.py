@@ -26,7 +26,7 @@ def uneven(steer: Array, q: Values) -> Array:
     return steer + q["e"] * np.abs(steer)
 
 
-def quadratic(steer: Array, q: Values) -> Array:
+def evenly_bent(steer: Array, q: Values) -> Array:
     """u + e u^2/a; steer (n,) rad."""
     return np.asarray(steer + q["e"] * steer * steer / REFERENCE)
 
@@ -60,6 +60,6 @@ FORMS = (
         form="quadratic",
         equation="d = u + e u^2/a, a = 0.3 rad",
         source="first even term of the series of any linkage",
-        act=quadratic,
+        act=evenly_bent,
     ),
 )

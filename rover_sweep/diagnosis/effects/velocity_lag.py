@@ -19,7 +19,7 @@ from rover_sweep.diagnosis.effects.effect import EffectParameter, Values
 from rover_sweep.diagnosis.effects.kinds import Motion, NominalEffect, SensorEffect
 
 
-def late(out: Mapping[str, Array], motion: Motion, q: Values) -> Mapping[str, Array]:
+def late_velocity(out: Mapping[str, Array], motion: Motion, q: Values) -> Mapping[str, Array]:
     """V_y {channel: (n,)} of the velocity that was T ago, in the body axes of now."""
     if "vy" not in out or q["T"] <= 0.0:
         return out
@@ -69,7 +69,7 @@ FORMS = (
         next_run=EFFECT.next_run,
         channels=EFFECT.channels,
         signed=False,
-        act=late,
+        act=late_velocity,
         first=False,
         form="delay",
     ),

@@ -8,9 +8,9 @@ from math import inf, isfinite, sqrt
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.plans.joint_problem import Expected
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize
+from rover_sweep.diagnosis.posterior.upper_bounds import reported_value
 from rover_sweep.diagnosis.search.material import EARLIER, LAGS, material_sizes
 from rover_sweep.diagnosis.search.needed_size import Side, sides
-from rover_sweep.diagnosis.search.upper_bounds import reported_value
 
 
 def detectable(runs: Expected, asked: Sequence[str]) -> dict[str, DetectableSize]:

@@ -24,6 +24,7 @@ BEAM = (1, 2, 1)  # explanations of 0, 1, 2 effects that are extended
 REFITTED = 7  # explanations of one level that are fitted with their own Jacobian
 RIVAL = 0.3  # share of the best gain of a level from which an explanation is fitted on
 NEAR = 60.0  # difference of the costs over a row's variance within which it always is
+FAR_OFF = 3.0  # mean square of a row from which effects are fitted from the start values too
 WORTH = 6.0  # predicted gain over a row's variance, below which an effect is not fitted
 PASSES, CONVERGED = (
     3,
@@ -170,8 +171,26 @@ def _extended(
     screened = [s for s in side_by_side(promise, free) if s]
     worth = WORTH * base.overdispersion
     chosen = [s for s in sorted(screened, key=lambda s: -s.predicted) if s.predicted > worth][:width]
-    fits = side_by_side(lambda s: fit_from(problem, base, s), chosen)
-    return [Explanation(t.model, t.fitted) for t in fits]
+    trials = side_by_side(lambda s: fit_from(problem, base, s), chosen)
+    fits = [Explanation(t.model, t.fitted) for t in trials]
+    if base.overdispersion < FAR_OFF:
+        return fits
+    return list(side_by_side(lambda e: _from_start(problem, e), fits))
+
+
+def _from_start(problem: Problem, one: Explanation) -> Explanation:
+    """The explanation fitted from the start values and its last effect's own size, where that is better.
+
+    A base that is far off may have settled where no effect helps; without the metric the way is shorter.
+    """
+    law = one.model.law(one.model.effects[-1])
+    if law.in_one_run or law.id in DEGREES_OF_FREEDOM:
+        return one
+    start = {c.name: c.start for c in one.model.free}
+    start |= {law.coordinate_name(p): p.size * p.per for p in law.parameters}
+    near = fit(problem.plain, one.model.structure, one.model.free, start)
+    found = _converged(problem, Explanation(one.model, near))
+    return found if found.cost < one.cost else one
 
 
 def _again(

@@ -13,7 +13,7 @@ from rover_sweep.diagnosis.posterior.explanations import Explanation, explored, 
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit, usual_errors
 from rover_sweep.diagnosis.posterior.unnamed import families, held_out_costs
 from rover_sweep.diagnosis.posterior.weights import (
-    Evidence,
+    ExplanationEvidence,
     Posterior,
     SomethingElse,
     coarsened,
@@ -82,7 +82,7 @@ class Explored:
 
     none: ModelFit
     pool: tuple[Explanation, ...]
-    evidence: tuple[Evidence, ...]
+    evidence: tuple[ExplanationEvidence, ...]
     held: tuple[Problem, ...]
     others: tuple[SomethingElse, ...] = ()
 

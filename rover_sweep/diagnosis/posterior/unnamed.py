@@ -22,13 +22,13 @@ import numpy as np
 from scipy.fft import irfft, rfft
 
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.posterior.curve_families import abscissa, groups, hats
+from rover_sweep.diagnosis.posterior.transfers import RunTransfers, added_rows, tapered_spectrum, transfers
 from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.search.candidate_fits import tangent
 from rover_sweep.diagnosis.simulation.experiment import RATE
 from rover_sweep.diagnosis.simulation.table_law import TableLaw
-from rover_sweep.diagnosis.unexplained.groups import abscissa, groups, hats
-from rover_sweep.diagnosis.unexplained.transfers import RunTransfers, added_rows, tapered_spectrum, transfers
 
 LAMBDAS = np.geomspace(1e-3, 1e3, 25)  # over the size at which a family adds a row's standard deviation
 LEVEL = 0.02  # of the prior's penalty on the points themselves, over that on second differences
@@ -44,7 +44,7 @@ DRIVEN_BY = {  # place: what moves a resonator there; no gyro resonates below 10
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class UnnamedFamily:
     """law: its place and quantity. a (k, k), b (k,): information and score outside the nominal model's
     reach, at a variance of 1 of the rows. moved (m, k): what the nominal coordinates do, in their scales, for
     1 of each point."""
@@ -79,7 +79,7 @@ class Family:
         return max(float(found[best]), 0.0), np.asarray(amounts)
 
 
-def families(problem: Problem, fitted: Fitted) -> list[Family]:
+def families(problem: Problem, fitted: Fitted) -> list[UnnamedFamily]:
     """Every family that these runs can show, in what a fit with its own Jacobian leaves."""
     found = transfers(problem.runs, fitted.structure, fitted.x)
     laws = [*groups(found), *_resonances(found)]
@@ -94,12 +94,12 @@ def families(problem: Problem, fitted: Fitted) -> list[Family]:
     for law, begin, end in zip(laws, [0, *ends], ends, strict=False):
         part, inside = every[:, begin:end], reach[:, begin:end]
         a = part.T @ part - inside.T @ inside
-        out.append(Family(law, np.asarray(a), score[begin:end], np.asarray(moved)[:, begin:end]))
+        out.append(UnnamedFamily(law, np.asarray(a), score[begin:end], np.asarray(moved)[:, begin:end]))
     return out
 
 
 def held_out_costs(
-    held: Problem, fitted: Fitted, chosen: Sequence[Family], variance: float
+    held: Problem, fitted: Fitted, chosen: Sequence[UnnamedFamily], variance: float
 ) -> tuple[float, list[float]]:
     """(sum of squares of a held-out run's rows, the same with each family), to first order."""
     here = replace(fitted, rows=held.measured - held.model(fitted.structure, fitted.x))

@@ -32,9 +32,9 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.posterior.explanations import Explanation
-from rover_sweep.diagnosis.posterior.unnamed import Family
+from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily
 from rover_sweep.diagnosis.problem.least_squares import Fitted
-from rover_sweep.diagnosis.search.material import material
+from rover_sweep.diagnosis.search.material import is_material
 
 COARSE, COARSE_HELD = 8.0, 14.0  # t and t_h
 FIRST, FURTHER = -0.6, -3.4  # ln prior of one effect over none, and of each further one
@@ -48,7 +48,7 @@ SPAN = sqrt(2.0 * np.pi)  # width of a normal density of unit height over its st
 
 
 @dataclass(frozen=True)
-class Evidence:
+class ExplanationEvidence:
     """What speaks for one explanation, in numbers.
 
     effects: their ids. cost: sum of squares of rows and priors; rows: number of rows; data: their sum of
@@ -78,7 +78,7 @@ class SomethingElse:
     held-out sum of squares (n,) by each."""
 
     effects: frozenset[str]
-    families: tuple[Family, ...]
+    families: tuple[UnnamedFamily, ...]
     held: Array
 
 
@@ -126,7 +126,9 @@ class Posterior:
         return sum(w.probability for w in self.weighed if w.unnamed)
 
 
-def posterior(pool: Sequence[Evidence], held_rows: int, others: Sequence[SomethingElse] = ()) -> Posterior:
+def posterior(
+    pool: Sequence[ExplanationEvidence], held_rows: int, others: Sequence[SomethingElse] = ()
+) -> Posterior:
     """The probabilities of a pool with the explanation without effects.
 
     held_rows: number of held-out rows. others: of explanations in the pool.
@@ -161,23 +163,23 @@ def posterior(pool: Sequence[Evidence], held_rows: int, others: Sequence[Somethi
     return Posterior(tuple(sorted(found, key=lambda w: -w.probability)))
 
 
-def coarsened(pool: Sequence[Evidence]) -> float:
+def coarsened(pool: Sequence[ExplanationEvidence]) -> float:
     """Variance of a row with which the likelihood counts."""
     return COARSE * max(1.0, min(e.variance for e in pool))
 
 
-def _gains(e: Evidence, pool: Sequence[Evidence]) -> dict[str, float]:
+def _gains(e: ExplanationEvidence, pool: Sequence[ExplanationEvidence]) -> dict[str, float]:
     """{effect: drop of the cost by it, against the best explanation in the pool of the others alone}."""
     return {
         i: max(min(o.cost for o in pool if o.effects <= e.effects - {i}) - e.cost, 0.0) for i in e.effects
     }
 
 
-def evidence_of(e: Explanation, held: float, length: float, runs: int) -> Evidence:
-    """The numbers of a fitted explanation. held: see `Evidence`; length: of a run [s]; runs: their number."""
+def evidence_of(e: Explanation, held: float, length: float, runs: int) -> ExplanationEvidence:
+    """The numbers of a fitted explanation. held: see the class; length: of a run [s]; runs: their number."""
     errors, laws = standard_errors(e.fitted), [e.model.law(name) for name in e.model.effects]
     widths = {name: width for law in laws for name, width in _widths(law, length).items()}
-    return Evidence(
+    return ExplanationEvidence(
         e.effects,
         e.cost,
         e.fitted.data_cost,
@@ -185,7 +187,7 @@ def evidence_of(e: Explanation, held: float, length: float, runs: int) -> Eviden
         held,
         prod(len(e.model.laws(law.id)) * (runs if law.in_one_run else 1) for law in laws),
         tuple(max(errors[n] * SPAN / w, 1e-12) for n, w in widths.items() if n in errors),
-        frozenset(i for i in e.effects if material(i, e.model, e.fitted.x)),
+        frozenset(i for i in e.effects if is_material(i, e.model, e.fitted.x)),
     )
 
 

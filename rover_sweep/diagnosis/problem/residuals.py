@@ -116,11 +116,6 @@ class Problem:
         """Number of rows."""
         return self.measured.size
 
-    @property
-    def to_the_end(self) -> Problem:
-        """The same problem for what is done after a search, stopped or not."""
-        return replace(self, stop=never)
-
     def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
         """The model's whitened rows (size,). x: {coordinate: value, SI units}."""
         return self._of_model(self.plain_models(structure, [x])[0])
@@ -199,20 +194,6 @@ class Problem:
             if run in (None, r.run) and channel in (None, r.channel)
         ]
         return np.concatenate(parts) if parts else np.empty(0)
-
-
-def over_noise(gain: float, rows: Array) -> float:
-    """RMS over noise, in the rows where a signature acts, if fitting it lowers the cost by `gain`.
-
-    rows (n,): the signature, at any size. It acts on n_eff = (sum rows^2)^2 / sum rows^4 rows, so the ratio
-    is sqrt(1 + gain/n_eff); 1 where the signature is zero.
-    """
-    peak = float(np.max(np.abs(rows), initial=0.0))
-    if peak == 0.0:
-        return 1.0
-    square = (rows / peak) ** 2
-    effective = float(np.sum(square) ** 2 / np.sum(square**2))
-    return float(np.sqrt(1.0 + max(gain, 0.0) / effective))
 
 
 def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Problem:

@@ -41,7 +41,7 @@ def exceeds_material_size(
     return effect.exceeds(x, material_sizes(effect, spread, wheelbase))
 
 
-def material(effect: str, model: Model, x: Mapping[str, float]) -> bool:
+def is_material(effect: str, model: Model, x: Mapping[str, float]) -> bool:
     """False where an effect of a fitted model is below its material size, or implausibly near its bound.
 
     effect: its id. x: {coordinate: value}.

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.posterior.transfers import RunTransfers
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.unexplained.transfers import RunTransfers
 
 BLOCK = 8  # lines whose level is one number
 LOUD, QUIET = 1.6, 1.2  # mean square of a block's rows from which, and up to which

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
-from rover_sweep.diagnosis.posterior.unnamed import Family, families
+from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families
 from rover_sweep.diagnosis.posterior.weights import COARSE, POWER
 from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem
@@ -76,7 +76,7 @@ def find_law(last: ModelFit, held_out: Mapping[str, Problem]) -> FoundLaw | None
     return FoundLaw(fitted.laws[0], alternatives, base.cost - fitted.fitted.cost, fitted, judged)
 
 
-def _places(every: Sequence[Family], variance: float, best: Family) -> tuple[str, ...]:
+def _places(every: Sequence[UnnamedFamily], variance: float, best: UnnamedFamily) -> tuple[str, ...]:
     """The other places with a share of the probability, the most probable one first."""
     logs = np.array([POWER * f.evidence(variance) for f in every])
     weights = np.exp(logs - logs.max())

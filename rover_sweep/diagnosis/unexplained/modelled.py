@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from rover_sweep.diagnosis.held_out.worth import HeldOutRun
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
+from rover_sweep.diagnosis.posterior.transfers import transfers
 from rover_sweep.diagnosis.result import LawCurve, Unknown
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.unexplained.curve_fit import curves
@@ -19,7 +20,6 @@ from rover_sweep.diagnosis.unexplained.law_words import (
     over_words,
     place_words,
 )
-from rover_sweep.diagnosis.unexplained.transfers import transfers
 
 TOO_WEAK = "that removes too little of the held-out residual"
 NO_LAW = "no law over one quantity of the motion, and no resonance, explains it"

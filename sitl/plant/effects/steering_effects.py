@@ -22,14 +22,15 @@ _ALIKE = 0.3  # rad, at which the cubic and the quadratic curve have the same ga
 class Linkage:
     """Static curve and stiction before the servo, dead zone of its error or of the command, play behind it.
 
-    The curve: u [rad] -> (1 +- e) u, then u (1 + c3 u2), then less u0. `deadband`: half width [rad] of the
-    servo's.
+    The curve: u [rad] -> (1 +- e) u, or u + e u2/(0.3 rad), then u (1 + c3 u2), then less u0. `deadband`:
+    half width [rad] of the servo's.
     """
 
     __slots__ = (
         "_before",
         "_command",
         "_cubic",
+        "_even",
         "_full",
         "_gap",
         "_left",
@@ -48,7 +49,9 @@ class Linkage:
         quadratic = form(effects, "steering_nonlinearity") == "quadratic"
         self._cubic, self._quadratic = (0.0, _ALIKE * c3) if quadratic else (c3, 0.0)
         uneven = number(effects, "steering_asymmetry", "e")
-        self._left, self._right = 1.0 + uneven, 1.0 - uneven
+        bent = form(effects, "steering_asymmetry") == "quadratic"
+        self._left, self._right = (1.0, 1.0) if bent else (1.0 + uneven, 1.0 - uneven)
+        self._even = uneven / _ALIKE if bent else 0.0
         self._trim = number(effects, "steering_trim", "u0")
         self._gap = number(effects, "steering_backlash", "b")
         self._smooth = self._gap > 0.0 and form(effects, "steering_backlash") == "smooth hysteresis"
@@ -68,7 +71,7 @@ class Linkage:
             u -= min(max(u, -self._command), self._command)
         if self._stiction is not None:
             u = self._stiction.held(u)
-        u *= self._left if u > 0.0 else self._right
+        u = u * (self._left if u > 0.0 else self._right) + self._even * u * u
         return u * (1.0 + self._cubic * u * u + self._quadratic * abs(u)) - self._trim
 
     def goal(self, target: float, angle: float) -> float:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.posterior.transfers import RunTransfers, tapered_spectrum
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, acting, quantity, remembered
-from rover_sweep.diagnosis.unexplained.transfers import RunTransfers, tapered_spectrum
 
 KNOTS = 7
 LEAST = 1e-9  # range of a quantity below which it does not vary
