@@ -4,7 +4,6 @@ from __future__ import annotations
 
 MOVED = {
     "api": "api.identify",
-    "diagnosis.alike": "diagnosis.search.look_alikes",
     "diagnosis.augmented": "diagnosis.simulation.augmented",
     "diagnosis.beyond": "diagnosis.unexplained.unexplained",
     "diagnosis.candidates": "diagnosis.simulation.candidates",
@@ -12,7 +11,6 @@ MOVED = {
     "diagnosis.fitting": "diagnosis.problem.least_squares",
     "diagnosis.floor": "diagnosis.problem.noise_floor",
     "diagnosis.held_out": "diagnosis.held_out.worth",
-    "diagnosis.laws": "diagnosis.unexplained.laws",
     "diagnosis.material": "diagnosis.search.material",
     "diagnosis.nominal": "diagnosis.simulation.nominal",
     "diagnosis.ordinary": "diagnosis.search.bounds",
@@ -24,7 +22,6 @@ MOVED = {
     "diagnosis.plans.seen": "diagnosis.plans.detectable",
     "diagnosis.plans.types": "diagnosis.plans.plan_result",
     "diagnosis.problem": "diagnosis.problem.residuals",
-    "diagnosis.rounds": "diagnosis.search.rounds",
     "diagnosis.search": "diagnosis.search.candidate_fits",
     "diagnosis.signatures": "diagnosis.problem.signatures",
     "diagnosis.simulate": "diagnosis.simulation.simulator",
