@@ -39,7 +39,7 @@ from rover_sweep.diagnosis.search.material import is_material
 COARSE, COARSE_HELD = 8.0, 14.0  # t and t_h
 FIRST, FURTHER = -0.6, -3.4  # ln prior of one effect over none, and of each further one
 ELSE, POWER = -2.8, 0.35  # ln prior of something else, and the power of its marginal likelihood
-KEPT = 4.0
+KEPT = 8.0
 LEAST_GAIN = 10.0  # drop of the cost over the variance of a row, below which an effect does not matter
 WIDTH = 2.5  # prior width of a parameter over the size at which its effect is plainly visible
 JUMP = 0.03  # relative width that the data leave to a parameter that is scanned
