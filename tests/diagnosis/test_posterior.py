@@ -7,13 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.posterior.infer import _named
+from rover_sweep.diagnosis.posterior.infer import Options, _named, infer
+from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families
-from rover_sweep.diagnosis.posterior.weights import ExplanationEvidence, Posterior, SomethingElse, posterior
-from rover_sweep.diagnosis.problem.least_squares import fit, sensitivities
+from rover_sweep.diagnosis.posterior.weights import (
+    COARSE,
+    LEAST_GAIN,
+    ExplanationEvidence,
+    Posterior,
+    SomethingElse,
+    posterior,
+)
+from rover_sweep.diagnosis.problem.least_squares import sensitivities
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
-from rover_sweep.diagnosis.problem.residuals import problem
+from rover_sweep.diagnosis.problem.residuals import never
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, with_laws
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
@@ -56,6 +66,9 @@ def test_an_effect_that_gains_nothing_beside_another_is_not_named() -> None:
     found = of(explained("a", gain=400.0), explained("a", "b", gain=405.0))
     assert [e for e, _ in _named(found)] == ["a"]
     assert found.effects.get("b", 0.0) < 0.1
+    unheld = [replace(e, widths=()) for e in (explained("a", gain=400.0), explained("a", "b", gain=400.0))]
+    one, two = (w for w in of(*unheld).weighed if w.effects)
+    assert one.effects == {"a"} and two.probability < 0.1, "a further effect is less probable from the start"
 
 
 def test_two_that_explain_the_same_are_one_of_a_few() -> None:
@@ -70,6 +83,16 @@ def test_an_effect_of_no_size_is_present_and_does_not_matter() -> None:
     assert not found.effects and found.none > 0.99
 
 
+def test_an_effect_of_little_gain_does_not_matter() -> None:
+    """Narrow priors make it probable, and the gain alone keeps it from mattering."""
+    little, enough = (
+        replace(explained("a", gain=gain), widths=(0.999,), held=HELD_ROWS - 400.0)
+        for gain in (0.9 * LEAST_GAIN, 1.1 * LEAST_GAIN)
+    )
+    assert of(little).none > 0.99 and not of(little).effects
+    assert of(enough).effects["a"] > 0.9
+
+
 def test_something_else_takes_the_names_that_it_explains_better() -> None:
     one = explained("a", gain=400.0)
     weak, strong = (
@@ -79,19 +102,56 @@ def test_something_else_takes_the_names_that_it_explains_better() -> None:
     assert strong.effects["a"] < 0.2 < weak.effects["a"]
 
 
-def test_a_family_is_evidence_at_its_place() -> None:
+def noisy(
+    run: Experiment, structure: Structure, x: dict[str, float], random: np.random.Generator
+) -> Experiment:
+    """The run as a rover of this structure drives it, with noise."""
+    true = logged(run, structure, x, Sensors.of(run))
+    measured = {c: y + NOISE[c] * random.standard_normal(run.t.size) for c, y in true.items()}
+    return replace(run, measured=measured)
+
+
+def ranked(run: Experiment) -> list[UnnamedFamily]:
+    """The families in what the model leaves of a run, the largest evidence first."""
+    used, base = fit_with_floor([run], MODEL, X)
+    found = families(used, sensitivities(used, base))
+    return sorted(found, key=lambda f: -f.evidence(COARSE))
+
+
+def test_a_curve_is_evidence_at_its_place() -> None:
     law = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))
-    random, runs, noise = np.random.default_rng(1), [], []
-    for run in sweeps(1, ((0.2, 2.2),)):
-        mess = {c: s * random.standard_normal(run.t.size) for c, s in NOISE.items()}
-        true = logged(run, with_laws(MODEL.structure, (law,)), X, Sensors.of(run))
-        runs.append(replace(run, measured={c: y + mess[c] for c, y in true.items()}))
-        noise.append(mess)
-    found = problem(runs, noise)
-    base = sensitivities(found, fit(found, MODEL.structure, MODEL.free, X, steps=3))
-    every = sorted(families(found, base), key=lambda f: -f.evidence(8.0))
-    assert every[0].evidence(8.0) > 10.0
-    assert "yaw moment" in {f.law.place for f in every[:4]}
+    (run,) = sweeps(1, ((0.2, 2.2),))
+    found = ranked(noisy(run, with_laws(MODEL.structure, (law,)), X, np.random.default_rng(1)))
+    assert found[0].evidence(COARSE) > 10.0
+    assert "yaw moment" in {f.law.place for f in found[:4]}
+
+
+def test_a_resonance_is_evidence_at_its_place_and_frequency() -> None:
+    """A mast that sways at 2 Hz moves the accelerometer."""
+    (run,) = sweeps(1, ((0.2, 2.2),))
+    run = noisy(run, MODEL.structure, X, np.random.default_rng(1))
+    w = np.fft.rfftfreq(run.t.size, 1 / RATE) / 2.0
+    sways = np.fft.irfft(np.fft.rfft(run.measured["ay"]) * 0.3 * w**2 / (1 - w**2 + 0.2j * w), run.t.size)
+    best = ranked(replace(run, measured={**run.measured, "ay": run.measured["ay"] + sways}))[0]
+    assert best.evidence(COARSE) > 10.0
+    assert (best.law.place, best.law.memory) == ("sensor of ay", "resonance")
+    assert 1.4 < best.law.size < 2.9
+
+
+def test_noise_is_no_evidence() -> None:
+    (run,) = sweeps(1, ((0.2, 2.2),))
+    found = ranked(noisy(run, MODEL.structure, X, np.random.default_rng(1)))
+    assert found[0].evidence(COARSE) < 3.0
+
+
+def test_a_late_velocity_is_named_in_its_form_with_its_delay() -> None:
+    """A pure delay of the EKF's velocity, not the first-order lag that is tried first."""
+    late = MODEL.with_effect("velocity_lag/delay")
+    x, random = {**X, "velocity_lag.T": 0.2}, np.random.default_rng(1)
+    runs = [noisy(run, late.structure, x, random) for run in sweeps(1, ((0.1, 2.2),))]
+    found = infer(runs, MODEL, X, Options(("velocity_lag",), (), 1, lambda what, share: None, never))
+    assert [n.law.name for n in found.named] == ["velocity_lag/delay"]
+    assert found.last.fitted.x["velocity_lag.T"] == pytest.approx(0.2, abs=0.01)
 
 
 def test_the_noise_level_of_a_run_ignores_what_filters_took() -> None:
