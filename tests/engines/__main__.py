@@ -30,7 +30,7 @@ def main() -> None:
         _show(list(_kept(args.read)))
         return
     if args.every_finding:
-        infer.SURE = 0.0  # before the processes of --jobs are forked
+        infer.SURE = infer.SHARE  # before the processes of --jobs are forked
     names = tuple(MODULES) if args.engine == "all" else (args.engine,)
     kinds = tuple(KINDS) if args.kind == "all" else (args.kind,)
     seeds = range(args.seed, args.seed + args.sets)

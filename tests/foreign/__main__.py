@@ -23,7 +23,7 @@ from tests.foreign.summary import line, table
 def main() -> None:
     args = _arguments()
     if args.every_finding:
-        infer.SURE = 0.0  # before the processes of --jobs are forked
+        infer.SURE = infer.SHARE  # before the processes of --jobs are forked
     kinds = tuple(KINDS) if args.kind == "all" else (args.kind,)
     seeds = range(args.seed, args.seed + args.sets)
     if args.draw_only:
