@@ -86,11 +86,7 @@ def test_the_folder_says_nothing_of_what_it_conceals(written: tuple[Case, Path, 
         assert not any(name.encode() in hidden for name in (*ids(), *UNKNOWN))
 
 
-ASKING = (
-    "answer.py",
-    "detectable.py",
-    "found_from.py",
-)  # those that ask the tool, for what it finds or can find
+ASKING = ("answer.py", "detectable.py")  # those that ask the tool, for what it finds or can find
 
 
 def test_the_generator_shares_no_code_with_what_it_tests() -> None:

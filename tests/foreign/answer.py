@@ -12,8 +12,19 @@ from rover_sweep.api.read import Runs
 from rover_sweep.data.recording import Recording
 from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
 
-KEPT = ("verdict", "sentence", "findings", "unknown", "cannot_see", "held_out", "remarks", "scores", "p_none")
-LATER = ("form", "forms", "probability")  # fields of a finding that a version of the tool may have or lack
+KEPT = (
+    "verdict",
+    "sentence",
+    "findings",
+    "unknown",
+    "cannot_see",
+    "held_out",
+    "remarks",
+    "scores",
+    "p_none",
+    "p_else",
+)
+LATER = ("form", "probability")  # fields of a finding that a version of the tool may have or lack
 
 
 def answered(runs: Runs, held_out: Sequence[Recording], **settings: Any) -> dict[str, Any]:
