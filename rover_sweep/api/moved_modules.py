@@ -19,7 +19,7 @@ MOVED = {
     "diagnosis.places.runs": "diagnosis.locate.by_band",
     "diagnosis.places.time": "diagnosis.locate.by_time",
     "diagnosis.plans.runs": "diagnosis.plans.proposals",
-    "diagnosis.plans.seen": "diagnosis.plans.detectable",
+    "diagnosis.plans.seen": "diagnosis.plans.set_result",
     "diagnosis.plans.types": "diagnosis.plans.plan_result",
     "diagnosis.problem": "diagnosis.problem.residuals",
     "diagnosis.search": "diagnosis.search.candidate_fits",
