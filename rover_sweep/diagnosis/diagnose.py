@@ -215,7 +215,7 @@ def _answer(
     answer = Diagnosis(
         # a model with doubtful numbers explains nothing, however well it fits
         verdict=verdict_of(findings, left, variance, found.stopped or bool(doubts), bool(worse)),
-        sentence=sentence_of(findings, left, variance, found.stopped, measure, bool(minor)),
+        sentence=sentence_of(findings, left, variance, found.stopped, measure, bool(minor), listed),
         baseline=last.model.baseline,
         mismatch=places,
         findings=tuple(findings),

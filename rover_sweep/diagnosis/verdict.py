@@ -34,10 +34,12 @@ def sentence_of(
     stopped: bool = False,
     first: Sequence[str] = (),
     listed: bool = False,
+    possible: Mapping[str, float] | None = None,
 ) -> str:
     """The answer in one sentence, the details are in `left`. first: what must be measured before any name.
 
-    listed: effects that fit are listed in the remarks, with the reasons why they are not named.
+    listed: effects that are present and do not matter are listed in the remarks. possible: {effect:
+    probability} of those that are not sure enough for a name.
     The other arguments are those of `verdict_of`.
     """
     named = " and ".join(f.sentence.removesuffix(", ") for f in findings)
@@ -56,6 +58,10 @@ def sentence_of(
     else:
         nothing = "nothing that matters was found" if listed else "these runs show no missing effect"
         answer = named or rest or f"{nothing}: the residual is at the noise floor"
+        if possible and not named and not rest:
+            best = max(possible, key=lambda e: possible[e])
+            sure = 100 * possible[best]
+            answer = f"no effect is sure enough for a name; the most probable is {best} ({sure:.0f} %)"
     begin, *others = (*first, answer)
     return ". ".join((begin, *(words[:1].upper() + words[1:] for words in others)))
 

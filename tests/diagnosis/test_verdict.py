@@ -36,6 +36,8 @@ def test_the_remaining_residual_is_given_in_multiples_of_the_noise() -> None:
     assert "2.0 times the noise floor" in sentence_of((finding(),), None, 4.0)
     assert sentence_of((), None, 1.0).startswith("these runs show no missing effect")
     assert sentence_of((), None, 1.0, listed=True).startswith("nothing that matters was found")
+    unsure = sentence_of((), None, 1.0, possible={"imu_offset": 0.67, "roll_steer": 0.12})
+    assert unsure == "no effect is sure enough for a name; the most probable is imu_offset (67 %)"
 
 
 def test_a_partly_explained_diagnosis_is_one_sentence_without_the_details() -> None:

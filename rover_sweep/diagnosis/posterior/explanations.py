@@ -10,10 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
-from rover_sweep.diagnosis.search.candidate_fits import Screened, Tangent, fit_from, screen, tangent
+from rover_sweep.diagnosis.search.candidate_fits import ASTRAY, Screened, Tangent, fit_from, screen, tangent
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.spectra.side_by_side import side_by_side
 
@@ -171,17 +173,22 @@ def _extended(
     screened = [s for s in side_by_side(promise, free) if s]
     worth = WORTH * base.overdispersion
     chosen = [s for s in sorted(screened, key=lambda s: -s.predicted) if s.predicted > worth][:width]
-    trials = side_by_side(lambda s: fit_from(problem, base, s), chosen)
-    fits = [Explanation(t.model, t.fitted) for t in trials]
-    if base.overdispersion < FAR_OFF:
-        return fits
-    return list(side_by_side(lambda e: _from_start(problem, e), fits))
+    far = base.overdispersion >= FAR_OFF
+
+    def fitted(s: Screened) -> Explanation:
+        trial = fit_from(problem, base, s)
+        found = Explanation(trial.model, trial.fitted)
+        stuck = np.isfinite(s.predicted) and trial.gain < ASTRAY * s.predicted
+        return _from_start(problem, found) if far or stuck else found
+
+    return list(side_by_side(fitted, chosen))
 
 
 def _from_start(problem: Problem, one: Explanation) -> Explanation:
     """The explanation fitted from the start values and its last effect's own size, where that is better.
 
-    A base that is far off may have settled where no effect helps; without the metric the way is shorter.
+    A base that is far off may have settled where no effect helps, and a fit may stick far above its linear
+    prediction; without the metric the way is shorter.
     """
     law = one.model.law(one.model.effects[-1])
     if law.in_one_run or law.id in DEGREES_OF_FREEDOM:

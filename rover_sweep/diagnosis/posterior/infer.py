@@ -51,7 +51,7 @@ class Named:
     """An effect of the answer. law: in its form. probability: that it is present and matters.
 
     alternatives: {effect: probability} of those that share the evidence, where no single one is sure.
-    gain: drop of the cost by it, the other effects kept. forms: {form: probability among its forms}.
+    gain: drop of the cost by it, the other effects kept.
     """
 
     law: Effect
