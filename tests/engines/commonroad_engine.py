@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from tests.engines.beside import at_speed, load_roll, load_step, lost_share
+from tests.engines.added_forces import at_speed, load_roll, load_step, lost_share
 from tests.engines.commonroad_laws import LISTED, OUTSIDE, PLACES
 from tests.engines.commonroad_model import RATES, Parameters, parameters
 from tests.engines.engine import Array, Engine, Signals

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from tests.engines.rover import EngineRover
-from tests.engines.shared_laws import PATH, SENSING, outside_laws, vehicle_laws
+from tests.engines.shared_laws import EVERYWHERE, PATH, SENSING, outside_laws, vehicle_laws
 from tests.foreign.grade import PLACES as FOREIGN_PLACES
 from tests.foreign.law import Extras, Law
 from tests.foreign.rover import Rover
@@ -30,23 +30,7 @@ LISTED: tuple[Law, ...] = (
     ),
 )
 OUTSIDE: tuple[Law, ...] = (
-    *outside_laws(
-        (
-            "outside:cubic_hysteresis",
-            "outside:resonant_linkage",
-            "outside:flexing_mast",
-            "outside:yaw_drag",
-            "outside:aliased_vibration",
-            "outside:wheel_unbalance",
-            "outside:pendulum",
-            "outside:sliding_load",
-            "outside:toe_compliance",
-            "outside:slip_speed",
-            "outside:bump_stops",
-            "outside:wheel_lift",
-            "outside:limping_motor",
-        )
-    ),
+    *outside_laws((*EVERYWHERE, "outside:wheel_lift")),
     Law("outside:soft_axle", "sideways bushings", "axles", 1.5, 12.0, _soft, "-"),
     Law("outside:plysteer", "side force by the sign of roll", "tyre", 0.01, 0.3, _plysteer, "-"),
 )

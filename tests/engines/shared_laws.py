@@ -10,6 +10,21 @@ from tests.foreign.sensor_laws import SENSORS
 from tests.foreign.steering_laws import STEERING
 from tests.foreign.vehicle_laws import VEHICLE
 
+EVERYWHERE = (  # outside every list, and made in each engine that has no part for it
+    "outside:cubic_hysteresis",
+    "outside:resonant_linkage",
+    "outside:flexing_mast",
+    "outside:yaw_drag",
+    "outside:aliased_vibration",
+    "outside:wheel_unbalance",
+    "outside:pendulum",
+    "outside:sliding_load",
+    "outside:toe_compliance",
+    "outside:slip_speed",
+    "outside:bump_stops",
+    "outside:limping_motor",
+)
+
 
 def vehicle_laws(*wanted: tuple[str, str]) -> tuple[Law, ...]:
     """Laws of tests/foreign by (effect, form); "" for all its forms. KeyError for an unknown one."""

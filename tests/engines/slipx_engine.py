@@ -13,7 +13,7 @@ import numpy as np
 import slipx
 from numba import njit
 
-from tests.engines.beside import at_speed, load_roll, load_step
+from tests.engines.added_forces import at_speed, load_roll, load_step
 from tests.engines.engine import Array, Engine, Signals
 from tests.engines.rover import EngineRover
 from tests.engines.slipx_laws import LISTED, OUTSIDE, PLACES

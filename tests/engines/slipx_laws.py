@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from tests.engines.rover import EngineRover
-from tests.engines.shared_laws import PATH, SENSING, outside_laws, vehicle_laws
+from tests.engines.shared_laws import EVERYWHERE, PATH, SENSING, outside_laws, vehicle_laws
 from tests.foreign.chassis import GRAVITY
 from tests.foreign.grade import PLACES
 from tests.foreign.law import Extras, Law, peak_ay, share_of_base
@@ -38,22 +38,7 @@ LISTED: tuple[Law, ...] = (
     Law("tyre_relaxation", "slip angle", "tyre", 0.06, 1.5, _relaxing, "m", share_of_base),
 )
 OUTSIDE: tuple[Law, ...] = (
-    *outside_laws(
-        (
-            "outside:cubic_hysteresis",
-            "outside:resonant_linkage",
-            "outside:flexing_mast",
-            "outside:yaw_drag",
-            "outside:aliased_vibration",
-            "outside:wheel_unbalance",
-            "outside:pendulum",
-            "outside:sliding_load",
-            "outside:toe_compliance",
-            "outside:slip_speed",
-            "outside:bump_stops",
-            "outside:limping_motor",
-        )
-    ),
+    *outside_laws(EVERYWHERE),
     Law("outside:wheel_lift", "load to zero", "tyre", 0.6, 1.8, _narrow, "m", lifted_track),
 )
 __all__ = ["LISTED", "OUTSIDE", "PLACES"]

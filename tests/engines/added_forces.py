@@ -1,4 +1,4 @@
-"""Forces beside an engine that does not have the part that makes them."""
+"""Forces that are added to an engine without the part that makes them."""
 
 from __future__ import annotations
 
