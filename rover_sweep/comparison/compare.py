@@ -71,7 +71,7 @@ def compare(
     started = time.monotonic()
     progress("comparing simulation and recordings", 0.0)
     pairs, held = _in_two(pairs_by_steering((*recorded, *held_out), simulated), {id(run) for run in held_out})
-    options, known = Options((), (), seed, progress, stop), pairs
+    options, known = Options((), (), progress, stop), pairs
     pairs, held = [shared(p) for p in pairs], [shared(p) for p in held]
     known_fits = {} if fitted is None else fitted
     recordings, simulation = _sides(pairs, model, effects, options, known_fits)

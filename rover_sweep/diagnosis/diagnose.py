@@ -27,7 +27,7 @@ from rover_sweep.diagnosis.held_out.worth import (
 )
 from rover_sweep.diagnosis.importance import why_it_does_not_matter
 from rover_sweep.diagnosis.locate.locate import mismatches
-from rover_sweep.diagnosis.posterior.infer import Inference, Named, Options, infer
+from rover_sweep.diagnosis.posterior.infer import SHARE, Inference, Named, Options, infer
 from rover_sweep.diagnosis.posterior.parameter_intervals import (
     UNBOUNDED,
     draw_coordinates,
@@ -58,7 +58,6 @@ from rover_sweep.identification.grouping import Group, Settings, grouped
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
 ANSWER_FROM = 0.92  # share of the work that is done when the answer is described
-LISTED = 0.1  # probability from which an effect is listed
 LARGE = 1.8  # mean square of a channel's rows that is more than noise which grows with the motion
 MATERIAL_CHANGE = 0.03  # relative change of a nominal parameter from which it is reported as falsified
 
@@ -118,11 +117,7 @@ def diagnose(
     _refuse_without_floor(used)
     model = Model(baseline, rover, settings.spread, two_clocks=any(r.two_clocks for r in used))
     options = Options(
-        settings.with_effects,
-        settings.without_effects,
-        settings.seed,
-        progress or (lambda what, share: None),
-        stopped,
+        settings.with_effects, settings.without_effects, progress or (lambda what, share: None), stopped
     )
     speed = sum(run.mean_speed for run in used) / len(used)
     begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
@@ -198,7 +193,7 @@ def _answer(
     findings += speed.findings
     places = mismatches(none.problem.plain, none.closest.rows)
     left = None if found.stopped else left_unexplained(found, bool(findings)) or speed.unknown
-    left, law = with_law_of(left, last, held_out) if left else (left, None)
+    left, law = with_law_of(left, last, held_out, found.families) if left else (left, None)
     variance = last.fitted.data_cost / last.problem.size
     cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
     if not found.stopped:
@@ -209,13 +204,12 @@ def _answer(
     compared = {run.run.name: worse_channels(run, models.nominal, models.full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}
     weighed = found.posterior
-    listed = {
-        e: p for e, p in weighed.effects.items() if p >= LISTED and e not in {f.effect for f in findings}
-    }
+    settled = {*minor, *(f.effect for f in findings)}
+    possible = {e: p for e, p in weighed.effects.items() if p >= SHARE and e not in settled}
     answer = Diagnosis(
         # a model with doubtful numbers explains nothing, however well it fits
         verdict=verdict_of(findings, left, variance, found.stopped or bool(doubts), bool(worse)),
-        sentence=sentence_of(findings, left, variance, found.stopped, measure, bool(minor), listed),
+        sentence=sentence_of(findings, left, variance, found.stopped, measure, bool(minor), possible),
         baseline=last.model.baseline,
         mismatch=places,
         findings=tuple(findings),
@@ -226,7 +220,7 @@ def _answer(
         scores={**found.gains, **speed.gains},
         overlays=overlays(held or used[:1], bool(held), models.nominal, models.full, floor),
         held_out=_total(findings, held_out, models),
-        remarks=remarks_of(used, findings, minor, listed, worse),
+        remarks=remarks_of(used, findings, minor, possible, worse),
         runs=tuple(r.name for r in used),
         held_out_runs=tuple(r.name for r in held),
         p_none=weighed.none,

@@ -70,13 +70,13 @@ def remarks_of(
     used: Sequence[Experiment],
     findings: Sequence[Finding],
     minor: Mapping[str, str],
-    listed: Mapping[str, float],
+    possible: Mapping[str, float],
     worse: Mapping[str, Sequence[str]],
 ) -> tuple[str, ...]:
     """Limits of the runs, and effects that are not named.
 
-    minor: {effect: why it does not matter}. listed: {effect: probability}. worse: {held-out run: channels
-    that are predicted worse with the findings}.
+    minor: {effect: why it does not matter}. possible: {effect: probability}, of others. worse: {held-out
+    run: channels that are predicted worse with the findings}.
     """
     out = []
     if len(speeds_of(used)) < 2:
@@ -86,8 +86,7 @@ def remarks_of(
     out += [f"{effect} is present and does not matter: {why}" for effect, why in minor.items()]
     out += [
         f"{effect} is possible ({100 * p:.0f} %), but not sure enough for a name"
-        for effect, p in listed.items()
-        if effect not in minor
+        for effect, p in possible.items()
     ]
     out += [
         f"with the findings {', '.join(channels)} of {run} fits worse than without"

@@ -32,7 +32,7 @@ def runs(grows: float) -> list[Experiment]:
 
 @pytest.mark.slow
 def test_a_finding_is_not_withdrawn_for_noise_that_grows_with_the_motion() -> None:
-    found = infer(runs(2.0), MODEL, X, Options((EFFECT,), (), 1, lambda what, share: None, lambda: False))
+    found = infer(runs(2.0), MODEL, X, Options((EFFECT,), (), lambda what, share: None, lambda: False))
     assert [n.law.id for n in found.named] == [EFFECT]
     assert found.last.fitted.x[f"{EFFECT}.T"] == pytest.approx(TORQUE, rel=0.15)
     assert 1.45 < found.last.misfit["p"] < 1.8

@@ -149,7 +149,7 @@ def test_a_late_velocity_is_named_in_its_form_with_its_delay() -> None:
     late = MODEL.with_effect("velocity_lag/delay")
     x, random = {**X, "velocity_lag.T": 0.2}, np.random.default_rng(1)
     runs = [noisy(run, late.structure, x, random) for run in sweeps(1, ((0.1, 2.2),))]
-    found = infer(runs, MODEL, X, Options(("velocity_lag",), (), 1, lambda what, share: None, never))
+    found = infer(runs, MODEL, X, Options(("velocity_lag",), (), lambda what, share: None, never))
     assert [n.law.name for n in found.named] == ["velocity_lag/delay"]
     assert found.last.fitted.x["velocity_lag.T"] == pytest.approx(0.2, abs=0.01)
 

@@ -52,7 +52,7 @@ def test_a_simulation_after_the_stop_raises() -> None:
 
 @pytest.mark.parametrize("after", [0, 3, 25, 60])
 def test_the_answer_so_far_can_be_simulated(after: int) -> None:
-    found = infer(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: None, Counted(after)))
+    found = infer(_runs(), MODEL, X, Options(ONLY, (), lambda what, share: None, Counted(after)))
     assert found.stopped
     for part in (found.none, found.last):
         assert isinstance(part.problem, Problem)
@@ -63,7 +63,7 @@ def test_the_answer_so_far_can_be_simulated(after: int) -> None:
 
 def test_without_a_stop_the_effect_is_named_and_the_share_done_grows() -> None:
     shares: list[float] = []
-    found = infer(_runs(), MODEL, X, Options(ONLY, (), 1, lambda what, share: shares.append(share), never))
+    found = infer(_runs(), MODEL, X, Options(ONLY, (), lambda what, share: shares.append(share), never))
     assert [n.law.id for n in found.named] == ["transport_delay"]
     assert not found.stopped
     assert shares == sorted(shares)

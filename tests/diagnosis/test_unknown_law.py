@@ -66,7 +66,7 @@ def _fitted(runs: list[Experiment], noise: list[dict[str, Array]]) -> tuple[Prob
 
 
 def _last(used: Problem, base: Fitted) -> ModelFit:
-    return ModelFit(MODEL, used, base, base, (), {})
+    return ModelFit(MODEL, used, base, base, {})
 
 
 def test_the_place_of_a_planted_law_is_found_and_holds_on_another_run() -> None:

@@ -1,9 +1,9 @@
 """`python -m tests.engines.calibrate DIR`: fit the hyperparameters of the posterior to drawn rovers.
 
-DIR: where `python -m tests.engines --cache DIR` keeps its sets. Each set is explored once, and what weighs
-its explanations is kept beside it. The hyperparameters of `rover_sweep.diagnosis.posterior.weights` are those
-with the largest mean log probability of the truth. --but ENGINE leaves an engine out and prints the score on
-it.
+DIR: where `python -m tests.engines --cache DIR` keeps its sets. Each set is explored once, and the evidence
+for its explanations is kept in the same folder. The hyperparameters (FREE, in
+`rover_sweep.diagnosis.posterior.weights`) are those with the largest mean log probability of the truth.
+--but ENGINE leaves an engine out and prints the score on it.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Known:
 
 
 def known(path: Path) -> Known:
-    """The explored set of a cached one, kept beside it."""
+    """The explored set of a cached one, kept in the same folder."""
     kept = path.with_suffix(".explored")
     if kept.exists():
         return pickle.loads(kept.read_bytes())  # type: ignore[no-any-return]
@@ -60,7 +60,7 @@ def known(path: Path) -> Known:
     used, held = every[: len(drawn.runs)], every[len(drawn.runs) :]
     baseline = determined_model(grouped(drawn.runs, Settings()), rover)[0]
     model = Model(baseline, rover, tolerances_of(drawn.runs.vehicle))
-    found = explore(used, model, {}, Options((), (), 1, lambda what, share: None, lambda: False), held)
+    found = explore(used, model, {}, Options((), (), lambda what, share: None, lambda: False), held)
     inside = frozenset(e for e in drawn.hidden if not e.startswith(OUTSIDE))
     near = frozenset(n for e in drawn.hidden for n in NEAREST.get(e, ()))
     one = Known(drawn.engine, inside, near, found.evidence, found.held_rows, found.others)

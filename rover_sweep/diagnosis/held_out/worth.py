@@ -56,14 +56,14 @@ class HeldOutRun:
         """
         swept = run.kind in SWEPT
         found = frequency_responses_of(run, centred(run)) if swept else {}
-        return HeldOutRun(run, with_floor([run], _scaled_floor(run, floor, whole)), found)
+        return HeldOutRun(run, with_floor([run], scaled_floor(run, floor, whole)), found)
 
     def residual(self, m: FittedModel) -> Array:
         """A model's whitened residual rows (n,)."""
         return self.problem.measured - self.problem.model(m.model.structure, m.x)
 
 
-def _scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
+def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
     """The floor scaled, channel by channel, to the run's noise at frequencies that are not excited.
 
     A slower run vibrates less. One run has too few quiet frames for a floor of its own, so the shape stays.
@@ -134,7 +134,7 @@ def overlays(
     out = []
     used = floor
     for run in runs:
-        floor = _scaled_floor(run, used, after) if unused else used
+        floor = scaled_floor(run, used, after) if unused else used
         one, two, data = before.log(run), after.log(run), centred(run)
         for c, y in data.items():
             w, left_before = spectrum_over_noise(y - one[c], run, floor, c)

@@ -15,7 +15,15 @@ import numpy as np
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
-from rover_sweep.diagnosis.search.candidate_fits import ASTRAY, Screened, Tangent, fit_from, screen, tangent
+from rover_sweep.diagnosis.search.candidate_fits import (
+    ASTRAY,
+    Screened,
+    Tangent,
+    fit_from,
+    score,
+    screen,
+    tangent,
+)
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.spectra.side_by_side import side_by_side
 
@@ -28,10 +36,8 @@ RIVAL = 0.3  # share of the best gain of a level from which an explanation is fi
 NEAR = 60.0  # difference of the costs over a row's variance within which it always is
 FAR_OFF = 3.0  # mean square of a row from which effects are fitted from the start values too
 WORTH = 6.0  # predicted gain over a row's variance, below which an effect is not fitted
-PASSES, CONVERGED = (
-    3,
-    1.0,
-)  # fresh Jacobians of a fit, and drop of the cost over a row's variance that ends it
+PASSES = 3  # most fresh Jacobians of a fit
+CONVERGED = 1.0  # drop of the cost over a row's variance that ends it
 GOES_ON = 12.0  # gain over a row's variance from which one more effect is tried
 
 
@@ -176,9 +182,8 @@ def _extended(
     far = base.overdispersion >= FAR_OFF
 
     def fitted(s: Screened) -> Explanation:
-        trial = fit_from(problem, base, s)
-        found = Explanation(trial.model, trial.fitted)
-        stuck = np.isfinite(s.predicted) and trial.gain < ASTRAY * s.predicted
+        found = Explanation(s.model, fit_from(problem, base, s))
+        stuck = np.isfinite(s.predicted) and base.cost - found.cost < ASTRAY * s.predicted
         return _from_start(problem, found) if far or stuck else found
 
     return list(side_by_side(fitted, chosen))
@@ -206,17 +211,11 @@ def _again(
     """The linear prediction of an effect that was fitted alone, at the size that it had there."""
     name = alone.model.effects[-1]
     law = alone.model.law(name)
-    more = model.with_effect(
-        name, alone.model.happened_in if law.in_one_run else "", alone.model.happened_order
-    )
+    happened_in = alone.model.happened_in if law.in_one_run else ""
+    more = model.with_effect(name, happened_in, alone.model.happened_order)
     own = {law.coordinate_name(p) for p in law.parameters} | {*law.releases}
     start = {n: alone.fitted.x[n] for n in own if n in alone.fitted.x}
     rows = problem.model(more.structure, {**base.x, **start})
     signature = space.outside(rows - (problem.measured - base.rows))
-    power = float(signature @ signature)
-    if power < 1e-6:
-        return None
-    amount = float(signature @ space.outside(base.rows)) / power
-    if amount <= 0 and not law.signed:
-        return None
-    return Screened(law.id, more, amount * amount * power, start)
+    predicted, amount = score(signature, space.outside(base.rows))
+    return Screened(law.id, more, predicted, start) if amount > 0 or law.signed else None

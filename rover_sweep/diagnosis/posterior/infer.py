@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun
+from rover_sweep.diagnosis.held_out.worth import FittedModel, scaled_floor
 from rover_sweep.diagnosis.posterior.explanations import Explanation, explored, refitted
-from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit, usual_errors
-from rover_sweep.diagnosis.posterior.unnamed import families, held_out_costs
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit, in_metric_of, model_fit
+from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families, held_out_costs
 from rover_sweep.diagnosis.posterior.weights import (
     ExplanationEvidence,
     Posterior,
@@ -20,28 +20,27 @@ from rover_sweep.diagnosis.posterior.weights import (
     evidence_of,
     posterior,
 )
-from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.problem.signatures import columns
+from rover_sweep.diagnosis.problem.residuals import Problem, with_floor
+from rover_sweep.diagnosis.search.bounds import cost_of
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
 SURE = 0.8
 """Probability from which an effect is named, or together one of a few."""
 FEW = 3  # most effects that one of a few lists
-SHARE = 0.1  # least probability of one of a few
+SHARE = 0.1  # least probability of an effect that is listed, or one of a few
 LIKELY = 6  # families without a name that held-out runs judge
 
 
 @dataclass(frozen=True, eq=False)
 class Options:
-    """Settings of an inference. only, without: ids of effects; seed: of the intervals' draws.
+    """Settings of an inference. only, without: ids of effects.
 
     progress(activity, share done 0..1); stop: True ends the search.
     """
 
     only: tuple[str, ...]
     without: tuple[str, ...]
-    seed: int
     progress: Callable[[str, float], None]
     stop: Callable[[], bool]
 
@@ -62,9 +61,11 @@ class Named:
 
 @dataclass(frozen=True, eq=False)
 class Inference:
-    """none: the baseline alone; last: the model of the answer, in the same metric. named: its effects that
-    are answers. minor: its effects that are present and do not matter. gains:
-    {effect: drop of the cost with it alone}.
+    """none: the baseline alone; last: the model of the answer, in the same metric.
+
+    named: its effects that are answers. minor: its effects that are present and do not matter.
+    families: without a name, in what `last` leaves, () where they are not known. gains: {effect: drop of the
+    cost with it alone}.
     """
 
     none: ModelFit
@@ -72,6 +73,7 @@ class Inference:
     posterior: Posterior
     named: tuple[Named, ...]
     minor: tuple[str, ...]
+    families: tuple[UnnamedFamily, ...]
     gains: Mapping[str, float]
     stopped: bool = False
 
@@ -84,6 +86,8 @@ class Explored:
     pool: tuple[Explanation, ...]
     evidence: tuple[ExplanationEvidence, ...]
     held: tuple[Problem, ...]
+    families: Mapping[frozenset[str], tuple[UnnamedFamily, ...]] = field(default_factory=dict)
+    """Without a name, in what the explanation with these effects leaves; the largest evidence first."""
     others: tuple[SomethingElse, ...] = ()
 
     @property
@@ -117,14 +121,19 @@ def explore(
     pool = tuple(e for e in explored(searched, first, effects, options.progress) if e.own)
     options.progress("weighing the explanations", 0.85)
     judged = tuple(_held_out(run, none) for run in held)
-    costs = [sum(_left(p, e) for p in judged) for e in pool]
+    costs = [sum(cost_of(p, e.fitted) for p in judged) for e in pool]
     length = float(none.problem.runs[0].t[-1])
     evidence = tuple(evidence_of(e, c, length, len(runs)) for e, c in zip(pool, costs, strict=True))
     found = Explored(none, pool, evidence, judged)
     if options.stop():
         return found
     options.progress("looking for what has no name", 0.88)
-    tried = dict.fromkeys((frozenset(), found.posterior.weighed[0].effects))
+    variance = coarsened(evidence)
+    tried = {
+        ids: tuple(sorted(families(none.problem, found.of(ids).fitted), key=lambda f: -f.evidence(variance)))
+        for ids in (frozenset[str](), found.posterior.weighed[0].effects)
+    }
+    found = replace(found, families=tried)
     return replace(found, others=tuple(_something_else(found, ids) for ids in tried))
 
 
@@ -151,6 +160,7 @@ def infer(
         weighed,
         tuple(_of(found, last, weighed, effect, others) for effect, others in named),
         tuple(sorted(whole.effects - {n for n, _ in named})),
+        found.families.get(whole.effects, ()),
         {
             next(iter(e.effects)): max(none.fitted.cost - e.cost, 0.0)
             for e in found.pool
@@ -161,25 +171,19 @@ def infer(
 
 
 def _something_else(found: Explored, effects: frozenset[str]) -> SomethingElse:
-    """The families with the largest evidence in what an explanation leaves."""
-    e, variance = found.of(effects), coarsened(found.evidence)
-    every = sorted(families(found.none.problem, e.fitted), key=lambda f: -f.evidence(variance))[:LIKELY]
-    changes = np.zeros(len(every))
+    """The families with the largest evidence in what an explanation leaves, and what held-out runs say."""
+    likely = found.families[effects][:LIKELY]
+    changes = np.zeros(len(likely))
     for run in found.held:
-        before, after = held_out_costs(run, e.fitted, every, variance)
+        before, after = held_out_costs(run, found.of(effects).fitted, likely, coarsened(found.evidence))
         changes += np.array(after) - before
-    return SomethingElse(effects, tuple(every), changes)
+    return SomethingElse(effects, likely, changes)
 
 
 def _held_out(run: Experiment, none: ModelFit) -> Problem:
     """A held-out run as a problem in the metric of what every rover has."""
-    floor = HeldOutRun.of(run, none.problem.floor, FittedModel(none.model, none.closest.x)).problem
-    return floor.in_metric(columns(usual_errors(floor, none.fitted, none.model), floor.size))
-
-
-def _left(held: Problem, e: Explanation) -> float:
-    rows = held.measured - held.model(e.fitted.structure, e.fitted.x)
-    return float(rows @ rows)
+    floor = scaled_floor(run, none.problem.floor, FittedModel(none.model, none.closest.x))
+    return in_metric_of(with_floor([run], floor), none.fitted, none.model)
 
 
 def _named(weighed: Posterior) -> list[tuple[str, dict[str, float]]]:
@@ -223,7 +227,7 @@ def _whole(found: Explored, weighed: Posterior, named: Sequence[tuple[str, objec
 def _of(
     found: Explored, last: ModelFit, weighed: Posterior, effect: str, others: Mapping[str, float]
 ) -> Named:
-    """One effect of the answer, with what it explains beside the others."""
+    """One effect of the answer, with its gain over the others alone."""
     rest = frozenset(last.model.ids) - {effect}
     gain = min(e.cost for e in found.pool if e.effects <= rest) - last.fitted.cost
     law = next(last.model.law(n) for n in last.model.effects if last.model.law(n).id == effect)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.model_error import model_error
-from rover_sweep.diagnosis.problem.residuals import Problem, centred, never, problem
-from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
+from rover_sweep.diagnosis.problem.residuals import Problem, centred, problem
+from rover_sweep.diagnosis.problem.signatures import columns, signatures
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
-from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
@@ -24,20 +22,14 @@ class ModelFit:
     """A model fitted twice, each time with its Jacobian at the fit.
 
     problem, fitted: in the metric of the tolerances. closest: the fit without tolerances, which is nearest to
-    the recordings. tolerances: signatures of what every rover has, in the metric. cannot_see: {effect: why}.
+    the recordings. cannot_see: {effect: why}.
     """
 
     model: Model
     problem: Problem
     closest: Fitted
     fitted: Fitted
-    tolerances: tuple[Signature, ...]
     cannot_see: Mapping[str, str]
-
-    @cached_property
-    def tangent(self) -> Tangent:
-        """The directions in which the fit can move its rows."""
-        return tangent(self.fitted)
 
     @property
     def misfit(self) -> dict[str, float]:
@@ -61,36 +53,30 @@ def model_fit(
 ) -> ModelFit:
     """The model fitted to runs. start: {coordinate: value}; only, without: ids, for `cannot_see`."""
     plain, closest = fit_with_floor(runs, model, start)
-    usual = usual_errors(plain, closest, model)
-    metric = plain.in_metric(columns(usual, plain.size))
-    tolerances = tuple(replace(s, rows=metric.of(s.rows)) for s in usual)
+    metric = in_metric_of(plain, closest, model)
     known = replace(closest, jacobian=metric.of(closest.jacobian))
     fitted = sensitivities(metric, fit(metric, model.structure, model.free, closest.x, known=known))
-    return ModelFit(model, metric, closest, fitted, tolerances, possible(model, runs, only, without)[1])
+    return ModelFit(model, metric, closest, fitted, possible(model, runs, only, without)[1])
 
 
-def usual_errors(plain: Problem, fitted: Fitted, model: Model) -> list[Signature]:
-    """Signatures at one standard deviation of what every rover has: tolerances, speed and structure."""
+def in_metric_of(plain: Problem, fitted: Fitted, model: Model) -> Problem:
+    """The problem in the metric of what every rover has: tolerances, errors of speed and structure."""
     effects = possible(model, plain.runs)[0]
     usual = signatures(plain, fitted, model, effects, tolerances=True)
-    return [*usual, *speed_drift(plain, fitted), *model_error(plain, fitted)]
+    usual += [*speed_drift(plain, fitted), *model_error(plain, fitted)]
+    return plain.in_metric(columns(usual, plain.size))
 
 
 def fit_with_floor(
-    runs: Sequence[Experiment],
-    model: Model,
-    start: Mapping[str, float],
-    near: bool = False,
-    stop: Callable[[], bool] = never,
+    runs: Sequence[Experiment], model: Model, start: Mapping[str, float], near: bool = False
 ) -> tuple[Problem, Fitted]:
     """The model fitted with the noise floor of its own residual.
 
-    start: {coordinate: value}. near: it comes from an earlier fit, so one pass is enough. stop: that of
-    the problem.
+    start: {coordinate: value}. near: it comes from an earlier fit, so one pass is enough.
     """
     x = {**{c.name: c.start for c in model.free}, **start}
     for _ in range(1 if near else 2):
-        found = replace(with_floor_of(runs, model, x), stop=stop)
+        found = with_floor_of(runs, model, x)
         fitted = fit(found, model.structure, model.free, x)
         x = dict(fitted.x)
     return found, fitted

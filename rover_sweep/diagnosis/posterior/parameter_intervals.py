@@ -19,7 +19,7 @@ from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
-from rover_sweep.diagnosis.problem.least_squares import Fitted
+from rover_sweep.diagnosis.problem.least_squares import Fitted, prior_information
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.simulation.nominal import Coordinate, physical_numbers
@@ -49,7 +49,7 @@ def draw_coordinates(last: ModelFit, seed: int) -> list[dict[str, float]]:
 
 def fit_covariance(problem: Problem, fitted: Fitted) -> Array:
     """Covariance (k, k) of the coordinates of a fit over their scales, see the module."""
-    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
+    prior = prior_information(fitted.free)
     scanned = np.array([_scanned(c, fitted.x[c.name]) for c in fitted.free])
     inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + scanned + 1e-6))
     scores = _scores(problem, fitted)

@@ -24,7 +24,7 @@ from scipy.fft import irfft, rfft
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.posterior.curve_families import abscissa, groups, hats
 from rover_sweep.diagnosis.posterior.transfers import RunTransfers, added_rows, tapered_spectrum, transfers
-from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, prior_information, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.search.candidate_fits import tangent
 from rover_sweep.diagnosis.simulation.experiment import RATE
@@ -86,8 +86,8 @@ def families(problem: Problem, fitted: Fitted) -> list[UnnamedFamily]:
     every, ends = columns_of(problem, found, laws)
     space = tangent(fitted)
     left = space.outside(fitted.rows)[: space.rows]
-    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 1e-9 for c in fitted.free])
-    normal = fitted.jacobian.T @ fitted.jacobian + np.diag(prior)
+    prior = np.diag(prior_information(fitted.free, absent=WEAK))
+    normal = fitted.jacobian.T @ fitted.jacobian + prior
     moved = -np.linalg.solve(normal, fitted.jacobian.T @ every)
     reach, score = space.q[: space.rows].T @ every, every.T @ left
     out = []

@@ -9,11 +9,11 @@ J. Am. Stat. Assoc. 114). Occam: the width that the data leave to each parameter
 of its prior, once for each form, and run, that was tried (Laplace's approximation: MacKay 1992, Neural
 Computation 4(3)).
 
-With E there may be something else, a family f without a name (`unnamed`):
+With E there may be something else, a family f without a name (`unnamed`), which has the weight
 
     w(E and something else) = w(E) prior sum over f of exp(power ln Z(f) - [H(E, f) - H(E)]/(2 t_h v_h))
 
-Z: its marginal likelihood over that of E alone. An effect of E may then only stand in for it. The effect is
+Z: its marginal likelihood over that of E alone. An effect of E may then be a proxy for f. The effect is
 kept with the probability 1/(1 + (kept u/g)^2), u the drop of the cost by the best family and g the one by the
 effect.
 
@@ -33,13 +33,13 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.posterior.explanations import Explanation
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily
-from rover_sweep.diagnosis.problem.least_squares import Fitted
+from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, prior_information
 from rover_sweep.diagnosis.search.material import is_material
 
 COARSE, COARSE_HELD = 8.0, 14.0  # t and t_h
 FIRST, FURTHER = -0.6, -3.4  # ln prior of one effect over none, and of each further one
 ELSE, POWER = -2.8, 0.35  # ln prior of something else, and the power of its marginal likelihood
-KEPT = 8.0
+KEPT = 8.0  # gain of an effect over that of something else, at which it is a proxy in half of the cases
 LEAST_GAIN = 10.0  # drop of the cost over the variance of a row, below which an effect does not matter
 WIDTH = 2.5  # prior width of a parameter over the size at which its effect is plainly visible
 JUMP = 0.03  # relative width that the data leave to a parameter that is scanned
@@ -200,13 +200,8 @@ def _widths(law: Effect, length: float) -> dict[str, float]:
 
 def standard_errors(fitted: Fitted) -> dict[str, float]:
     """{coordinate: standard deviation}, at a variance of 1 of the rows; at a bound the decay length there."""
-    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in fitted.free])
-    normal = fitted.jacobian.T @ fitted.jacobian + np.diag(prior + 1e-9)
-    inside = [
-        k
-        for k, c in enumerate(fitted.free)
-        if c.step > 0 and c.low + 1e-6 * c.scale < fitted.x[c.name] < c.high - 1e-6 * c.scale
-    ]
+    normal = fitted.jacobian.T @ fitted.jacobian + np.diag(prior_information(fitted.free) + WEAK)
+    inside = np.flatnonzero(fitted.inside & np.array([c.step > 0 for c in fitted.free]))
     spread = np.sqrt(np.diag(np.linalg.inv(normal[np.ix_(inside, inside)])))
     free = [fitted.free[k] for k in inside]
     found = {c.name: float(s) * c.scale for c, s in zip(free, spread, strict=True)}

@@ -31,11 +31,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.diagnosis.simulation.structure import Structure
+
+WEAK = 1e-9  # information on a coordinate without a prior, so that a singular problem can be inverted
+AT_BOUND = 1e-6  # of a coordinate's scale: nearer to a bound, it is at the bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,13 @@ class Fitted:
     def data_cost(self) -> float:
         """Sum of squares of the rows, without the priors."""
         return float(self.rows @ self.rows)
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """(k,) True for the coordinates that are not at a bound."""
+        return np.array(
+            [c.low + AT_BOUND * c.scale < self.x[c.name] < c.high - AT_BOUND * c.scale for c in self.free]
+        )
 
     @property
     def overdispersion(self) -> float:
@@ -138,6 +149,11 @@ def _jacobian(
     return np.column_stack([columns[c.name] for c in free])
 
 
+def prior_information(free: Sequence[Coordinate], absent: float = 0.0) -> Array:
+    """1/variance (k,) of the coordinates' priors, in their scales; absent: where there is no prior."""
+    return np.array([(c.scale / c.prior) ** 2 if c.prior else absent for c in free])
+
+
 def _prior_cost(free: Sequence[Coordinate], x: Mapping[str, float]) -> float:
     return sum(((x[c.name] - c.start) / c.prior) ** 2 for c in free if c.prior)
 
@@ -150,7 +166,7 @@ def _step(
     now = np.array([x[c.name] for c in free])
     low = (np.array([c.low for c in free]) - now) / scale
     high = (np.array([c.high for c in free]) - now) / scale
-    prior = np.array([(c.scale / c.prior) ** 2 if c.prior else 0.0 for c in free])
+    prior = prior_information(free)
     pull = np.array([(c.start - x[c.name]) / c.scale if c.prior else 0.0 for c in free]) * prior
     normal = jacobian.T @ jacobian + np.diag(prior)
     right = jacobian.T @ rows + pull

@@ -91,9 +91,8 @@ def cost_of(problem: Problem, fitted: Fitted) -> float:
 
 
 def _at_their_bounds(fitted: Fitted) -> Iterator[Coordinate]:
-    for c in fitted.free:
-        room = 1e-6 * c.scale
-        if c.name in MEASURED and not c.low + room < fitted.x[c.name] < c.high - room:
+    for c, inside in zip(fitted.free, fitted.inside, strict=True):
+        if c.name in MEASURED and not inside:
             yield c
 
 

@@ -10,7 +10,7 @@ from scipy.linalg import qr
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.problem.least_squares import Fitted, fit
+from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, prior_information
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 
@@ -20,27 +20,10 @@ SCANNED_FROM = 30.0  # predicted gain from which they are
 BESIDE = (0.985, 1.015, 0.97, 1.03)  # of the scanned size
 FEW = 3  # steps of those fits
 INSTANTS = 7  # at which a change of ground is tried in each run
+FAINT = 1e-6  # square of the length of a signature that no data show
 NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
 ASTRAY = 0.5  # share of the predicted gain below which a fit is repeated from nearer
 NEARER = 0.3  # share of the way to the first start, for that repetition
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """A model with one more effect, fitted. gain: drop of the cost against the model without.
-
-    effect: the id.
-    """
-
-    effect: str
-    model: Model
-    fitted: Fitted
-    gain: float
-
-    @property
-    def law(self) -> Effect:
-        """The law of the effect."""
-        return next(f for f in map(self.model.law, self.model.effects) if f.id == self.effect)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +46,21 @@ class Tangent:
 
 def tangent(fitted: Fitted) -> Tangent:
     """The tangent of a fit at its coordinates."""
-    loose = [
-        k
-        for k, c in enumerate(fitted.free)
-        if c.low + 1e-6 * c.scale < fitted.x[c.name] < c.high - 1e-6 * c.scale
-    ]
+    loose = np.flatnonzero(fitted.inside)
     columns = fitted.jacobian[:, loose]
-    prior = [fitted.free[k].scale / p if (p := fitted.free[k].prior) else 0.0 for k in loose]
-    stacked = np.vstack((columns, np.diag(prior)))
+    stacked = np.vstack((columns, np.diag(np.sqrt(prior_information(fitted.free)[loose]))))
     q = qr(stacked, mode="economic")[0]
     return Tangent(q, fitted.rows.size)
+
+
+def score(signature: Array, residual: Array) -> tuple[float, float]:
+    """(predicted gain, amount) of a signature (n,) in a residual (n,), both outside of the model's reach.
+
+    0.0 for both where the signature vanishes.
+    """
+    power = float(signature @ signature)
+    amount = float(signature @ residual) / power if power >= FAINT else 0.0
+    return amount * amount * power, amount
 
 
 def linear_prediction(
@@ -88,13 +76,8 @@ def linear_prediction(
     outside = space.outside(base.rows)
     best: tuple[float, float, dict[str, float]] | None = None
     for start, rows in zip(starts, models, strict=True):
-        signature = space.outside(rows - now)
-        power = float(signature @ signature)
-        if power < 1e-6:
-            continue
-        amount = float(signature @ outside) / power
-        predicted = amount * amount * power
-        if (amount > 0 or effect.signed) and (best is None or predicted > best[0]):
+        predicted, amount = score(space.outside(rows - now), outside)
+        if (amount > 0 or effect.signed) and predicted > (best[0] if best else 0.0):
             best = predicted, amount, start
     if best is None or (best[0] < NO_GAIN and added_coordinates(effect)):
         return None
@@ -165,7 +148,7 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
     return max(screened, key=lambda x: x.predicted, default=None)
 
 
-def fit_from(problem: Problem, base: Fitted, one: Screened) -> Trial:
+def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
     """The model with the effect, fitted from its linear prediction."""
     free, structure = one.model.free, one.model.structure
     known = None if one.effect in DEGREES_OF_FREEDOM else base
@@ -177,10 +160,10 @@ def fit_from(problem: Problem, base: Fitted, one: Screened) -> Trial:
         nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in one.start.items()}
         again = fit(problem, structure, free, {**base.x, **nearer}, known=known)
         found = again if again.cost < found.cost else found
-    return Trial(one.effect, one.model, found, base.cost - found.cost)
+    return found
 
 
-def _around_the_scanned(problem: Problem, base: Fitted, one: Screened, law: Effect) -> Trial:
+def _around_the_scanned(problem: Problem, base: Fitted, one: Screened, law: Effect) -> Fitted:
     """A law that jumps: the other coordinates are fitted at the scanned size and beside it, then all."""
     jumping = {law.key(p.name) for p in law.parameters if p.jumps}
     others = tuple(c for c in one.model.free if c.name not in jumping)
@@ -189,8 +172,7 @@ def _around_the_scanned(problem: Problem, base: Fitted, one: Screened, law: Effe
         size = {name: one.start[name] * factor for name in jumping if name in one.start}
         found = fit(problem, one.model.structure, others, {**best.x, **size}, steps=FEW, known=base)
         best = found if found.cost < best.cost else best
-    whole = fit(problem, one.model.structure, one.model.free, best.x, steps=1)
-    return Trial(one.effect, one.model, whole, base.cost - whole.cost)
+    return fit(problem, one.model.structure, one.model.free, best.x, steps=1)
 
 
 def _between(now: float, start: float) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, fit, prior_information, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, with_laws
@@ -56,7 +56,7 @@ def curves(problem: Problem, found: FittedLaws) -> list[tuple[Array, Array]]:
     separable from trim, biases and stiffness. The noise is scaled to the residual that is left.
     """
     fresh = sensitivities(problem, found.fitted)
-    weight = np.array([(c.scale / c.prior) ** 2 if c.prior else 1e-9 for c in fresh.free])
+    weight = prior_information(fresh.free, absent=WEAK)
     covariance = np.linalg.inv(fresh.jacobian.T @ fresh.jacobian + np.diag(weight)) * fresh.overdispersion
     names = [c.name for c in fresh.free]
     scale = np.array([c.scale for c in fresh.free])

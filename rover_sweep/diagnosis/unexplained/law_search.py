@@ -55,16 +55,18 @@ class FoundLaw:
         return self.fitted is not None and not worse and (share is None or share >= REMOVED)
 
 
-def find_law(last: ModelFit, held_out: Mapping[str, Problem]) -> FoundLaw | None:
+def find_law(
+    last: ModelFit, held_out: Mapping[str, Problem], known: Sequence[UnnamedFamily] = ()
+) -> FoundLaw | None:
     """The family that explains most of what a model leaves, None where none has evidence.
 
     It is chosen in the metric of the tolerances, and its curve fitted without them. held_out: {run: its
-    problem}.
+    problem}. known: the families of what the model leaves, where they were computed.
     """
     problem = last.problem.plain
     base = sensitivities(problem, last.closest)
     variance = COARSE * last.fitted.overdispersion
-    every = families(last.problem, last.fitted)
+    every = known or families(last.problem, last.fitted)
     best = max(every, key=lambda f: f.evidence(variance))
     if best.evidence(variance) < LEAST:
         return None

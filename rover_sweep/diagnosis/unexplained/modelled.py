@@ -8,6 +8,7 @@ from dataclasses import replace
 from rover_sweep.diagnosis.held_out.worth import HeldOutRun
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
 from rover_sweep.diagnosis.posterior.transfers import transfers
+from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily
 from rover_sweep.diagnosis.result import LawCurve, Unknown
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.unexplained.curve_fit import curves
@@ -26,15 +27,15 @@ NO_LAW = "no law over one quantity of the motion, and no resonance, explains it"
 
 
 def with_law_of(
-    left: Unknown, last: ModelFit, held_out: Sequence[HeldOutRun]
+    left: Unknown, last: ModelFit, held_out: Sequence[HeldOutRun], known: Sequence[UnnamedFamily] = ()
 ) -> tuple[Unknown, FoundLaw | None]:
     """(the unknown with its place and curve, the law); a sentence says where no law holds.
 
-    last: the model of the answer. held_out: runs that judge the curve.
+    last: the model of the answer. held_out: runs that judge the curve. known: see `find_law`.
     """
     if left.channel == "V":
         return replace(left, place="speed"), None
-    found = find_law(last, {h.run.name: h.problem for h in held_out})
+    found = find_law(last, {h.run.name: h.problem for h in held_out}, known)
     if found is None or not found.holds:
         return _without_curve(left, last, found), None
     words = law_sentence(found.law, found.alternatives, found.share_removed)
