@@ -94,8 +94,6 @@ def over_words(law: TableLaw) -> str:
         what = f"what is new in {what} over {law.size:g} s"
     elif law.memory == "play":
         what = f"{what} behind a play"
-    elif law.memory == "resonance":
-        what = f"{what} through a resonator"
     return f"{what}, times {FACTORS[law.times]}" if law.times else what
 
 

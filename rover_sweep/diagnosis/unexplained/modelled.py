@@ -61,9 +61,10 @@ def _without_curve(left: Unknown, last: ModelFit, found: FoundLaw | None) -> Unk
     or where one unmeasured input explains most."""
     if found is not None:
         likely = (found.law.place, *found.alternatives)
-        resonance = found.law.memory == "resonance"
-        what = f"a resonance at about {found.law.size:.2g} Hz" if resonance else f"a law {TOO_WEAK}"
-        why = f"{what} acts on {_either(likely)}, over {over_words(found.law)}"
+        at, over = _either(likely), over_words(found.law)
+        why = f"a law {TOO_WEAK} acts on {at}, over {over}"
+        if found.law.memory == "resonance":
+            why = f"a resonance at about {found.law.size:.2g} Hz, driven by {over}, acts on {at}"
         left = replace(left, could_be=could_be(found.law), next_run=next_run(found.law))
     else:
         plain, near = last.problem.plain, last.closest

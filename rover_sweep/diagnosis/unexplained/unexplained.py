@@ -32,5 +32,5 @@ def left_unexplained(found: Inference, named: bool) -> Unknown | None:
     sentence = f"{CHANNELS[channel]} {still}differs from the simulation by {ratio:.2g} times the noise"
     if misfit[channel] <= NOTABLE:
         sure = 100 * found.posterior.something_else
-        sentence = f"something is missing that has no name here ({sure:.0f} %)"
+        sentence = f"an effect that is not in the list is missing ({sure:.0f} %)"
     return Unknown(channel, "nothing that was tried", ratio, f"{sentence}; no candidate explains it")

@@ -227,7 +227,7 @@ def certainty_words(f: Finding) -> str:
     """How sure the finding is; "" if unknown."""
     if f.probability is None:
         return ""
-    return f"It is the right name with a probability of {100 * f.probability:.0f} %."
+    return f"Probability that this effect is present and matters: {100 * f.probability:.0f} %."
 
 
 def finding_title(f: Finding) -> str:
