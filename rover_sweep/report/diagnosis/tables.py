@@ -227,7 +227,8 @@ def certainty_words(f: Finding) -> str:
     """How sure the finding is; "" if unknown."""
     if f.probability is None:
         return ""
-    return f"Probability that this effect is present and matters: {100 * f.probability:.0f} %."
+    sure = "more than 99" if f.probability > 0.995 else f"{100 * f.probability:.0f}"
+    return f"Probability that this effect is present and matters: {sure} %."
 
 
 def finding_title(f: Finding) -> str:
