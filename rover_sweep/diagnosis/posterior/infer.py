@@ -80,10 +80,15 @@ class Inference:
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """The explanations of some runs with all that weighs them. pool, evidence: in the same order."""
+    """The explanations of some runs with all that weighs them. pool, evidence: in the same order.
+
+    gains: {effect: drop of the cost with it alone}, of the effects that were fitted, also of those whose fit
+    was not worth going on.
+    """
 
     none: ModelFit
     pool: tuple[Explanation, ...]
+    gains: Mapping[str, float]
     evidence: tuple[ExplanationEvidence, ...]
     held: tuple[Problem, ...]
     families: Mapping[frozenset[str], tuple[UnnamedFamily, ...]] = field(default_factory=dict)
@@ -118,13 +123,15 @@ def explore(
     first = Explanation(model, none.fitted, own=True)
     effects = possible(model, runs, options.only, options.without)[0]
     searched = replace(none.problem, stop=options.stop)
-    pool = tuple(e for e in explored(searched, first, effects, options.progress) if e.own)
+    every = explored(searched, first, effects, options.progress)
+    pool = tuple(e for e in every if e.own)
+    alone = {next(iter(e.effects)): none.fitted.cost - e.cost for e in every if len(e.effects) == 1}
     options.progress("weighing the explanations", 0.85)
     judged = tuple(_held_out(run, none) for run in held)
     costs = [sum(cost_of(p, e.fitted) for p in judged) for e in pool]
     length = float(none.problem.runs[0].t[-1])
     evidence = tuple(evidence_of(e, c, length, len(runs)) for e, c in zip(pool, costs, strict=True))
-    found = Explored(none, pool, evidence, judged)
+    found = Explored(none, pool, {e: max(gain, 0.0) for e, gain in alone.items()}, evidence, judged)
     if options.stop():
         return found
     options.progress("looking for what has no name", 0.88)
@@ -161,11 +168,7 @@ def infer(
         tuple(_of(found, last, weighed, effect, others) for effect, others in named),
         tuple(sorted(whole.effects - {n for n, _ in named})),
         found.families.get(whole.effects, ()),
-        {
-            next(iter(e.effects)): max(none.fitted.cost - e.cost, 0.0)
-            for e in found.pool
-            if len(e.effects) == 1
-        },
+        found.gains,
         options.stop(),
     )
 
