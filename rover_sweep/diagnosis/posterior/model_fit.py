@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rover_sweep.diagnosis.posterior.structural_error import structural_error
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
-from rover_sweep.diagnosis.problem.model_error import model_error
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, problem
 from rover_sweep.diagnosis.problem.signatures import columns, signatures
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
@@ -63,7 +63,7 @@ def in_metric_of(plain: Problem, fitted: Fitted, model: Model) -> Problem:
     """The problem in the metric of what every rover has: tolerances, errors of speed and structure."""
     effects = possible(model, plain.runs)[0]
     usual = signatures(plain, fitted, model, effects, tolerances=True)
-    usual += [*speed_drift(plain, fitted), *model_error(plain, fitted)]
+    usual += [*speed_drift(plain, fitted), *structural_error(plain, fitted)]
     return plain.in_metric(columns(usual, plain.size))
 
 

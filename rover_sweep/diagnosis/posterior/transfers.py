@@ -45,9 +45,11 @@ class RunTransfers:
     responses: Mapping[str, Mapping[str, Any]]
 
 
-def transfers(runs: Sequence[Experiment], structure: Structure, x: Mapping[str, float]) -> list[RunTransfers]:
-    """The impulse responses of a model at the coordinates x in each run."""
-    return [_of_run(run, structure, x) for run in runs]
+def transfers(
+    runs: Sequence[Experiment], structure: Structure, x: Mapping[str, float], places: Sequence[str] = ()
+) -> list[RunTransfers]:
+    """The impulse responses of a model at the coordinates x in each run. places: () for all."""
+    return [_of_run(run, structure, x, places or places_in(structure, run)) for run in runs]
 
 
 def added_rows(problem: Problem, found: Sequence[RunTransfers], place: str, spectra: Sequence[Any]) -> Array:
@@ -71,14 +73,16 @@ def tapered_spectrum(run: Experiment, s: Array) -> Any:
     return rfft((s * run.taper).astype(np.float32))
 
 
-def _of_run(run: Experiment, structure: Structure, x: Mapping[str, float]) -> RunTransfers:
+def _of_run(
+    run: Experiment, structure: Structure, x: Mapping[str, float], places: Sequence[str]
+) -> RunTransfers:
     sensors = Sensors.of(run)
     plain = logged(run, structure, x, sensors)
     moved = motion(run, structure, x)
     at = int(PULSE_AT * run.t.size)
     n = min(int(LENGTH * RATE), run.t.size - at)
     responses = {}
-    for place in _places(structure, run):
+    for place in places:
         effect, pulse = _pulse(place, structure, at)
         more = replace(structure, effects=(*structure.effects, effect))
         log = logged(run, more, x, sensors)
@@ -92,7 +96,7 @@ def _early(h: Array, size: int) -> Any:
     return rfft(np.roll(np.concatenate((h, np.zeros(size - h.size))), -2).astype(np.float32))
 
 
-def _places(structure: Structure, run: Experiment) -> tuple[str, ...]:
+def places_in(structure: Structure, run: Experiment) -> tuple[str, ...]:
     """The places at which a law can act in this model."""
     forces = FORCES if structure.slip and not structure.lumped else ()
     body = [place for place in forces if structure.roll or place != "roll moment"]
