@@ -183,7 +183,8 @@ def _extended(
 
     def fitted(s: Screened) -> Explanation:
         found = Explanation(s.model, fit_from(problem, base, s))
-        stuck = np.isfinite(s.predicted) and base.cost - found.cost < ASTRAY * s.predicted
+        short = s.predicted - (base.cost - found.cost) if np.isfinite(s.predicted) else 0.0
+        stuck = short > max((1.0 - ASTRAY) * s.predicted, NEAR * base.overdispersion)
         return _from_start(problem, found) if far or stuck else found
 
     return list(side_by_side(fitted, chosen))
