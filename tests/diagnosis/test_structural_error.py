@@ -1,4 +1,4 @@
-"""The smooth relative error of every model, as a term of the covariance."""
+"""The error of every model, as a term of the covariance."""
 
 from __future__ import annotations
 
@@ -8,8 +8,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.posterior.structural_error import COMMON, KNOTS, OWN, errors_of_responses
+from rover_sweep.diagnosis.posterior.model_fit import with_floor_of
+from rover_sweep.diagnosis.posterior.structural_error import (
+    COMMON,
+    HEIGHT,
+    KNOTS,
+    OWN,
+    TRAIL,
+    errors_of_coefficients,
+    errors_of_responses,
+)
+from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Metric, Rows
+from rover_sweep.diagnosis.simulation.table_law import TableLaw, with_laws
+from tests.diagnosis.planted import MODEL, ROVER, X, sweeps
 
 LINES = np.geomspace(0.05, 10.0, 300)
 
@@ -72,3 +84,24 @@ def test_a_run_alone_has_the_common_error_only():
 def _moved(run, share):
     z = share * lines(MODELLED, run)
     return np.concatenate([z.real, z.imag])
+
+
+def test_an_error_of_a_coefficient_adds_what_the_same_force_adds_in_the_simulation():
+    run = sweeps(1, ((0.10, 2.0),))[0]
+    found = with_floor_of([run], MODEL, X)
+    structure, free = MODEL.structure, MODEL.free
+    fitted = Fitted(structure, free, X, 0.0, np.zeros(found.size), np.zeros((found.size, len(free))))
+    columns = {s.parameter: s.rows for s in errors_of_coefficients(found, fitted)}
+    assert set(columns) == {"trail", "roll axis front", "roll axis rear"}
+    per_p = 35.0 * HEIGHT * ROVER.h / 2.0  # N s/rad at 2 m/s
+    per_ay = TRAIL * ROVER.wheelbase * ROVER.mass  # N m/(m/s^2)
+    for name, place, over, size in (
+        ("roll axis front", "side force front", "p", per_p),
+        ("roll axis rear", "side force rear", "p", per_p),
+        ("trail", "yaw moment", "a_y", per_ay),
+    ):
+        small = 0.01
+        law = TableLaw(place, over, (-50.0, 50.0), (-50.0 * small * size, 50.0 * small * size))
+        added = found.model(with_laws(structure, [law]), X) - found.model(structure, X)
+        wrong = np.linalg.norm(columns[name] * small - added) / np.linalg.norm(added)
+        assert wrong < 0.03, f"{name}: {wrong:.3f}"
