@@ -64,18 +64,28 @@ def explored(
     problem: Problem,
     first: Explanation,
     effects: Sequence[Effect],
+    nearer: Callable[[Explanation], tuple[Problem, Explanation]],
     progress: Progress = lambda what, share: None,
-) -> list[Explanation]:
-    """The explanations that were found, the first one among them, the smallest cost first.
+) -> tuple[Problem, Explanation, list[Explanation]]:
+    """(problem, explanation that its metric was made at, the explanations that were found).
 
-    Where the problem's stop is true, those found so far. progress(activity, share of all the work).
+    first: without effects, fitted to the problem, whose metric was made at it. The smallest cost comes first.
+    nearer(explanation): the problem in the metric made there, and `first` in it; it is asked where `first` is
+    far off and the best single effect is not. Where the problem's stop is true, those found so far.
+    progress(activity, share of all the work).
     """
     pool: dict[frozenset[str], Explanation] = {first.effects: first}
-    level, alone = [first], dict[str, Explanation]()
+    level, alone, made_at = [first], dict[str, Explanation](), first
     for depth, (width, beam) in enumerate(zip(WIDTH, BEAM, strict=True)):
         progress(f"trying {('single effects', 'pairs of effects', 'three effects')[depth]}", DONE[depth])
         try:
             ranked = _next_level(problem, level, beam, width, effects, alone, pool)
+            if not depth and ranked and _is_far_off(first, ranked[0]):
+                made_at = ranked[0]
+                problem, first = nearer(made_at)
+                own = [e for e in ranked if e.own]
+                ranked = sorted(side_by_side(lambda e: _converged(problem, e), own), key=lambda e: e.cost)
+                pool, level = {first.effects: first}, [first]
         except Stopped:
             break
         if not alone:
@@ -85,7 +95,13 @@ def explored(
         if not ranked or least - ranked[0].cost < GOES_ON * ranked[0].fitted.overdispersion:
             break
         level = ranked
-    return sorted(pool.values(), key=lambda e: e.cost)
+    return problem, made_at, sorted(pool.values(), key=lambda e: e.cost)
+
+
+def _is_far_off(first: Explanation, best: Explanation) -> bool:
+    """True where the rows of a metric that was made at `first` are not those of the rover."""
+    before, after = first.fitted.overdispersion, best.fitted.overdispersion
+    return best.own and before >= FAR_OFF and before >= FAR_OFF * after
 
 
 def _next_level(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,8 @@ from rover_sweep.diagnosis.posterior.weights import (
     evidence_of,
     posterior,
 )
-from rover_sweep.diagnosis.problem.residuals import Problem, with_floor
+from rover_sweep.diagnosis.problem.least_squares import fit, sensitivities
+from rover_sweep.diagnosis.problem.residuals import Problem, never, with_floor
 from rover_sweep.diagnosis.search.bounds import cost_of
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -123,11 +125,13 @@ def explore(
     first = Explanation(model, none.fitted, own=True)
     effects = possible(model, runs, options.only, options.without)[0]
     searched = replace(none.problem, stop=options.stop)
-    every = explored(searched, first, effects, options.progress)
+    nearer = partial(_made_at, none, options.stop)
+    problem, made_at, every = explored(searched, first, effects, nearer, options.progress)
     pool = tuple(e for e in every if e.own)
+    none = replace(none, problem=replace(problem, stop=never), fitted=next(e for e in pool if not e.effects).fitted)
     alone = {next(iter(e.effects)): none.fitted.cost - e.cost for e in every if len(e.effects) == 1}
     options.progress("weighing the explanations", 0.85)
-    judged = tuple(_held_out(run, none) for run in held)
+    judged = tuple(_held_out(run, none, made_at) for run in held)
     costs = [sum(cost_of(p, e.fitted) for p in judged) for e in pool]
     length = float(none.problem.runs[0].t[-1])
     evidence = tuple(evidence_of(e, c, length, len(runs)) for e, c in zip(pool, costs, strict=True))
@@ -183,10 +187,17 @@ def _something_else(found: Explored, effects: frozenset[str]) -> SomethingElse:
     return SomethingElse(effects, likely, changes)
 
 
-def _held_out(run: Experiment, none: ModelFit) -> Problem:
+def _made_at(none: ModelFit, stop: Callable[[], bool], one: Explanation) -> tuple[Problem, Explanation]:
+    """The problem in the metric made at an explanation, and the model without effects in it."""
+    problem = replace(in_metric_of(none.problem.plain, one.fitted, one.model), stop=stop)
+    fitted = fit(problem, none.model.structure, none.model.free, none.fitted.x)
+    return problem, Explanation(none.model, sensitivities(problem, fitted), own=True)
+
+
+def _held_out(run: Experiment, none: ModelFit, made_at: Explanation) -> Problem:
     """A held-out run as a problem in the metric of what every rover has."""
     floor = scaled_floor(run, none.problem.floor, FittedModel(none.model, none.closest.x))
-    return in_metric_of(with_floor([run], floor), none.fitted, none.model)
+    return in_metric_of(with_floor([run], floor), made_at.fitted, made_at.model)
 
 
 def _named(weighed: Posterior) -> list[tuple[str, dict[str, float]]]:
