@@ -19,8 +19,8 @@ from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.design.demand import space
 from rover_sweep.diagnosis.plans.next_run import OpenPoints, RunValue, run_values
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
+from rover_sweep.diagnosis.plans.planner import Planner
 from rover_sweep.diagnosis.plans.proposals import candidates, largest_amplitude, manoeuvre_for
-from rover_sweep.diagnosis.plans.sets import Planner
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.diagnosis.simulation.experiment import experiment

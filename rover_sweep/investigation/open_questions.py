@@ -1,4 +1,4 @@
-"""What a diagnosis leaves open: pairs of effects to separate, and bounds to lower.
+"""What a diagnosis leaves open: explanations with their probabilities, and bounds to lower.
 
 The verdict `explained` is settled if
 - no finding has a look-alike,
@@ -11,13 +11,15 @@ excluded from the size that matters on. `partly explained` and `unexplained` are
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, log, prod
 
-from rover_sweep.diagnosis.plans.next_run import OpenPoints, Pair
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
+from rover_sweep.diagnosis.plans.next_run import OpenPoints
+from rover_sweep.diagnosis.posterior.infer import SURE
 from rover_sweep.diagnosis.result import Diagnosis, Finding, UpperBound
 
-SURE = 0.8  # probability of the findings; of single ones with 78 % and more, 75 to 97 % were right (README)
 RIVALS = 3  # other effects that are considered where nothing names one
 FOLLOWS = 0.3  # share of the largest gain, from which on an effect is considered
 
@@ -40,9 +42,9 @@ def open_questions(found: Diagnosis) -> OpenQuestions:
         asked = _joined([_of_finding(f, found) for f in found.findings])
         return asked if asked.why else _of_all(found)
     left = (found.unknown.sentence if found.unknown else found.sentence).partition(";")[0]
-    weak = tuple(f.effect for f in found.findings) or tuple(_strongest(found)[:1])
-    points = OpenPoints(_unexplained(found), {}, weak)
-    return OpenQuestions(points, f"a part of the residual has no name ({left})")
+    named = [f.effect for f in found.findings]
+    odds = _odds(found, dict.fromkeys(named or _strongest(found)[:1], 0.0), _rivals(found))
+    return OpenQuestions(OpenPoints(odds), f"a part of the residual has no name ({left})")
 
 
 def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
@@ -50,10 +52,11 @@ def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
     if finding.look_alikes:
         others = " and ".join(finding.look_alikes)
         verb = "explains" if len(finding.look_alikes) == 1 else "explain"
-        pairs = tuple((effect, other) for other in finding.look_alikes)
-        return OpenQuestions(OpenPoints(pairs), f"{others} {verb} the runs as well as {effect}")
+        share = {e: finding.evidence.get(f"probability:{e}", 0.0) for e in finding.look_alikes}
+        odds = _odds(found, {effect: finding.probability or 0.0, **share}, ())
+        return OpenQuestions(OpenPoints(odds), f"{others} {verb} the runs as well as {effect}")
     if _refuted(finding):
-        return OpenQuestions(_doubtful(effect, found), f"held-out data do not confirm {effect}")
+        return OpenQuestions(_doubtful(finding, found), f"held-out data do not confirm {effect}")
     if not finding.held_out:
         return OpenQuestions(OpenPoints(), f"{effect} is not tested on a held-out run", (effect,))
     return OpenQuestions(OpenPoints())
@@ -74,16 +77,15 @@ def _of_all(found: Diagnosis) -> OpenQuestions:
     together = prod(known.values())
     if together >= SURE:
         return OpenQuestions(OpenPoints())
-    least = min(known, key=lambda effect: known[effect])
-    what = least if len(known) == 1 else f"all of {', '.join(known)}"
+    least = min((f for f in found.findings if f.effect in known), key=lambda f: known[f.effect])
+    what = least.effect if len(known) == 1 else f"all of {', '.join(known)}"
     return OpenQuestions(_doubtful(least, found), f"the probability of {what} is only {100 * together:.0f} %")
 
 
 def _joined(parts: list[OpenQuestions]) -> OpenQuestions:
-    pairs = tuple(dict.fromkeys(pair for part in parts for pair in part.points.pairs))
+    odds = {e: p for part in parts for e, p in part.points.odds.items()}
     why = "; ".join(part.why for part in parts if part.why)
-    weak = tuple(effect for part in parts for effect in part.points.weak)
-    return OpenQuestions(OpenPoints(pairs, {}, weak), why, tuple(e for part in parts for e in part.unchecked))
+    return OpenQuestions(OpenPoints(odds), why, tuple(e for part in parts for e in part.unchecked))
 
 
 def _bounds(found: Diagnosis) -> OpenQuestions:
@@ -97,7 +99,7 @@ def _bounds(found: Diagnosis) -> OpenQuestions:
     if not over:
         return OpenQuestions(OpenPoints())
     why = f"no effect is missing, but {len(over)} may still be larger than the size that matters"
-    return OpenQuestions(OpenPoints((), over), why)
+    return OpenQuestions(OpenPoints(_odds(found, {}, tuple(over)), over), why)
 
 
 def times_over(bound: UpperBound) -> float:
@@ -115,29 +117,29 @@ def times_over(bound: UpperBound) -> float:
     return abs(value / matters)
 
 
-def _doubtful(effect: str, found: Diagnosis) -> OpenPoints:
-    return OpenPoints(_rivals(effect, found), {}, (effect,))
+def _doubtful(finding: Finding, found: Diagnosis) -> OpenPoints:
+    return OpenPoints(_odds(found, {finding.effect: finding.probability or 0.0}, _rivals(found)))
 
 
-def _rivals(effect: str, found: Diagnosis) -> tuple[Pair, ...]:
-    """The finding with each of the strongest other effects."""
+def _odds(found: Diagnosis, known: Mapping[str, float], rivals: Sequence[str]) -> dict[str, float]:
+    """{explanation: probability}: of none and of something else as diagnosed, of `known` effects as given.
+
+    The rest is shared by the rivals and by the effects whose probability is 0, which is not known.
+    """
+    odds = {NONE: found.p_none or 0.0, OTHER: found.p_else or 0.0, **known}
+    open_now = [e for e, p in odds.items() if p == 0.0 and e in known] + [e for e in rivals if e not in known]
+    rest = max(1.0 - sum(odds.values()), 0.0)
+    return odds | {e: rest / len(open_now) for e in open_now}
+
+
+def _rivals(found: Diagnosis) -> tuple[str, ...]:
+    """The strongest effects that are not named."""
     named = {f.effect for f in found.findings}
-    return tuple((effect, other) for other in _strongest(found) if other not in named)
-
-
-def _unexplained(found: Diagnosis) -> tuple[Pair, ...]:
-    """Each finding with its look-alikes and the strongest others; without a finding, the strongest ones."""
-    if not found.findings:
-        first, *others = _strongest(found) or [""]
-        return tuple((first, other) for other in others)
-    pairs = [(f.effect, other) for f in found.findings for other in f.look_alikes]
-    return tuple(
-        dict.fromkeys([*pairs, *(pair for f in found.findings for pair in _rivals(f.effect, found))])
-    )
+    return tuple(e for e in _strongest(found) if e not in named)
 
 
 def _strongest(found: Diagnosis) -> list[str]:
-    """Effects by their gain in the first round, the largest first."""
+    """Effects by their gain alone, the largest first."""
     ranked = sorted(found.scores, key=lambda effect: -found.scores[effect])
     least = FOLLOWS * max(found.scores.values(), default=0.0)
     return [effect for effect in ranked if found.scores[effect] >= least][: RIVALS + 1]

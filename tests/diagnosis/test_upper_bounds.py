@@ -13,9 +13,9 @@ from planted import MODEL, NOISE, X, sweeps
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit
+from rover_sweep.diagnosis.posterior.size_growth import Growth, Side, Signals, sides
 from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
-from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
 ONLY = ("front_rear_stiffness", "steering_backlash", "velocity_lag", "servo_rate_limit")
@@ -100,8 +100,8 @@ def test_a_prior_takes_a_part_at_a_cost() -> None:
     rows: Array = np.array([20.0])
     growth = Growth(Side(effect, effect.parameters[0], 0.0, 1.0, 9.0, 0.5), 2.0, rows, 1.0)
     assert growth.length == pytest.approx(2.0 / np.sqrt(0.26))
-    assert growth.coordinate_of(growth.length) == pytest.approx(2.0)
-    assert growth.coordinate_of(1e3) == np.inf  # beyond the parameter's bound
+    assert growth.distance_of(growth.length) == pytest.approx(2.0)
+    assert growth.distance_of(1e3) == np.inf  # beyond the parameter's bound
 
 
 def test_the_most_important_are_material_and_change_the_motion_most() -> None:

@@ -4,7 +4,7 @@ The bound is the upper 95 % quantile of the posterior of the size, for each sign
 unit direction u of the part of the signature that the nominal model cannot explain, and r the residual rows
 there, the data give the length u^T r of the signature with the standard deviation sqrt(v), v the variance
 with which the likelihood counts (`posterior.weights`); a length is not negative. The size that has this
-length follows from the growth of the signature (`needed_size`).
+length follows from the growth of the signature (`size_growth`).
 
 The other parameters of the effect are absent while one is judged. Effects that happen in one run at an
 instant are judged in the middle of each run; the run that shows them least counts.
@@ -22,10 +22,10 @@ from scipy.special import ndtr, ndtri
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
+from rover_sweep.diagnosis.posterior.size_growth import Growth, Side, Signals, sides
 from rover_sweep.diagnosis.posterior.weights import COARSE
 from rover_sweep.diagnosis.result import Unseen, UpperBound
-from rover_sweep.diagnosis.search.material import EARLIER, LAGS, material_sizes
-from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
+from rover_sweep.diagnosis.search.material import EARLIER, LAGS, least_size, material_sizes
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, possible
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.spectra.side_by_side import side_by_side
@@ -62,7 +62,7 @@ def upper_bounds(last: ModelFit, only: Sequence[str] = (), without: Sequence[str
 
 def _unseen(last: ModelFit, signals: Signals, effect: Effect) -> Unseen:
     runs = tuple(r.name for r in last.problem.runs)
-    ends = [_end(last, signals, side) for side in sides(effect, last.model, runs, every_form=True)]
+    ends = [_end(last, signals, side) for side in sides(effect, last.model, runs)]
     shown = [e for e in ends if isfinite(e.coordinate)]
     if not shown:
         return Unseen(effect.id, NO_BOUND)
@@ -86,9 +86,8 @@ def _end(last: ModelFit, signals: Signals, side: Side) -> _End:
         return _End(side, inf)
     distance = growth.distance_of(_upper(_projected(last, signals, growth), noise))
     coordinate = side.start + side.way * (distance if distance <= side.room else inf)
-    if side.effect.id in LAGS:  # a finding only where both lags together are above the normal tolerance
-        other = "delay" if side.effect.id == "servo_lag" else "lag"
-        coordinate = max(coordinate, last.model.spread.together - last.fitted.x[other])
+    if side.effect.id in LAGS:
+        coordinate = max(coordinate, least_size(side.effect, side.parameter, last.model, last.fitted.x))
     return _End(side, coordinate)
 
 

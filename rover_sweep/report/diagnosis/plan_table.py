@@ -24,9 +24,9 @@ KINDS = {
     "servo_test": "servo test on blocks",
     "other": "other drive",
 }
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 SIZES = (
-    "detectable: smallest size found in half of repeats, for either sign (a ratio or its inverse). "
+    "detectable: size from which a diagnosis is expected to name the effect with 80 %. "
     "matters: smaller is normal tolerance."
 )
 
@@ -118,6 +118,6 @@ def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
 
 
 def pair_table(pairs: Sequence[SimilarPair], heading: str) -> Table:
-    """Pairs of effects with the cosine of their signatures; 1 means they cannot be separated."""
-    rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{p.cosine:.3f}")) for p in pairs)
-    return Table(heading, ("", "", "cosine"), rows, text_columns=2)
+    """Pairs of effects with the expected probability of the second where the first is true."""
+    rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{100 * p.probability:.0f} %")) for p in pairs)
+    return Table(heading, ("true", "explains it as well", "probability"), rows, text_columns=2)

@@ -1,12 +1,9 @@
-"""The size at which an effect is found, from the signature that the runs would show.
+"""How the signature of an effect grows with its size, for the bound of an effect that was not found.
 
-An effect of the coordinate q, with the nominal model refitted, leaves rows of the length L(q). Its gain is
-then (L + e)^2 with e ~ N(0, v), v the variance of a row, and it is found above its threshold h. So half of
-repeats find the size with L = sqrt(h), and 95 % find the size with L = sqrt(h) + 1.645 sqrt(v).
-
-Where the nominal model has the coordinate itself, it takes the effect's place up to its bound, and L begins
-there. With a prior of the standard deviation s instead of bounds, it takes a part of the effect's place at a
-cost: the gain is q^2/(s^2 + (q/L)^2).
+An effect of the coordinate q, with the nominal model refitted, adds rows of the length L(q). Where the
+nominal model has the coordinate itself, it takes the effect's place up to its bound, and L begins there. With
+a prior of the standard deviation s instead of bounds, it takes a part of the effect's place at a cost:
+L = q/sqrt(s^2 + (q/L)^2).
 
 The two signs of an effect differ: towards oversteer a given Cf/Cr shows several times more than towards
 understeer. Both are computed. L of a limit grows steeply with q, so L is taken at two sizes, and a power law
@@ -75,10 +72,6 @@ class Growth:
         """The distance at which the signature has this length, at most the room of the side."""
         found = self.distance * (length / self.length) ** (1.0 / self.power)
         return found if found <= self.side.room else inf
-
-    def coordinate_of(self, length: float) -> float:
-        """The coordinate at which the signature has this length, infinite beyond the parameter's bound."""
-        return self.side.start + self.side.way * self.distance_of(length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,15 +152,14 @@ def replaced_by(effect: Effect) -> set[str]:
     return {p.nominal for p in effect.parameters if p.nominal}
 
 
-def sides(effect: Effect, model: Model, runs: tuple[str, ...], every_form: bool = False) -> Iterator[Side]:
+def sides(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]:
     """The signs of an effect's parameters that these runs could show, in all its forms.
 
-    For an effect that is in one run there is one for each run. every_form: of such an effect too, not its
-    first form alone. Forms with the same nominal coordinate have the same sides.
+    For an effect that is in one run there is one for each run. Forms with the same nominal coordinate have
+    the same sides.
     """
     for law in model.laws(effect.id):
-        if law.first or every_form or not law.in_one_run:
-            yield from _sides_of(law, model, runs)
+        yield from _sides_of(law, model, runs)
 
 
 def _sides_of(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]:
