@@ -37,7 +37,7 @@ from rover_sweep.diagnosis.problem.least_squares import WEAK
 from rover_sweep.diagnosis.search.candidate_fits import INSTANTS
 from rover_sweep.diagnosis.simulation.candidates import Model
 
-DRAWS = 24  # sets of data of each truth
+DRAWS = 32  # sets of data of each truth
 NONE, OTHER = "", "something else"
 
 

@@ -17,7 +17,7 @@ from rover_sweep.diagnosis.plans.planner import Planner, Progress, SetResult
 from rover_sweep.diagnosis.plans.proposals import allowed, candidates, run_text
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
-LEAST_BITS = 0.05  # information for which a run is worth its drive
+LEAST_BITS = 0.1  # information for which a run is worth its drive
 NAMED = 6  # effects that a sentence names
 
 
@@ -90,7 +90,7 @@ def _answer(any_given: bool, given: SetResult, best: SetResult, added: int) -> t
     """First what the given runs are expected to name, then what the proposal adds, then what stays open."""
     asked, count = len(best.sure), "1 run" if added == 1 else f"{added} runs"
     open_now = [e for e in best.sure if e not in best.separated]
-    left = (f"not detected and separated at its size: {in_words(open_now)}",) if open_now else ()
+    left = (f"not detected and separated at their usual size: {in_words(open_now)}",) if open_now else ()
     if not any_given:
         verb = "detects and separates" if added == 1 else "detect and separate"
         return (f"{count} {verb} {len(best.separated)} of {asked} effects", *left)
