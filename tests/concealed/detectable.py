@@ -38,7 +38,7 @@ def sizes(folder: Path) -> Sizes:
         if one is None and effect in planner.asked:
             continue
         if one is not None and one.parameter in own:
-            p = planner.first[effect]
+            p = planner.assumed.first(effect)
             if abs(p.coordinate(one.size or 0.0)) > MOST * abs(p.coordinate(own[one.parameter])):
                 continue
             own[one.parameter] = one.size or 0.0

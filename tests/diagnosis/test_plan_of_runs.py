@@ -18,7 +18,7 @@ from rover_sweep.diagnosis.plans.plan import plan
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
 from rover_sweep.diagnosis.plans.planner import Planner
 from rover_sweep.diagnosis.plans.proposals import allowed, candidates, lateral_acceleration, usual_run
-from rover_sweep.diagnosis.plans.run_evidence import Assumed, RunEvidence, basis, evidence
+from rover_sweep.diagnosis.plans.run_evidence import RunEvidence, basis, evidence
 from rover_sweep.diagnosis.posterior.infer import SURE, Options, explore
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
@@ -45,20 +45,19 @@ def usual() -> Planner:
 def drawn(effects: Sequence[str], signatures: np.ndarray, runs: int = 1) -> RunSet:
     """Runs that show some effects by these rows (rows, effects), and nothing else."""
     one = usual()
-    keys = tuple((e, one.first[e].name) for e in effects)
+    keys = tuple((e, one.assumed.first(e).name) for e in effects)
     gram = signatures.T @ signatures
     values, vectors = np.linalg.eigh(gram)
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     found = [RunEvidence(keys, gram, root)] * runs
-    laws = [one.model.law(e) for e in effects]
-    return RunSet.of(one.model, laws, one.assumed.x, one.reach, found)
+    return RunSet.of(replace(one.assumed, effects={e: one.assumed.effects[e] for e in effects}), found)
 
 
 def test_the_gram_matrix_is_that_of_all_rows() -> None:
     one = usual()
-    found = basis(one.experiment(STEPS), one.model, one.effects, one.assumed)
+    found = basis(one.experiment(STEPS), one.assumed)
     own = np.linalg.inv(np.eye(found.problem.size) + found.own @ found.own.T)
-    few = evidence(found, one.model, one.effects[:1], one.reach)
+    few = evidence(found, one.assumed)
     n = len(found.keys)
     np.testing.assert_allclose(few.gram[:n, :n], found.rows.T @ own @ found.rows, rtol=1e-5, atol=1e-3)
     np.testing.assert_allclose(few.root @ few.root, few.gram, rtol=1e-5, atol=1e-3)
@@ -102,7 +101,9 @@ def test_an_effect_that_a_tolerance_hides_is_not_named() -> None:
     """A trim within its tolerance is the nominal model's; beyond it, it is a finding."""
     one = usual()
     runs = one.together((SMALL, LARGE))
-    truth = runs.truth("steering_trim", 0.0) @ runs.gram
+    amounts = runs.truth("steering_trim")
+    amounts[runs.column_of("steering_trim")] = 0.0
+    truth = amounts @ runs.gram
     fixed, _ = runs.batch.limited(truth[None, :])
     cost = runs.batch.costs(truth[None, None, :], fixed, np.zeros(fixed.shape, bool))[0, :, 0]
     names = [name for name, _ in runs.explanations]
@@ -196,18 +197,18 @@ def test_a_detectable_size_is_not_below_the_one_that_matters_and_falls_with_more
 def test_an_effect_is_sure_at_its_detectable_size_only() -> None:
     one = planner(wanted=("steering_nonlinearity",))
     size = detectable(one, (LARGE,))["steering_nonlinearity"].size or 0.0
-    key = ("steering_nonlinearity", "c3")
+    effect, own = "steering_nonlinearity", one.assumed.first("steering_nonlinearity").size
     for factor, named in ((0.8, False), (1.25, True)):
-        reach = {**one.reach, key: one.reach[key].times(factor * size / one.reach[key].distance)}
-        shares = expected(one.together((LARGE,), reach), [key[0]]).shares()
-        assert (shares[key[0]][key[0]] >= SURE) == named
+        runs = one.together((LARGE,), {effect: factor * size / own})
+        assert (expected(runs, [effect]).shares()[effect][effect] >= SURE) == named
 
 
 def test_recorded_noise_counts_in_a_plan() -> None:
     """Ten times the noise power makes the same tyre saturation harder to find: its mu must be smaller."""
     quiet, loud = planner(wanted=("tyre_saturation",)), planner(wanted=("tyre_saturation",))
     floor = quiet.assumed.floor
-    loud.assumed = Assumed(Floor(floor.f, {c: 10.0 * d for c, d in floor.density.items()}), quiet.assumed.x)
+    more = Floor(floor.f, {c: 10.0 * d for c, d in floor.density.items()})
+    loud.assumed = replace(quiet.assumed, floor=more)
     one, ten = (detectable(p, (SMALL,))["tyre_saturation"].size or 0.0 for p in (quiet, loud))
     assert 0.0 < ten < 0.9 * one
 
@@ -236,7 +237,7 @@ def test_a_bound_shrinks_with_the_standard_deviation() -> None:
 
 def recorded(one: Planner, runs: Sequence[PlannedRun], effect: str, size: float) -> list[Experiment]:
     """The runs of a rover with this effect, with the noise that the plan assumes."""
-    random, law, p = np.random.default_rng(3), one.model.law(effect), one.first[effect]
+    random, law, p = np.random.default_rng(3), one.model.law(effect), one.assumed.first(effect)
     structure = one.model.with_effect(effect).structure
     x = {**one.assumed.x, law.coordinate_name(p): p.coordinate(size) * p.per}
     out = []

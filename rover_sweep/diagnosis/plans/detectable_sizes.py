@@ -8,6 +8,7 @@ from math import sqrt
 from rover_sweep.diagnosis.plans.expected_posterior import expected
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize, PlannedRun
 from rover_sweep.diagnosis.plans.planner import Planner
+from rover_sweep.diagnosis.plans.run_evidence import Assumed
 from rover_sweep.diagnosis.posterior.infer import SURE
 from rover_sweep.diagnosis.posterior.upper_bounds import reported_value
 from rover_sweep.diagnosis.search.material import least_size
@@ -21,25 +22,25 @@ def detectable(planner: Planner, runs: Sequence[PlannedRun]) -> dict[str, Detect
     By bisection of the size's logarithm, since the signatures of limits grow faster than the size: the runs
     are simulated with each effect at the size that is tried.
     """
+    given = planner.assumed
     low = dict.fromkeys(planner.asked, 1.0 / 16.0)
-    high = {e: min(16.0, planner.reach[e, planner.first[e].name].most) for e in planner.asked}
+    high = {e: min(16.0, given.reach[e, given.first(e).name].most) for e in planner.asked}
     sure = dict.fromkeys(planner.asked, False)
     for n in range(PASSES):
         planner.progress("computing detectable sizes", 0.85 + 0.15 * n / PASSES)
         tried = {e: sqrt(low[e] * high[e]) for e in planner.asked}
-        reach = {key: one.times(tried.get(key[0], 1.0)) for key, one in planner.reach.items()}
-        shares = expected(planner.together(runs, reach), planner.asked).shares()
+        shares = expected(planner.together(runs, tried), planner.asked).shares()
         for effect, size in tried.items():
             named = shares[effect][effect] >= SURE
             sure[effect] |= named
             (high if named else low)[effect] = size
-    return {e: _shown(planner, e, high[e]) for e in planner.asked if sure[e]}
+    return {e: _shown(given, e, high[e]) for e in planner.asked if sure[e]}
 
 
-def _shown(planner: Planner, effect: str, times: float) -> DetectableSize:
+def _shown(given: Assumed, effect: str, times: float) -> DetectableSize:
     """The size as a user reads it; times: over the reach."""
-    law, p = planner.model.law(effect), planner.first[effect]
-    reach, least = planner.reach[effect, p.name], least_size(law, p, planner.model, planner.assumed.x)
+    law, p = given.effects[effect], given.first(effect)
+    reach, least = given.reach[effect, p.name], least_size(law, p, given.model, given.x)
     way = 1.0 if reach.distance > 0.0 else -1.0
     size = max(way * (reach.start + times * reach.distance) / p.per, least)
     name, unit, value = reported_value(law, p, way * size)

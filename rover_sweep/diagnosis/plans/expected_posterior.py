@@ -30,12 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect, EffectParameter
-from rover_sweep.diagnosis.plans.run_evidence import Key, Reach, RunEvidence
+from rover_sweep.diagnosis.plans.run_evidence import Assumed, RunEvidence
 from rover_sweep.diagnosis.posterior.weights import COARSE, ELSE, FIRST, POWER, SPAN, WIDTH
 from rover_sweep.diagnosis.problem.least_squares import WEAK
 from rover_sweep.diagnosis.search.candidate_fits import INSTANTS
-from rover_sweep.diagnosis.simulation.candidates import Model
 
 DRAWS = 32  # sets of data of each truth
 NONE, OTHER = "", "something else"
@@ -45,28 +43,19 @@ NONE, OTHER = "", "something else"
 class RunSet:
     """Runs together. k columns: nominal coordinates with bounds, and effects; the others are eliminated.
 
-    keys: of the columns, with the run of an effect that happens in one. reach: of the effects. x: the nominal
-    model. gram (k + 1, k + 1), noise (draws, k + 1): scores of noise and tolerances; the last one is empty.
+    keys: of the columns, with the run of an effect that happens in one. gram (k + 1, k + 1), noise
+    (draws, k + 1): scores of noise and tolerances; the last one is empty.
     """
 
-    model: Model
-    effects: Mapping[str, Effect]
-    x: Mapping[str, float]
-    reach: Mapping[Key, Reach]
+    given: Assumed
     keys: tuple[tuple[str, str, int], ...]
     gram: Array
     noise: Array
 
     @staticmethod
-    def of(
-        model: Model,
-        effects: Sequence[Effect],
-        x: Mapping[str, float],
-        reach: Mapping[Key, Reach],
-        runs: Sequence[RunEvidence],
-    ) -> RunSet:
+    def of(given: Assumed, runs: Sequence[RunEvidence]) -> RunSet:
         """The set of these runs, each as often as it is driven."""
-        alone = {e.id for e in effects if e.in_one_run}
+        alone = {e for e, effect in given.effects.items() if effect.in_one_run}
         named = [[(*key, n if key[0] in alone else 0) for key in run.keys] for n, run in enumerate(runs)]
         keys = sorted({key for each in named for key in each})
         gram, noise = np.zeros((len(keys), len(keys))), np.zeros((DRAWS, len(keys)))
@@ -74,8 +63,10 @@ class RunSet:
             at = [keys.index(key) for key in each]
             gram[np.ix_(at, at)] += run.gram
             noise[:, at] += np.random.default_rng(n).standard_normal((DRAWS, len(at))) @ run.root
-        known = {("nominal", c.name, 0): (c.scale / c.prior) ** 2 if c.prior else 0.0 for c in model.free}
-        tied = {p.nominal for e in effects for p in e.parameters}
+        known = {
+            ("nominal", c.name, 0): (c.scale / c.prior) ** 2 if c.prior else 0.0 for c in given.model.free
+        }
+        tied = {p.nominal for e in given.effects.values() for p in e.parameters}
         gone = [k for k, key in enumerate(keys) if key[0] in ("usual", "nominal") and key[1] not in tied]
         kept = [k for k in range(len(keys)) if k not in set(gone)]
         prior = np.array([known.get(keys[k], 1.0) for k in gone])
@@ -85,34 +76,27 @@ class RunSet:
         moved = np.linalg.solve(inner, gram[np.ix_(gone, kept)])
         left = gram[np.ix_(kept, kept)] - gram[np.ix_(kept, gone)] @ moved
         scores = np.sqrt(COARSE) * (noise[:, kept] - noise[:, gone] @ moved)
-        own = tuple(keys[k] for k in kept)
         end = ((0, 0), (0, 1))
-        return RunSet(
-            model, {e.id: e for e in effects}, x, reach, own, np.pad(left, (0, 1)), np.pad(scores, end)
-        )
-
-    def parameter_of(self, effect: str) -> EffectParameter:
-        """The first parameter of an effect, by which it is judged."""
-        return next(p for p in self.effects[effect].parameters if (effect, p.name) in self.reach)
+        return RunSet(given, tuple(keys[k] for k in kept), np.pad(left, (0, 1)), np.pad(scores, end))
 
     def column_of(self, effect: str) -> int:
-        """The column of this parameter, in the run that shows it best."""
-        name = self.parameter_of(effect).name
+        """The column of an effect's first parameter, in the run that shows it best."""
+        name = self.given.first(effect).name
         return max(
             (k for k, key in enumerate(self.keys) if key[:2] == (effect, name)), key=lambda k: self.gram[k, k]
         )
 
-    def truth(self, effect: str, amount: float) -> Array:
-        """The amounts (k + 1,) where an effect has this amount, in reaches, beyond the tolerances."""
+    def truth(self, effect: str) -> Array:
+        """The amounts (k + 1,) where an effect is as large as it reaches, beyond the tolerances."""
         out = np.zeros(len(self.keys) + 1)
         if effect == NONE:
             return out
-        column, p = self.column_of(effect), self.parameter_of(effect)
-        out[column] = amount
-        for c in self.model.free:
+        p = self.given.first(effect)
+        out[self.column_of(effect)] = 1.0
+        for c in self.given.model.free:
             if c.name == p.nominal:
-                start = self.reach[effect, p.name].start
-                out[self.keys.index(("nominal", c.name, 0))] = (start - self.x[c.name]) / c.scale
+                start = self.given.reach[effect, p.name].start - self.given.x[c.name]
+                out[self.keys.index(("nominal", c.name, 0))] = start / c.scale
         return out
 
     @cached_property
@@ -127,7 +111,7 @@ class RunSet:
     @cached_property
     def batch(self) -> _Batch:
         """All explanations as one batch."""
-        nominal = {c.name: c for c in self.model.free}
+        nominal, effects = {c.name: c for c in self.given.model.free}, self.given.effects
         size = len(self.keys) + 1
         low, high, width = (np.full(size, v) for v in (-np.inf, np.inf, 1.0))
         weight = WEAK * (1.0 + np.diag(self.gram))  # relative, against rounding
@@ -136,18 +120,21 @@ class RunSet:
             if effect == "nominal":
                 c = nominal[name]
                 weight[k] += (c.scale / c.prior) ** 2 if c.prior else 0.0
-                low[k], high[k] = (c.low - self.x[name]) / c.scale, (c.high - self.x[name]) / c.scale
+                low[k], high[k] = (
+                    (c.low - self.given.x[name]) / c.scale,
+                    (c.high - self.given.x[name]) / c.scale,
+                )
                 continue
-            p = next(q for q in self.effects[effect].parameters if q.name == name)
-            low[k] = -np.inf if self.effects[effect].signed and not p.nominal else 0.0
-            width[k] = WIDTH * p.size * p.per / abs(self.reach[effect, name].distance)
+            p = next(q for q in effects[effect].parameters if q.name == name)
+            low[k] = -np.inf if effects[effect].signed and not p.nominal else 0.0
+            width[k] = WIDTH * p.size * p.per / abs(self.given.reach[effect, name].distance)
         bounded = [k for k, key in enumerate(self.keys) if key[0] == "nominal"]
         most = max(len(columns) for _, columns in self.explanations)
         idx = np.array([[*bounded, *own, *[size - 1] * (most - len(own))] for _, own in self.explanations])
         own = np.array([np.isin(row, own) for row, (_, own) in zip(idx, self.explanations, strict=True)])
         tied = np.zeros(idx.shape, bool)
         for row, (effect, _) in zip(tied, self.explanations, strict=True):
-            on = {p.nominal for p in self.effects[effect].parameters} if effect != NONE else set()
+            on = {p.nominal for p in effects[effect].parameters} if effect != NONE else set()
             row[: len(bounded)] = [self.keys[k][1] in on for k in bounded]
         inner = self.gram[idx[:, :, None], idx[:, None, :]] + np.eye(idx.shape[1]) * weight[idx][:, :, None]
         return _Batch(idx, inner, low[idx], high[idx], width[idx], own, tied)
@@ -202,7 +189,7 @@ class Expected:
 def expected(runs: RunSet, effects: Sequence[str]) -> Expected:
     """The weights of all explanations where each effect, or NONE, is the truth at its reach."""
     batch, names = runs.batch, [name for name, _ in runs.explanations]
-    scores = np.array([runs.truth(effect, 1.0) for effect in effects]) @ runs.gram
+    scores = np.array([runs.truth(effect) for effect in effects]) @ runs.gram
     fixed, pinned = batch.limited(scores)
     cost = batch.costs(scores[:, None, :] + runs.noise, fixed, pinned)
     gain = 0.5 * (cost[:, :1] - cost) / COARSE
@@ -210,8 +197,8 @@ def expected(runs: RunSet, effects: Sequence[str]) -> Expected:
     labels = tuple(dict.fromkeys(names))
     first = {NONE: 0.0, OTHER: ELSE}
     for label in labels[1:]:
-        tries = len(runs.model.laws(label)) * names.count(label)
-        first[label] = FIRST - log(tries * INSTANTS if runs.effects[label].in_one_run else tries)
+        tries = len(runs.given.model.laws(label)) * names.count(label)
+        first[label] = FIRST - log(tries * INSTANTS if runs.given.effects[label].in_one_run else tries)
     of = {label: [name == label for name in names] for label in labels}
     each = [first[label] + np.logaddexp.reduce(logs[:, of[label]], axis=1) for label in labels]
     each.append(first[OTHER] + POWER * np.max(gain, axis=1))

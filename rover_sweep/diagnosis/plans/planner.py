@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.effects import Effect, EffectParameter
+from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, Expected, RunSet, expected
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun, SimilarPair
 from rover_sweep.diagnosis.plans.proposals import as_experiment, run_text
@@ -18,13 +18,10 @@ from rover_sweep.diagnosis.plans.run_evidence import (
     NOISE,
     Assumed,
     Basis,
-    Key,
-    Reach,
     RunEvidence,
     assumed,
     basis,
     evidence,
-    reaches,
 )
 from rover_sweep.diagnosis.posterior.infer import SHARE, SURE
 from rover_sweep.diagnosis.result import Unseen
@@ -94,26 +91,15 @@ class Planner:
         return Model("roll-yaw" if whole else "bicycle", self.rover, self.spread, two_clocks=clocks)
 
     @cached_property
-    def assumed(self) -> Assumed:
-        """The noise, and the rover in which effects are looked for."""
-        return assumed(list(self.driven.values()), self.model)
-
-    @cached_property
     def effects(self) -> list[Effect]:
         """The effects that runs can show with this baseline."""
         fresh = self.experiment(PlannedRun("sweep", 100.0, 2.0))
         return possible(self.model, [fresh], without=self.settled)[0]
 
     @cached_property
-    def reach(self) -> Mapping[Key, Reach]:
-        """How far the signatures of the effects reach, each to its own size."""
-        return reaches(self.effects, self.model, self.assumed.x)
-
-    @cached_property
-    def first(self) -> Mapping[str, EffectParameter]:
-        """{effect: its first parameter that has a size}, by which it is judged."""
-        sized = {e.id: [p for p in e.parameters if (e.id, p.name) in self.reach] for e in self.effects}
-        return {effect: own[0] for effect, own in sized.items()}
+    def assumed(self) -> Assumed:
+        """The noise, and the rover in which effects are looked for."""
+        return assumed(list(self.driven.values()), self.model, self.effects)
 
     @property
     def asked(self) -> list[str]:
@@ -144,23 +130,23 @@ class Planner:
         new = [r for r in dict.fromkeys(_single(run) for run in runs) if r not in self._evidence]
         for k, run in enumerate(new):
             self.progress(f"simulating a {run_text(run)}", share[0] + (share[1] - share[0]) * k / len(new))
-            self._evidence[run] = evidence(self._basis(run), self.model, self.effects, self.reach)
+            self._evidence[run] = evidence(self._basis(run), self.assumed)
 
     def _basis(self, run: PlannedRun) -> Basis:
-        return basis(self.experiment(run), self.model, self.effects, self.assumed)
+        return basis(self.experiment(run), self.assumed)
 
-    def together(self, runs: Sequence[PlannedRun], reach: Mapping[Key, Reach] | None = None) -> RunSet:
+    def together(self, runs: Sequence[PlannedRun], sizes: Mapping[str, float] | None = None) -> RunSet:
         """The set of these runs, each as often as it is repeated.
 
-        reach: of other signatures, with which the runs are simulated anew.
+        sizes: {effect: multiple of its own size}, with which the runs are simulated anew.
         """
         self.simulate(runs, (0.0, 0.0))
-        found = {run: self._evidence[run] for run in map(_single, runs)}
-        if reach:
+        given, found = self.assumed, {run: self._evidence[run] for run in map(_single, runs)}
+        if sizes:
+            given = given.sized(sizes)
             self._bases |= {run: self._basis(run) for run in found if run not in self._bases}
-            found = {run: evidence(self._bases[run], self.model, self.effects, reach) for run in found}
-        every = [found[_single(run)] for run in runs for _ in range(run.repeat)]
-        return RunSet.of(self.model, self.effects, self.assumed.x, reach or self.reach, every)
+            found = {run: evidence(self._bases[run], given) for run in found}
+        return RunSet.of(given, [found[_single(run)] for run in runs for _ in range(run.repeat)])
 
     def evaluate(self, runs: Sequence[PlannedRun]) -> SetResult:
         """What a diagnosis of these runs is expected to tell about the asked effects."""

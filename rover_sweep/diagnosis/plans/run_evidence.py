@@ -17,7 +17,7 @@ import numpy as np
 from scipy.fft import rfft
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
 from rover_sweep.diagnosis.problem.model_error import COMMON, OWN, model_error
@@ -107,10 +107,24 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class Assumed:
-    """The noise floor and the coordinates {name: value} of the nominal model that a plan assumes."""
+    """What a plan assumes: the noise floor, and the rover in which effects are looked for.
 
+    effects: by their ids. x: {coordinate: value} of the nominal model. reach: of the effects' signatures.
+    """
+
+    model: Model
+    effects: Mapping[str, Effect]
     floor: Floor
     x: Mapping[str, float]
+    reach: Mapping[Key, Reach]
+
+    def first(self, effect: str) -> EffectParameter:
+        """The first parameter of an effect that has a size, by which it is judged."""
+        return next(p for p in self.effects[effect].parameters if (effect, p.name) in self.reach)
+
+    def sized(self, sizes: Mapping[str, float]) -> Assumed:
+        """The same with other sizes {effect: multiple of its own}."""
+        return replace(self, reach={k: r.times(sizes.get(k[0], 1.0)) for k, r in self.reach.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,64 +137,61 @@ class OnBlocks(Problem):
         return [whitened(self.rows, self.runs, [angle]) for angle in angles]
 
 
-def reaches(effects: Sequence[Effect], model: Model, x: Mapping[str, float]) -> dict[Key, Reach]:
-    """{column: from where to where its signature reaches}, to each parameter at its own size."""
-    bounds = {c.name: c for c in model.free}
-    out: dict[Key, Reach] = {}
-    for effect in effects:
-        free = {c.name: c for c in model.with_effect(effect.name).free}
-        for p in effect.parameters:
-            if p.name == "t" or p.size == 0.0 or (p.nominal and p.nominal not in bounds):
-                continue
-            start, distance = 0.0, p.size * p.per
-            released = free[effect.coordinate_name(p)]
-            if p.nominal:
-                upwards = released.high > bounds[p.nominal].high
-                start = bounds[p.nominal].high if upwards else bounds[p.nominal].low
-                distance = distance if upwards else -distance
-            out[effect.id, p.name] = Reach(start, distance, released.high if distance > 0.0 else released.low)
-    return out
-
-
-def assumed(driven: Sequence[Experiment], model: Model) -> Assumed:
+def assumed(driven: Sequence[Experiment], model: Model, effects: Sequence[Effect]) -> Assumed:
     """The noise floor and the model fitted to the recordings, of a small rover where there are none."""
-    usual = {c.name: float(np.clip(c.start + TYPICAL.get(c.name, 0.0), c.low, c.high)) for c in model.free}
+    x = {c.name: float(np.clip(c.start + TYPICAL.get(c.name, 0.0), c.low, c.high)) for c in model.free}
     floor = Floor(np.array(NOISE["Hz"]), {c: np.array(d) for c, d in NOISE.items() if c != "Hz"})
-    moving = [run for run in driven if run.kind != "servo_test"]
-    if not moving:
-        return Assumed(floor, usual)
-    problem, fitted = fit_with_floor(moving, model, usual, near=True)
-    density = {c: floor.at(c, problem.floor.f) for c in floor.density} | dict(problem.floor.density)
-    return Assumed(Floor(problem.floor.f, density), fitted.x)
+    if moving := [run for run in driven if run.kind != "servo_test"]:
+        problem, fitted = fit_with_floor(moving, model, x, near=True)
+        f, x = problem.floor.f, dict(fitted.x)
+        floor = Floor(f, {c: floor.at(c, f) for c in floor.density} | dict(problem.floor.density))
+    reach = {(e.id, p.name): _reach(model, e, p) for e in effects for p in e.parameters if p.name != "t"}
+    return Assumed(
+        model, {e.id: e for e in effects}, floor, x, {k: r for k, r in reach.items() if r.distance}
+    )
 
 
-def basis(run: Experiment, model: Model, effects: Sequence[Effect], given: Assumed) -> Basis:
+def _reach(model: Model, effect: Effect, p: EffectParameter) -> Reach:
+    """To a parameter at its own size, beyond the tolerance of its nominal coordinate."""
+    bounds = {c.name: c for c in model.free}
+    if p.nominal and p.nominal not in bounds:
+        return Reach(0.0, 0.0, 0.0)
+    free = next(c for c in model.with_effect(effect.name).free if c.name == effect.coordinate_name(p))
+    if not p.nominal:
+        return Reach(0.0, p.size, free.high)
+    if free.high > bounds[p.nominal].high:
+        return Reach(bounds[p.nominal].high, p.size * p.per, free.high)
+    return Reach(bounds[p.nominal].low, -p.size * p.per, free.low)
+
+
+def basis(run: Experiment, given: Assumed) -> Basis:
     """The columns of a run without the effects."""
-    blocks = run.kind == "servo_test"
+    blocks, model, effects = run.kind == "servo_test", given.model, list(given.effects.values())
     problem = _on_blocks(run) if blocks else with_floor([run], given.floor)
     nothing = np.zeros(problem.size)
     base = Fitted(model.structure, model.free, given.x, 0.0, nothing, nothing[:, None])
     problem = replace(problem, measured=problem.model(model.structure, given.x))
     base = sensitivities(problem, base)
-    alone = {e.id for e in effects if e.in_one_run}
     usual = signatures(problem, base, model, effects, tolerances=True)
-    shared, own = [s for s in usual if s.effect not in alone], [s for s in usual if s.effect in alone]
+    own = [s for s in usual if given.effects[s.effect].in_one_run]
+    shared = [s for s in usual if not given.effects[s.effect].in_one_run]
     if blocks:
-        own += _measured(problem, model, given.x)
+        own += _measured(problem, given)
     else:
         errors = model_error(problem, base)
         shared += errors
         own += [*speed_drift(problem, base), *(replace(s, rows=s.rows * (OWN / COMMON)) for s in errors)]
-    keys = [("nominal", c.name) for c in model.free] + [
-        ("usual", f"{s.effect} {s.parameter}") for s in shared
+    keys = [
+        *(("nominal", c.name) for c in model.free),
+        *(("usual", f"{s.effect} {s.parameter}") for s in shared),
     ]
     rows = np.column_stack((base.jacobian, *(s.rows for s in shared)))
     return Basis(problem, base, tuple(keys), rows, columns(own, problem.size))
 
 
-def evidence(run: Basis, model: Model, effects: Sequence[Effect], reach: Mapping[Key, Reach]) -> RunEvidence:
+def evidence(run: Basis, given: Assumed) -> RunEvidence:
     """The columns of a run with the signatures of effects as far as they reach."""
-    found = [s for e in effects for s in _signatures(run, model, e, reach)]
+    found = [s for effect in given.effects.values() for s in _signatures(run, given, effect)]
     every = np.column_stack((run.rows, *(s.rows for s in found)))
     across = every.T @ run.own
     left = np.linalg.solve(np.eye(run.own.shape[1]) + run.own.T @ run.own, across.T)
@@ -190,15 +201,15 @@ def evidence(run: Basis, model: Model, effects: Sequence[Effect], reach: Mapping
     return RunEvidence((*run.keys, *((s.effect, s.parameter) for s in found)), gram, root)
 
 
-def _signatures(run: Basis, model: Model, effect: Effect, reach: Mapping[Key, Reach]) -> list[Signature]:
+def _signatures(run: Basis, given: Assumed, effect: Effect) -> list[Signature]:
     """The signatures of one effect; two effects may move the same nominal coordinate."""
     out = []
     for p in effect.parameters:
-        if one := reach.get((effect.id, p.name)):
+        if one := given.reach.get((effect.id, p.name)):
             at = {effect.coordinate_name(p): one.distance}
             base = replace(run.base, x={**run.base.x, p.nominal: one.start}) if p.nominal else run.base
             law = replace(effect, parameters=(p, *(q for q in effect.parameters if q.name == "t")))
-            out += signatures(run.problem, base, model, [law], at)
+            out += signatures(run.problem, base, given.model, [law], at)
     return out
 
 
@@ -212,10 +223,10 @@ def _on_blocks(run: Experiment) -> OnBlocks:
     return OnBlocks((run,), (), none, (Rows(0, "delta", bins, f[bins], weight, 0),), nothing, nothing)
 
 
-def _measured(problem: Problem, model: Model, x: Mapping[str, float]) -> list[Signature]:
+def _measured(problem: Problem, given: Assumed) -> list[Signature]:
     """Signatures of scale and clock of the angle measurement, at one standard deviation."""
     angle, row, run = AngleMeasurement(), problem.rows[0], problem.runs[0]
-    lines = rfft(wheel_angle(run, model.structure, x) * run.taper)[row.bins] * row.weight
+    lines = rfft(wheel_angle(run, given.model.structure, given.x) * run.taper)[row.bins] * row.weight
     late = lines * (-2j * np.pi * row.f) * angle.clock
     return [
         Signature("servo_test", name, size, True, np.concatenate((part.real, part.imag)))

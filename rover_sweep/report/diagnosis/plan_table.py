@@ -10,20 +10,13 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize, Plan, PlannedRun, SimilarPair
+from rover_sweep.diagnosis.plans.proposals import NAMES
 from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.identification.terminal import Sentence, rich_table
 from rover_sweep.report.wording.effect_names import sentence
 from rover_sweep.report.wording.number_format import number, unit
 from rover_sweep.report.wording.strict_json import plain
 
-KINDS = {
-    "sweep": "sweep",
-    "doublet": "doublet",
-    "bias_sweep": "sweep about a bias",
-    "multisine": "odd/even multisine",
-    "servo_test": "servo test on blocks",
-    "other": "other drive",
-}
 FORMAT_VERSION = 2
 SIZES = (
     "detectable: size from which a diagnosis is expected to name the effect with 80 %. "
@@ -93,7 +86,7 @@ def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:
 
 
 def _run(run: PlannedRun) -> tuple[Cell, ...]:
-    kind = KINDS[run.kind] + (f", {run.name}" if run.name else "")
+    kind = NAMES[run.kind] + (f", {run.name}" if run.name else "")
     amplitude = f"{run.amplitude_us:g}" + (f" about {run.bias_us:+g}" if run.bias_us else "")
     speed = f"{run.speed:g}" if run.speed else "0"
     heading = "any" if run.heading is None else f"{run.heading:.0f}"
