@@ -2,15 +2,14 @@
 
 The smallest first set is one sweep, which shows most effects, and one doublet, which is held out and confirms
 what the sweep shows. After that every run answers an open question of the diagnosis: the plan says which run
-is expected to tell most about the explanations at hand, or brings the bound of an effect below the size that
-matters.
+is expected to tell most about the explanations at hand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rover_sweep.diagnosis.plans.next_run import OpenPoints, RunValue
+from rover_sweep.diagnosis.plans.next_run import Odds, RunValue, effects_of
 from rover_sweep.diagnosis.plans.plan import in_words
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.plans.proposals import run_text
@@ -20,8 +19,8 @@ from rover_sweep.investigation.open_questions import OpenQuestions, open_questio
 
 CHECK = 0.6  # amplitude of the doublet over that of the sweep
 SAME = 0.12  # relative; amplitudes and speeds that differ less count as equal
-Ranking = Callable[[OpenPoints], Sequence[RunValue]]
-"""The choices that tell something about the open points, the best first."""
+Ranking = Callable[[Odds], Sequence[RunValue]]
+"""The choices that are worth their drive for these odds, the best first."""
 
 
 def first_run(driven: Sequence[PlannedRun], first: PlannedRun, means: Means) -> NextStep | None:
@@ -56,9 +55,9 @@ def next_step(found: Diagnosis, driven: Sequence[PlannedRun], means: Means, rank
         return NextStep("settled", _settled(found), named)
     if reason := used_up(means):
         return NextStep("used up", f"{reason}; {asked.why}", named)
-    best = next(iter(ranking(asked.points)), None)
-    if found.verdict == "none" and not (best and best.lowers):
-        return NextStep("settled", f"{asked.why}, and no run is expected to bring another one below it")
+    best = next(iter(ranking(asked.odds)), None)
+    if found.verdict == "none" and best is None:
+        return NextStep("settled", f"{asked.why}, and no run is expected to tell more about them")
     if best is not None:
         return NextStep("drive", f"{asked.why}; {_purpose(best, asked)}", named, best.run)
     return _without_ranking(asked, driven, means, named)
@@ -107,9 +106,9 @@ def _settled(found: Diagnosis) -> str:
 
 def _purpose(best: RunValue, asked: OpenQuestions) -> str:
     """What the run is expected to tell, as part of a sentence."""
-    bits = f" ({best.bits:.1f} bit expected)" if best.bits > 0.05 else ""
-    if best.lowers:
-        return f"{run_text(best.run)} brings {in_words(best.lowers)} below it"
+    bits = f" ({best.bits:.1f} bit expected)"
     if best.settles:
-        return f"{run_text(best.run)} is expected to settle it if {' or '.join(best.settles)} is true{bits}"
-    return f"{run_text(best.run)} tells most about {in_words(asked.points.effects)}{bits}"
+        return (
+            f"{run_text(best.run)} is expected to settle it if {in_words(best.settles, 'or')} is true{bits}"
+        )
+    return f"{run_text(best.run)} tells most about {in_words(effects_of(asked.odds))}{bits}"

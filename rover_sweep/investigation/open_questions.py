@@ -1,12 +1,12 @@
-"""What a diagnosis leaves open: explanations with their probabilities, and bounds to lower.
+"""What a diagnosis leaves open: explanations with their probabilities.
 
 The verdict `explained` is settled if
 - no finding has a look-alike,
 - the probability that all findings are right is at least `SURE`: the product of theirs, where they are known,
 - held-out runs confirm each finding: the model with it predicts them better than without it.
 
-The verdict `none` is settled if each effect is
-excluded from the size that matters on. `partly explained` and `unexplained` are never settled.
+The verdict `none` is settled if each effect is excluded from the size that matters on, or no run is expected
+to tell more. `partly explained` and `unexplained` are never settled.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from math import inf, log, prod
 
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
-from rover_sweep.diagnosis.plans.next_run import OpenPoints
+from rover_sweep.diagnosis.plans.next_run import Odds
 from rover_sweep.diagnosis.posterior.infer import SURE
 from rover_sweep.diagnosis.result import Diagnosis, Finding, UpperBound
 
@@ -26,10 +26,10 @@ FOLLOWS = 0.3  # share of the largest gain, from which on an effect is considere
 
 @dataclass(frozen=True)
 class OpenQuestions:
-    """points: for the choice of a run. why: what is open, a sentence without capital and stop; "" if nothing
-    is. unchecked: findings that no held-out run has tested."""
+    """odds: of the open explanations, for the choice of a run. why: what is open, a sentence without capital
+    and stop; "" if nothing is. unchecked: findings that no held-out run has tested."""
 
-    points: OpenPoints
+    odds: Odds
     why: str = ""
     unchecked: tuple[str, ...] = ()
 
@@ -44,7 +44,7 @@ def open_questions(found: Diagnosis) -> OpenQuestions:
     left = (found.unknown.sentence if found.unknown else found.sentence).partition(";")[0]
     named = [f.effect for f in found.findings]
     odds = _odds(found, dict.fromkeys(named or _strongest(found)[:1], 0.0), _rivals(found))
-    return OpenQuestions(OpenPoints(odds), f"a part of the residual has no name ({left})")
+    return OpenQuestions(odds, f"a part of the residual has no name ({left})")
 
 
 def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
@@ -54,12 +54,12 @@ def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
         verb = "explains" if len(finding.look_alikes) == 1 else "explain"
         share = {e: finding.evidence.get(f"probability:{e}", 0.0) for e in finding.look_alikes}
         odds = _odds(found, {effect: finding.probability or 0.0, **share}, ())
-        return OpenQuestions(OpenPoints(odds), f"{others} {verb} the runs as well as {effect}")
+        return OpenQuestions(odds, f"{others} {verb} the runs as well as {effect}")
     if _refuted(finding):
         return OpenQuestions(_doubtful(finding, found), f"held-out data do not confirm {effect}")
     if not finding.held_out:
-        return OpenQuestions(OpenPoints(), f"{effect} is not tested on a held-out run", (effect,))
-    return OpenQuestions(OpenPoints())
+        return OpenQuestions({}, f"{effect} is not tested on a held-out run", (effect,))
+    return OpenQuestions({})
 
 
 def _refuted(finding: Finding) -> bool:
@@ -76,16 +76,16 @@ def _of_all(found: Diagnosis) -> OpenQuestions:
     known = {f.effect: f.probability for f in found.findings if f.probability is not None}
     together = prod(known.values())
     if together >= SURE:
-        return OpenQuestions(OpenPoints())
+        return OpenQuestions({})
     least = min((f for f in found.findings if f.effect in known), key=lambda f: known[f.effect])
     what = least.effect if len(known) == 1 else f"all of {', '.join(known)}"
     return OpenQuestions(_doubtful(least, found), f"the probability of {what} is only {100 * together:.0f} %")
 
 
 def _joined(parts: list[OpenQuestions]) -> OpenQuestions:
-    odds = {e: p for part in parts for e, p in part.points.odds.items()}
+    odds = {e: p for part in parts for e, p in part.odds.items()}
     why = "; ".join(part.why for part in parts if part.why)
-    return OpenQuestions(OpenPoints(odds), why, tuple(e for part in parts for e in part.unchecked))
+    return OpenQuestions(odds, why, tuple(e for part in parts for e in part.unchecked))
 
 
 def _bounds(found: Diagnosis) -> OpenQuestions:
@@ -97,9 +97,9 @@ def _bounds(found: Diagnosis) -> OpenQuestions:
     }
     over = {effect: times for effect, times in over.items() if 1.0 < times < inf}
     if not over:
-        return OpenQuestions(OpenPoints())
+        return OpenQuestions({})
     why = f"no effect is missing, but {len(over)} may still be larger than the size that matters"
-    return OpenQuestions(OpenPoints(_odds(found, {}, tuple(over)), over), why)
+    return OpenQuestions(_odds(found, {}, tuple(over)), why)
 
 
 def times_over(bound: UpperBound) -> float:
@@ -117,8 +117,8 @@ def times_over(bound: UpperBound) -> float:
     return abs(value / matters)
 
 
-def _doubtful(finding: Finding, found: Diagnosis) -> OpenPoints:
-    return OpenPoints(_odds(found, {finding.effect: finding.probability or 0.0}, _rivals(found)))
+def _doubtful(finding: Finding, found: Diagnosis) -> Odds:
+    return _odds(found, {finding.effect: finding.probability or 0.0}, _rivals(found))
 
 
 def _odds(found: Diagnosis, known: Mapping[str, float], rivals: Sequence[str]) -> dict[str, float]:

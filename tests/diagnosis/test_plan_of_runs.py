@@ -12,8 +12,8 @@ import pytest
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.plans.detectable_sizes import detectable
-from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, RunSet, expected, spreads
-from rover_sweep.diagnosis.plans.next_run import OpenPoints, run_values
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, RunSet, expected
+from rover_sweep.diagnosis.plans.next_run import run_values
 from rover_sweep.diagnosis.plans.plan import plan
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
 from rover_sweep.diagnosis.plans.planner import Planner
@@ -90,11 +90,10 @@ def test_a_repeat_cannot_separate_parallel_signatures() -> None:
     assert apart["roll_steer"]["roll_steer"] > 0.95
 
 
-def test_what_shows_strongly_is_named_and_known_closely() -> None:
+def test_what_shows_strongly_is_named() -> None:
     strong, weak = (drawn(("roll_steer",), np.array([[length]])) for length in (40.0, 4.0))
     p, q = (expected(runs, ["roll_steer"]).shares()["roll_steer"]["roll_steer"] for runs in (strong, weak))
     assert p > 0.95 > 0.6 > q
-    assert spreads(weak)["roll_steer"] == pytest.approx(10.0 * spreads(strong)["roll_steer"], rel=1e-3)
 
 
 def test_an_effect_that_a_tolerance_hides_is_not_named() -> None:
@@ -218,21 +217,10 @@ def test_the_next_run_tells_most_about_what_is_open() -> None:
     one, first = planner(), "tyre_saturation"
     still = PlannedRun("sweep", 20.0, 0.8)
     odds = {first: 0.5, "steering_nonlinearity": 0.4, NONE: 0.05, OTHER: 0.05}
-    found = run_values(one, (SMALL,), (still, LARGE), OpenPoints(odds))
+    found = run_values(one, (SMALL,), (still, LARGE), odds)
     assert [value.run for value in found] == [LARGE] and 0.2 < found[0].bits < 1.5
-    assert not run_values(one, (SMALL,), (LARGE,), OpenPoints({first: 1.0, NONE: 1e-6}))
-    assert not run_values(one, (SMALL,), (LARGE,), OpenPoints({first: 1.0}))
-
-
-def test_a_bound_shrinks_with_the_standard_deviation() -> None:
-    one = planner(wanted=("roll_steer",))
-    fast = PlannedRun("sweep", 180.0, 3.4)
-    ratio = spreads(one.together((SMALL,)))["roll_steer"] / spreads(one.together((SMALL, fast)))["roll_steer"]
-    near, far = (
-        run_values(one, (SMALL,), (fast,), OpenPoints({}, {"roll_steer": ratio * times}))
-        for times in (0.9, 1.1)
-    )
-    assert near[0].lowers == ("roll_steer",) and not far
+    assert not run_values(one, (SMALL,), (LARGE,), {first: 1.0, NONE: 1e-6})
+    assert not run_values(one, (SMALL,), (LARGE,), {first: 1.0})
 
 
 def recorded(one: Planner, runs: Sequence[PlannedRun], effect: str, size: float) -> list[Experiment]:

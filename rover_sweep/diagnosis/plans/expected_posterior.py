@@ -207,15 +207,6 @@ def expected(runs: RunSet, effects: Sequence[str]) -> Expected:
     return Expected(tuple(effects), (*labels, OTHER), np.stack(each, axis=1), prior)
 
 
-def spreads(runs: RunSet) -> dict[str, float]:
-    """{effect: standard deviation of its first parameter, over its reach}."""
-    spread, out = runs.batch.spread(np.zeros((1, *runs.batch.idx.shape), bool))[0], {}
-    for each, columns, (effect, own) in zip(spread, runs.batch.idx, runs.explanations, strict=True):
-        if effect != NONE and (best := runs.column_of(effect)) in own:
-            out[effect] = float(each[columns == best][0])
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class _Batch:
     """All explanations with as many columns d each, so that they are solved at once; (explanations, d) each.
@@ -256,13 +247,10 @@ class _Batch:
 
     def occam(self, pinned: NDArray[np.bool_]) -> Array:
         """(truths, explanations): ln of the widths left to the own parameters over those of the priors."""
-        widths = np.log(SPAN * self.spread(pinned) / self.width)
-        return np.asarray(np.sum(np.where(self.own, np.minimum(widths, 0.0), 0.0), axis=2))
-
-    def spread(self, pinned: NDArray[np.bool_]) -> Array:
-        """Standard deviations (truths, explanations, d) of the effect's own parameters."""
         inner = self._held((pinned & ~self.own) | self.tied)
-        return np.sqrt(COARSE * np.diagonal(np.linalg.inv(inner), axis1=2, axis2=3))
+        spread = np.sqrt(COARSE * np.diagonal(np.linalg.inv(inner), axis1=2, axis2=3))
+        widths = np.minimum(np.log(SPAN * spread / self.width), 0.0)
+        return np.asarray(np.sum(np.where(self.own, widths, 0.0), axis=2))
 
     def _solved(self, at: Array, fixed: Array, pinned: NDArray[np.bool_]) -> Array:
         """The minimum (truths, explanations, d, n) for scores of this shape, with some values held."""

@@ -3,30 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, expected, spreads
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, expected
 from rover_sweep.diagnosis.plans.plan import LEAST_BITS
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.plans.planner import Planner
 from rover_sweep.diagnosis.posterior.infer import SURE
 
-
-@dataclass(frozen=True)
-class OpenPoints:
-    """What runs have not decided.
-
-    odds: {explanation: its probability after the runs}, of effects, NONE and OTHER; need not sum to 1.
-    bounds: {effect: its upper bound over the size that matters}, each above 1.
-    """
-
-    odds: Mapping[str, float] = field(default_factory=dict)
-    bounds: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """All effects that are named."""
-        return tuple(dict.fromkeys(e for e in (*self.odds, *self.bounds) if e not in (NONE, OTHER)))
+Odds = Mapping[str, float]
+"""{explanation: its probability after the driven runs}, of effects, NONE and OTHER; need not sum to 1."""
 
 
 @dataclass(frozen=True)
@@ -34,37 +20,34 @@ class RunValue:
     """What one more run is expected to tell.
 
     bits: information on the open explanations. settles: effects that it is expected to make sure, if they are
-    the truth. lowers: effects whose bound it brings below the size that matters.
+    the truth.
     """
 
     run: PlannedRun
     bits: float
     settles: tuple[str, ...] = ()
-    lowers: tuple[str, ...] = ()
+
+
+def effects_of(odds: Odds) -> tuple[str, ...]:
+    """The effects among the explanations."""
+    return tuple(e for e in odds if e not in (NONE, OTHER))
 
 
 def run_values(
-    planner: Planner, driven: Sequence[PlannedRun], choices: Sequence[PlannedRun], points: OpenPoints
+    planner: Planner, driven: Sequence[PlannedRun], choices: Sequence[PlannedRun], odds: Odds
 ) -> tuple[RunValue, ...]:
-    """The choices that tell something about the open points, the best first."""
-    known = {NONE, *planner.asked}
-    open_now = {e: p for e, p in points.odds.items() if e in {*known, OTHER} and p > 0.0}
-    odds = {e: p / sum(open_now.values()) for e, p in open_now.items()} or {NONE: 1.0}
-    truths = [e for e in odds if e != OTHER]
-    bounds = {e: times for e, times in points.bounds.items() if e in known}
-    if len(truths) < 2 and not bounds:
+    """The choices that are worth their drive, the best first."""
+    possible = {e: p for e, p in odds.items() if e in {NONE, OTHER, *planner.asked} and p > 0.0}
+    truths = [e for e in possible if e != OTHER]
+    if len(truths) < 2:
         return ()
+    odds = {e: p / sum(possible.values()) for e, p in possible.items()}
     planner.simulate(driven, (0.0, 0.2))
     planner.simulate(choices, (0.2, 0.9))
-    before = planner.together(driven)
-    told, was = expected(before, truths), spreads(before)
-    found = []
+    before, found = expected(planner.together(driven), truths), []
     for run in choices:
-        after = planner.together((*driven, run))
-        more, now = expected(after, truths), spreads(after)
-        shares = more.shares(told, odds)
-        settles = tuple(e for e in truths if e != NONE and shares[e][e] >= SURE > odds[e])
-        lowers = tuple(e for e, times in bounds.items() if times * now[e] <= was[e])
-        found.append(RunValue(run, more.information(told, odds), settles, lowers))
-    worth = [v for v in found if v.bits >= LEAST_BITS or v.lowers]
-    return tuple(sorted(worth, key=lambda v: (len(v.lowers), v.bits), reverse=True))
+        after = expected(planner.together((*driven, run)), truths)
+        shares = after.shares(before, odds)
+        settles = tuple(e for e in effects_of(odds) if shares[e][e] >= SURE > odds[e])
+        found.append(RunValue(run, after.information(before, odds), settles))
+    return tuple(sorted((v for v in found if v.bits >= LEAST_BITS), key=lambda v: v.bits, reverse=True))

@@ -49,9 +49,8 @@ def plan(
         settled or {},
     )
     now = tuple(runs)
-    more = [planner.held(run, limits.ay) for run in candidates(now, rover, rad_per_us, limits)]
-    planner.simulate((*now, *more), (0.0, 0.8))
-    chosen = _chosen(planner, now, more)
+    planner.simulate(now, (0.0, 0.1))
+    chosen = _chosen(planner, now, limits)
     sets = [(*now, *chosen[:k]) for k in range(len(chosen) + 1)]
     results = [planner.evaluate(each) for each in sets if each]
     shown = now or chosen
@@ -70,14 +69,16 @@ def plan(
     )
 
 
-def _chosen(
-    planner: Planner, now: tuple[PlannedRun, ...], more: Sequence[PlannedRun]
-) -> tuple[PlannedRun, ...]:
+def _chosen(planner: Planner, now: tuple[PlannedRun, ...], limits: Limits) -> tuple[PlannedRun, ...]:
     """The runs to add: each time the one with the most information, while it is worth its drive."""
     chosen: list[PlannedRun] = []
-    result = planner.evaluate(now) if now else None
-    while more and (result is None or len(result.separated) < len(planner.asked)):
-        planner.progress("choosing runs", 0.85 - 0.05 / (1 + len(chosen)))
+    result, done = planner.evaluate(now) if now else None, 0.1
+    while result is None or len(result.separated) < len(planner.asked):
+        around = candidates((*now, *chosen), planner.rover, planner.rad_per_us, limits)
+        more = list(dict.fromkeys(planner.held(run, limits.ay) for run in around))
+        planner.simulate(more, (done, 0.5 * (done + 0.85)))
+        done = 0.5 * (done + 0.85)
+        planner.progress("choosing runs", done)
         trials = [(run, planner.evaluate((*now, *chosen, run))) for run in more]
         run, better = max(trials, key=lambda trial: trial[1].bits)
         if result is not None and better.bits < result.bits + LEAST_BITS:
@@ -109,10 +110,10 @@ def _tells(run: PlannedRun, before: SetResult | None, after: SetResult) -> str:
     return f"{run_text(run)}: {bits:.1f} bit of information{names}"
 
 
-def in_words(names: Sequence[str]) -> str:
+def in_words(names: Sequence[str], last: str = "and") -> str:
     """The names as part of a sentence, those beyond `NAMED` as a number."""
     shown = [*names[:NAMED], *([f"{len(names) - NAMED} more"] if len(names) > NAMED else [])]
-    return f"{', '.join(shown[:-1])} and {shown[-1]}" if len(shown) > 1 else "".join(shown)
+    return f"{', '.join(shown[:-1])} {last} {shown[-1]}" if len(shown) > 1 else "".join(shown)
 
 
 def _notes(outside: Sequence[PlannedRun], limits: Limits) -> tuple[str, ...]:
