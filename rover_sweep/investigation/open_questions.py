@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, log, prod
+from math import exp, inf, log, prod
 
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
 from rover_sweep.diagnosis.plans.next_run import Odds
 from rover_sweep.diagnosis.posterior.infer import SURE
+from rover_sweep.diagnosis.posterior.weights import COARSE
 from rover_sweep.diagnosis.result import Diagnosis, Finding, UpperBound
 
 RIVALS = 3  # other effects that are considered where nothing names one
@@ -124,12 +125,15 @@ def _doubtful(finding: Finding, found: Diagnosis) -> Odds:
 def _odds(found: Diagnosis, known: Mapping[str, float], rivals: Sequence[str]) -> dict[str, float]:
     """{explanation: probability}: of none and of something else as diagnosed, of `known` effects as given.
 
-    The rest is shared by the rivals and by the effects whose probability is 0, which is not known.
+    The rest is shared by the rivals and by the effects whose probability is 0, which is not known, as the
+    drops of the cost weigh in `posterior.weights`.
     """
     odds = {NONE: found.p_none or 0.0, OTHER: found.p_else or 0.0, **known}
     open_now = [e for e, p in odds.items() if p == 0.0 and e in known] + [e for e in rivals if e not in known]
-    rest = max(1.0 - sum(odds.values()), 0.0)
-    return odds | {e: rest / len(open_now) for e in open_now}
+    most = max((found.scores.get(e, 0.0) for e in open_now), default=0.0)
+    weights = {e: exp(0.5 * (found.scores.get(e, 0.0) - most) / COARSE) for e in open_now}
+    rest = max(1.0 - sum(odds.values()), 0.0) / max(sum(weights.values()), 1.0)
+    return odds | {e: rest * w for e, w in weights.items()}
 
 
 def _rivals(found: Diagnosis) -> tuple[str, ...]:

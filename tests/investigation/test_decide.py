@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import exp
 
 import pytest
 from fabricated import (
@@ -20,6 +21,7 @@ from fabricated import (
 
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
 from rover_sweep.diagnosis.plans.next_run import RunValue, effects_of
+from rover_sweep.diagnosis.posterior.weights import COARSE
 from rover_sweep.diagnosis.result import Finding, UpperBound
 from rover_sweep.investigation.decide import first_run, next_step
 from rover_sweep.investigation.next_step import Means
@@ -111,11 +113,13 @@ def test_nothing_missing_goes_on_while_a_run_tells_more() -> None:
 
 
 def test_odds_are_the_diagnosed_probabilities() -> None:
-    """Half of none and something else is known; the effects without a probability share the rest."""
+    """The effects without a probability share the rest as drops of the cost of 400 and 380 weigh."""
     found = replace(unexplained(), p_none=0.1, p_else=0.3)
     ranking = Ranking(TELLS)
     next_step(found, DRIVEN, MEANS, ranking)
-    assert ranking.asked[0] == pytest.approx({NONE: 0.1, OTHER: 0.3, PAIR[0]: 0.3, PAIR[1]: 0.3})
+    less = exp(-0.5 * 20.0 / COARSE)
+    shares = {PAIR[0]: 0.6 / (1.0 + less), PAIR[1]: 0.6 * less / (1.0 + less)}
+    assert ranking.asked[0] == pytest.approx({NONE: 0.1, OTHER: 0.3, **shares})
 
 
 def test_what_has_no_name_is_never_settled_and_gets_a_new_operating_point() -> None:

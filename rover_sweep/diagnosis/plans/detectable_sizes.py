@@ -29,9 +29,9 @@ def detectable(planner: Planner, runs: Sequence[PlannedRun]) -> dict[str, Detect
     for n in range(PASSES):
         planner.progress("computing detectable sizes", 0.85 + 0.15 * n / PASSES)
         tried = {e: sqrt(low[e] * high[e]) for e in planner.asked}
-        shares = expected(planner.together(runs, tried), planner.asked).shares()
+        p = expected(planner.together(runs, tried), planner.asked).sure
         for effect, size in tried.items():
-            named = shares[effect][effect] >= SURE
+            named = p[effect] >= SURE
             sure[effect] |= named
             (high if named else low)[effect] = size
     return {e: _shown(given, e, high[e]) for e in planner.asked if sure[e]}

@@ -12,7 +12,7 @@ else is expected to explain as much as the best explanation. Data are drawn from
 assumes: an effect at its size beyond the tolerances, tolerances and noise with the variance `COARSE` with
 which they count. Hence
 
-    information = sum over truths E of p(E) mean of ln[P(E | y)/p(E)]
+    information = sum over truths E of p(E) mean of log[P(E | y)/p(E)]
 
 is the mutual information of explanation and data, what an experiment tells about which model is right
 (Box and Hill 1967, Technometrics 9(1); Chaloner and Verdinelli 1995, Statist. Sci. 10(3)). An added run
@@ -86,13 +86,13 @@ class RunSet:
             (k for k, key in enumerate(self.keys) if key[:2] == (effect, name)), key=lambda k: self.gram[k, k]
         )
 
-    def truth(self, effect: str) -> Array:
-        """The amounts (k + 1,) where an effect is as large as it reaches, beyond the tolerances."""
+    def truth(self, effect: str, amount: float) -> Array:
+        """The amounts (k + 1,) where an effect has this amount, over its reach, beyond the tolerances."""
         out = np.zeros(len(self.keys) + 1)
         if effect == NONE:
             return out
         p = self.given.first(effect)
-        out[self.column_of(effect)] = 1.0
+        out[self.column_of(effect)] = amount
         for c in self.given.model.free:
             if c.name == p.nominal:
                 start = self.given.reach[effect, p.name].start - self.given.x[c.name]
@@ -152,44 +152,40 @@ class Expected:
     log_weights: Array
     prior: Mapping[str, float]
 
-    def probabilities(self, before: Expected | None = None, odds: Mapping[str, float] | None = None) -> Array:
-        """(truths, explanations, draws).
-
-        before, odds: of the runs that were driven, and {label: probability} after them; without them the
-        prior odds of `posterior.weights`.
-        """
-        logs = self.log_weights
-        if before is not None and odds is not None:
-            now = np.array([odds.get(label, 0.0) for label in self.labels])
-            logs = logs - before.log_weights + np.log(np.maximum(now, WEAK))[:, None]
-        logs = logs - np.max(logs, axis=1, keepdims=True)
+    @property
+    def probabilities(self) -> Array:
+        """(truths, explanations, draws)."""
+        logs = self.log_weights - np.max(self.log_weights, axis=1, keepdims=True)
         return np.asarray(np.exp(logs) / np.sum(np.exp(logs), axis=1, keepdims=True))
 
-    def shares(
-        self, before: Expected | None = None, odds: Mapping[str, float] | None = None
-    ) -> dict[str, dict[str, float]]:
-        """{truth: {label: its expected probability}}; the arguments are those of `probabilities`."""
-        mean = np.mean(self.probabilities(before, odds), axis=2)
-        return {
-            t: dict(zip(self.labels, p.tolist(), strict=True)) for t, p in zip(self.truths, mean, strict=True)
-        }
+    @property
+    def shares(self) -> list[dict[str, float]]:
+        """{label: its expected probability} for each truth."""
+        mean = np.mean(self.probabilities, axis=2)
+        return [dict(zip(self.labels, p.tolist(), strict=True)) for p in mean]
 
-    def information(self, before: Expected | None = None, odds: Mapping[str, float] | None = None) -> float:
-        """Expected information on the explanations [bit], over these truths.
+    @property
+    def sure(self) -> dict[str, float]:
+        """{truth: its own expected probability}."""
+        return {truth: share[truth] for truth, share in zip(self.truths, self.shares, strict=True)}
 
-        The arguments are those of `probabilities`.
-        """
-        logs = np.log2(np.maximum(self.probabilities(before, odds), WEAK))
+    def information(self, odds: Mapping[str, float] | None = None) -> float:
+        """Expected information on the explanations [bit]. odds: of the truths, None for those of the prior."""
+        logs = np.log2(np.maximum(self.probabilities, WEAK))
         p = np.array([(self.prior if odds is None else odds).get(truth, 0.0) for truth in self.truths])
         right = [each[self.labels.index(truth)] for truth, each in zip(self.truths, logs, strict=True)]
-        gain = np.mean(right, axis=1) - np.log2(np.maximum(p, WEAK))
+        gain = np.mean(right, axis=1) - np.log2([self.prior[truth] for truth in self.truths])
         return float(p @ gain / np.sum(p))
 
 
-def expected(runs: RunSet, effects: Sequence[str]) -> Expected:
-    """The weights of all explanations where each effect, or NONE, is the truth at its reach."""
+def expected(runs: RunSet, effects: Sequence[str], amounts: Sequence[float] | None = None) -> Expected:
+    """The weights of all explanations where each effect, or NONE, is the truth.
+
+    amounts: of the effects, over their reach; None for the reach of each.
+    """
     batch, names = runs.batch, [name for name, _ in runs.explanations]
-    scores = np.array([runs.truth(effect) for effect in effects]) @ runs.gram
+    truths = zip(effects, amounts or [1.0] * len(effects), strict=True)
+    scores = np.array([runs.truth(effect, amount) for effect, amount in truths]) @ runs.gram
     fixed, pinned = batch.limited(scores)
     cost = batch.costs(scores[:, None, :] + runs.noise, fixed, pinned)
     gain = 0.5 * (cost[:, :1] - cost) / COARSE

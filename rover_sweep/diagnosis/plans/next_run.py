@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, expected
+import numpy as np
+
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, RunSet, expected
 from rover_sweep.diagnosis.plans.plan import LEAST_BITS
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.plans.planner import Planner
@@ -36,18 +38,32 @@ def effects_of(odds: Odds) -> tuple[str, ...]:
 def run_values(
     planner: Planner, driven: Sequence[PlannedRun], choices: Sequence[PlannedRun], odds: Odds
 ) -> tuple[RunValue, ...]:
-    """The choices that are worth their drive, the best first."""
-    possible = {e: p for e, p in odds.items() if e in {NONE, OTHER, *planner.asked} and p > 0.0}
-    truths = [e for e in possible if e != OTHER]
+    """The choices that are worth their drive, the best first.
+
+    Each effect is taken at the size at which the driven runs are expected to leave it as probable as it is.
+    """
+    truths = [e for e, p in odds.items() if e in {NONE, *planner.asked} and p > 0.0]
     if len(truths) < 2:
         return ()
-    odds = {e: p / sum(possible.values()) for e, p in possible.items()}
     planner.simulate(driven, (0.0, 0.2))
     planner.simulate(choices, (0.2, 0.9))
-    before, found = expected(planner.together(driven), truths), []
+    now = planner.together(driven)
+    amounts = [_amount(now, e, odds[e]) for e in truths]
+    before, found = expected(now, truths, amounts), []
+    share = sum(odds[e] for e in truths) / sum(odds.values())
     for run in choices:
-        after = expected(planner.together((*driven, run)), truths)
-        shares = after.shares(before, odds)
-        settles = tuple(e for e in effects_of(odds) if shares[e][e] >= SURE > odds[e])
-        found.append(RunValue(run, after.information(before, odds), settles))
+        after = expected(planner.together((*driven, run)), truths, amounts)
+        settles = tuple(e for e in effects_of(after.sure) if after.sure[e] >= SURE > before.sure[e])
+        bits = share * (after.information(odds) - before.information(odds))
+        found.append(RunValue(run, bits, settles))
     return tuple(sorted((v for v in found if v.bits >= LEAST_BITS), key=lambda v: v.bits, reverse=True))
+
+
+def _amount(runs: RunSet, effect: str, probability: float) -> float:
+    """The least amount of an effect, over its reach, with this expected probability; 1 if none has it."""
+    if effect == NONE:
+        return 0.0
+    tried = np.geomspace(1.0 / 16.0, 4.0, 13)
+    found = expected(runs, [effect] * tried.size, tried.tolist())
+    enough = [share[effect] >= probability for share in found.shares]
+    return float(tried[enough.index(True)]) if any(enough) else 1.0

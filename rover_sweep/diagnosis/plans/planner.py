@@ -57,7 +57,7 @@ class SetResult:
         """The asked effects that are not, with those that share their probability, the largest first."""
         pairs = [
             SimilarPair(e, other, p)
-            for e, row in self.expected.shares().items()
+            for e, row in zip(self.expected.truths, self.expected.shares, strict=True)
             if e in self.sure and e not in self.separated and row[NONE] < SHARE
             for other, p in row.items()
             if other != e and p >= SHARE
@@ -151,8 +151,7 @@ class Planner:
     def evaluate(self, runs: Sequence[PlannedRun]) -> SetResult:
         """What a diagnosis of these runs is expected to tell about the asked effects."""
         found = expected(self.together(runs), [NONE, *self.asked])
-        shares = found.shares()
-        return SetResult(found, {e: shares[e][e] for e in self.asked})
+        return SetResult(found, {e: p for e, p in found.sure.items() if e != NONE})
 
     def unseen(self, runs: Sequence[PlannedRun], hidden: Sequence[str]) -> tuple[Unseen, ...]:
         """Effects that a set cannot show, with the reason. hidden: those that no size shows."""
