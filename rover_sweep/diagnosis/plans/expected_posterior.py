@@ -170,7 +170,7 @@ class Expected:
         return {truth: share[truth] for truth, share in zip(self.truths, self.shares, strict=True)}
 
     def information(self, odds: Mapping[str, float] | None = None) -> float:
-        """Expected information on the explanations [bit]. odds: of the truths, None for those of the prior."""
+        """Expected information on the explanations [bit]. odds: of the truths, None for the prior ones."""
         logs = np.log2(np.maximum(self.probabilities, WEAK))
         p = np.array([(self.prior if odds is None else odds).get(truth, 0.0) for truth in self.truths])
         right = [each[self.labels.index(truth)] for truth, each in zip(self.truths, logs, strict=True)]

@@ -60,10 +60,10 @@ def run_values(
 
 
 def _amount(runs: RunSet, effect: str, probability: float) -> float:
-    """The least amount of an effect, over its reach, with this expected probability; 1 if none has it."""
+    """The least amount of an effect, over its reach, with this expected probability, or the largest one."""
     if effect == NONE:
         return 0.0
     tried = np.geomspace(1.0 / 16.0, 4.0, 13)
     found = expected(runs, [effect] * tried.size, tried.tolist())
-    enough = [share[effect] >= probability for share in found.shares]
-    return float(tried[enough.index(True)]) if any(enough) else 1.0
+    p = np.array([share[effect] for share in found.shares])
+    return float(tried[np.argmax(p >= min(probability, np.max(p)))])
