@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rover_sweep.diagnosis.plans.next_run import Odds, RunValue, effects_of
-from rover_sweep.diagnosis.plans.plan import in_words
+from rover_sweep.diagnosis.plans.plan import NAMED, in_words
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.plans.proposals import run_text
 from rover_sweep.diagnosis.result import Diagnosis
@@ -106,9 +106,7 @@ def _settled(found: Diagnosis) -> str:
 
 def _purpose(best: RunValue, asked: OpenQuestions) -> str:
     """What the run is expected to tell, as part of a sentence."""
-    bits = f" ({best.bits:.1f} bit expected)"
+    run, bits, names = run_text(best.run), f"({best.bits:.1f} bit expected)", effects_of(asked.odds)
     if best.settles:
-        return (
-            f"{run_text(best.run)} is expected to settle it if {in_words(best.settles, 'or')} is true{bits}"
-        )
-    return f"{run_text(best.run)} tells most about {in_words(effects_of(asked.odds))}{bits}"
+        return f"{run} is expected to settle it if {in_words(best.settles, 'or')} is true {bits}"
+    return f"{run} tells most about {in_words(names) if len(names) <= NAMED else 'them'} {bits}"
