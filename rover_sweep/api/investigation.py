@@ -17,10 +17,10 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.design.demand import space
-from rover_sweep.diagnosis.plans.next_run import OpenPoints, RunValue, run_values
+from rover_sweep.diagnosis.plans.next_run import Odds, RunValue, effects_of, run_values
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
+from rover_sweep.diagnosis.plans.planner import Planner
 from rover_sweep.diagnosis.plans.proposals import candidates, largest_amplitude, manoeuvre_for
-from rover_sweep.diagnosis.plans.sets import Planner
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.diagnosis.simulation.experiment import experiment
@@ -142,16 +142,16 @@ def _diagnose(vehicle: Vehicle) -> Diagnose:
 
 def _ranking(
     recordings: Sequence[Recording], driven: Sequence[PlannedRun], means: Means, vehicle: Vehicle
-) -> Callable[[OpenPoints], Sequence[RunValue]]:
-    def ranked(points: OpenPoints) -> Sequence[RunValue]:
+) -> Callable[[Odds], Sequence[RunValue]]:
+    def ranked(odds: Odds) -> Sequence[RunValue]:
         spread = known(vehicle, tolerances_of(vehicle)).spread
         kept = {run.name: experiment(run) for run in recordings}
         _, rad_per_us = vehicle.steering()
         planner = Planner(
-            geometry_of(vehicle), abs(rad_per_us), points.effects, spread, kept, lambda what, share: None
+            geometry_of(vehicle), abs(rad_per_us), effects_of(odds), spread, kept, lambda what, share: None
         )
-        settled = {e.id: "not asked" for e in planner.effects if e.id not in points.effects}
-        return run_values(replace(planner, settled=settled), driven, means.choices, points)
+        settled = {e.id: "not asked" for e in planner.effects if e.id not in odds}
+        return run_values(replace(planner, settled=settled), driven, means.choices, odds)
 
     return ranked
 

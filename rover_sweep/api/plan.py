@@ -56,7 +56,7 @@ def plan_runs(
 
 def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
     """UsageError if no run can show any of the wanted effects with the baseline of the plan."""
-    from rover_sweep.diagnosis.plans.sets import Planner
+    from rover_sweep.diagnosis.plans.planner import Planner
 
     geometry, (_, rad_per_us) = geometry_of(vehicle), vehicle.steering()
     planner = Planner(geometry, abs(rad_per_us), wanted, tolerances_of(vehicle), {}, lambda what, share: None)

@@ -2,25 +2,25 @@
 
 The smallest first set is one sweep, which shows most effects, and one doublet, which is held out and confirms
 what the sweep shows. After that every run answers an open question of the diagnosis: the plan says which run
-separates the look-alikes at hand, or brings the bound of an effect below the size that matters.
+is expected to tell most about the explanations at hand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rover_sweep.diagnosis.plans.next_run import OpenPoints, RunValue
+from rover_sweep.diagnosis.plans.next_run import Odds, RunValue, effects_of
+from rover_sweep.diagnosis.plans.plan import NAMED, in_words
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.plans.proposals import run_text
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.investigation.next_step import Means, NextStep
 from rover_sweep.investigation.open_questions import OpenQuestions, open_questions
 
-NAMED = 3  # pairs or effects that a sentence names
 CHECK = 0.6  # amplitude of the doublet over that of the sweep
 SAME = 0.12  # relative; amplitudes and speeds that differ less count as equal
-Ranking = Callable[[OpenPoints], Sequence[RunValue]]
-"""The choices that tell something about the open points, the best first."""
+Ranking = Callable[[Odds], Sequence[RunValue]]
+"""The choices that are worth their drive for these odds, the best first."""
 
 
 def first_run(driven: Sequence[PlannedRun], first: PlannedRun, means: Means) -> NextStep | None:
@@ -55,9 +55,9 @@ def next_step(found: Diagnosis, driven: Sequence[PlannedRun], means: Means, rank
         return NextStep("settled", _settled(found), named)
     if reason := used_up(means):
         return NextStep("used up", f"{reason}; {asked.why}", named)
-    best = next(iter(ranking(asked.points)), None)
-    if found.verdict == "none" and not (best and best.lowers):
-        return NextStep("settled", f"{asked.why}, and no run is expected to bring another one below it")
+    best = next(iter(ranking(asked.odds)), None)
+    if found.verdict == "none" and best is None:
+        return NextStep("settled", f"{asked.why}, and no run is expected to tell more about them")
     if best is not None:
         return NextStep("drive", f"{asked.why}; {_purpose(best, asked)}", named, best.run)
     return _without_ranking(asked, driven, means, named)
@@ -100,23 +100,13 @@ def is_new(run: PlannedRun, driven: Sequence[PlannedRun]) -> bool:
 def _settled(found: Diagnosis) -> str:
     if not found.findings:
         return "no effect is missing, and the bounds of all effects are below the size that matters"
-    names = _listed([f.effect for f in found.findings])
+    names = in_words([f.effect for f in found.findings])
     return f"{names}: no look-alike is left, and held-out data confirm it"
 
 
 def _purpose(best: RunValue, asked: OpenQuestions) -> str:
-    """What the run tells, as part of a sentence."""
-    pairs = [f"{one} from {two}" for one, two in best.separates]
-    parts = [f"separates {_listed(pairs)}"] if pairs else []
-    parts += [f"brings {_listed(best.lowers)} below it"] if best.lowers else []
-    if not parts:
-        more = [f"{one} from {two}" for one, two in asked.points.pairs]
-        parts = [f"separates {_listed(more)} more clearly"] if more else []
-        parts += [f"shows {_listed(asked.points.weak)} more clearly"] if asked.points.weak else []
-    return f"{run_text(best.run)} {' and '.join(parts)}"
-
-
-def _listed(parts: Sequence[str]) -> str:
-    shown = list(parts[:NAMED])
-    shown += [f"{len(parts) - NAMED} more"] if len(parts) > NAMED else []
-    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+    """What the run is expected to tell, as part of a sentence."""
+    run, bits, names = run_text(best.run), f"({best.bits:.1f} bit expected)", effects_of(asked.odds)
+    if best.settles:
+        return f"{run} is expected to settle it if {in_words(best.settles, 'or')} is true {bits}"
+    return f"{run} tells most about {in_words(names) if len(names) <= NAMED else 'them'} {bits}"

@@ -1,33 +1,36 @@
-"""What a diagnosis leaves open: pairs of effects to separate, and bounds to lower.
+"""What a diagnosis leaves open: explanations with their probabilities.
 
 The verdict `explained` is settled if
 - no finding has a look-alike,
 - the probability that all findings are right is at least `SURE`: the product of theirs, where they are known,
 - held-out runs confirm each finding: the model with it predicts them better than without it.
 
-The verdict `none` is settled if each effect is
-excluded from the size that matters on. `partly explained` and `unexplained` are never settled.
+The verdict `none` is settled if each effect is excluded from the size that matters on, or no run is expected
+to tell more. `partly explained` and `unexplained` are never settled.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, log, prod
+from math import exp, inf, log, prod
 
-from rover_sweep.diagnosis.plans.next_run import OpenPoints, Pair
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
+from rover_sweep.diagnosis.plans.next_run import Odds
+from rover_sweep.diagnosis.posterior.infer import SURE
+from rover_sweep.diagnosis.posterior.weights import COARSE
 from rover_sweep.diagnosis.result import Diagnosis, Finding, UpperBound
 
-SURE = 0.8  # probability of the findings; of single ones with 78 % and more, 75 to 97 % were right (README)
 RIVALS = 3  # other effects that are considered where nothing names one
 FOLLOWS = 0.3  # share of the largest gain, from which on an effect is considered
 
 
 @dataclass(frozen=True)
 class OpenQuestions:
-    """points: for the choice of a run. why: what is open, a sentence without capital and stop; "" if nothing
-    is. unchecked: findings that no held-out run has tested."""
+    """odds: of the open explanations, for the choice of a run. why: what is open, a sentence without capital
+    and stop; "" if nothing is. unchecked: findings that no held-out run has tested."""
 
-    points: OpenPoints
+    odds: Odds
     why: str = ""
     unchecked: tuple[str, ...] = ()
 
@@ -40,9 +43,9 @@ def open_questions(found: Diagnosis) -> OpenQuestions:
         asked = _joined([_of_finding(f, found) for f in found.findings])
         return asked if asked.why else _of_all(found)
     left = (found.unknown.sentence if found.unknown else found.sentence).partition(";")[0]
-    weak = tuple(f.effect for f in found.findings) or tuple(_strongest(found)[:1])
-    points = OpenPoints(_unexplained(found), {}, weak)
-    return OpenQuestions(points, f"a part of the residual has no name ({left})")
+    named = [f.effect for f in found.findings]
+    odds = _odds(found, dict.fromkeys(named or _strongest(found)[:1], 0.0), _rivals(found))
+    return OpenQuestions(odds, f"a part of the residual has no name ({left})")
 
 
 def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
@@ -50,13 +53,14 @@ def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
     if finding.look_alikes:
         others = " and ".join(finding.look_alikes)
         verb = "explains" if len(finding.look_alikes) == 1 else "explain"
-        pairs = tuple((effect, other) for other in finding.look_alikes)
-        return OpenQuestions(OpenPoints(pairs), f"{others} {verb} the runs as well as {effect}")
+        share = {e: finding.evidence.get(f"probability:{e}", 0.0) for e in finding.look_alikes}
+        odds = _odds(found, {effect: finding.probability or 0.0, **share}, ())
+        return OpenQuestions(odds, f"{others} {verb} the runs as well as {effect}")
     if _refuted(finding):
-        return OpenQuestions(_doubtful(effect, found), f"held-out data do not confirm {effect}")
+        return OpenQuestions(_doubtful(finding, found), f"held-out data do not confirm {effect}")
     if not finding.held_out:
-        return OpenQuestions(OpenPoints(), f"{effect} is not tested on a held-out run", (effect,))
-    return OpenQuestions(OpenPoints())
+        return OpenQuestions({}, f"{effect} is not tested on a held-out run", (effect,))
+    return OpenQuestions({})
 
 
 def _refuted(finding: Finding) -> bool:
@@ -73,17 +77,16 @@ def _of_all(found: Diagnosis) -> OpenQuestions:
     known = {f.effect: f.probability for f in found.findings if f.probability is not None}
     together = prod(known.values())
     if together >= SURE:
-        return OpenQuestions(OpenPoints())
-    least = min(known, key=lambda effect: known[effect])
-    what = least if len(known) == 1 else f"all of {', '.join(known)}"
+        return OpenQuestions({})
+    least = min((f for f in found.findings if f.effect in known), key=lambda f: known[f.effect])
+    what = least.effect if len(known) == 1 else f"all of {', '.join(known)}"
     return OpenQuestions(_doubtful(least, found), f"the probability of {what} is only {100 * together:.0f} %")
 
 
 def _joined(parts: list[OpenQuestions]) -> OpenQuestions:
-    pairs = tuple(dict.fromkeys(pair for part in parts for pair in part.points.pairs))
+    odds = {e: p for part in parts for e, p in part.odds.items()}
     why = "; ".join(part.why for part in parts if part.why)
-    weak = tuple(effect for part in parts for effect in part.points.weak)
-    return OpenQuestions(OpenPoints(pairs, {}, weak), why, tuple(e for part in parts for e in part.unchecked))
+    return OpenQuestions(odds, why, tuple(e for part in parts for e in part.unchecked))
 
 
 def _bounds(found: Diagnosis) -> OpenQuestions:
@@ -95,9 +98,9 @@ def _bounds(found: Diagnosis) -> OpenQuestions:
     }
     over = {effect: times for effect, times in over.items() if 1.0 < times < inf}
     if not over:
-        return OpenQuestions(OpenPoints())
+        return OpenQuestions({})
     why = f"no effect is missing, but {len(over)} may still be larger than the size that matters"
-    return OpenQuestions(OpenPoints((), over), why)
+    return OpenQuestions(_odds(found, {}, tuple(over)), why)
 
 
 def times_over(bound: UpperBound) -> float:
@@ -115,29 +118,32 @@ def times_over(bound: UpperBound) -> float:
     return abs(value / matters)
 
 
-def _doubtful(effect: str, found: Diagnosis) -> OpenPoints:
-    return OpenPoints(_rivals(effect, found), {}, (effect,))
+def _doubtful(finding: Finding, found: Diagnosis) -> Odds:
+    return _odds(found, {finding.effect: finding.probability or 0.0}, _rivals(found))
 
 
-def _rivals(effect: str, found: Diagnosis) -> tuple[Pair, ...]:
-    """The finding with each of the strongest other effects."""
+def _odds(found: Diagnosis, known: Mapping[str, float], rivals: Sequence[str]) -> dict[str, float]:
+    """{explanation: probability}: of none and of something else as diagnosed, of `known` effects as given.
+
+    The rest is shared by the rivals and by the effects whose probability is 0, which is not known, as the
+    drops of the cost weigh in `posterior.weights`.
+    """
+    odds = {NONE: found.p_none or 0.0, OTHER: found.p_else or 0.0, **known}
+    open_now = [e for e, p in odds.items() if p == 0.0 and e in known] + [e for e in rivals if e not in known]
+    most = max((found.scores.get(e, 0.0) for e in open_now), default=0.0)
+    weights = {e: exp(0.5 * (found.scores.get(e, 0.0) - most) / COARSE) for e in open_now}
+    rest = max(1.0 - sum(odds.values()), 0.0) / max(sum(weights.values()), 1.0)
+    return odds | {e: rest * w for e, w in weights.items()}
+
+
+def _rivals(found: Diagnosis) -> tuple[str, ...]:
+    """The strongest effects that are not named."""
     named = {f.effect for f in found.findings}
-    return tuple((effect, other) for other in _strongest(found) if other not in named)
-
-
-def _unexplained(found: Diagnosis) -> tuple[Pair, ...]:
-    """Each finding with its look-alikes and the strongest others; without a finding, the strongest ones."""
-    if not found.findings:
-        first, *others = _strongest(found) or [""]
-        return tuple((first, other) for other in others)
-    pairs = [(f.effect, other) for f in found.findings for other in f.look_alikes]
-    return tuple(
-        dict.fromkeys([*pairs, *(pair for f in found.findings for pair in _rivals(f.effect, found))])
-    )
+    return tuple(e for e in _strongest(found) if e not in named)
 
 
 def _strongest(found: Diagnosis) -> list[str]:
-    """Effects by their gain in the first round, the largest first."""
+    """Effects by their gain alone, the largest first."""
     ranked = sorted(found.scores, key=lambda effect: -found.scores[effect])
     least = FOLLOWS * max(found.scores.values(), default=0.0)
     return [effect for effect in ranked if found.scores[effect] >= least][: RIVALS + 1]

@@ -22,7 +22,7 @@ from rover_sweep.data.vehicle_file import Measured, load
 from rover_sweep.data.vehicle_geometry import tolerances_of
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
-from rover_sweep.diagnosis.plans.sets import Planner
+from rover_sweep.diagnosis.plans.planner import Planner
 from rover_sweep.diagnosis.settings import DiagnosisSettings
 from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.redrive.recorded_course import course_of
@@ -177,8 +177,7 @@ def test_a_plan_no_longer_asks_for_what_the_bench_settled(monkeypatch: pytest.Mo
     _, rover, scale, _, wanted, spread, driven, progress, settled = asked[1]
     plain, planner = (Planner(rover, scale, wanted, spread, driven, progress, s) for s in ({}, settled))
     assert set(plain.asked) - set(planner.asked) == set(settled)
-    planner.simulate(runs, (0.0, 1.0))
-    why = {u.effect: u.why for u in planner.unseen(runs, planner.evaluate(runs))}
+    why = {u.effect: u.why for u in planner.unseen(runs, ())}
     assert "the bench measured backlash 0.01" in why["steering_backlash"]
 
 

@@ -53,7 +53,7 @@ def _sizes(seed: int, number: int) -> Sizes:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "set"
         write_set(draw_case(seed, number, "none"), folder, Path(place) / "truth.json")
-        return sizes(folder, seed)
+        return sizes(folder)
 
 
 def diagnose_sets(out: Path, folders: list[Path], jobs: int, keep: bool, deleted: bool = False) -> None:

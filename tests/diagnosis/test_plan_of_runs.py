@@ -1,188 +1,151 @@
-"""The engine of `plan`: look-alikes, detectable sizes, and the runs that may be proposed.
-
-Cosines of signatures from an independent study, without instruments in the nominal model: delay and servo
-lag 0.99, relaxation and delay 0.94 (0.85 with a second speed), saturation and load transfer 0.94, deadband
-and backlash 0.95. This tool gives 0.98, 0.99 (0.90) and 0.85 from r alone, with C, Izz, k_phi and b_phi
-refitted, and 0.46, 0.18 (0.59) and 0.68 with all four channels and the whole nominal model. A deadband of the
-command and a backlash are nearly orthogonal here (0.1): one subtracts sgn(u), the other sgn(u'). The study
-had a deadband of the servo's error, which has memory.
-"""
+"""The engine of `plan`: expected probabilities, detectable sizes, and the runs that may be proposed."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.plans.detectable_sizes import detectable
-from rover_sweep.diagnosis.plans.evidence import evidence, typical_floor
-from rover_sweep.diagnosis.plans.joint_problem import Expected, expected
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, RunSet, expected
+from rover_sweep.diagnosis.plans.next_run import run_values
 from rover_sweep.diagnosis.plans.plan import plan
 from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
-from rover_sweep.diagnosis.plans.proposals import (
-    allowed,
-    as_experiment,
-    candidates,
-    first_set,
-    lateral_acceleration,
-)
-from rover_sweep.diagnosis.plans.set_result import Stacked
-from rover_sweep.diagnosis.plans.sets import Planner
+from rover_sweep.diagnosis.plans.planner import Planner
+from rover_sweep.diagnosis.plans.proposals import allowed, candidates, lateral_acceleration, usual_run
+from rover_sweep.diagnosis.plans.run_evidence import RunEvidence, basis, evidence
+from rover_sweep.diagnosis.posterior.infer import SURE, Options, explore
 from rover_sweep.diagnosis.problem.noise_floor import Floor
-from rover_sweep.diagnosis.search.needed_size import sides
-from rover_sweep.diagnosis.simulation.candidates import Model, possible
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.069)
 SCALE = 0.00095  # rad/us
 LIMITS = Limits(7.0, 250.0, (0.8, 12.0), "friction 0.9")
 SLOW, LARGE, SMALL = (PlannedRun("sweep", a, v) for a, v in ((150.0, 1.6), (240.0, 2.4), (120.0, 2.4)))
 BLOCKS, STEPS = PlannedRun("servo_test", 150.0, 0.0), PlannedRun("doublet", 150.0, 2.4)
-PHYSICAL = ("ln_C", "ln_Izz", "ln_k_phi", "ln_b_phi")
 
 
 def planner(spread: Tolerances | None = None, wanted: Sequence[str] = ()) -> Planner:
     return Planner(ROVER, SCALE, wanted, spread or Tolerances(), {}, lambda what, share: None)
 
 
-@pytest.fixture(scope="module")
+@cache
 def usual() -> Planner:
     found = planner()
     found.simulate((SMALL, LARGE, SLOW, STEPS, BLOCKS), (0.0, 1.0))
     return found
 
 
-def yaw_rate_cosines(runs: Sequence[PlannedRun]) -> dict[str, float]:
-    """Cosines from r alone, C, Izz, k_phi and b_phi refitted."""
-    model = Model("roll-yaw", ROVER, Tolerances(lag=0.5, delay=0.5))
-    driven = [as_experiment(run, ROVER, SCALE, ["r"]) for run in runs]
-    effects = [e for e in possible(model, driven)[0] if not e.in_one_run]
-    at = {
-        "lag": 0.03,
-        "delay": 0.03,
-        "tyre_relaxation.sigma": 0.07,
-        "tyre_saturation.mu": 0.7,
-        "load_transfer.k": 0.3,
-    }
-    white = Floor(np.array([0.01, 100.0]), {"r": np.full(2, 3e-5)})  # as in the study
-    stacked = Stacked.of(model, [evidence(run, model, effects, at, white) for run in driven])
-    rows = stacked.outside({c.name for c in model.free} - set(PHYSICAL))
-    unit = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
-    place = {e: members[0] for e, members in stacked.members.items()}
-    pairs = (
-        ("transport_delay", "servo_lag"),
-        ("tyre_relaxation", "transport_delay"),
-        ("tyre_saturation", "load_transfer"),
-        ("steering_deadband", "steering_backlash"),
-    )
-    return {one: float(unit[:, place[one]] @ unit[:, place[two]]) for one, two in pairs}
+def drawn(effects: Sequence[str], signatures: np.ndarray, runs: int = 1) -> RunSet:
+    """Runs that show some effects by these rows (rows, effects), and nothing else."""
+    one = usual()
+    keys = tuple((e, one.assumed.first(e).name) for e in effects)
+    gram = signatures.T @ signatures
+    values, vectors = np.linalg.eigh(gram)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    found = [RunEvidence(keys, gram, root)] * runs
+    return RunSet.of(replace(one.assumed, effects={e: one.assumed.effects[e] for e in effects}), found)
 
 
-def test_look_alikes_are_those_of_the_map() -> None:
-    one, two = yaw_rate_cosines((SMALL, STEPS)), yaw_rate_cosines((SMALL, STEPS, SLOW))
-    assert one["transport_delay"] > 0.95 and one["tyre_relaxation"] > 0.93
-    assert two["tyre_relaxation"] < one["tyre_relaxation"] - 0.05
-    assert one["tyre_saturation"] == pytest.approx(0.94, abs=0.12)
-    assert abs(one["steering_deadband"]) < 0.3
+def test_the_gram_matrix_is_that_of_all_rows() -> None:
+    one = usual()
+    found = basis(one.experiment(STEPS), one.assumed)
+    own = np.linalg.inv(np.eye(found.problem.size) + found.own @ found.own.T)
+    few = evidence(found, one.assumed)
+    n = len(found.keys)
+    np.testing.assert_allclose(few.gram[:n, :n], found.rows.T @ own @ found.rows, rtol=1e-5, atol=1e-3)
+    np.testing.assert_allclose(few.root @ few.root, few.gram, rtol=1e-5, atol=1e-3)
 
 
-def test_few_rows_stand_for_many(usual: Planner) -> None:
-    """Inner products of the nominal's sensitivities and a signature, from all rows and from the few."""
-    from rover_sweep.diagnosis.plans.evidence import start
-    from rover_sweep.diagnosis.problem.least_squares import sensitivities
-    from rover_sweep.diagnosis.problem.residuals import with_floor
-    from rover_sweep.diagnosis.problem.signatures import signatures
-
-    problem = with_floor([usual.experiment(STEPS)], typical_floor())
-    base = start(usual.model, problem.size)
-    problem = replace(problem, measured=problem.model(usual.model.structure, base.x))
-    many = (
-        sensitivities(problem, base).jacobian.T
-        @ signatures(problem, base, usual.model, usual.effects[:1])[0].rows
-    )
-    few = usual._evidence[STEPS]
-    assert few.size < 100 < problem.size
-    np.testing.assert_allclose(
-        few.nominal.T @ few.effects[0].rows, many, rtol=1e-6, atol=1e-6 * np.abs(many).max()
-    )
+def test_without_a_signature_nothing_is_learnt() -> None:
+    found = expected(drawn(("roll_steer", "steering_nonlinearity"), np.zeros((3, 2))), [NONE, "roll_steer"])
+    assert found.information() == pytest.approx(0.0, abs=1e-3)
 
 
-def test_more_runs_show_smaller_sizes(usual: Planner) -> None:
-    few, more = usual.evaluate((SMALL,)).stacked.sizes, usual.evaluate((SMALL, LARGE, SLOW)).stacked.sizes
-    for effect in ("tyre_saturation", "load_transfer", "roll_steer", "steering_nonlinearity"):
-        assert (
-            next(iter(more[effect].values())).coordinate < 0.8 * next(iter(few[effect].values())).coordinate
-        )
+def test_more_runs_never_tell_less() -> None:
+    """Of the runs in any order; draws are random, so the information is known to a few hundredths."""
+    one = usual()
+    for order in ((SMALL, LARGE, SLOW, STEPS, BLOCKS), (BLOCKS, STEPS, SLOW, SMALL, LARGE)):
+        bits = [one.evaluate(order[: k + 1]).bits for k in range(len(order))]
+        assert all(after > before - 0.03 for before, after in zip(bits, bits[1:], strict=False))
+        assert bits[-1] > bits[0] + 0.5
+    assert one.evaluate((replace(SMALL, repeat=8),)).bits > one.evaluate((SMALL,)).bits
 
 
-def test_a_repeat_tells_noise_from_distortion_and_so_does_a_periodic_wave(usual: Planner) -> None:
-    assert usual.evaluate((SMALL, LARGE)).noise_unknown
-    assert not usual.evaluate((replace(SMALL, repeat=2),)).noise_unknown
-    usual.simulate((PlannedRun("multisine", 150.0, 2.4),), (0.0, 1.0))
-    assert not usual.evaluate((SMALL, PlannedRun("multisine", 150.0, 2.4))).noise_unknown
+def test_a_repeat_cannot_separate_parallel_signatures() -> None:
+    """Each is then as probable as the other, however often the run is driven."""
+    effects = ("roll_steer", "steering_nonlinearity")
+    rows = np.outer(np.arange(1.0, 4.0), (8.0, 8.0))
+    for runs in (1, 20):
+        shares = expected(drawn(effects, rows, runs), effects).shares[0]
+        assert 0.2 < shares["roll_steer"] < 0.8
+        assert shares["roll_steer"] + shares["steering_nonlinearity"] > 0.9
+    apart = expected(drawn(effects, rows + np.diag((40.0, 0.0, 0.0))[:, :2]), effects)
+    assert apart.sure["roll_steer"] > 0.95
 
 
-def test_blocks_show_the_steering_and_nothing_else(usual: Planner) -> None:
-    shown = {s.effect: float(np.linalg.norm(s.rows)) for s in usual._evidence[BLOCKS].effects}
-    steering = (
-        "servo_rate_limit",
-        "steering_deadband",
-        "steering_backlash",
-        "steering_asymmetry",
-        "steering_nonlinearity",
-        "servo_lag",
-        "transport_delay",
-        "steering_stiction",
-        "steering_scale",
-    )
-    assert all(shown[e] > 10.0 for e in steering)
-    assert all(
-        size < 1e-6 for e, size in shown.items() if e not in (*steering, "clock_offset", "steering_trim")
-    )
+def test_what_shows_strongly_is_named() -> None:
+    strong, weak = (drawn(("roll_steer",), np.array([[length]])) for length in (40.0, 4.0))
+    p, q = (expected(runs, ["roll_steer"]).sure["roll_steer"] for runs in (strong, weak))
+    assert p > 0.95 > 0.6 > q
 
 
-def test_blocks_tell_a_delay_from_sensor_filters(usual: Planner) -> None:
-    alike = usual.evaluate((SMALL, SLOW)).stacked.cosine("transport_delay", "sensor_filter")
-    assert alike > 0.85
-    assert usual.evaluate((SMALL, SLOW, BLOCKS)).stacked.cosine("transport_delay", "sensor_filter") < 0.5
+def test_an_effect_that_a_tolerance_hides_is_not_named() -> None:
+    """A trim within its tolerance is the nominal model's; beyond it, it is a finding."""
+    one = usual()
+    runs = one.together((SMALL, LARGE))
+    truth = runs.truth("steering_trim", 0.0) @ runs.gram
+    fixed, _ = runs.batch.limited(truth[None, :])
+    cost = runs.batch.costs(truth[None, None, :], fixed, np.zeros(fixed.shape, bool))[0, :, 0]
+    names = [name for name, _ in runs.explanations]
+    assert cost[0] - cost[names.index("steering_trim")] < 1.0
+    assert expected(runs, ["steering_trim"]).sure["steering_trim"] > 0.95
 
 
-def test_two_clocks_make_an_offset_a_delay(usual: Planner) -> None:
-    one = Stacked.of(usual.model, [usual._evidence[SMALL]])
-    two = Stacked.of(replace(usual.model, two_clocks=True), [usual._evidence[SMALL]])
-    assert one.cosine("clock_offset", "transport_delay") < 0.1
-    assert two.cosine("clock_offset", "transport_delay") == pytest.approx(1.0)
+def test_blocks_show_the_steering_and_nothing_else() -> None:
+    found = usual()._evidence[BLOCKS]
+    shown = {key[0]: g for key, g in zip(found.keys, np.diag(found.gram), strict=True)}
+    steering = {e for e in shown if e.startswith(("steering_", "servo_"))} | {"transport_delay"}
+    steering -= {"steering_compliance"}
+    others = set(shown) - steering - {"nominal", "usual", "clock_offset"}
+    assert all(shown[e] > 10.0 for e in steering) and all(shown[e] < 1e-9 for e in others)
 
 
-def test_material_sizes_move_what_is_found() -> None:
-    def sizes(spread: Tolerances) -> dict[str, float]:
-        one = planner(spread)
-        one.simulate((STEPS,), (0.0, 1.0))
-        found = one.evaluate((STEPS,)).stacked.sizes
-        return {
-            e: next(iter(found[e].values())).coordinate
-            for e in ("imu_tilt", "transport_delay", "steering_trim")
-        }
+def test_blocks_separate_a_lag_of_the_servo_from_one_of_the_tyres() -> None:
+    one = usual()
+    few, more = (one.evaluate(runs).sure["servo_lag"] for runs in ((STEPS,), (STEPS, BLOCKS)))
+    assert more > 0.9 and more > few - 0.01
 
-    usual, loose = sizes(Tolerances()), sizes(Tolerances(bias_ay=0.6, together=0.1, trim=0.03))
-    assert loose["imu_tilt"] - usual["imu_tilt"] == pytest.approx(0.3 / 9.81, rel=0.1)
-    assert loose["transport_delay"] - usual["transport_delay"] == pytest.approx(0.028, abs=1e-6)
-    assert loose["steering_trim"] - usual["steering_trim"] == pytest.approx(0.02, rel=0.1)
+
+def test_two_clocks_make_an_offset_a_delay() -> None:
+    one, two = planner(), planner()
+    two.model = replace(two.model, two_clocks=True)
+    near, far = (expected(p.together((SMALL,)), ["transport_delay"]).shares[0] for p in (one, two))
+    assert near["clock_offset"] < 0.05 < 0.3 < far["clock_offset"]
 
 
 @pytest.mark.parametrize("limit", [1.0, 3.0, 7.0])
 def test_nothing_is_proposed_that_the_rover_cannot_hold(limit: float) -> None:
     limits = replace(LIMITS, ay=limit)
-    base = first_set(ROVER, SCALE, limits)
-    found = candidates((LARGE, *base), ROVER, SCALE, limits)
+    base = usual_run(ROVER, SCALE, limits)
+    found = candidates((LARGE, base), ROVER, SCALE, limits)
     assert {run.kind for run in found} >= {"sweep", "doublet", "servo_test"}
-    assert all(lateral_acceleration(run, ROVER, SCALE) <= limit for run in (*base, *found))
+    assert all(lateral_acceleration(run, ROVER, SCALE) <= limit for run in (base, *found))
     assert all(run.amplitude_us + abs(run.bias_us) <= limits.amplitude_us for run in found)
     assert allowed(LARGE, ROVER, SCALE, limits) == (limit > 3.4)
+
+
+def test_an_oversteering_rover_gets_smaller_amplitudes() -> None:
+    """240 us at 3.4 m/s are 6.9 m/s^2 by the kinematics; this rover, with a > b, reaches 8.9."""
+    one, fast = usual(), PlannedRun("sweep", 240.0, 3.4)
+    held = one.held(fast, 7.0)
+    assert 150.0 < held.amplitude_us < 200.0 and one.held(SMALL, 7.0) == SMALL
 
 
 def test_every_kind_may_be_proposed() -> None:
@@ -192,72 +155,98 @@ def test_every_kind_may_be_proposed() -> None:
     assert SMALL in found and any(run.heading == 180.0 for run in found)
 
 
-def test_a_plan_proposes_what_settles_the_open_points(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_proposes_what_names_the_wanted_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     """A small sweep hardly reaches the rate limit of a servo: the answer is a run that does."""
     every = candidates((SMALL,), ROVER, SCALE, LIMITS)
     short = [r for r in every if r.kind == "servo_test" or (r.kind == "doublet" and r.speed > 2.0)]
-    monkeypatch.setattr("rover_sweep.diagnosis.plans.plan.candidates", lambda *_: [*short, *short[:1]])
+    monkeypatch.setattr("rover_sweep.diagnosis.plans.plan.candidates", lambda *_: short)
     shares: list[float] = []
+    small = PlannedRun("sweep", 60.0, 2.4)
     found = plan(
-        (PlannedRun("sweep", 60.0, 2.4),),
+        (small,),
         ROVER,
         SCALE,
         LIMITS,
         ("servo_rate_limit",),
         progress=lambda what, share: shares.append(share),
     )
-    assert [u.effect for u in found.cannot_see] == ["servo_rate_limit"] and not found.detectable
-    assert 1 <= len(found.proposal) == len(found.settles) <= 3
-    assert "servo_rate_limit" in found.settles[0] and "noise from distortion" in " ".join(found.settles)
-    assert not found.proposed_look_alikes
-    assert (
-        found.sentences[0].startswith("these runs detect and separate 0 of 1")
-        and "7.0 m/s^2" in found.notes[0]
+    assert len(found.proposal) == len(found.settles) == 1
+    assert found.settles[0].endswith("detects and separates servo_rate_limit")
+    assert found.sentences == (
+        "these runs detect and separate 0 of 1 effects",
+        "with 1 more run they detect and separate 1",
     )
+    assert not found.proposed_look_alikes and "7.0 m/s^2" in found.notes[0]
     assert shares == sorted(shares) and shares[-1] <= 1.0
 
 
-@pytest.fixture(scope="module")
-def three() -> Expected:
-    """What a diagnosis of three sweeps would use."""
-    one = planner(wanted=("front_rear_stiffness", "steering_backlash", "imu_offset"))
-    runs = [one.experiment(run) for run in (SMALL, LARGE, SLOW)]
-    effects = [e for e in one.effects if e.id in one.wanted]
-    return expected(runs, one.model, effects, one.assumed)
+def test_a_detectable_size_is_not_below_the_one_that_matters_and_falls_with_more_runs() -> None:
+    one = planner(wanted=("steering_backlash", "imu_offset", "tyre_relaxation", "steering_nonlinearity"))
+    few, more = detectable(one, (SMALL,)), detectable(one, (SMALL, LARGE, SLOW))
+    assert set(few) == set(more) == set(one.wanted)
+    for effect, size in more.items():
+        assert size.size is not None and size.material is not None
+        assert size.material <= size.size <= 1.02 * (few[effect].size or 0.0)
+    assert (more["steering_nonlinearity"].size or 0.0) < 0.8 * (few["steering_nonlinearity"].size or 0.0)
 
 
-def test_a_detectable_size_holds_for_both_signs(three: Expected) -> None:
-    """A softer front axle shows less than a softer rear axle; the size is that of the front axle."""
-    size = detectable(three, ("front_rear_stiffness",))["front_rear_stiffness"].size
-    assert size is not None and 1.2 < size < 1.5
-    effect, needed = library()["front_rear_stiffness"], np.sqrt(three.thresholds["front_rear_stiffness"])
-    lengths = []
-    for side in sides(effect, three.signals.model, ()):
-        rows = three.signals.rows(side, np.log(size) - 0.15)
-        lengths.append(float(np.linalg.norm(three.signals.reach(effect).outside(rows))))
-    assert lengths[1] == pytest.approx(needed, rel=0.1) and lengths[0] > 1.3 * needed
-
-
-def test_a_detectable_size_is_not_below_the_one_that_matters(three: Expected) -> None:
-    found = detectable(three, ("steering_backlash", "imu_offset"))
-    assert all(s.size is not None and s.material is not None and s.size >= s.material for s in found.values())
+def test_an_effect_is_sure_at_its_detectable_size_only() -> None:
+    one = planner(wanted=("steering_nonlinearity",))
+    size = detectable(one, (LARGE,))["steering_nonlinearity"].size or 0.0
+    effect, own = "steering_nonlinearity", one.assumed.first("steering_nonlinearity").size
+    for factor, named in ((0.8, False), (1.25, True)):
+        runs = one.together((LARGE,), {effect: factor * size / own})
+        assert (expected(runs, [effect]).sure[effect] >= SURE) == named
 
 
 def test_recorded_noise_counts_in_a_plan() -> None:
     """Ten times the noise power makes the same tyre saturation harder to find: its mu must be smaller."""
-    one = planner(wanted=("tyre_saturation",))
-    effects = [e for e in one.effects if e.id in one.wanted]
-    loud = Floor(one.assumed.floor.f, {c: 10.0 * d for c, d in one.assumed.floor.density.items()})
-    found = []
-    for floor in (one.assumed.floor, loud):
-        runs = expected([one.experiment(SMALL)], one.model, effects, replace(one.assumed, floor=floor))
-        found.append(detectable(runs, one.wanted)["tyre_saturation"].size or 0.0)
-    assert 0.0 < found[1] < 0.8 * found[0]
+    quiet, loud = planner(wanted=("tyre_saturation",)), planner(wanted=("tyre_saturation",))
+    floor = quiet.assumed.floor
+    more = Floor(floor.f, {c: 10.0 * d for c, d in floor.density.items()})
+    loud.assumed = replace(quiet.assumed, floor=more)
+    one, ten = (detectable(p, (SMALL,))["tyre_saturation"].size or 0.0 for p in (quiet, loud))
+    assert 0.0 < ten < 0.9 * one
 
 
-def test_runs_on_blocks_count_in_the_detectable_sizes() -> None:
-    """A small sweep hardly reaches the rate limit of a servo; on blocks it can be larger."""
-    one, small = planner(wanted=("servo_rate_limit",)), PlannedRun("sweep", 60.0, 2.4)
-    few, more = one.sizes((small,)), one.sizes((small, BLOCKS))
-    reached, needed = (s["servo_rate_limit"].size if s else 0.0 for s in (few, more))
-    assert needed is not None and reached is not None and needed > 1.3 * reached
+def test_the_next_run_tells_most_about_what_is_open() -> None:
+    """A run that hardly turns tells little; what is sure needs no run."""
+    one, first = planner(), "tyre_saturation"
+    still = PlannedRun("sweep", 20.0, 0.8)
+    odds = {first: 0.5, "steering_nonlinearity": 0.4, NONE: 0.05, OTHER: 0.05}
+    found = run_values(one, (SMALL,), (still, LARGE), odds)
+    bits = {value.run: value.bits for value in found}
+    assert found[0].run == LARGE and 0.2 < bits[LARGE] < 1.5 and bits.get(still, 0.0) < 0.5 * bits[LARGE]
+    assert not run_values(one, (SMALL,), (LARGE,), {"steering_backlash": 0.999, NONE: 0.001})
+    assert not run_values(one, (SMALL,), (LARGE,), {first: 1.0})
+
+
+def recorded(one: Planner, runs: Sequence[PlannedRun], effect: str, size: float) -> list[Experiment]:
+    """The runs of a rover with this effect, with the noise that the plan assumes."""
+    random, law, p = np.random.default_rng(3), one.model.law(effect), one.assumed.first(effect)
+    structure = one.model.with_effect(effect).structure
+    x = {**one.assumed.x, law.coordinate_name(p): p.coordinate(size) * p.per}
+    out = []
+    for k, run in enumerate(runs):
+        driven = replace(one.experiment(run), name=f"run{k}")
+        motion = logged(driven, structure, x, Sensors.of(driven))
+        n, floor = driven.t.size, one.assumed.floor
+        f = np.clip(np.fft.rfftfreq(n, 1.0 / RATE), floor.f[0], floor.f[-1])
+        noise = {
+            c: np.fft.irfft(np.fft.rfft(random.standard_normal(n)) * np.sqrt(floor.at(c, f) * RATE / 2), n)
+            for c in driven.measured
+        }
+        out.append(replace(driven, measured={c: motion[c] + noise[c] for c in noise}))
+    return out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", ["steering_backlash", "tyre_relaxation", "suspension_friction"])
+def test_a_diagnosis_names_an_effect_from_about_its_detectable_size(effect: str) -> None:
+    one, runs = planner(), (SMALL, LARGE, SLOW)
+    size = detectable(one, runs)[effect].size or 0.0
+    quiet = Options((), (), lambda what, share: None, lambda: False)
+    for factor, named in ((0.4, False), (1.5, True)):
+        driven = recorded(one, runs, effect, factor * size)
+        found = explore(driven, one.model, {}, quiet).posterior
+        assert (found.effects.get(effect, 0.0) >= SURE) == named

@@ -13,17 +13,17 @@ PLAN = Plan(
         "servo_rate_limit": DetectableSize("R", "rad/s", None),
     },
     look_alikes=(
-        SimilarPair("tyre_relaxation", "transport_delay", 0.991),
-        SimilarPair("tyre_saturation", "load_transfer", 0.94),
+        SimilarPair("tyre_relaxation", "transport_delay", 0.48),
+        SimilarPair("tyre_saturation", "load_transfer", 0.31),
     ),
     cannot_see=(Unseen("cross_slope", "one heading"),),
     proposal=(PlannedRun("sweep", 240.0, 2.4), PlannedRun("bias_sweep", 100.0, 1.6, 180.0, 150.0)),
     settles=(
-        "sweep of 240 us at 2.4 m/s: tells tyre_relaxation from transport_delay, because of its speed",
-        "sweep about a bias: tells noise from distortion",
+        "sweep of 240 us at 2.4 m/s: 0.5 bit of information; detects and separates tyre_relaxation",
+        "sweep about a bias: 0.1 bit of information",
     ),
     notes=("no run is proposed beyond 3.9 m/s^2 of lateral acceleration",),
-    proposed_look_alikes=(SimilarPair("tyre_saturation", "load_transfer", 0.93),),
+    proposed_look_alikes=(SimilarPair("tyre_saturation", "load_transfer", 0.23),),
     sentences=(
         "these runs cannot tell tyre relaxation from a delay, nor see the rate limit of the servo",
         "two more runs would",

@@ -76,13 +76,13 @@ effect                 detectable  matters   unit
 steering_backlash  b       0.0021   0.0030    rad
 tyre_saturation    mu        0.62     0.90      -
 servo_rate_limit   R            –        –  rad/s
-detectable: smallest size found in half of repeats, for either sign (a ratio or
-its inverse). matters: smaller is normal tolerance.
+detectable: size from which a diagnosis is expected to name the effect with
+80 %. matters: smaller is normal tolerance.
 
 Effects that these runs cannot separate
-                                  cosine
-tyre_relaxation  transport_delay   0.991
-tyre_saturation  load_transfer     0.940
+true             explains it as well  probability
+tyre_relaxation  transport_delay             48 %
+tyre_saturation  load_transfer               31 %
 
 Effects that these runs cannot detect
 effect       why
@@ -93,13 +93,13 @@ Additional runs to drive
 sweep                          240         2.4           any      1
 sweep about a bias  100 about +150         1.6           180      1
 
-Sweep of 240 us at 2.4 m/s: tells tyre_relaxation from transport_delay, because
-of its speed.
-Sweep about a bias: tells noise from distortion.
+Sweep of 240 us at 2.4 m/s: 0.5 bit of information; detects and separates
+tyre_relaxation.
+Sweep about a bias: 0.1 bit of information.
 
 Effects still not separated with them
-                                cosine
-tyre_saturation  load_transfer   0.930
+true             explains it as well  probability
+tyre_saturation  load_transfer               23 %
 
 No run is proposed beyond 3.9 m/s^2 of lateral acceleration.
 """

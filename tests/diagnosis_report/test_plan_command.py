@@ -59,7 +59,7 @@ def test_runs_driven_are_measured(engine: Engine, run_program: RunProgram) -> No
 def test_what_each_proposed_run_settles_stands_below_it(engine: Engine, run_program: RunProgram) -> None:
     words = run_program("plan", *VEHICLE, "--sweep", "150@2.4").out.split()
     text = " ".join(words)
-    assert "Sweep of 240 us at 2.4 m/s: tells tyre_relaxation from transport_delay, because" in text
+    assert "Sweep of 240 us at 2.4 m/s: 0.5 bit of information; detects and" in text
     assert text.endswith("No run is proposed beyond 3.9 m/s^2 of lateral acceleration.")
 
 
@@ -77,10 +77,10 @@ def test_json_has_everything(engine: Engine, run_program: RunProgram) -> None:
     assert document["not_told_apart"][0] == {
         "first": "tyre_relaxation",
         "second": "transport_delay",
-        "cosine": 0.991,
+        "probability": 0.48,
     }
     assert document["proposal"][1]["bias_us"] == 150.0
-    assert document["settles"][1] == "sweep about a bias: tells noise from distortion"
+    assert document["settles"][1] == "sweep about a bias: 0.1 bit of information"
     assert document["notes"] == ["no run is proposed beyond 3.9 m/s^2 of lateral acceleration"]
     assert document["cannot_see"] == [{"effect": "cross_slope", "why": "one heading"}]
 

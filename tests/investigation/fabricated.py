@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rover_sweep.diagnosis.plans.next_run import OpenPoints, RunValue
+from rover_sweep.diagnosis.plans.next_run import Odds, RunValue
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Fit, HeldOut, Unknown, Unseen, UpperBound
 from rover_sweep.investigation.next_step import Means
@@ -50,11 +50,11 @@ def nothing_missing(**times: float) -> Diagnosis:
 
 
 class Ranking:
-    """Remembers the open points, and answers with the given runs."""
+    """Remembers the odds, and answers with the given runs."""
 
     def __init__(self, *found: RunValue) -> None:
-        self.found, self.asked = found, list[OpenPoints]()
+        self.found, self.asked = found, list[Odds]()
 
-    def __call__(self, points: OpenPoints) -> Sequence[RunValue]:
-        self.asked.append(points)
+    def __call__(self, odds: Odds) -> Sequence[RunValue]:
+        self.asked.append(odds)
         return self.found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import exp
 
 import pytest
 from fabricated import (
@@ -18,7 +19,9 @@ from fabricated import (
     unexplained,
 )
 
-from rover_sweep.diagnosis.plans.next_run import RunValue
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
+from rover_sweep.diagnosis.plans.next_run import RunValue, effects_of
+from rover_sweep.diagnosis.posterior.weights import COARSE
 from rover_sweep.diagnosis.result import Finding, UpperBound
 from rover_sweep.investigation.decide import first_run, next_step
 from rover_sweep.investigation.next_step import Means
@@ -26,7 +29,7 @@ from rover_sweep.investigation.open_questions import times_over
 
 ALIKE = replace(PLAY, look_alikes=("steering_deadband",))
 PAIR = ("steering_backlash", "steering_deadband")
-TELLS = RunValue(SLOW, (PAIR,), (), 1.0)
+TELLS = RunValue(SLOW, 0.6, PAIR)
 
 
 def test_the_first_set_is_one_sweep_and_one_doublet_that_is_held_out() -> None:
@@ -44,15 +47,15 @@ def test_a_confirmed_finding_without_look_alike_is_settled_and_nothing_is_planne
     assert not ranking.asked
 
 
-def test_look_alikes_are_separated_by_the_run_that_the_plan_names() -> None:
+def test_look_alikes_get_the_run_that_is_expected_to_tell_most() -> None:
     ranking = Ranking(TELLS)
     step = next_step(explained(ALIKE), DRIVEN, MEANS, ranking)
     assert (step.action, step.run) == ("drive", SLOW)
     assert step.reason == (
         "steering_deadband explains the runs as well as steering_backlash; sweep of 240 us at 1.4 m/s "
-        "separates steering_backlash from steering_deadband"
+        "is expected to settle it if steering_backlash or steering_deadband is true (0.6 bit expected)"
     )
-    assert ranking.asked[0].pairs == (PAIR,)
+    assert effects_of(ranking.asked[0]) == PAIR
 
 
 @pytest.mark.parametrize(
@@ -74,10 +77,13 @@ def test_look_alikes_are_separated_by_the_run_that_the_plan_names() -> None:
     ],
 )
 def test_a_doubtful_finding_is_compared_with_its_strongest_rival(finding: Finding, why: str) -> None:
-    ranking = Ranking(replace(TELLS, separates=()))
+    ranking = Ranking(replace(TELLS, settles=()))
     step = next_step(explained(finding), DRIVEN, MEANS, ranking)
     assert step.action == "drive" and step.reason.startswith(why)
-    assert ranking.asked[0].pairs == (PAIR,) and ranking.asked[0].weak == ("steering_backlash",)
+    assert step.reason.endswith("tells most about steering_backlash and steering_deadband (0.6 bit expected)")
+    odds = ranking.asked[0]
+    assert odds["steering_backlash"] == finding.probability
+    assert odds["steering_deadband"] == pytest.approx(1.0 - (finding.probability or 0.0))
 
 
 def test_findings_must_be_probable_together() -> None:
@@ -85,7 +91,7 @@ def test_findings_must_be_probable_together() -> None:
     ranking = Ranking(TELLS)
     step = next_step(explained(PLAY, other), DRIVEN, MEANS, ranking)
     assert step.reason.startswith("the probability of all of steering_backlash, roll_steer is only 78 %")
-    assert ranking.asked[0].weak == ("roll_steer",)
+    assert ranking.asked[0]["roll_steer"] == 0.82
 
 
 def test_a_finding_that_no_held_out_run_tested_gets_a_doublet() -> None:
@@ -93,18 +99,27 @@ def test_a_finding_that_no_held_out_run_tested_gets_a_doublet() -> None:
     assert step.run == DOUBLET and "is not tested on a held-out run" in step.reason
 
 
-def test_nothing_missing_is_settled_when_no_bound_matters_or_no_run_lowers_one() -> None:
-    assert next_step(nothing_missing(servo_lag=0.8), DRIVEN, MEANS, Ranking()).action == "settled"
-    ranking = Ranking(RunValue(SLOW, (), (), 0.3))
+def test_nothing_missing_is_settled_when_no_bound_matters_or_no_run_tells_more() -> None:
+    assert next_step(nothing_missing(servo_lag=0.8), DRIVEN, MEANS, Ranking(TELLS)).action == "settled"
+    ranking = Ranking()
     step = next_step(nothing_missing(servo_lag=1.8), DRIVEN, MEANS, ranking)
     assert step.action == "settled" and "no run is expected" in step.reason
-    assert ranking.asked[0].bounds == pytest.approx({"servo_lag": 1.8})
+    assert effects_of(ranking.asked[0]) == ("servo_lag",)
 
 
-def test_nothing_missing_goes_on_while_a_run_lowers_a_bound_below_what_matters() -> None:
-    ranking = Ranking(RunValue(SLOW, (), ("servo_lag",), 0.6))
-    step = next_step(nothing_missing(servo_lag=1.8), DRIVEN, MEANS, ranking)
-    assert step.run == SLOW and "brings servo_lag below it" in step.reason
+def test_nothing_missing_goes_on_while_a_run_tells_more() -> None:
+    step = next_step(nothing_missing(servo_lag=1.8), DRIVEN, MEANS, Ranking(RunValue(SLOW, 0.3)))
+    assert step.run == SLOW and step.reason.endswith("tells most about servo_lag (0.3 bit expected)")
+
+
+def test_odds_are_the_diagnosed_probabilities() -> None:
+    """The effects without a probability share the rest as drops of the cost of 400 and 380 weigh."""
+    found = replace(unexplained(), p_none=0.1, p_else=0.3)
+    ranking = Ranking(TELLS)
+    next_step(found, DRIVEN, MEANS, ranking)
+    less = exp(-0.5 * 20.0 / COARSE)
+    shares = {PAIR[0]: 0.6 / (1.0 + less), PAIR[1]: 0.6 * less / (1.0 + less)}
+    assert ranking.asked[0] == pytest.approx({NONE: 0.1, OTHER: 0.3, **shares})
 
 
 def test_what_has_no_name_is_never_settled_and_gets_a_new_operating_point() -> None:

@@ -117,14 +117,14 @@ def plan(
     system: int | None,
     as_json: bool,
 ) -> None:
-    """Show which effects a set of runs can separate, and propose the smallest set that separates them.
+    """Show which effects a set of runs can separate, and propose the runs that tell most.
 
     \b
     rover-sweep plan --vehicle rover.toml --sweep 120@2.4 --sweep 240@2.4 --doublet 150@2.4
     rover-sweep plan --vehicle rover.toml --have run1.BIN --have run2.BIN --want tyre_saturation,load_transfer
 
-    Equal runs count as repeats, which separate noise from distortion. Without any run, a first set is
-    proposed. Two effects count as separated at twice their detectable sizes.
+    Equal runs count as repeats. Without any run, a first set is proposed. An effect counts as separated where
+    a diagnosis is expected to name it, with 80 %.
     """
     from rover_sweep.api.diagnosis_input import effects_named
     from rover_sweep.api.plan import as_planned, merged, plan_runs

@@ -1,63 +1,47 @@
-"""Detectable sizes: found in half of repeats by a diagnosis of these runs, with the bounds' mathematics."""
+"""Detectable sizes: from which a diagnosis of these runs is expected to name an effect."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from math import inf, isfinite, sqrt
+from collections.abc import Sequence
+from math import sqrt
 
-from rover_sweep.diagnosis.effects import Effect, EffectParameter
-from rover_sweep.diagnosis.plans.joint_problem import Expected
-from rover_sweep.diagnosis.plans.plan_result import DetectableSize
+from rover_sweep.diagnosis.plans.expected_posterior import expected
+from rover_sweep.diagnosis.plans.plan_result import DetectableSize, PlannedRun
+from rover_sweep.diagnosis.plans.planner import Planner
+from rover_sweep.diagnosis.plans.run_evidence import Assumed
+from rover_sweep.diagnosis.posterior.infer import SURE
 from rover_sweep.diagnosis.posterior.upper_bounds import reported_value
-from rover_sweep.diagnosis.search.material import EARLIER, LAGS, material_sizes
-from rover_sweep.diagnosis.search.needed_size import Side, sides
+from rover_sweep.diagnosis.search.material import least_size
+
+PASSES = 8  # bisections, of a range of sizes of 256: to 2 %
 
 
-def detectable(runs: Expected, asked: Sequence[str]) -> dict[str, DetectableSize]:
-    """{effect: detectable size} of the asked effects, by ids; of the first parameter that has one."""
-    out = {}
-    for effect in (runs.signals.model.law(e) for e in asked):
-        found = next((s for s in _sizes(runs, effect) if isfinite(s[1])), None)
-        if found:
-            out[effect.id] = _shown(effect, *found, runs)
-    return out
+def detectable(planner: Planner, runs: Sequence[PlannedRun]) -> dict[str, DetectableSize]:
+    """{asked effect: detectable size of its first parameter}, of those that some size shows in these runs.
 
-
-def _sizes(runs: Expected, effect: Effect) -> Iterator[tuple[EffectParameter, float]]:
-    """(parameter, its detectable coordinate without sign), infinite where no size is detectable.
-
-    Both signs must be found, in each form. A change in one run is in the run that shows it best.
+    By bisection of the size's logarithm, since the signatures of limits grow faster than the size: the runs
+    are simulated with each effect at the size that is tried.
     """
-    model, problem = runs.signals.model, runs.signals.problem
-    both: dict[str, dict[tuple[str, float], float]] = {}
-    for side in sides(effect, model, tuple(r.name for r in problem.runs)):
-        ways, way = both.setdefault(side.parameter.name, {}), (side.effect.name, side.way)
-        ways[way] = min(ways.get(way, inf), _found_from(runs, side))
-    least = material_sizes(effect, model.spread, model.rover.wheelbase)
-    for p in effect.parameters:
-        if p.name in both:
-            yield p, max(*both[p.name].values(), least.get(p.name, 0.0))
+    given = planner.assumed
+    low = dict.fromkeys(planner.asked, 1.0 / 16.0)
+    high = {e: min(16.0, given.reach[e, given.first(e).name].most) for e in planner.asked}
+    sure = dict.fromkeys(planner.asked, False)
+    for n in range(PASSES):
+        planner.progress("computing detectable sizes", 0.85 + 0.15 * n / PASSES)
+        tried = {e: sqrt(low[e] * high[e]) for e in planner.asked}
+        p = expected(planner.together(runs, tried), planner.asked).sure
+        for effect, size in tried.items():
+            named = p[effect] >= SURE
+            sure[effect] |= named
+            (high if named else low)[effect] = size
+    return {e: _shown(given, e, high[e]) for e in planner.asked if sure[e]}
 
 
-def _found_from(runs: Expected, side: Side) -> float:
-    """The size of this sign, as a coordinate without sign, that half of repeats find."""
-    needed = sqrt(runs.thresholds.get(side.effect.id, 0.0))
-    growth = runs.signals.growth(side, needed)
-    if growth is None:
-        return inf
-    size = abs(growth.coordinate_of(needed))
-    if side.effect.id in LAGS:  # a finding only where both lags together are above the normal tolerance
-        other = "delay" if side.effect.id == "servo_lag" else "lag"
-        size = max(size, runs.signals.model.spread.together - runs.signals.fitted.x[other])
-    return size
-
-
-def _shown(effect: Effect, parameter: EffectParameter, size: float, runs: Expected) -> DetectableSize:
-    model = runs.signals.model
-    material = material_sizes(effect, model.spread, model.rover.wheelbase).get(parameter.name)
-    way = -1.0 if effect.id == "clock_offset" else 1.0
-    name, unit, value = reported_value(effect, parameter, way * size)
-    if effect.id == "clock_offset":
-        material = EARLIER
-    matters = None if material is None else reported_value(effect, parameter, way * material)[2]
-    return DetectableSize(name, unit, value, matters)
+def _shown(given: Assumed, effect: str, times: float) -> DetectableSize:
+    """The size as a user reads it; times: over the reach."""
+    law, p = given.effects[effect], given.first(effect)
+    reach, least = given.reach[effect, p.name], least_size(law, p, given.model, given.x)
+    way = 1.0 if reach.distance > 0.0 else -1.0
+    size = max(way * (reach.start + times * reach.distance) / p.per, least)
+    name, unit, value = reported_value(law, p, way * size)
+    return DetectableSize(name, unit, value, reported_value(law, p, way * least)[2] if least > 0.0 else None)

@@ -1,7 +1,7 @@
-"""Before driving: the detectable size of each effect, the effects that look alike, and the runs to add.
+"""Before driving: which effects a diagnosis of planned runs is expected to name, and the runs to add.
 
-No data is needed. The runs are simulated with the numbers of the vehicle file and the noise of a small rover,
-and the parts of the signatures that the nominal model cannot explain are compared.
+No data is needed. The runs are simulated with the numbers of the vehicle file and the noise of a small rover;
+the expected probabilities follow from the weights that a diagnosis uses (`expected_posterior`).
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from dataclasses import replace
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.diagnosis.plans.detectable_sizes import detectable
 from rover_sweep.diagnosis.plans.plan_result import Limits, Plan, PlannedRun
-from rover_sweep.diagnosis.plans.plan_sentences import answer, notes, settles
-from rover_sweep.diagnosis.plans.proposals import allowed, candidates, first_set
-from rover_sweep.diagnosis.plans.sets import Planner, Progress, SetResult
+from rover_sweep.diagnosis.plans.planner import Planner, Progress, SetResult
+from rover_sweep.diagnosis.plans.proposals import allowed, candidates, run_text
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
-MOST_RUNS = 4  # proposed in addition to the given ones
-STEP = 0.1  # of one open point: least progress of a run that does not settle a point itself
+LEAST_BITS = 0.1  # information for which a run is worth its drive
+NAMED = 6  # effects that a sentence names
 
 
 def plan(
@@ -32,7 +32,7 @@ def plan(
     progress: Progress | None = None,
     settled: Mapping[str, str] | None = None,
 ) -> Plan:
-    """Which effects these runs can detect and separate, and the smallest set of runs to add.
+    """Which effects these runs can detect and separate, and the runs to add.
 
     wanted: effect ids, all effects if empty. rad_per_us: road-wheel angle per us of servo output, positive.
     limits: of the proposed runs. spread: normal tolerances of a rover. driven: {run name: recording} of the
@@ -49,76 +49,80 @@ def plan(
         settled or {},
     )
     now = tuple(runs)
-    base = now or first_set(rover, rad_per_us, limits)
-    more = candidates(base, rover, rad_per_us, limits)
-    planner.simulate(base, (0.0, 0.1))
-    given = planner.evaluate(base)
-    chosen: tuple[PlannedRun, ...] = ()
-    if given.open:
-        planner.simulate(more, (0.1, 0.7))
-        chosen = _smallest(planner, now, _greedy(planner, base, more, given))
-    elif not now:
-        chosen = base
-    best = planner.evaluate((*now, *chosen)) if chosen else given
-    shown, runs_shown = (given, now) if now else (best, chosen)
-    drives, chosen = len(chosen), _counted(chosen)
+    planner.simulate(now, (0.0, 0.1))
+    chosen = _chosen(planner, now, limits)
+    sets = [(*now, *chosen[:k]) for k in range(len(chosen) + 1)]
+    results = [planner.evaluate(each) for each in sets if each]
+    shown = now or chosen
+    given, best = results[0] if now else results[-1], results[-1]
+    sizes = detectable(planner, shown)
     return Plan(
         now,
-        planner.sizes(runs_shown),
-        shown.look_alikes,
-        planner.unseen(runs_shown, shown),
+        sizes,
+        given.look_alikes,
+        planner.unseen(shown, [e for e in planner.asked if e not in sizes]),
         chosen,
-        _settled(planner, now, chosen),
+        tuple(map(_tells, chosen, [None, *results] if not now else results, results[len(now) > 0 :])),
         best.look_alikes,
-        answer(now, len(planner.asked), given, best, drives),
-        notes([r for r in now if not r.name and not allowed(r, rover, rad_per_us, limits)], limits),
+        _answer(bool(now), given, best, sum(run.repeat for run in chosen)),
+        _notes([r for r in now if not r.name and not allowed(r, rover, rad_per_us, limits)], limits),
     )
 
 
-def _counted(runs: Sequence[PlannedRun]) -> tuple[PlannedRun, ...]:
-    """Equal runs merged into one with a repeat count."""
-    return tuple(replace(run, repeat=runs.count(run)) for run in dict.fromkeys(runs))
-
-
-def _greedy(
-    planner: Planner, base: tuple[PlannedRun, ...], more: Sequence[PlannedRun], current: SetResult
-) -> tuple[PlannedRun, ...]:
-    """The set with runs added, each time the one that settles most points, until none makes progress."""
-    found = base
-    while current.open and len(found) < len(base) + MOST_RUNS:
-        planner.progress("choosing runs", 0.7 + 0.2 * (len(found) - len(base)) / MOST_RUNS)
-        trials = [(run, planner.evaluate((*found, run))) for run in more]
-        run, result = min(trials, key=lambda trial: trial[1].rank)
-        nearer = result.open == current.open and result.near >= current.near + STEP
-        if result.open >= current.open and not nearer:
+def _chosen(planner: Planner, now: tuple[PlannedRun, ...], limits: Limits) -> tuple[PlannedRun, ...]:
+    """The runs to add: each time the one with the most information, while it is worth its drive."""
+    chosen: list[PlannedRun] = []
+    result, done = planner.evaluate(now) if now else None, 0.1
+    while result is None or len(result.separated) < len(planner.asked):
+        around = candidates((*now, *chosen), planner.rover, planner.rad_per_us, limits)
+        more = list(dict.fromkeys(planner.held(run, limits.ay) for run in around))
+        planner.simulate(more, (done, 0.5 * (done + 0.85)))
+        done = 0.5 * (done + 0.85)
+        planner.progress("choosing runs", done)
+        trials = [(run, planner.evaluate((*now, *chosen, run))) for run in more]
+        run, better = max(trials, key=lambda trial: trial[1].bits)
+        if result is not None and better.bits < result.bits + LEAST_BITS:
             break
-        found, current = (*found, run), result
-    return found
+        chosen, result = [*chosen, run], better
+    return tuple(replace(run, repeat=chosen.count(run)) for run in dict.fromkeys(chosen))
 
 
-def _smallest(
-    planner: Planner, now: tuple[PlannedRun, ...], found: tuple[PlannedRun, ...]
-) -> tuple[PlannedRun, ...]:
-    """The runs added to the given ones, without those that are not needed."""
-    chosen = found[len(now) :] if now else found
-    least = planner.evaluate(found).open
-    for run in chosen:
-        fewer = tuple(r for k, r in enumerate(chosen) if k != chosen.index(run))
-        if (now or fewer) and planner.evaluate((*now, *fewer)).open <= least:
-            chosen = fewer
-    return chosen
+def _answer(any_given: bool, given: SetResult, best: SetResult, added: int) -> tuple[str, ...]:
+    """First what the given runs are expected to name, then what the proposal adds, then what stays open."""
+    asked, count = len(best.sure), "1 run" if added == 1 else f"{added} runs"
+    open_now = [e for e in best.sure if e not in best.separated]
+    left = (f"not detected and separated at their usual size: {in_words(open_now)}",) if open_now else ()
+    if not any_given:
+        verb = "detects and separates" if added == 1 else "detect and separate"
+        return (f"{count} {verb} {len(best.separated)} of {asked} effects", *left)
+    first = f"these runs detect and separate {len(given.separated)} of {asked} effects"
+    if not added:
+        return (first, "no run was found that adds to this", *left) if left else (first,)
+    more = count.replace("run", "more run")
+    return (first, f"with {more} they detect and separate {len(best.separated)}", *left)
 
 
-def _settled(
-    planner: Planner, now: tuple[PlannedRun, ...], chosen: tuple[PlannedRun, ...]
-) -> tuple[str, ...]:
-    """One sentence for each run: what it adds to those before it."""
-    out = []
-    for k, run in enumerate(chosen):
-        before = (*now, *chosen[:k])
-        out.append(
-            settles(
-                run, before, planner.evaluate(before) if before else None, planner.evaluate((*before, run))
-            )
-        )
-    return tuple(out)
+def _tells(run: PlannedRun, before: SetResult | None, after: SetResult) -> str:
+    """What a run is expected to add to those before it."""
+    new = [e for e in after.separated if before is None or e not in before.separated]
+    bits = after.bits - (before.bits if before else 0.0)
+    names = f"; detects and separates {in_words(new)}" if new else ""
+    return f"{run_text(run)}: {bits:.1f} bit of information{names}"
+
+
+def in_words(names: Sequence[str], last: str = "and") -> str:
+    """The names as part of a sentence, those beyond `NAMED` as a number."""
+    shown = [*names[:NAMED], *([f"{len(names) - NAMED} more"] if len(names) > NAMED else [])]
+    return f"{', '.join(shown[:-1])} {last} {shown[-1]}" if len(shown) > 1 else "".join(shown)
+
+
+def _notes(outside: Sequence[PlannedRun], limits: Limits) -> tuple[str, ...]:
+    """The limits that the proposal keeps, and the given runs that exceed them."""
+    kept = (
+        f"proposed runs stay within {limits.ay:.1f} m/s^2 of lateral acceleration ({limits.why}), "
+        f"{limits.amplitude_us:g} us, and {limits.speed[0]:g} to {limits.speed[1]:g} m/s"
+    )
+    return (
+        kept,
+        *(f"the {run_text(run)} exceeds these limits, so its result is not reliable" for run in outside),
+    )

@@ -44,7 +44,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class DetectableSize:
-    """The smallest size of an effect's parameter that is found in half of repeats of the set of runs.
+    """The size of an effect's parameter from which a diagnosis is expected to name the effect.
 
     size: None if no size is detectable. material: the size that matters; smaller is normal tolerance.
     """
@@ -57,11 +57,11 @@ class DetectableSize:
 
 @dataclass(frozen=True)
 class SimilarPair:
-    """Two effects that are not separated; cosine of their signatures, the nominal model refitted."""
+    """An effect that is not separated; expected probability of the second one where the first is true."""
 
     first: str
     second: str
-    cosine: float
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class Plan:
     """What a set of runs can detect and separate, and the runs to add.
 
     runs: the given set. detectable: {effect: size}. look_alikes: the pairs that these runs do not separate,
-    largest cosine first. cannot_see: effects that are not detectable at any size. proposal: the smallest
-    set of runs found to add; settles: a sentence for each of them; proposed_look_alikes: the pairs that
-    remain with them. sentences: the answer first. notes: limits that were kept.
+    largest probability first. cannot_see: effects that are not detectable at any size. proposal: the runs to
+    add; settles: a sentence for each of them; proposed_look_alikes: the pairs that remain with them.
+    sentences: the answer first. notes: limits that were kept.
     """
 
     runs: tuple[PlannedRun, ...]

@@ -13,10 +13,7 @@ from rover_sweep.diagnosis.simulation.experiment import RATE, SLOWEST, Experimen
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
 
-LOGGED = 100.0  # Hz, rate of the motion in a log
-STEERED = 80.0  # Hz, rate of the steering in a log
-USUAL_SPEED, USUAL_AMPLITUDE = 2.4, 240.0  # m/s, us, of a plan without given runs
-COMFORT = 0.75  # of the allowed lateral acceleration, for a first set
+USUAL_SPEED = 2.4  # m/s, of a plan without given runs
 OTHER_SPEEDS = (0.6, 1.4)  # relative to the given speed
 NAMES = {
     "sweep": "sweep",
@@ -58,10 +55,10 @@ def as_experiment(run: PlannedRun, rover: Geometry, rad_per_us: float, channels:
         {},
         {},
         tapered(t.size),
-        dict.fromkeys(channels, LOGGED),
+        dict.fromkeys(channels, 100.0),  # Hz, of the motion in a log
         True,
         False,
-        STEERED,
+        80.0,  # Hz, of the steering in a log
     )
 
 
@@ -75,7 +72,7 @@ def run_text(run: PlannedRun) -> str:
 
 
 def lateral_acceleration(run: PlannedRun, rover: Geometry, rad_per_us: float) -> float:
-    """V r at the largest steering angle [m/s^2], kinematic: an upper bound, since tyres slip."""
+    """V r at the largest steering angle [m/s^2], kinematic."""
     angle = min((run.amplitude_us + abs(run.bias_us)) * rad_per_us, 1.5)
     return float(run.speed**2 * np.tan(angle) / rover.wheelbase)
 
@@ -95,27 +92,25 @@ def allowed(run: PlannedRun, rover: Geometry, rad_per_us: float, limits: Limits)
     return low <= run.speed <= high and lateral_acceleration(run, rover, rad_per_us) <= limits.ay
 
 
-def first_set(rover: Geometry, rad_per_us: float, limits: Limits) -> tuple[PlannedRun, ...]:
-    """Two sweeps of different amplitude at one speed, well within the limits."""
-    most = largest_amplitude(USUAL_SPEED, COMFORT * limits.ay, rover, rad_per_us)
-    speed = USUAL_SPEED
+def usual_run(rover: Geometry, rad_per_us: float, limits: Limits) -> PlannedRun:
+    """The largest sweep at the usual speed, or at a lower one where that would be small."""
+    most, speed = largest_amplitude(USUAL_SPEED, limits.ay, rover, rad_per_us), USUAL_SPEED
     while most < 60.0 and speed > limits.speed[0] * 1.2:
         speed = round(0.8 * speed, 1)
-        most = largest_amplitude(speed, COMFORT * limits.ay, rover, rad_per_us)
-    top = float(max(min(most, USUAL_AMPLITUDE, limits.amplitude_us), 20.0))
-    return PlannedRun("sweep", 10.0 * round(top / 20.0), speed), PlannedRun("sweep", top, speed)
+        most = largest_amplitude(speed, limits.ay, rover, rad_per_us)
+    return PlannedRun("sweep", float(max(min(most, limits.amplitude_us), 20.0)), speed)
 
 
 def candidates(
     base: Sequence[PlannedRun], rover: Geometry, rad_per_us: float, limits: Limits
 ) -> list[PlannedRun]:
     """Different runs that may be added to a set, all within the limits."""
-    kinds = [r for r in base if r.kind != "servo_test"] or list(first_set(rover, rad_per_us, limits))
+    kinds = [r for r in base if r.kind != "servo_test"] or [usual_run(rover, rad_per_us, limits)]
     top = max(kinds, key=lambda run: run.amplitude_us)
     a, v = top.amplitude_us, round(top.speed, 1)
     fits = [c for c in _around(a, v, rover, rad_per_us, limits) if allowed(c, rover, rad_per_us, limits)]
     back = replace(top, kind="sweep", heading=((top.heading or 0.0) + 180.0) % 360.0, bias_us=0.0, name="")
-    again = [replace(run, repeat=1, name="") for run in base if run.kind in ("sweep", "doublet")]
+    again = [replace(run, repeat=1, name="") for run in base or kinds if run.kind in ("sweep", "doublet")]
     more = [c for c in (back, *again) if allowed(c, rover, rad_per_us, limits)]
     return list(dict.fromkeys((*fits, *more)))
 

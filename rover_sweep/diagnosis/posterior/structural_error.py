@@ -80,8 +80,8 @@ def _of_response(channel: str, size: float, members: list[Rows], modelled: Array
             gain[real], gain[imag] = hat * modelled[real], hat * modelled[imag]
             phase[real], phase[imag] = -hat * modelled[imag], hat * modelled[real]
         if gain.any():
-            yield Signature("structure", f"gain of {channel}", size, True, gain)
-            yield Signature("structure", f"phase of {channel}", size, True, phase)
+            yield Signature("structure", f"gain of {channel} at {KNOTS[knot]:.3g} Hz", size, True, gain)
+            yield Signature("structure", f"phase of {channel} at {KNOTS[knot]:.3g} Hz", size, True, phase)
 
 
 def _hat(knot: int, f: Array) -> Array:

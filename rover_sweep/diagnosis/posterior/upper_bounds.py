@@ -3,8 +3,13 @@
 The bound is the upper 95 % quantile of the posterior of the size, for each sign of each parameter. With the
 unit direction u of the part of the signature that the nominal model cannot explain, and r the residual rows
 there, the data give the length u^T r of the signature with the standard deviation sqrt(v), v the variance
-with which the likelihood counts (`posterior.weights`); a length is not negative. The size that has this
-length follows from the growth of the signature (`needed_size`).
+with which the likelihood counts (`posterior.weights`); a length is not negative. A signature grows with the
+size by a power law through the lengths at two sizes, since that of a limit grows steeply; it is computed
+again at the size that was found.
+
+Where the nominal model has the coordinate itself, it takes the effect's place up to its bound, and the
+length begins there. With a prior of the standard deviation s instead, it takes a part at a cost: the size q
+with rows of the length L shows as q/sqrt(s^2 + (q/L)^2).
 
 The other parameters of the effect are absent while one is judged. Effects that happen in one run at an
 instant are judged in the middle of each run; the run that shows them least counts.
@@ -12,9 +17,9 @@ instant are judged in the middle of each run; the run that shows them least coun
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import inf, isfinite
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite, log
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -23,15 +28,20 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
 from rover_sweep.diagnosis.posterior.weights import COARSE
+from rover_sweep.diagnosis.problem.least_squares import WEAK
 from rover_sweep.diagnosis.result import Unseen, UpperBound
-from rover_sweep.diagnosis.search.material import EARLIER, LAGS, material_sizes
-from rover_sweep.diagnosis.search.needed_size import Growth, Side, Signals, sides
-from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, possible
+from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
+from rover_sweep.diagnosis.search.material import EARLIER, LAGS, least_size, material_sizes
+from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, possible
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.spectra.side_by_side import side_by_side
 
 LEVEL = 0.95
 ONE_SIDED = 1.645  # standard deviations: 95 % of a normal distribution lie below
+STEEPNESS = (0.5, 4.0)  # bounds of the exponent of a signature's length in its size
+SIZES = 5  # at most, at which a signature is computed
+NEAREST, FARTHEST = 0.05, 4.0  # of the plain size: range of these sizes; nearer ones are the same, relative
 EKF_CROSSOVER = 0.3
 """rad/s, below which an EKF follows its GPS: sqrt(0.35^2 0.012 / (0.3^2 0.2)), the steady state of a scalar
 filter with ArduPilot's EK3_ACC_P_NSE each 12 ms and EK3_VELNE_M_NSE at 5 Hz (Gelb 1974, chapter 4)."""
@@ -39,6 +49,24 @@ GPS = "; T_gps: lag of the GPS velocity, most of which an EKF hides"
 BOUND = "a smaller one may not show in these runs"
 HALFWAY = "; sizes for a change halfway through a run, since one at its beginning shows less"
 NO_BOUND = "these runs hardly excite it: they exclude no size"
+
+
+@dataclass(frozen=True)
+class Side:
+    """One sign of one parameter of one law.
+
+    effect: the law, of one of the effect's forms. start: the coordinate up to which the nominal model takes
+    its place. way: +1 or -1. room: distance from there to the parameter's bound. slack: standard deviation of
+    the nominal model's prior, 0 for none. run: where an effect of one run happens, else "".
+    """
+
+    effect: Effect
+    parameter: EffectParameter
+    start: float
+    way: float
+    room: float
+    slack: float = 0.0
+    run: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +83,14 @@ def upper_bounds(last: ModelFit, only: Sequence[str] = (), without: Sequence[str
     only, without: ids of effects, as in the search. Effects that add a degree of freedom have no bound.
     """
     effects = possible(last.model, last.problem.runs, only, without)[0]
-    signals = Signals(last.problem, last.model, last.fitted)
     judged = [e for e in effects if e.id not in DEGREES_OF_FREEDOM]
-    return tuple(side_by_side(lambda e: _unseen(last, signals, e), judged))
+    reach = {held: _reach(last, held) for held in {_replaced_by(e) for e in judged}}
+    return tuple(side_by_side(lambda e: _unseen(last, reach[_replaced_by(e)], e), judged))
 
 
-def _unseen(last: ModelFit, signals: Signals, effect: Effect) -> Unseen:
+def _unseen(last: ModelFit, reach: Tangent, effect: Effect) -> Unseen:
     runs = tuple(r.name for r in last.problem.runs)
-    ends = [_end(last, signals, side) for side in sides(effect, last.model, runs, every_form=True)]
+    ends = [_end(last, reach, side) for side in sides(effect, last.model, runs)]
     shown = [e for e in ends if isfinite(e.coordinate)]
     if not shown:
         return Unseen(effect.id, NO_BOUND)
@@ -74,22 +102,46 @@ def _unseen(last: ModelFit, signals: Signals, effect: Effect) -> Unseen:
         ranges, why = {**ranges, "T_gps": gps}, BOUND + GPS
     if effect.in_one_run:
         why += HALFWAY
-    change = _change(last, signals, largest, material.get(largest.side.parameter.name, 0.0))
+    change = _change(last, largest, material.get(largest.side.parameter.name, 0.0))
     return Unseen(effect.id, why, ranges, change, any(above))
 
 
-def _end(last: ModelFit, signals: Signals, side: Side) -> _End:
+def _end(last: ModelFit, reach: Tangent, side: Side) -> _End:
     """The side with its bound."""
-    noise = float(np.sqrt(COARSE * last.fitted.overdispersion))
-    growth = signals.growth(side, ONE_SIDED * noise)
-    if growth is None:
-        return _End(side, inf)
-    distance = growth.distance_of(_upper(_projected(last, signals, growth), noise))
+    distance = _distance(last, reach, side)
     coordinate = side.start + side.way * (distance if distance <= side.room else inf)
-    if side.effect.id in LAGS:  # a finding only where both lags together are above the normal tolerance
-        other = "delay" if side.effect.id == "servo_lag" else "lag"
-        coordinate = max(coordinate, last.model.spread.together - last.fitted.x[other])
+    if side.effect.id in LAGS:
+        coordinate = max(coordinate, least_size(side.effect, side.parameter, last.model, last.fitted.x))
     return _End(side, coordinate)
+
+
+def _distance(last: ModelFit, reach: Tangent, side: Side) -> float:
+    """The distance from the side's start to its bound, infinite where the signature vanishes."""
+    noise = float(np.sqrt(COARSE * last.fitted.overdispersion))
+    residual = reach.outside(last.fitted.rows)
+    near, plain = _rows(last, side, 0.0), min(abs(side.parameter.size), side.room)
+    distance, before, found = plain, (0.0, 0.0), inf
+    for _ in range(SIZES):
+        rows = reach.outside(_rows(last, side, distance) - near)
+        length = shown_length(rows, distance, side.slack)
+        if length**2 < WEAK:
+            break
+        power = 1.0
+        if before[0]:
+            power = float(np.clip(log(length / before[1]) / log(distance / before[0]), *STEEPNESS))
+        upper = _upper(float(rows @ residual) / float(np.linalg.norm(rows)), noise)
+        found = distance * (upper / length) ** (1.0 / power)
+        following = min(float(np.clip(found, NEAREST * plain, FARTHEST * plain)), side.room)
+        if abs(log(following / distance)) < NEAREST:
+            break
+        before, distance = (distance, length), following
+    return found
+
+
+def shown_length(rows: Array, distance: float, slack: float) -> float:
+    """Length of a signature at a distance where the nominal model's prior takes a part of its place."""
+    length = float(np.linalg.norm(rows))
+    return length / float(np.sqrt(1.0 + (length / distance * slack) ** 2)) if distance > 0 else 0.0
 
 
 def _upper(amount: float, deviation: float) -> float:
@@ -98,10 +150,63 @@ def _upper(amount: float, deviation: float) -> float:
     return amount + deviation * float(ndtri(below + LEVEL * (1.0 - below)))
 
 
-def _projected(last: ModelFit, signals: Signals, growth: Growth) -> float:
-    """Length of the signature that the data give for this side, along its rows."""
-    residual = signals.reach(growth.side.effect).outside(last.fitted.rows)
-    return float(growth.rows @ residual) / float(np.linalg.norm(growth.rows))
+def _rows(last: ModelFit, side: Side, distance: float) -> Array:
+    """The rows (n,) of the model at a distance from the side's start."""
+    if distance == 0.0 and not side.parameter.nominal:
+        return last.problem.measured - last.fitted.rows
+    return last.problem.model(*_at(last, side, side.start + side.way * distance))
+
+
+def _at(last: ModelFit, side: Side, coordinate: float) -> tuple[Structure, dict[str, float]]:
+    """The structure with the effect, and the coordinates {name: value} with its own at `coordinate`."""
+    effect, p = side.effect, side.parameter
+    x = {**last.fitted.x, effect.coordinate_name(p): coordinate * p.per}
+    order = 0
+    if effect.in_one_run:
+        run = next(r for r in last.problem.runs if r.name == side.run)
+        x[effect.key("t")], order = 0.5 * float(run.t[-1]), run.order
+    return last.model.with_effect(effect.name, side.run, order).structure, x
+
+
+def _reach(last: ModelFit, held: frozenset[str]) -> Tangent:
+    """What the nominal model explains with some coordinates at their bounds."""
+    x = {**last.fitted.x, **{c.name: c.high for c in last.fitted.free if c.name in held}}
+    return tangent(replace(last.fitted, x=x))
+
+
+def _replaced_by(effect: Effect) -> frozenset[str]:
+    """Nominal coordinates at their bounds when this effect is a finding."""
+    if effect.id in LAGS or effect.id == "clock_offset":
+        return frozenset({"lag", "delay"})
+    return frozenset(p.nominal for p in effect.parameters if p.nominal)
+
+
+def sides(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]:
+    """The signs of an effect's parameters that these runs could show, in all its forms.
+
+    For an effect that is in one run there is one for each run. Forms with the same nominal coordinate have
+    the same sides. The two signs differ: towards oversteer Cf/Cr shows several times more than towards
+    understeer.
+    """
+    nominal = {c.name: c for c in model.free}
+    pairs = [(law, p) for law in model.laws(effect.id) for p in law.parameters]
+    for law, p in pairs:
+        if p.name == "t" or p.size == 0.0 or (p.nominal and (p.nominal not in nominal or not law.first)):
+            continue
+        low, high, slack = 0.0, 0.0, 0.0
+        if p.nominal:
+            c = nominal[p.nominal]
+            low, high, slack = c.low / p.per, c.high / p.per, (c.prior or 0.0) / p.per
+            if c.prior:
+                low = high = c.start / p.per
+        if effect.id == "clock_offset" and not model.two_clocks:
+            yield Side(law, p, -EARLIER, -1.0, -EARLIER - p.low)  # only a response before the command
+            continue
+        for run in runs if effect.in_one_run else ("",):
+            if p.high > high:
+                yield Side(law, p, high, 1.0, p.high - high, slack, run)
+            if effect.signed and p.low < low:
+                yield Side(law, p, low, -1.0, low - p.low, slack, run)
 
 
 def _gps_lag(last: ModelFit) -> UpperBound | None:
@@ -117,7 +222,7 @@ def _gps_lag(last: ModelFit) -> UpperBound | None:
     return UpperBound("s", 0.0, max(-lowest, 0.0) / EKF_CROSSOVER)
 
 
-def _change(last: ModelFit, signals: Signals, end: _End, material: float) -> float:
+def _change(last: ModelFit, end: _End, material: float) -> float:
     """Change of r or a_y, the larger one, from normal tolerance to the bound: rms over rms at tolerance.
 
     material: the coordinate from which the effect matters.
@@ -125,7 +230,7 @@ def _change(last: ModelFit, signals: Signals, end: _End, material: float) -> flo
     side = end.side
     normal = max(side.way * side.start, material)
     near, far = (
-        signals.at(side, c) for c in (side.way * normal, side.way * max(side.way * end.coordinate, normal))
+        _at(last, side, c) for c in (side.way * normal, side.way * max(side.way * end.coordinate, normal))
     )
     squares: dict[str, Array] = {c: np.zeros(2) for c in ("r", "ay")}
     for run in last.problem.runs:

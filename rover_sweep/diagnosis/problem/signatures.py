@@ -11,7 +11,7 @@ s^T P r is the score of the parameter and s^T P s its information after the nomi
 the drop is the score statistic of Rao (1948): chi-squared with one degree of freedom where the effect is
 absent and the noise is all there is. It needs no fit with the effect. For several parameters, with the
 columns S: r^T P S (S^T P S)^-1 S^T P r. `candidate_fits.linear_prediction` computes it from the data,
-`threshold.null_distribution` how large it becomes where nothing is missing.
+`plans.expected_posterior` what is expected of runs that are not driven.
 
 Rao 1948: Large sample tests of statistical hypotheses concerning several parameters, Math. Proc. Cambridge
 Philos. Soc. 44(1).
@@ -37,7 +37,7 @@ from rover_sweep.spectra.side_by_side import side_by_side
 class Signature:
     """One parameter of one effect: the whitened rows (n,) that `size` of its coordinate adds.
 
-    signed: the amount may be negative. law: name of the effect's form, "" for the first.
+    signed: the amount may be negative.
     """
 
     effect: str
@@ -45,7 +45,6 @@ class Signature:
     size: float
     signed: bool
     rows: Array
-    law: str = ""
 
 
 def signatures(
@@ -55,25 +54,22 @@ def signatures(
     effects: Sequence[Effect],
     at: Mapping[str, float] | None = None,
     tolerances: bool = False,
-    forms: bool = False,
 ) -> list[Signature]:
     """Signatures of effects at a fitted model; of an effect in one run (a change of ground) one per run.
 
     at: {coordinate: size}, the parameter's own size where it is missing. tolerances: at the standard
-    deviation that every rover has, only of parameters that have one. forms: of all forms of each effect.
+    deviation that every rover has, only of parameters that have one.
     """
     now = problem.model(model.structure, base.x)
     wanted = [
         w
-        for family in effects
-        if family.id not in DEGREES_OF_FREEDOM
-        for e in (model.laws(family.id) if forms else (family,))
+        for e in effects
+        if e.id not in DEGREES_OF_FREEDOM
         for w in _wanted(problem, base, model, e, at or {}, tolerances)
     ]
     rows = side_by_side(lambda w: problem.model(w[3], w[4]) - now, wanted)
     return [
-        Signature(e.id, p.name, size, e.signed, r, e.name if forms else "")
-        for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
+        Signature(e.id, p.name, size, e.signed, r) for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
     ]
 
 
@@ -99,9 +95,3 @@ def _wanted(
 def columns(found: Sequence[Signature], size: int) -> Array:
     """Their rows as columns (size, k); one column of zeros for none."""
     return np.column_stack([s.rows for s in found]) if found else np.zeros((size, 1))
-
-
-def drawn_amounts(random: np.random.Generator, tolerances: Sequence[Signature], draws: int) -> Array:
-    """Random amounts (draws, k) of k tolerances in standard deviations; positive where it has one sign."""
-    amounts = random.standard_normal((draws, len(tolerances)))
-    return np.where([s.signed for s in tolerances], amounts, np.abs(amounts)) if tolerances else amounts

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.effects import Effect
+from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.simulation.candidates import Model, added_coordinates
 
 LAGS = ("servo_lag", "transport_delay")
@@ -32,6 +32,18 @@ def material_sizes(effect: Effect, spread: Tolerances, wheelbase: float) -> dict
     return {
         name: size for name, size in {**effect.thresholds, **moved.get(effect.id, {})}.items() if size > 0
     }
+
+
+def least_size(effect: Effect, parameter: EffectParameter, model: Model, x: Mapping[str, float]) -> float:
+    """The coordinate of a parameter, without sign, from which its effect matters; 0 where every size does.
+
+    x: {coordinate: value}. Lag and delay matter only where both together are above the normal tolerance.
+    """
+    if effect.id in LAGS:
+        return model.spread.together - x["delay" if effect.id == "servo_lag" else "lag"]
+    if effect.id == "clock_offset" and not model.two_clocks:
+        return EARLIER
+    return material_sizes(effect, model.spread, model.rover.wheelbase).get(parameter.name, 0.0)
 
 
 def exceeds_material_size(

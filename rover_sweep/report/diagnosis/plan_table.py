@@ -10,23 +10,16 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from rover_sweep.diagnosis.plans.plan_result import DetectableSize, Plan, PlannedRun, SimilarPair
+from rover_sweep.diagnosis.plans.proposals import NAMES
 from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.identification.terminal import Sentence, rich_table
 from rover_sweep.report.wording.effect_names import sentence
 from rover_sweep.report.wording.number_format import number, unit
 from rover_sweep.report.wording.strict_json import plain
 
-KINDS = {
-    "sweep": "sweep",
-    "doublet": "doublet",
-    "bias_sweep": "sweep about a bias",
-    "multisine": "odd/even multisine",
-    "servo_test": "servo test on blocks",
-    "other": "other drive",
-}
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 SIZES = (
-    "detectable: smallest size found in half of repeats, for either sign (a ratio or its inverse). "
+    "detectable: size from which a diagnosis is expected to name the effect with 80 %. "
     "matters: smaller is normal tolerance."
 )
 
@@ -93,7 +86,7 @@ def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:
 
 
 def _run(run: PlannedRun) -> tuple[Cell, ...]:
-    kind = KINDS[run.kind] + (f", {run.name}" if run.name else "")
+    kind = NAMES[run.kind] + (f", {run.name}" if run.name else "")
     amplitude = f"{run.amplitude_us:g}" + (f" about {run.bias_us:+g}" if run.bias_us else "")
     speed = f"{run.speed:g}" if run.speed else "0"
     heading = "any" if run.heading is None else f"{run.heading:.0f}"
@@ -118,6 +111,6 @@ def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
 
 
 def pair_table(pairs: Sequence[SimilarPair], heading: str) -> Table:
-    """Pairs of effects with the cosine of their signatures; 1 means they cannot be separated."""
-    rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{p.cosine:.3f}")) for p in pairs)
-    return Table(heading, ("", "", "cosine"), rows, text_columns=2)
+    """Pairs of effects with the expected probability of the second where the first is true."""
+    rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{100 * p.probability:.0f} %")) for p in pairs)
+    return Table(heading, ("true", "explains it as well", "probability"), rows, text_columns=2)
