@@ -172,7 +172,7 @@ def test_a_table_that_cannot_be_simulated_is_refused(change: dict[str, object]) 
 def test_a_law_with_play_has_a_memory() -> None:
     t = np.arange(400) / RATE
     steer = 0.2 * np.sin(2 * np.pi * t)
-    from rover_sweep.diagnosis.effects.steering_backlash import play
+    from rover_sweep.diagnosis.effects.steering import play
 
     out = play(steer, 0.05)
     assert np.max(np.abs(out)) == pytest.approx(0.15, abs=1e-3)

@@ -206,7 +206,7 @@ def _delays(model: AugmentedModel) -> tuple[float, dict[str, float]]:
 
     A clock offset is not a delay of the rover; the usual delay is used instead.
     """
-    from rover_sweep.diagnosis.effects.clock_offset import USUAL_DELAY
+    from rover_sweep.diagnosis.effects.sensors import USUAL_DELAY
 
     delay = USUAL_DELAY if "clock_offset" in model.effects else model.value("delay")
     lags = {name: model.value(f"{name.removeprefix('late_')}_lag") for name in ("late_ay", "late_p")}
