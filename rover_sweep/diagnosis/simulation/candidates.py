@@ -180,6 +180,12 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
     return ""
 
 
+def same_speed(a: Experiment, b: Experiment) -> bool:
+    """True for runs whose mean speeds are within 12 %."""
+    low, high = sorted((a.mean_speed, b.mean_speed))
+    return high < (1 + SAME_SPEED) * low
+
+
 def speeds_of(runs: Sequence[Experiment]) -> list[float]:
     """Mean speeds that differ by more than 12 %, m/s."""
     out: list[float] = []
