@@ -25,7 +25,7 @@ MOVED = {
     "diagnosis.search": "diagnosis.search.candidate_fits",
     "diagnosis.signatures": "diagnosis.problem.signatures",
     "diagnosis.simulate": "diagnosis.simulation.simulator",
-    "diagnosis.speed_finding": "diagnosis.held_out.speed_finding",
+    "diagnosis.speed_finding": "diagnosis.held_out.speed_loss",
     "diagnosis.speed_loss": "diagnosis.held_out.speed_loss",
     "diagnosis.threshold": "diagnosis.search.threshold",
     "diagnosis.wander": "diagnosis.problem.speed_drift",

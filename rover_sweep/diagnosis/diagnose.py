@@ -13,9 +13,8 @@ from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.effects import Effect, library
-from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
-from rover_sweep.diagnosis.held_out.speed_finding import WORSE, earned, speed_finding, unknown_loss
-from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
+from rover_sweep.diagnosis.held_out.speed_loss import ID as SPEED
+from rover_sweep.diagnosis.held_out.speed_loss import WORSE, earned, speed_finding, speed_loss, unknown_loss
 from rover_sweep.diagnosis.held_out.turn_impact import Turn, change_in_runs, turn_sentence, turn_with
 from rover_sweep.diagnosis.held_out.worth import (
     FittedModel,
@@ -25,7 +24,6 @@ from rover_sweep.diagnosis.held_out.worth import (
     refitted_without,
     worse_channels,
 )
-from rover_sweep.diagnosis.importance import why_it_does_not_matter
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.posterior.infer import SHARE, Inference, Named, Options, infer
 from rover_sweep.diagnosis.posterior.parameter_intervals import (
@@ -50,7 +48,7 @@ from rover_sweep.diagnosis.simulation.first_use import COMPILING, must_compile
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaw
 from rover_sweep.diagnosis.unexplained.modelled import in_model, with_law_of
 from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained
-from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
+from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of, why_it_does_not_matter
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Group, Settings, grouped

@@ -9,8 +9,8 @@ import pytest
 from fabricated_diagnoses import BACKLASH
 
 from rover_sweep.diagnosis.held_out.turn_impact import Turn
-from rover_sweep.diagnosis.importance import importance_words, turn_change, turn_words, why_it_does_not_matter
 from rover_sweep.diagnosis.result import Diagnosis, Fit, HeldOut, Overlay
+from rover_sweep.diagnosis.verdict import importance_words, turn_change, turn_words, why_it_does_not_matter
 
 FRICTION = replace(BACKLASH, held_out=(HeldOut("run5", Fit(1.31, 0.1), Fit(1.28, 0.1), 0.04),))
 TURN = Turn(2.2, 0.2, 1.5, delay=0.05, rate=0.0, path=0.1)
@@ -53,4 +53,4 @@ def test_the_delay_and_the_gain_of_a_turn():
     assert change.gain == pytest.approx(-0.1, abs=0.02)
     assert "starts each turn 0.12 s later" in turn_words(late_by(0.12, 0.9))
     assert "10 % less" in turn_words(late_by(0.12, 0.9))
-    assert "less than 5 ms and 1 %" in turn_words(late_by(0.0, 1.0))
+    assert "less than 10 ms and 1 %" in turn_words(late_by(0.0, 1.0))

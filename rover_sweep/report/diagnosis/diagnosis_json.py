@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from rover_sweep.diagnosis.importance import hardly_matters, importance_words, turn_change, turn_words
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -18,6 +17,7 @@ from rover_sweep.diagnosis.result import (
     Unknown,
     Unseen,
 )
+from rover_sweep.diagnosis.verdict import hardly_matters, importance_words, turn_change, turn_words
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.export.augmented_model_json import augmented_document
 from rover_sweep.report.identification.identification_json import AXES, recording_document

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rover_sweep.data.recording import grouped_warnings
-from rover_sweep.diagnosis.importance import importance_words, turn_words
 from rover_sweep.diagnosis.result import Diagnosis, Finding
+from rover_sweep.diagnosis.verdict import importance_words, turn_words
 from rover_sweep.report.charts.shown_chart import ShownChart, by_section
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.diagnosis.pictures import mismatch_section

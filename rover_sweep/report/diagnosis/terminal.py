@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from rover_sweep.diagnosis.importance import importance_words, turn_words
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
+from rover_sweep.diagnosis.verdict import importance_words, turn_words
 from rover_sweep.report.diagnosis.tables import (
     certainty_words,
     cost_table,
