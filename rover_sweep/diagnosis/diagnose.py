@@ -44,7 +44,7 @@ from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
-from rover_sweep.diagnosis.simulation.first_use import COMPILING, must_compile
+from rover_sweep.diagnosis.simulation.single_track import must_compile
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaw
 from rover_sweep.diagnosis.unexplained.modelled import in_model, with_law_of
 from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained
@@ -120,7 +120,7 @@ def diagnose(
     speed = sum(run.mean_speed for run in used) / len(used)
     begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
     if must_compile():
-        options.progress(COMPILING, 0.0)
+        options.progress("compiling the simulation, once on this machine (up to a minute)", 0.0)
     found = infer(used, model, begin, options, held)
     options.progress("describing what is left", ANSWER_FROM)
     answer, law = _answer(found, used, held, settings)

@@ -28,7 +28,6 @@ from rover_sweep.diagnosis.simulation.structure import Structure, Values
 from rover_sweep.diagnosis.simulation.wheel_angle import STEP, wheel_angle
 
 SENSED = {"bias_ay", "imu_x", "imu_z", "ay_lag", "p_lag", "vy_lag", "vy_gain", "heading"}  # act on a log only
-MOST_LAGS = 8  # kept responses of a run's sensors
 
 
 def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
@@ -221,7 +220,7 @@ class Sensors:
     """Low-passes and lags of the channels of a run, at the frequencies of its padded Fourier transform.
 
     size: length of the padded run. w (k,): rad/s. known: {channel: response (k,)} of the known filters. lags:
-    {lag [s]: response (k,)} of those that were computed last.
+    {lag [s]: response (k,)} of the last eight.
     """
 
     size: int
@@ -286,7 +285,7 @@ class Sensors:
             return 1.0
         response = self.lags.get(lag_s)
         if response is None:  # most columns of a Jacobian have the same lag
-            if len(self.lags) >= MOST_LAGS:
+            if len(self.lags) >= 8:
                 self.lags.clear()
             response = self.lags[lag_s] = np.exp(-1j * self.w * lag_s)
         return response
