@@ -46,9 +46,8 @@ from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.single_track import must_compile
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaw
-from rover_sweep.diagnosis.unexplained.modelled import in_model, with_law_of
-from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained
-from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of, why_it_does_not_matter
+from rover_sweep.diagnosis.unexplained.unexplained import in_model, left_unexplained, with_law_of
+from rover_sweep.diagnosis.verdict import NOTABLE, remarks_of, sentence_of, verdict_of, why_it_does_not_matter
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Group, Settings, grouped
@@ -56,7 +55,6 @@ from rover_sweep.identification.grouping import Group, Settings, grouped
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
 ANSWER_FROM = 0.92  # share of the work that is done when the answer is described
-LARGE = 1.8  # mean square of a channel's rows that is more than noise which grows with the motion
 MATERIAL_CHANGE = 0.03  # relative change of a nominal parameter from which it is reported as falsified
 
 
@@ -241,7 +239,7 @@ def _speed_answer(
     if found.stopped:
         judged = set(found.gains) | set(last.cannot_see)
         return _SpeedAnswer({e.id: STOPPED for e in library().values() if e.id not in judged})
-    if max(last.misfit.values(), default=1.0) > LARGE:
+    if max(last.misfit.values(), default=1.0) > NOTABLE:
         why = "the motion is not explained, so the drag of the turned wheels is not known"
         return _SpeedAnswer({SPEED: why})
     lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)

@@ -13,7 +13,7 @@ from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown, V
 from rover_sweep.diagnosis.simulation.candidates import speeds_of
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
-SETTLED = 1.5  # mean square of the residual rows (noise: 1) up to which findings explain everything
+NOTABLE = 1.45  # mean square of the residual rows (noise: 1) from which something is left to explain
 
 
 def verdict_of(
@@ -28,7 +28,7 @@ def verdict_of(
     worse: a channel of a held-out run is predicted worse than without the findings.
     """
     if findings:
-        return "partly explained" if left or stopped or worse or variance > SETTLED else "explained"
+        return "partly explained" if left or stopped or worse or variance > NOTABLE else "explained"
     return "unexplained" if left or stopped else "none"
 
 
@@ -53,7 +53,7 @@ def sentence_of(
         rest = "the search was stopped before all effects were tried"
     elif left:
         rest = left.sentence.partition(";")[0]
-    elif variance > SETTLED and findings:
+    elif variance > NOTABLE and findings:
         ratio = f"{variance**0.5:.1f} times the noise floor"
         rest = f"the remaining residual, which no function of the state predicts, is {ratio}"
     if named and rest:

@@ -22,7 +22,7 @@ from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law, with_laws
 from rover_sweep.diagnosis.unexplained.input_place import input_places
 from rover_sweep.diagnosis.unexplained.law_search import find_law
-from rover_sweep.diagnosis.unexplained.modelled import NO_LAW, with_law_of
+from rover_sweep.diagnosis.unexplained.unexplained import NO_LAW, with_law_of
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
 DAMPING = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))
