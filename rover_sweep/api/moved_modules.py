@@ -13,7 +13,7 @@ MOVED = {
     "diagnosis.held_out": "diagnosis.held_out.worth",
     "diagnosis.material": "diagnosis.search.material",
     "diagnosis.nominal": "diagnosis.simulation.nominal",
-    "diagnosis.ordinary": "diagnosis.search.bounds",
+    "diagnosis.ordinary": "diagnosis.search.material",
     "diagnosis.places.orders": "diagnosis.locate.by_cycle",
     "diagnosis.places.residual": "diagnosis.locate.residual_maps",
     "diagnosis.places.runs": "diagnosis.locate.locate",

@@ -38,7 +38,7 @@ from rover_sweep.diagnosis.posterior.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
 from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Falsified, Finding, HeldOut, Unknown, Unseen
-from rover_sweep.diagnosis.search.bounds import at_the_end, many_at_the_end
+from rover_sweep.diagnosis.search.material import at_the_end, many_at_the_end
 from rover_sweep.diagnosis.settings import Baseline, DiagnosisSettings
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented

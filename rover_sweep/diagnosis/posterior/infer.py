@@ -20,8 +20,8 @@ from rover_sweep.diagnosis.posterior.weights import (
     evidence_of,
     posterior,
 )
+from rover_sweep.diagnosis.problem.least_squares import cost_of
 from rover_sweep.diagnosis.problem.residuals import Problem, with_floor
-from rover_sweep.diagnosis.search.bounds import cost_of
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
