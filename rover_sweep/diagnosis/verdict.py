@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.held_out.turn_impact import VISIBLE, Turn
 from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown, Verdict
 from rover_sweep.diagnosis.simulation.candidates import speeds_of
@@ -106,22 +104,6 @@ def remarks_of(
     return tuple(out)
 
 
-@dataclass(frozen=True)
-class TurnChange:
-    """What the findings together do to the yaw rate of a run, against the baseline.
-
-    delay [s]: later start of a turn; gain: relative change of the yaw rate; distance [m]: delay at `speed`.
-    """
-
-    delay: float
-    gain: float
-    speed: float
-
-    @property
-    def distance(self) -> float:
-        return self.delay * self.speed
-
-
 def why_it_does_not_matter(absent: bool, turn: Turn | None = None, change: float = 1.0) -> str:
     """Why a probable effect is listed as present and not named, "" where it matters.
 
@@ -153,50 +135,17 @@ def importance_words(f: Finding) -> str:
     return f"{words}: it hardly matters, no repair is needed." if hardly_matters(f.held_out) else f"{words}."
 
 
-def turn_change(found: Diagnosis) -> TurnChange | None:
-    """The change of a turn by all findings, from the simulated yaw rate of the first run; None without it."""
+def turn_change(found: Diagnosis) -> tuple[float, float] | None:
+    """(later start [s] within 0.4 s, relative change) of the yaw rate by all findings; None without findings.
+
+    By least squares from the simulated yaw rate of the first run, against the model without them.
+    """
     overlay = next((o for o in found.overlays if o.channel == "r"), None)
     if overlay is None or not found.findings or overlay.t.size < 10:
         return None
-    speed = found.model.speed if found.model else 0.0
-    return TurnChange(*_delay_and_gain(overlay.t, overlay.before, overlay.after), speed)
-
-
-def turn_words(found: Diagnosis) -> str:
-    """What the findings do to a turn, as a sentence in plain figures; "" where it is not known.
-
-    "" too where a finding says so itself: that turn is simulated with the same parameters, but this change is
-    against a model that was fitted without the findings, and the two would seem to contradict each other.
-    """
-    change = turn_change(found)
-    if change is None or any(f.turn for f in found.findings):
-        return ""
-    who = "It" if len(found.findings) == 1 else "Together they"
-    s = "s" if len(found.findings) == 1 else ""
-    parts = []
-    if abs(change.delay) >= VISIBLE:
-        late = "later" if change.delay > 0 else "earlier"
-        at = (
-            f" (at {change.speed:.1f} m/s, {abs(change.distance):.2f} m along the path)"
-            if change.speed
-            else ""
-        )
-        parts.append(f"start{s} each turn {abs(change.delay):.2f} s {late}{at}")
-    if abs(change.gain) >= VISIBLE:
-        more = "more" if change.gain > 0 else "less"
-        parts.append(f"turn{s} the rover {100 * abs(change.gain):.0f} % {more}")
-    if not parts:
-        return f"{who} change{s} a turn by less than {1000 * VISIBLE:.0f} ms and {100 * VISIBLE:.0f} %."
-    return f"{who} {' and '.join(parts)} than the model without."
-
-
-def _delay_and_gain(t: Array, before: Array, after: Array) -> tuple[float, float]:
-    """(delay [s] up to 0.4 s, relative change) that turn `before` into `after`, by least squares."""
-    a, b = after - np.mean(after), before - np.mean(before)
+    a, b = overlay.after - np.mean(overlay.after), overlay.before - np.mean(overlay.before)
     delays = np.linspace(-0.4, 0.4, 801)
-    moved = [np.interp(t - d, t, b) for d in delays]
-    power = [float(m @ m) for m in moved]
-    gains = [float(m @ a) / p if p > 0 else 0.0 for m, p in zip(moved, power, strict=True)]
-    errors = [float(np.sum((a - g * m) ** 2)) for g, m in zip(gains, moved, strict=True)]
-    k = int(np.argmin(errors))
+    moved = [np.interp(overlay.t - d, overlay.t, b) for d in delays]
+    gains = [float(m @ a) / max(float(m @ m), 1e-30) for m in moved]
+    k = int(np.argmin([np.sum((a - g * m) ** 2) for g, m in zip(gains, moved, strict=True)]))
     return float(delays[k]), gains[k] - 1.0
