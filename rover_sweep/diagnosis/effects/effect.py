@@ -64,18 +64,9 @@ class EffectParameter:
 
     def times(self, factor: float) -> EffectParameter:
         """The parameter with all its coordinates times a factor."""
-        if factor == 1.0:
-            return self
+        scaled = {n: factor * getattr(self, n) for n in ("size", "low", "high", "tolerance", "doubt")}
         matters = None if self.matters is None else factor * self.matters
-        return replace(
-            self,
-            size=factor * self.size,
-            low=factor * self.low,
-            high=factor * self.high,
-            tolerance=factor * self.tolerance,
-            matters=matters,
-            doubt=factor * self.doubt,
-        )
+        return replace(self, matters=matters, **scaled)
 
 
 @dataclass(frozen=True, kw_only=True)
