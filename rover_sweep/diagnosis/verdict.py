@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_sweep.diagnosis.held_out.turn_impact import VISIBLE, Turn
 from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown, Verdict
-from rover_sweep.diagnosis.simulation.candidates import speeds_of
+from rover_sweep.diagnosis.simulation.candidates import same_speed
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
 NOTABLE = 1.45  # mean square of the residual rows (noise: 1) from which something is left to explain
@@ -82,7 +82,8 @@ def remarks_of(
     run: channels that are predicted worse with the findings}.
     """
     out = []
-    if len(speeds_of(used)) < 2:
+    by_speed = sorted(used, key=lambda run: run.mean_speed)
+    if not used or same_speed(by_speed[0], by_speed[-1]):
         out.append("all runs have the same speed, so a lag over a distance looks like a lag in time")
     if len({round(run.amplitude, 2) for run in used}) < 2:
         out.append("all runs have the same amplitude, so saturation looks like a smaller linear gain")

@@ -181,12 +181,3 @@ def same_speed(a: Experiment, b: Experiment) -> bool:
     """True for runs whose mean speeds are within 12 %."""
     low, high = sorted((a.mean_speed, b.mean_speed))
     return high < (1 + SAME_SPEED) * low
-
-
-def speeds_of(runs: Sequence[Experiment]) -> list[float]:
-    """Mean speeds that differ by more than 12 %, m/s."""
-    out: list[float] = []
-    for speed in sorted(run.mean_speed for run in runs):
-        if not out or speed > out[-1] * (1 + SAME_SPEED):
-            out.append(speed)
-    return out
