@@ -21,12 +21,11 @@ from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.diagnosis.effects import form_named
 from rover_sweep.diagnosis.posterior.model_fit import with_floor_of
 from rover_sweep.diagnosis.posterior.parameter_intervals import fit_covariance
-from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import Fitted, cost_of, fit, sensitivities
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.problem.signatures import columns
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
-from rover_sweep.diagnosis.search.bounds import cost_of
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.candidates import Model, added_coordinates
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment

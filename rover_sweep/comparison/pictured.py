@@ -13,15 +13,13 @@ from rover_sweep.comparison.differences import Found
 from rover_sweep.comparison.direct import Direct
 from rover_sweep.comparison.pairing import Pair
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.held_out.cost import SWEPT, frequency_responses_of
-from rover_sweep.diagnosis.held_out.worth import spectrum_over_noise
+from rover_sweep.diagnosis.held_out.worth import SWEPT, frequency_responses_of, overlay_of
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import centred
 from rover_sweep.diagnosis.result import Overlay
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
-EVERY = 2  # a picture has every 2nd sample
 Signals = dict[str, Array]
 
 
@@ -75,7 +73,11 @@ def simulated_log(pair: Pair) -> Signals:
 
 def histories_of(runs: Sequence[BeforeAfter]) -> tuple[Overlay, ...]:
     """Time histories over each other, with the spectra of the residuals over the noise."""
-    return tuple(_overlay(one, c) for one in runs for c in _channels(one))
+    return tuple(
+        overlay_of(one.run, c, one.held_out, one.before[c], one.after[c], one.floor)
+        for one in runs
+        for c in _channels(one)
+    )
 
 
 def bode(runs: Sequence[BeforeAfter]) -> tuple[Bode, ...]:
@@ -88,18 +90,6 @@ def bode(runs: Sequence[BeforeAfter]) -> tuple[Bode, ...]:
 
 def _channels(one: BeforeAfter) -> list[str]:
     return [c for c in one.run.measured if c in one.before and c in one.after and c in one.floor.density]
-
-
-def _overlay(one: BeforeAfter, c: str) -> Overlay:
-    run, y = one.run, centred(one.run)[c]
-    k = slice(None, None, EVERY)
-    before, after = (x + np.mean(y - x) for x in (one.before[c], one.after[c]))
-    w, left = spectrum_over_noise(y - one.before[c], run, one.floor, c)
-    still = spectrum_over_noise(y - one.after[c], run, one.floor, c)[1]
-    noise = one.floor.rms(c, 0.1, min(12.0, 0.4 * run.rates[c]))
-    return Overlay(
-        run.name, c, one.held_out, run.begin + run.t[k], y[k], before[k], after[k], noise, w, left, still
-    )
 
 
 def _bode(one: BeforeAfter) -> tuple[Bode, ...]:

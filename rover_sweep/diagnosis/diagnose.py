@@ -12,11 +12,10 @@ from threadpoolctl import threadpool_limits
 from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
-from rover_sweep.diagnosis.effects import Effect, library
-from rover_sweep.diagnosis.held_out.speed_finding import ID as SPEED
-from rover_sweep.diagnosis.held_out.speed_finding import WORSE, earned, speed_finding, unknown_loss
-from rover_sweep.diagnosis.held_out.speed_loss import speed_loss
-from rover_sweep.diagnosis.held_out.turn_impact import Turn, change_in_runs, turn_sentence, turn_with
+from rover_sweep.diagnosis.effects import library
+from rover_sweep.diagnosis.held_out.speed_loss import ID as SPEED
+from rover_sweep.diagnosis.held_out.speed_loss import WORSE, earned, speed_finding, speed_loss, unknown_loss
+from rover_sweep.diagnosis.held_out.turn_impact import change_in_runs, turn_sentence, turn_with
 from rover_sweep.diagnosis.held_out.worth import (
     FittedModel,
     HeldOutRun,
@@ -25,7 +24,6 @@ from rover_sweep.diagnosis.held_out.worth import (
     refitted_without,
     worse_channels,
 )
-from rover_sweep.diagnosis.importance import why_it_does_not_matter
 from rover_sweep.diagnosis.locate.locate import mismatches
 from rover_sweep.diagnosis.posterior.infer import SHARE, Inference, Named, Options, infer
 from rover_sweep.diagnosis.posterior.parameter_intervals import (
@@ -39,35 +37,23 @@ from rover_sweep.diagnosis.posterior.parameter_intervals import (
 from rover_sweep.diagnosis.posterior.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
-from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Falsified, Finding, HeldOut, Unknown, Unseen
-from rover_sweep.diagnosis.search.bounds import at_the_end, many_at_the_end
+from rover_sweep.diagnosis.result import Diagnosis, Falsified, Finding, HeldOut, Unknown, Unseen
+from rover_sweep.diagnosis.search.material import at_the_end, many_at_the_end
 from rover_sweep.diagnosis.settings import Baseline, DiagnosisSettings
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
-from rover_sweep.diagnosis.simulation.first_use import COMPILING, must_compile
+from rover_sweep.diagnosis.simulation.single_track import must_compile
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaw
-from rover_sweep.diagnosis.unexplained.modelled import in_model, with_law_of
-from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained
-from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
+from rover_sweep.diagnosis.unexplained.unexplained import in_model, left_unexplained, with_law_of
+from rover_sweep.diagnosis.verdict import NOTABLE, remarks_of, sentence_of, verdict_of, why_it_does_not_matter
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Group, Settings, grouped
 
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
-ANSWER_FROM = 0.92  # share of the work that is done when the answer is described
-LARGE = 1.8  # mean square of a channel's rows that is more than noise which grows with the motion
-MATERIAL_CHANGE = 0.03  # relative change of a nominal parameter from which it is reported as falsified
-
-
-@dataclass(frozen=True, eq=False)
-class _Models:
-    """The fitted model without effects, and the one with all effects that were found."""
-
-    nominal: FittedModel
-    full: FittedModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +108,9 @@ def diagnose(
     speed = sum(run.mean_speed for run in used) / len(used)
     begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
     if must_compile():
-        options.progress(COMPILING, 0.0)
+        options.progress("compiling the simulation, once on this machine (up to a minute)", 0.0)
     found = infer(used, model, begin, options, held)
-    options.progress("describing what is left", ANSWER_FROM)
+    options.progress("describing what is left", 0.92)  # of the work
     answer, law = _answer(found, used, held, settings)
     remarks = [f"the simulation follows the {baseline} model"] if simulated else []
     remarks += smoothed_channels(found.last.problem.floor)
@@ -177,31 +163,36 @@ def _answer(
     floor = last.problem.floor
     drawn = draw_coordinates(last, settings.seed)
     # the fits nearest to the recordings: a model alone, without the rover's tolerances, predicts a run
-    models = _Models(FittedModel(none.model, none.closest.x), FittedModel(last.model, last.closest.x))
-    held_out = tuple(HeldOutRun.of(run, floor, models.full) for run in held)
+    nominal, full = FittedModel(none.model, none.closest.x), FittedModel(last.model, last.closest.x)
+    held_out = tuple(HeldOutRun.of(run, floor, full) for run in held)
     minor = dict.fromkeys(found.minor, "it is below the size that matters")
     findings: list[Finding] = []
     for named in found.named:
-        turn = turn_with(named.law.id, models.full, last.problem.runs)
-        finding = _finding(named, found, drawn, held_out, models, turn)
-        change = change_in_runs(named.law.id, models.full, last.problem.runs)
+        turn = turn_with(named.law.id, full, last.problem.runs)
+        change = change_in_runs(named.law.id, full, last.problem.runs)
         if why := why_it_does_not_matter(holds_absence(named.law, drawn), turn, change):
             minor[named.law.id] = why
-        else:
-            findings.append(finding)
-    speed = _speed_answer(found, used, held_out, models.full, settings)
+            continue
+        alone = set(last.model.ids) == {named.law.id}
+        rest = nominal if alone or not held else refitted_without(named.law.id, last.problem.plain, full)
+        worth = tuple(compare_held_out(run, rest, full) for run in held_out)
+        findings.append(_finding(named, found, drawn, worth, turn_sentence(turn)))
+    speed = _speed_answer(found, used, held_out, full, settings)
     findings += speed.findings
     places = mismatches(none.problem.plain, none.closest.rows)
     left = None if found.stopped else left_unexplained(found, bool(findings)) or speed.unknown
     left, law = with_law_of(left, last, held_out, found.families) if left else (left, None)
     variance = last.fitted.data_cost / last.problem.size
+    total = tuple(compare_held_out(run, nominal, full) for run in held_out)
+    if [f.effect for f in findings] == [SPEED]:  # the models driven with it
+        total = findings[0].held_out
     cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
     if not found.stopped:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     ends = {} if found.stopped else at_the_end(last.problem, last.fitted)
     doubts = (*implausible_numbers(last, drawn), *many_at_the_end(ends))
     measure = doubts or tuple(ends.values())
-    compared = {run.run.name: worse_channels(run, models.nominal, models.full) for run in held_out}
+    compared = {run.run.name: worse_channels(run, nominal, full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}
     weighed = found.posterior
     settled = {*minor, *(f.effect for f in findings)}
@@ -218,8 +209,8 @@ def _answer(
         falsified=_falsified(found) if findings else (),
         parameters=ByName(nominal_values(last, drawn)),
         scores={**found.gains, **speed.gains},
-        overlays=overlays(held or used[:1], bool(held), models.nominal, models.full, floor),
-        held_out=_total(findings, held_out, models),
+        overlays=overlays(held or used[:1], bool(held), nominal, full, floor),
+        held_out=total,
         remarks=remarks_of(used, findings, minor, possible, worse),
         runs=tuple(r.name for r in used),
         held_out_runs=tuple(r.name for r in held),
@@ -243,7 +234,7 @@ def _speed_answer(
     if found.stopped:
         judged = set(found.gains) | set(last.cannot_see)
         return _SpeedAnswer({e.id: STOPPED for e in library().values() if e.id not in judged})
-    if max(last.misfit.values(), default=1.0) > LARGE:
+    if max(last.misfit.values(), default=1.0) > NOTABLE:
         why = "the motion is not explained, so the drag of the turned wheels is not known"
         return _SpeedAnswer({SPEED: why})
     lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
@@ -258,70 +249,37 @@ def _speed_answer(
     return _SpeedAnswer(gains=gains, findings=(finding,))
 
 
-def _total(
-    findings: Sequence[Finding], held_out: Sequence[HeldOutRun], models: _Models
-) -> tuple[HeldOut, ...]:
-    """Both models on each held-out run; where only the speed loss was found, the models driven with it."""
-    if [f.effect for f in findings] == [SPEED]:
-        return findings[0].held_out
-    return tuple(compare_held_out(run, models.nominal, models.full) for run in held_out)
-
-
 def _finding(
-    named: Named,
-    found: Inference,
-    drawn: list[dict[str, float]],
-    held_out: Sequence[HeldOutRun],
-    models: _Models,
-    turn: Turn | None,
+    named: Named, found: Inference, drawn: list[dict[str, float]], held_out: tuple[HeldOut, ...], turn: str
 ) -> Finding:
     effect, values = named.law, effect_values(named.law, found.last, drawn)
     others = {f"probability:{e}": p for e, p in named.alternatives.items()}
+    several = len(found.last.model.laws(effect.id)) > 1 and effect.form
+    title = f"{effect.title} (form: {effect.form})" if several else effect.title
+    other = f" (or {', '.join(library()[e].title for e in named.alternatives)})" if named.alternatives else ""
+    numbers = ", ".join(
+        f"{v.name} = {v.value:.3g} {v.unit}".rstrip(" -") for v in values if v.value < UNBOUNDED
+    )
     return Finding(
         effect=effect.id,
         look_alikes=tuple(named.alternatives),
         parameters=ByName(values),
         evidence={"gain": named.gain, **others},
-        held_out=_contribution(effect.id, found, held_out, models),
+        held_out=held_out,
         next_run=effect.next_run,
-        sentence=_sentence(_with_form(effect, found), values, tuple(named.alternatives)),
+        sentence=f"{title}{other}, {numbers}",
         equation=effect.equation,
         form=effect.form,
         probability=named.probability,
-        turn=turn_sentence(turn),
+        turn=turn,
     )
-
-
-def _contribution(
-    effect: str, found: Inference, held_out: Sequence[HeldOutRun], models: _Models
-) -> tuple[HeldOut, ...]:
-    """Each held-out run by the model without this effect, refitted, and by the full model."""
-    if not held_out:
-        return ()
-    alone = set(found.last.model.ids) == {effect}
-    rest = models.nominal if alone else refitted_without(effect, found.last.problem.plain, models.full)
-    return tuple(compare_held_out(run, rest, models.full) for run in held_out)
-
-
-def _with_form(effect: Effect, found: Inference) -> str:
-    """The title, with its form where the effect has several."""
-    several = len(found.last.model.laws(effect.id)) > 1 and effect.form
-    return f"{effect.title} (form: {effect.form})" if several else effect.title
-
-
-def _sentence(title: str, values: Sequence[EffectValue], look_alikes: Sequence[str]) -> str:
-    numbers = ", ".join(
-        f"{v.name} = {v.value:.3g} {v.unit}".rstrip(" -") for v in values if v.value < UNBOUNDED
-    )
-    other = f" (or {', '.join(library()[e].title for e in look_alikes)})" if look_alikes else ""
-    return f"{title}{other}, {numbers}"
 
 
 def _falsified(found: Inference) -> tuple[Falsified, ...]:
-    """Nominal parameters that changed by more than `MATERIAL_CHANGE` when the effects were added."""
+    """Nominal parameters that changed by more than 3 % when the effects were added."""
     before, after = found.none.fitted.x, found.last.fitted.x
     return tuple(
         Falsified(c.parameter, c.unit, exp(before[c.name]), exp(after[c.name]))
         for c in found.last.fitted.free
-        if c.parameter and c.name in before and abs(before[c.name] - after[c.name]) > MATERIAL_CHANGE
+        if c.parameter and c.name in before and abs(before[c.name] - after[c.name]) > 0.03
     )

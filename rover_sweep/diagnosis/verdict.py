@@ -1,14 +1,17 @@
-"""The verdict of a diagnosis, its sentence, and remarks on the data."""
+"""The verdict of a diagnosis, its sentence, remarks on the data, and how much a finding matters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rover_sweep.diagnosis.result import Finding, Unknown, Verdict
-from rover_sweep.diagnosis.simulation.candidates import speeds_of
+import numpy as np
+
+from rover_sweep.diagnosis.held_out.turn_impact import VISIBLE, Turn
+from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown, Verdict
+from rover_sweep.diagnosis.simulation.candidates import same_speed
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
-SETTLED = 1.5  # mean square of the residual rows (noise: 1) up to which findings explain everything
+NOTABLE = 1.45  # mean square of the residual rows (noise: 1) from which something is left to explain
 
 
 def verdict_of(
@@ -23,7 +26,7 @@ def verdict_of(
     worse: a channel of a held-out run is predicted worse than without the findings.
     """
     if findings:
-        return "partly explained" if left or stopped or worse or variance > SETTLED else "explained"
+        return "partly explained" if left or stopped or worse or variance > NOTABLE else "explained"
     return "unexplained" if left or stopped else "none"
 
 
@@ -48,7 +51,7 @@ def sentence_of(
         rest = "the search was stopped before all effects were tried"
     elif left:
         rest = left.sentence.partition(";")[0]
-    elif variance > SETTLED and findings:
+    elif variance > NOTABLE and findings:
         ratio = f"{variance**0.5:.1f} times the noise floor"
         rest = f"the remaining residual, which no function of the state predicts, is {ratio}"
     if named and rest:
@@ -79,7 +82,8 @@ def remarks_of(
     run: channels that are predicted worse with the findings}.
     """
     out = []
-    if len(speeds_of(used)) < 2:
+    by_speed = sorted(used, key=lambda run: run.mean_speed)
+    if not used or same_speed(by_speed[0], by_speed[-1]):
         out.append("all runs have the same speed, so a lag over a distance looks like a lag in time")
     if len({round(run.amplitude, 2) for run in used}) < 2:
         out.append("all runs have the same amplitude, so saturation looks like a smaller linear gain")
@@ -99,3 +103,50 @@ def remarks_of(
                 f"{finding.effect} is not confirmed: the model with it is worse on {', '.join(failed)}"
             )
     return tuple(out)
+
+
+def why_it_does_not_matter(absent: bool, turn: Turn | None = None, change: float = 1.0) -> str:
+    """Why a probable effect is listed as present and not named, "" where it matters.
+
+    absent: the 90 % intervals of its size hold no effect at all. turn: what it does to one, None where it has
+    no part in it. change: of a channel in the runs, rms over rms.
+    """
+    if absent:
+        return "the 90 % interval of its size includes zero"
+    if turn is not None and not turn.visible and change < 2 * VISIBLE:
+        return "it changes no turn visibly"
+    return ""
+
+
+def hardly_matters(held_out: Sequence[HeldOut]) -> bool:
+    """True where J_rms falls by less than 5 % on every held-out run."""
+    return bool(held_out) and all(h.before.j_rms - h.after.j_rms < 0.05 * h.before.j_rms for h in held_out)
+
+
+def importance_words(f: Finding) -> str:
+    """A sentence with the share of the held-out residual that the effect explains, "" without such runs."""
+    if not f.held_out:
+        return ""
+    best = max(f.held_out, key=lambda h: h.share_removed if h.share_removed is not None else -np.inf)
+    share = "" if best.share_removed is None else f"{100 * min(best.share_removed, 1.0):.0f} % of "
+    fall = f"J_rms, with the noise: {best.before.j_rms:.2f} without it, {best.after.j_rms:.2f} with it"
+    if best.share_removed is not None and best.share_removed <= 0:
+        return f"It explains nothing of the residual above the noise on {best.run} ({fall})."
+    words = f"It explains {share or 'little of '}the squared residual above the noise on {best.run} ({fall})"
+    return f"{words}: it hardly matters, no repair is needed." if hardly_matters(f.held_out) else f"{words}."
+
+
+def turn_change(found: Diagnosis) -> tuple[float, float] | None:
+    """(later start [s] within 0.4 s, relative change) of the yaw rate by all findings; None without findings.
+
+    By least squares from the simulated yaw rate of the first run, against the model without them.
+    """
+    overlay = next((o for o in found.overlays if o.channel == "r"), None)
+    if overlay is None or not found.findings or overlay.t.size < 10:
+        return None
+    a, b = overlay.after - np.mean(overlay.after), overlay.before - np.mean(overlay.before)
+    delays = np.linspace(-0.4, 0.4, 801)
+    moved = [np.interp(overlay.t - d, overlay.t, b) for d in delays]
+    gains = [float(m @ a) / max(float(m @ m), 1e-30) for m in moved]
+    k = int(np.argmin([np.sum((a - g * m) ** 2) for g, m in zip(gains, moved, strict=True)]))
+    return float(delays[k]), gains[k] - 1.0

@@ -73,12 +73,17 @@ def residuals(structure: ModelStructure, condition: Condition) -> dict[str, Arra
     out = {}
     for data in condition.data:
         model = structure.response(data.w, condition.speed, data.output, condition.filters, data.input)
-        ratio = data.h / model
-        scale = np.sqrt(20.0 / data.w.size * data.weight)
-        db = 20 * np.log10(np.abs(ratio))
-        deg = np.degrees(np.angle(ratio)) * np.sqrt(PHASE_WEIGHT)
-        out[data.label] = np.concatenate((scale * db, scale * deg))
+        out[data.label] = weighted_errors(data, model)
     return out
+
+
+def weighted_errors(data: ResponseData, model: Complex) -> Array:
+    """Residuals (2n,) of a model's complex response (n,) at the points of a measured one."""
+    ratio = data.h / model
+    scale = np.sqrt(20.0 / data.w.size * data.weight)
+    db = 20 * np.log10(np.abs(ratio))
+    deg = np.degrees(np.angle(ratio)) * np.sqrt(PHASE_WEIGHT)
+    return np.concatenate((scale * db, scale * deg))
 
 
 def jacobian(structure: ModelStructure, condition: Condition) -> Array:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from types import SimpleNamespace
 
-from rover_sweep.diagnosis.simulation.first_use import must_compile
+from rover_sweep.diagnosis.simulation.single_track import must_compile
 
 
 def _loop(index: Path) -> SimpleNamespace:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.diagnosis.effects import every_form, form_named, forms_of, library
-from rover_sweep.diagnosis.effects.steering_stiction import jumps, sticks
+from rover_sweep.diagnosis.effects.steering import jumps, sticks
 from rover_sweep.diagnosis.simulation.experiment import RATE, in_order
 from tests.diagnosis.planted import sweeps
 

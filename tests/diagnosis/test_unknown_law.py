@@ -22,7 +22,7 @@ from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law, with_laws
 from rover_sweep.diagnosis.unexplained.input_place import input_places
 from rover_sweep.diagnosis.unexplained.law_search import find_law
-from rover_sweep.diagnosis.unexplained.modelled import NO_LAW, with_law_of
+from rover_sweep.diagnosis.unexplained.unexplained import NO_LAW, with_law_of
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
 DAMPING = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))
@@ -172,7 +172,7 @@ def test_a_table_that_cannot_be_simulated_is_refused(change: dict[str, object]) 
 def test_a_law_with_play_has_a_memory() -> None:
     t = np.arange(400) / RATE
     steer = 0.2 * np.sin(2 * np.pi * t)
-    from rover_sweep.diagnosis.effects.steering_backlash import play
+    from rover_sweep.diagnosis.effects.steering import play
 
     out = play(steer, 0.05)
     assert np.max(np.abs(out)) == pytest.approx(0.15, abs=1e-3)

@@ -47,8 +47,6 @@ tyre_relaxation
   the noise: 1.12 without it, 1.01 with it).
   Chi-squared falls by 55.0 (by chance: at most 18.0).
 
-Together they start each turn 0.03 s earlier than the model without.
-
 On held-out runs
 run   J_rms before  after  TIC before  after  share removed
 run4          4.21   1.01        0.21  0.055           89 %

@@ -30,7 +30,6 @@ SAME_FILE = {
     "by_mavsdk": "parameters and logs over MAVSDK in place of MAVLink",
     "coherence": VERB,
     "compare": VERB,
-    "cost": "J of equation (11) for models and for simulated runs",
     "diagnose": VERB,
     "dry_run": VERB,
     "export": VERB,

@@ -26,6 +26,7 @@ _ = [
     it.draw_verification,
     # fields of the vehicle file and of a plan's evidence, read by getattr
     it.asymmetry,
+    it.backlash,
     it.nonlinearity,
     it.own_effects,
     it.own_tolerances,

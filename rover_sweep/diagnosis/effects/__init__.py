@@ -1,37 +1,26 @@
-"""The library of left-out effects, one file each; a new file with an `EFFECT` needs no registration.
-
-A file may have `FORMS` too: other laws of the same effect.
-"""
+"""The library of left-out effects: each is an entry of `LAWS` in the file of its place."""
 
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
-from pkgutil import iter_modules
-from types import ModuleType
 
+from rover_sweep.diagnosis.effects import chassis, sensors, steering, surroundings
 from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
 
 __all__ = ["Effect", "EffectParameter", "every_form", "form_named", "forms_of", "library"]
 
 
 @cache
-def _modules() -> tuple[ModuleType, ...]:
-    found = (import_module(f"{__name__}.{m.name}") for m in iter_modules(__path__))
-    return tuple(m for m in found if hasattr(m, "EFFECT"))
+def every_form() -> dict[str, Effect]:
+    """{name: law} of all effects and all their forms, sorted by id."""
+    laws = (*steering.LAWS, *chassis.LAWS, *surroundings.LAWS, *sensors.LAWS)
+    return {law.name: law for law in sorted(laws, key=lambda law: law.id)}
 
 
 @cache
 def library() -> dict[str, Effect]:
-    """{id: effect} of every module of this package that defines `EFFECT`, sorted by id."""
-    return {e.id: e for e in sorted((m.EFFECT for m in _modules()), key=lambda e: e.id)}
-
-
-@cache
-def every_form() -> dict[str, Effect]:
-    """{name: law} of all effects and all their forms."""
-    further = {f.name: f for m in _modules() for f in getattr(m, "FORMS", ())}
-    return library() | further
+    """{id: effect}, the first law of each, sorted by id."""
+    return {name: law for name, law in every_form().items() if law.first}
 
 
 def form_named(name: str) -> Effect:
@@ -40,5 +29,5 @@ def form_named(name: str) -> Effect:
 
 
 def forms_of(effect: str) -> tuple[Effect, ...]:
-    """All laws of the effect with this id, that of `EFFECT` first."""
-    return (library()[effect], *(f for f in every_form().values() if f.id == effect and not f.first))
+    """All laws of the effect with this id, the first one first."""
+    return tuple(law for law in every_form().values() if law.id == effect)

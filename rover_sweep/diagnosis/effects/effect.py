@@ -1,7 +1,7 @@
 """The contract of every left-out effect: its texts, its parameters, and when it is a finding.
 
-An effect is a family of laws: the law of `EFFECT` and those of `FORMS` in the same file, which share its id.
-The kinds of effect in `kinds` add where the effect acts in the simulation, and how.
+An effect is a family of laws, its forms, which share its id. The kinds of effect in `kinds` add where it acts
+in the simulation, and how.
 
 A parameter has a physical value and a coordinate, which the fit moves; the coordinate 0 means absent. They
 are equal except for two forms: `inverse` (a rate limit, a cut-off) has the coordinate 1/value, and `ratio`
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import exp, inf, log
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 Values = Mapping[str, float]
 Reported = dict[str, tuple[float, str, str]]  # {name: (value, unit, convention)}, for a user
@@ -64,23 +64,14 @@ class EffectParameter:
 
     def times(self, factor: float) -> EffectParameter:
         """The parameter with all its coordinates times a factor."""
-        if factor == 1.0:
-            return self
+        scaled = {n: factor * getattr(self, n) for n in ("size", "low", "high", "tolerance", "doubt")}
         matters = None if self.matters is None else factor * self.matters
-        return replace(
-            self,
-            size=factor * self.size,
-            low=factor * self.low,
-            high=factor * self.high,
-            tolerance=factor * self.tolerance,
-            matters=matters,
-            doubt=factor * self.doubt,
-        )
+        return replace(self, matters=matters, **scaled)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """A left-out effect; every module of this package that has an `EFFECT` is in the library.
+    """A left-out effect, one law of it.
 
     id: name in files and on the command line. title, equation: for reports, in the field's symbols, SI
     units, ISO axes. source: a reference. apart: how it differs from
@@ -89,7 +80,7 @@ class Effect:
     signed: both signs of the parameters are possible.
     releases: {nominal coordinate: (low, high)} that the effect frees beyond the normal tolerance.
     report_values: ({parameter: value}) -> what a user reads, where that differs from the fitted parameters.
-    form: name of this law among those of the family, "" where there is only one. first: the law of `EFFECT`.
+    form: name of this law among those of the family, "" where there is only one. first: of the family.
     """
 
     in_one_run: ClassVar[bool] = False
@@ -154,3 +145,18 @@ class Effect:
         found = self.values(x)
         size = {p.name: abs(p.coordinate(found[p.name])) for p in self.parameters}
         return not thresholds or any(size[name] >= least for name, least in thresholds.items())
+
+
+def family(first: Effect, *forms: Mapping[str, Any]) -> tuple[Effect, ...]:
+    """The first law of an effect and its other forms, each {field: value} where it differs from the first.
+
+    "kind": class of a form that acts elsewhere; it shares the texts, baselines and channels of the first.
+    """
+    texts = ("id", "title", "apart", "next_run", "baselines", "channels", "signed")
+    out = [first]
+    for form in forms:
+        changes = {**form, "first": False}
+        kind = changes.pop("kind", None)
+        shared = {name: getattr(first, name) for name in texts}
+        out.append(kind(**shared | changes) if kind else replace(first, **changes))
+    return tuple(out)

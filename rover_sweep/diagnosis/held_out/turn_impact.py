@@ -13,15 +13,16 @@ from math import degrees
 import numpy as np
 
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.held_out.worth import FittedModel
 from rover_sweep.diagnosis.simulation.experiment import FINE, RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import motion
 
-STRAIGHT, LENGTH = 4.0, 16.0  # s before the step, and in total
+STRAIGHT, TURNING = 4.0, 8.0  # s, before and after the turn, and of it
 LONGEST = 3.0  # s of the turn that is compared
-QUARTER = np.pi / 2
-CLOCKS = ("clock_offset",)  # change the recording, not the rover
-LATER, TIGHTER, ASIDE = 0.01, 0.01, 0.02  # s, relative, and m per m of path: visible on the ground
+VISIBLE = (
+    0.01  # smallest change that a driver sees: s later, share of the yaw rate, half the share of the path
+)
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ class Turn:
     @property
     def visible(self) -> bool:
         """True where a driver would see the change of the turn."""
-        length = self.speed * LONGEST
-        return abs(self.delay) >= LATER or abs(self.rate) >= TIGHTER or self.path >= ASIDE * length
+        aside = 0.5 * self.path / (self.speed * LONGEST)
+        return max(abs(self.delay), abs(self.rate), aside) >= VISIBLE
 
 
 def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Turn | None:
@@ -53,14 +54,13 @@ def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Tu
     used: the runs, for the speed and size of the turn: the largest angle that was driven.
     """
     law = next((e for e in whole.model.structure.effects if e.id == effect), None)
-    if law is None or law.in_one_run or effect in CLOCKS:
+    if law is None or law.in_one_run or effect == "clock_offset":  # the clock is no part of the rover
         return None
     speed = float(np.mean([run.mean_speed for run in used]))
     angle = max(float(run.amplitude) for run in used)
     step = _step(used[0], speed, angle)
-    rest = whole.model.without(effect)
-    normal = {c.name: c.start for c in rest.free if c.name in law.releases}
-    without = motion(step, rest.structure, {**whole.x, **normal})
+    rest = _without(law, whole)
+    without = motion(step, rest.model.structure, rest.x)
     with_it = motion(step, whole.model.structure, whole.x)
     if np.allclose(without["r"], with_it["r"], atol=1e-9):
         return None
@@ -71,7 +71,7 @@ def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Tu
     if not all(np.isfinite(ends)) or abs(ends[0]) < 1e-3 or abs(ends[1]) < 1e-3:
         return None
     heading = np.cumsum(r0) / RATE
-    turned = np.flatnonzero(np.abs(heading) >= QUARTER)
+    turned = np.flatnonzero(np.abs(heading) >= np.pi / 2)
     end = min(int(turned[0]) if turned.size else last, last)
     places = [_place(m, begin, end) for m in (without, with_it)]
     return Turn(
@@ -89,9 +89,7 @@ def change_in_runs(effect: str, whole: FittedModel, used: Sequence[Experiment]) 
     law = next((e for e in whole.model.structure.effects if e.id == effect), None)
     if law is None:
         return 0.0
-    rest = whole.model.without(effect)
-    normal = {c.name: c.start for c in rest.free if c.name in law.releases}
-    without = FittedModel(rest, {**whole.x, **normal})
+    without = _without(law, whole)
     change: dict[str, float] = {}
     size: dict[str, float] = {}
     for run in used:
@@ -102,11 +100,18 @@ def change_in_runs(effect: str, whole: FittedModel, used: Sequence[Experiment]) 
     return max((float(np.sqrt(change[c] / max(size[c], 1e-12))) for c in change), default=0.0)
 
 
+def _without(law: Effect, whole: FittedModel) -> FittedModel:
+    """The model without the effect, with normal values of the numbers that it releases."""
+    rest = whole.model.without(law.id)
+    normal = {c.name: c.start for c in rest.free if c.name in law.releases}
+    return FittedModel(rest, {**whole.x, **normal})
+
+
 def _step(like: Experiment, speed: float, angle: float) -> Experiment:
     """Straight, then a step of steering, at a constant speed."""
-    n = round(LENGTH * RATE)
+    n = round((2 * STRAIGHT + TURNING) * RATE)
     fine = np.arange(FINE * n) / (FINE * RATE)
-    turning = (fine >= STRAIGHT) & (fine < LENGTH - STRAIGHT)
+    turning = (fine >= STRAIGHT) & (fine < STRAIGHT + TURNING)
     commanded = np.where(turning, angle, 0.0)
     return replace(
         like,

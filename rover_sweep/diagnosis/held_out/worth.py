@@ -7,22 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.held_out.cost import SWEPT, frequency_responses_of, response_costs
+from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.diagnosis.problem.least_squares import fit
-from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
+from rover_sweep.diagnosis.problem.noise_floor import TOP, Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, with_floor
 from rover_sweep.diagnosis.result import Fit, HeldOut, Overlay
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.identification.cost import sampled, weighted_errors
+from rover_sweep.identification.verify import UNITS, theil
+from rover_sweep.identification.verify import Overlay as Channel
+from rover_sweep.quality.coherence import responses
 from rover_sweep.spectra.response import FrequencyResponse
 
-UNITS = {"r": 180 / np.pi, "ay": 1 / 0.3048, "p": 180 / np.pi}  # deg/s, ft/s^2, deg/s: those of J_rms
-EVERY = 2  # an overlay has every 2nd sample of the simulation
-WORSE = 3.0  # standard deviations from which a channel counts as worse
-JUDGED = 9.0  # sum of squares of the difference of two models, from which a run can judge them
+SWEPT = ("sweep", "bias_sweep", "multisine")  # a doublet excites too little for a frequency response
+SURE = 3.0  # standard deviations, from which two models differ on a run
 EXPLAINABLE = 1.05  # mean square of the rows above which a share removed is computed
+Responses = Mapping[str, FrequencyResponse]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,7 @@ class HeldOutRun:
 
     run: Experiment
     problem: Problem
-    responses: Mapping[str, FrequencyResponse]
+    responses: Responses
 
     @staticmethod
     def of(run: Experiment, floor: Floor, whole: FittedModel) -> HeldOutRun:
@@ -54,8 +56,7 @@ class HeldOutRun:
 
         whole: a model whose residual is noise, for that level.
         """
-        swept = run.kind in SWEPT
-        found = frequency_responses_of(run, centred(run)) if swept else {}
+        found = frequency_responses_of(run, centred(run)) if run.kind in SWEPT else {}
         return HeldOutRun(run, with_floor([run], scaled_floor(run, floor, whole)), found)
 
     def residual(self, m: FittedModel) -> Array:
@@ -82,14 +83,13 @@ def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) 
     one, two = held.residual(before), held.residual(after)
     noise = held.problem.size
     left = float(one @ one), float(two @ two)
-    judged = float((one - two) @ (one - two)) > JUDGED and left[0] > EXPLAINABLE * noise
+    judged = float((one - two) @ (one - two)) > SURE**2 and left[0] > EXPLAINABLE * noise
     share = (left[0] - left[1]) / (left[0] - noise) if judged else None
     return HeldOut(held.run.name, fit_of(held, before), fit_of(held, after), share)
 
 
 def worse_channels(held: HeldOutRun, before: FittedModel, after: FittedModel) -> tuple[str, ...]:
     """The channels of a held-out run that the second model predicts worse, beyond the noise.
-
 
     With s, the rows by which both models differ, the difference of the sums of squares has the standard
     deviation 2 sqrt(s^T s) where either model is right.
@@ -99,7 +99,7 @@ def worse_channels(held: HeldOutRun, before: FittedModel, after: FittedModel) ->
     out = []
     for channel in dict.fromkeys(r.channel for r in problem.rows):
         a, b = (problem.part(rows, channel=channel) for rows in (one, two))
-        if b @ b - a @ a > WORSE * 2.0 * float(np.linalg.norm(a - b)) + WORSE:
+        if b @ b - a @ a > SURE * (2.0 * float(np.linalg.norm(a - b)) + 1.0):
             out.append(channel)
     return tuple(out)
 
@@ -113,18 +113,53 @@ def refitted_without(effect: str, used: Problem, whole: FittedModel) -> FittedMo
 
 def fit_of(held: HeldOutRun, m: FittedModel) -> Fit:
     """J_rms and TIC, equations (15) and (16) of the paper, without the outputs' biases; J of a sweep."""
-    log, data = m.log(held.run), centred(held.run)
-    errors, measured, model = [], [], []
-    for c, factor in UNITS.items():
-        if c in data:
-            y, s = factor * data[c], factor * log[c]
-            bias = np.mean(y - s)
-            errors.append(np.mean((y - s - bias) ** 2))
-            measured.append(np.mean(y**2))
-            model.append(np.mean((s + bias) ** 2))
-    rms = float(np.sqrt(np.mean(errors)))
-    tic = float(rms / (np.sqrt(np.mean(measured)) + np.sqrt(np.mean(model))))
-    return Fit(rms, tic, response_costs(held.run, held.responses, log) if held.responses else {})
+    run, log, data = held.run, m.log(held.run), centred(held.run)
+    channels = [
+        Channel(c, unit, run.t, factor * data[c], factor * (log[c] + np.mean(data[c] - log[c])))
+        for c, (unit, factor) in UNITS.items()
+        if c in data
+    ]
+    rms = float(np.sqrt(np.mean([c.j_rms**2 for c in channels])))
+    return Fit(rms, theil(channels), response_costs(run, held.responses, log) if held.responses else {})
+
+
+def frequency_responses_of(run: Experiment, log: Mapping[str, Array]) -> Responses:
+    """Composite responses {output: response} of a log {channel: (n,)} to the run's steering."""
+    return responses([recorded(run, log)])
+
+
+def recorded(run: Experiment, log: Mapping[str, Array]) -> Recording:
+    """A log {channel: (n,)}, SI units, on the run's grid as a recording of the whole run."""
+    units = {"r": "rad/s", "p": "rad/s", "ay": "m/s^2", "vy": "m/s", "delta": "rad", "speed": "m/s"}
+    channels = {"delta": run.steer, "speed": run.speed, **log}
+    signals = {c: Signal(run.t, x, units[c], hold=False) for c, x in channels.items()}
+    return Recording(run.name, signals, (float(run.t[0]), float(run.t[-1])), "other")
+
+
+def as_sampled(run: Experiment, log: Mapping[str, Array]) -> dict[str, Array]:
+    """The log {channel: (n,)} on the run's grid after sampling at the channels' own rates."""
+    out = {}
+    for channel, y in log.items():
+        stamps = np.arange(run.t[0], run.t[-1] + 1e-9, 1.0 / run.rates[channel])
+        out[channel] = np.interp(run.t, stamps, np.interp(stamps, run.t, y))
+    return out
+
+
+def response_costs(run: Experiment, measured: Responses, log: Mapping[str, Array]) -> dict[str, float]:
+    """{output: J}, equation (11) of the paper, of a simulated log {channel: (n,)} in the coherent bands.
+
+    The log passes the same composite estimator as the measured one, with the same steering, so that windows
+    and leakage are the same in both. measured: responses of the recorded run; one without a usable band is
+    left out.
+    """
+    simulated = frequency_responses_of(run, as_sampled(run, log))
+    out = {}
+    for output, response in measured.items():
+        if response.band is not None:
+            data = sampled(response, response.band)
+            errors = weighted_errors(data, simulated[output].at(data.w)[0])
+            out[output] = float(errors @ errors)
+    return out
 
 
 def overlays(
@@ -132,32 +167,24 @@ def overlays(
 ) -> tuple[Overlay, ...]:
     """Measured signals and both models for pictures. unused: the runs are held out; their floor is scaled."""
     out = []
-    used = floor
     for run in runs:
-        floor = scaled_floor(run, used, after) if unused else used
-        one, two, data = before.log(run), after.log(run), centred(run)
-        for c, y in data.items():
-            w, left_before = spectrum_over_noise(y - one[c], run, floor, c)
-            _, left_after = spectrum_over_noise(y - two[c], run, floor, c)
-            k = slice(None, None, EVERY)
-            noise = floor.rms(c, 0.1, min(12.0, 0.4 * run.rates[c]))
-            mean1, mean2 = np.mean(y - one[c]), np.mean(y - two[c])
-            out.append(
-                Overlay(
-                    run.name,
-                    c,
-                    unused,
-                    run.begin + run.t[k],
-                    y[k],
-                    one[c][k] + mean1,
-                    two[c][k] + mean2,
-                    noise,
-                    w,
-                    left_before,
-                    left_after,
-                )
-            )
+        own = scaled_floor(run, floor, after) if unused else floor
+        one, two = before.log(run), after.log(run)
+        out += [overlay_of(run, c, unused, one[c], two[c], own) for c in centred(run)]
     return tuple(out)
+
+
+def overlay_of(
+    run: Experiment, channel: str, unused: bool, before: Array, after: Array, floor: Floor
+) -> Overlay:
+    """One measured channel and two simulations of it (n,), without their biases, at every second sample."""
+    y, k = centred(run)[channel], slice(None, None, 2)
+    one, two = (x + np.mean(y - x) for x in (before, after))
+    w, left_before = spectrum_over_noise(y - before, run, floor, channel)
+    left_after = spectrum_over_noise(y - after, run, floor, channel)[1]
+    noise = floor.rms(channel, 0.1, min(TOP, 0.4 * run.rates[channel]))
+    t = run.begin + run.t[k]
+    return Overlay(run.name, channel, unused, t, y[k], one[k], two[k], noise, w, left_before, left_after)
 
 
 def spectrum_over_noise(error: Array, run: Experiment, floor: Floor, channel: str) -> tuple[Array, Array]:
@@ -165,7 +192,7 @@ def spectrum_over_noise(error: Array, run: Experiment, floor: Floor, channel: st
     f = np.fft.rfftfreq(error.size, 1 / RATE)
     power = np.abs(np.fft.rfft((error - error.mean()) * run.taper)) ** 2
     power *= 2 / (RATE * np.sum(run.taper**2))
-    edges = np.geomspace(0.08, min(12.0, 0.4 * run.rates[channel]), 25)
+    edges = np.geomspace(0.08, min(TOP, 0.4 * run.rates[channel]), 25)
     w, ratio = [], []
     for low, high in zip(edges, edges[1:], strict=False):
         inside = (f >= low) & (f < high)

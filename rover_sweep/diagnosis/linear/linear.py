@@ -14,70 +14,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array, LowPass
-from rover_sweep.diagnosis.effects.kinds import FilterEffect
+from rover_sweep.diagnosis.effects.kinds import (
+    CommandEffect,
+    DriftEffect,
+    FilterEffect,
+    ForceEffect,
+    GripEffect,
+    LinkageEffect,
+    ServoEffect,
+    SpeedEffect,
+)
+from rover_sweep.diagnosis.effects.sensors import USUAL_DELAY
 from rover_sweep.diagnosis.linear.equations import Equations, Kind
 from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
 from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
 
-SHORTEST = 1e-5  # s; a shorter lag is omitted
-LEAST = dict.fromkeys(("compliance", "yaw_damp", "yaw_damp_v"), 0.0)  # no size is negligible for all rovers
-ROLL_ONLY = ("e_roll", "e_rear", "late_p")
-CONSTANT = {"cross_slope", "side_wind", "surface_change", "clock_offset", "speed_variation"}
-NONLINEAR = {
-    "servo_rate_limit",
-    "steering_deadband",
-    "steering_backlash",
-    "steering_stiction",
-    "steering_nonlinearity",
-    "steering_asymmetry",
-    "tyre_saturation",
-    "load_transfer",
-    "suspension_friction",
-}
+NOT_LINEAR = CommandEffect | LinkageEffect | ServoEffect
+CURVED = ("tyre_saturation", "load_transfer", "suspension_friction")
+NOT_OF_THE_ROVER = ForceEffect | GripEffect | DriftEffect | SpeedEffect
 UNITS = {
-    "m": "kg",
-    "ms": "kg",
-    "h": "m",
-    "Ixx": "kg m^2",
-    "Izz": "kg m^2",
-    "Ixz": "kg m^2",
-    "a": "m",
-    "b": "m",
-    "Cf": "N/rad",
-    "Cr": "N/rad",
-    "k_phi": "N m/rad",
-    "b_phi": "N m s/rad",
-    "g": "m/s^2",
-    "sigma": "m",
-    "e_roll": "rad/rad",
-    "e_rear": "rad/rad",
-    "compliance": "rad/N",
-    "yaw_damp": "N m s",
-    "yaw_damp_v": "N m^2",
-    "gyro_scale": "-",
-    "accel_scale": "-",
-    "imu_x": "m",
-    "imu_z": "m",
-    "L_eff": "m",
-    "gain": "-",
-    "lag": "s",
-    "lag_shape": "-",
-    "vy_lag": "s",
-    "vy_gain": "-",
-    "pitch": "rad",
-    "yaw": "rad",
-    "tau": "s",
-    "late_r": "s",
-    "late_ay": "s",
-    "late_vydot": "s",
-    "late_p": "s",
+    name: unit
+    for unit, names in {
+        "kg": "m ms",
+        "m": "h a b sigma imu_x imu_z L_eff",
+        "kg m^2": "Ixx Izz Ixz",
+        "N/rad": "Cf Cr",
+        "N m/rad": "k_phi",
+        "N m s/rad": "b_phi",
+        "m/s^2": "g",
+        "rad/rad": "e_roll e_rear",
+        "rad/N": "compliance",
+        "N m s": "yaw_damp",
+        "N m^2": "yaw_damp_v",
+        "-": "gyro_scale accel_scale gain lag_shape vy_gain",
+        "s": "lag vy_lag tau late_r late_ay late_vydot late_p",
+        "rad": "pitch yaw",
+    }.items()
+    for name in names.split()
 }
 ROVER = ("m", "Izz", "Ixz", "a", "b", "Cf", "Cr", "g", "imu_x")
 ROLLING = ("ms", "h", "Ixx", "k_phi", "b_phi", "imu_z")
 LATE = ("late_r", "late_ay", "late_vydot", "late_p")
-EFFECTS = ("sigma", "e_roll", "e_rear", "compliance", "yaw_damp", "yaw_damp_v")
 OPTIONAL = (
-    *EFFECTS,
+    *("sigma", "e_roll", "e_rear", "compliance", "yaw_damp", "yaw_damp_v"),
     *("lag", "lag_shape", "vy_lag", "vy_gain", "pitch", "yaw", "gyro_scale", "accel_scale"),
     *LATE,
 )
@@ -94,7 +73,6 @@ def linear(model: AugmentedModel) -> ModelStructure:
     kind: Kind = "lumped" if model.lumped else "tyres" if slip else "kinematic"
     states = _states(values, slip, roll)
     outputs = ("r", "ay", "vydot", "p") if roll else ("r", "ay", "vydot")
-    late = {o: f"late_{o}" for o in outputs if f"late_{o}" in values}
 
     def build(p: Mapping[str, Any]) -> Matrices:
         return Equations(p, states, kind).matrices(outputs)
@@ -107,7 +85,7 @@ def linear(model: AugmentedModel) -> ModelStructure:
         build=build,
         reference="equation (18) as corrected, with the effects found by the diagnosis",
         input_delays={"delta": "tau"},
-        output_delays=late,
+        output_delays={o: f"late_{o}" for o in outputs if f"late_{o}" in values},
         units={"wheel": "rad", "wheel_rate": "rad/s", "F_f": "N", "F_r": "N", "V_m": "m/s"},
     )
 
@@ -141,9 +119,10 @@ def left_out(model: AugmentedModel) -> list[str]:
     """What the linear model omits and why, one sentence each."""
     out = []
     for effect in model.added:
-        if effect.id in NONLINEAR | CONSTANT:
+        curved = isinstance(effect, NOT_LINEAR) or effect.id in CURVED
+        if curved or isinstance(effect, NOT_OF_THE_ROVER) or effect.id == "clock_offset":
             numbers = ", ".join(f"{p} = {v:.4g} {unit}" for p, (v, unit, _) in model.reported(effect).items())
-            why = "is not linear" if effect.id in NONLINEAR else "is not part of a linear model of the rover"
+            why = "is not linear" if curved else "is not part of a linear model of the rover"
             out.append(f"{effect.id} ({effect.equation}; {numbers}) {why}")
         if isinstance(effect, FilterEffect) and effect.heading:
             out.append("the lag of the heading behind a filtered gyro, which turns V_y, is not included")
@@ -184,10 +163,12 @@ def _values(model: AugmentedModel) -> dict[str, float]:
         **late,
     }
     names = [*own, *(rolling if roll else ()), "gain", "tau"]
+    shortest = {"s": 1e-5}  # a shorter lag is omitted
     names += [
         o
         for o in OPTIONAL
-        if abs(every.get(o, 0.0)) > LEAST.get(o, SHORTEST) and (roll or o not in ROLL_ONLY)
+        if abs(every.get(o, 0.0)) > shortest.get(UNITS[o], 0.0)
+        and (roll or o not in ("e_roll", "e_rear", "late_p"))
     ]
     return {name: every[name] for name in names}
 
@@ -206,8 +187,6 @@ def _delays(model: AugmentedModel) -> tuple[float, dict[str, float]]:
 
     A clock offset is not a delay of the rover; the usual delay is used instead.
     """
-    from rover_sweep.diagnosis.effects.clock_offset import USUAL_DELAY
-
     delay = USUAL_DELAY if "clock_offset" in model.effects else model.value("delay")
     lags = {name: model.value(f"{name.removeprefix('late_')}_lag") for name in ("late_ay", "late_p")}
     law, periods = _hidden(model)

@@ -1,9 +1,10 @@
-"""The residual of a model in multiples of the noise, by band and over time."""
+"""The residual of a model in multiples of the noise: by band, over time, on signals, and in words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import fdtrc, ndtr
@@ -14,9 +15,7 @@ from rover_sweep.diagnosis.problem.residuals import Problem, Rows
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 
 LARGE = 2**0.5  # rms over noise from which a place is reported: the misfit is then as large as the noise
-FRAME = 1.4  # relative variance of the floor from one quiet frame
 SIGMAS = 4.0  # standard deviations from which a value is significant
-CHANCE = float(ndtr(-SIGMAS))
 EDGES: Array = np.geomspace(0.3, 76.0, 17)  # rad/s, half octaves
 
 
@@ -58,16 +57,14 @@ def _residual(problem: Problem, rows: Array, r: Rows) -> Residual:
     return Residual(r.run, run, r.channel, np.fft.irfft(lines, n), noise, 4 / (RATE * energy), low, high)
 
 
-def spectrum(
-    problem: Problem, rows: Array, channel: str, edges: Array, run: int | None = None
-) -> tuple[Array, Array]:
-    """(mean square (k,), number (k,)) of the rows between the edges (k+1,) [rad/s]."""
-    total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
+def spectrum(problem: Problem, rows: Array, channel: str, run: int | None = None) -> tuple[Array, Array]:
+    """(mean square (k,), number (k,)) of the rows between the `EDGES` (k+1,)."""
+    total, count = np.zeros(EDGES.size - 1), np.zeros(EDGES.size - 1)
     for r in problem.rows:
         if r.channel != channel or run not in (None, r.run):
             continue
         part = rows[r.start : r.start + r.size]
-        k = np.searchsorted(edges, 2 * np.pi * r.f, "right") - 1
+        k = np.searchsorted(EDGES, 2 * np.pi * r.f, "right") - 1
         inside = (k >= 0) & (k < total.size) & (r.f > 0)
         squares = part[: r.bins.size] ** 2 + part[r.bins.size :] ** 2
         np.add.at(total, k[inside], squares[inside])
@@ -75,23 +72,29 @@ def spectrum(
     return total / np.maximum(count, 1.0), count
 
 
-def floor_error(problem: Problem, edges: Array) -> Array:
-    """Relative standard deviation (k,) of the noise floor between the edges (k+1,) [rad/s].
+def floor_error(problem: Problem) -> Array:
+    """Relative standard deviation (k,) of the noise floor between the `EDGES` (k+1,).
 
     Overlap of the frames increases it, smoothing over frequencies reduces it. Measured on white noise, its
     square is 1.4 over the number of frames where they are fewest, and 0.9 over it elsewhere.
     """
     f, frames = quiet_frames(problem.runs)
-    middle = np.sqrt(edges[1:] * edges[:-1]) / (2 * np.pi)
-    return np.sqrt(FRAME / np.maximum(np.interp(middle, f, frames), 1.0))
+    middle = np.sqrt(EDGES[1:] * EDGES[:-1]) / (2 * np.pi)
+    return np.sqrt(1.4 / np.maximum(np.interp(middle, f, frames), 1.0))
 
 
-def above_noise(power: float, count: float, floor: float = 0.0) -> bool:
+def above_noise(power: float, count: float, floor: float) -> bool:
     """True where a mean square over `count` rows is large and significantly above the noise, 1.
 
     floor: relative standard deviation of the noise floor. The test is an F test, since both are estimates.
     """
-    return bool(power > LARGE**2 and fdtrc(count, 2.0 / max(floor, 1e-3) ** 2, power) < CHANCE)
+    chance = fdtrc(max(count, 1.0), 2.0 / max(floor, 1e-3) ** 2, power)
+    return bool(power > LARGE**2 and chance < ndtr(-SIGMAS))
+
+
+def rms_over_noise(power: Array, count: Array, chosen: Any) -> float:
+    """Root of the mean of the chosen powers (k,) over noise, each of `count` (k,) rows."""
+    return float(np.sqrt(np.sum((power * count)[chosen]) / np.sum(count[chosen])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +153,21 @@ def _columns(problem: Problem, channel: str, signals: Signals, only: int | None)
     return np.concatenate(parts)
 
 
-def channels_of(problem: Problem) -> Sequence[str]:
-    """The compared channels, each once."""
-    return list(dict.fromkeys(r.channel for r in problem.rows))
+def channel_name(channel: str) -> str:
+    """A channel's name in a sentence."""
+    return {"ay": "a_y", "vy": "V_y"}.get(channel, channel)
+
+
+def rounded_band(low: float, high: float) -> tuple[float, float]:
+    """A band [rad/s] with two digits."""
+    return float(f"{low:.2g}"), float(f"{high:.2g}")
+
+
+def noise_ratio(ratio: float) -> str:
+    """A size in multiples of the noise."""
+    return f"{ratio:.0f} times the noise" if ratio >= 10 else f"{ratio:.1f} times the noise"
+
+
+def ordinal(k: int) -> str:
+    """1st, 2nd, 3rd, 4th ..."""
+    return str(k) + {1: "st", 2: "nd", 3: "rd"}.get(k, "th")

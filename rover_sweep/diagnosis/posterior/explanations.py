@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -34,7 +35,7 @@ BEAM = (1, 2, 1)  # explanations of 0, 1, 2 effects that are extended
 REFITTED = 7  # explanations of one level that are fitted with their own Jacobian
 RIVAL = 0.3  # share of the best gain of a level from which an explanation is fitted on
 NEAR = 60.0  # difference of the costs over a row's variance within which it always is
-FAR_OFF = 3.0  # mean square of a row from which effects are fitted from the start values too
+FAR_OFF = 3.0  # mean square of a row from which a fit is far off
 WORTH = 6.0  # predicted gain over a row's variance, below which an effect is not fitted
 PASSES = 3  # most fresh Jacobians of a fit
 CONVERGED = 1.0  # drop of the cost over a row's variance that ends it
@@ -84,7 +85,7 @@ def explored(
                 made_at = ranked[0]
                 problem, first = nearer(made_at)
                 own = [e for e in ranked if e.own]
-                ranked = sorted(side_by_side(lambda e: _converged(problem, e), own), key=lambda e: e.cost)
+                ranked = sorted(side_by_side(partial(_converged, problem), own), key=lambda e: e.cost)
                 pool, level = {first.effects: first}, [first]
         except Stopped:
             break
@@ -195,22 +196,23 @@ def _extended(
     screened = [s for s in side_by_side(promise, free) if s]
     worth = WORTH * base.overdispersion
     chosen = [s for s in sorted(screened, key=lambda s: -s.predicted) if s.predicted > worth][:width]
-    far = base.overdispersion >= FAR_OFF
+    found = list(side_by_side(lambda s: Explanation(s.model, fit_from(problem, base, s)), chosen))
+    far = min((e.fitted.overdispersion for e in found), default=0.0) >= FAR_OFF
 
-    def fitted(s: Screened) -> Explanation:
-        found = Explanation(s.model, fit_from(problem, base, s))
-        short = s.predicted - (base.cost - found.cost) if np.isfinite(s.predicted) else 0.0
+    def again(pair: tuple[Screened, Explanation]) -> Explanation:
+        s, one = pair
+        short = s.predicted - (base.cost - one.cost) if np.isfinite(s.predicted) else 0.0
         stuck = short > max((1.0 - ASTRAY) * s.predicted, NEAR * base.overdispersion)
-        return _from_start(problem, found) if far or stuck else found
+        return _from_start(problem, one) if far or stuck else one
 
-    return list(side_by_side(fitted, chosen))
+    return list(side_by_side(again, list(zip(chosen, found, strict=True))))
 
 
 def _from_start(problem: Problem, one: Explanation) -> Explanation:
     """The explanation fitted from the start values and its last effect's own size, where that is better.
 
-    A base that is far off may have settled where no effect helps, and a fit may stick far above its linear
-    prediction; without the metric the way is shorter.
+    Where no effect comes near, the base may have settled where none helps, and a fit may stick far above its
+    linear prediction; without the metric the way is shorter.
     """
     law = one.model.law(one.model.effects[-1])
     if law.in_one_run or law.id in DEGREES_OF_FREEDOM:

@@ -21,9 +21,8 @@ from rover_sweep.diagnosis.posterior.weights import (
     evidence_of,
     posterior,
 )
-from rover_sweep.diagnosis.problem.least_squares import fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import cost_of, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, never, with_floor
-from rover_sweep.diagnosis.search.bounds import cost_of
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
@@ -128,7 +127,8 @@ def explore(
     nearer = partial(_made_at, none, options.stop)
     problem, made_at, every = explored(searched, first, effects, nearer, options.progress)
     pool = tuple(e for e in every if e.own)
-    none = replace(none, problem=replace(problem, stop=never), fitted=next(e for e in pool if not e.effects).fitted)
+    without_effects = next(e for e in pool if not e.effects).fitted
+    none = replace(none, problem=replace(problem, stop=never), fitted=without_effects)
     alone = {next(iter(e.effects)): none.fitted.cost - e.cost for e in every if len(e.effects) == 1}
     options.progress("weighing the explanations", 0.85)
     judged = tuple(_held_out(run, none, made_at) for run in held)

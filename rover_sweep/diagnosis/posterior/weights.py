@@ -36,8 +36,8 @@ from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily
 from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, prior_information
 from rover_sweep.diagnosis.search.material import is_material
 
-COARSE, COARSE_HELD = 8.0, 14.0  # t and t_h
-FIRST, FURTHER = -0.6, -3.4  # ln prior of one effect over none, and of each further one
+COARSE, COARSE_HELD = 6.0, 8.0  # t and t_h
+FIRST, FURTHER = -0.6, -2.8  # ln prior of one effect over none, and of each further one
 ELSE, POWER = -2.8, 0.35  # ln prior of something else, and the power of its marginal likelihood
 KEPT = 8.0  # gain of an effect over that of something else, at which it is a proxy in half of the cases
 LEAST_GAIN = 10.0  # drop of the cost over the variance of a row, below which an effect does not matter

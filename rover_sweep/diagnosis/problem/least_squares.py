@@ -187,3 +187,9 @@ def _step(
         fixed[farthest] = True
     step = np.clip(step, low, high)
     return {**x, **{c.name: float(v) for c, v in zip(free, now + step * scale, strict=True)}}
+
+
+def cost_of(problem: Problem, fitted: Fitted) -> float:
+    """Sum of squares, in the metric of `problem`, of the residual of a model fitted in another metric."""
+    rows = problem.measured - problem.model(fitted.structure, fitted.x)
+    return float(rows @ rows)

@@ -12,15 +12,29 @@ estimate Gyy (1 - coherence) would contain the distortion that the diagnosis loo
    multiples up to `HARMONICS`, the mean, and `GUARD` Hz on either side are left out.
 4. The density at a frequency is the mean of the remaining frames of all runs, at least four; where fewer
    remain it is interpolated in log density. Five lines with weights 1 2 3 2 1 smooth the result.
-5. Runs without any known low-pass, as in tables, have the bounds of `local_noise` in addition.
-6. No density is below that of the best sensor (`LEAST`): a simulator's log has hardly any noise, and a model
+5. No density is below that of the best sensor (`LEAST`): a simulator's log has hardly any noise, and a model
    that is wrong by less than a sensor shows is not wrong.
 
 A mean over m independent frames has the relative standard deviation 1/sqrt(m) (Bendat and Piersol 2010,
 chapter 8); `locate.residual_maps.floor_error` has the value measured for these overlapping frames.
 
+Runs by hand, smoothed or resampled, whose sensors' low-passes are not known (tables): driving by hand excites
+every low frequency in every frame, so no line is quiet, and the few quiet lines lie where smoothing took the
+noise away. There the floor would be near zero, and everything significant. So:
+
+1. Where a line is never quiet, the noise is what neighbouring lines do not share: over 2 n + 1 lines of a
+   run, a smooth response to the steering and a smooth transient are fitted to the residual (local polynomial
+   method, Pintelon and Schoukens 2012, chapter 7), or the frames of all runs, five or more, share one
+   response. What is left is noise and what a nonlinear law scatters; both estimates are rather too large, so
+   the smaller one counts.
+2. Above `BAND` the floor is at least `KEPT` of its median within that band: smoothing takes the noise away,
+   but a model does not become more accurate there.
+3. The signal resolves nothing above the frequency at which its own density falls below `COLLAPSED` of that
+   median. Lines beyond are not used.
+
 Welch 1967: The use of fast Fourier transform for the estimation of power spectra, IEEE Trans. AU-15(2).
 Bendat and Piersol 2010: Random Data, 4th edition, Wiley.
+Pintelon and Schoukens 2012: System Identification, a frequency domain approach, 2nd edition, Wiley.
 """
 
 from __future__ import annotations
@@ -33,25 +47,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.problem.local_noise import (
-    band_level,
-    bounded,
-    incoherent_density,
-    is_table,
-    pooled_local,
-    resolved_top,
-)
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 
 WINDOW = 4.0  # s
-LEAST_WINDOW = 1.5  # s, of short trials
 REPEATS = 5  # trials from which short ones together give a floor
 HARMONICS = 5
 GUARD = 0.6  # Hz, reach of a line to either side: a Hann window of 4 s, and the sweep moves
 TOP = 12.0  # Hz, highest line that is compared with a model
-RESOLVED = 1.0  # Hz, from which taking out mean and slope costs no power
-ENOUGH = 100  # quiet lines from which the level of one run is estimated
 EXCITED = 0.04  # of the largest steering amplitude
+BAND = (1.0, 4.0)  # Hz, above most driving and below any smoothing
+KEPT, COLLAPSED = 0.25, 0.1  # of the median density within `BAND`
 # One-sided densities below which no rover measures: .006 deg/s and 150 ug per sqrt(Hz), as the data sheet of
 # the ICM-20689 has them, and 1 mm/s per sqrt(Hz) of V_y.
 LEAST = {"r": 1.0e-8, "p": 1.0e-8, "ay": 2.2e-6, "vy": 1.0e-6}
@@ -121,7 +126,7 @@ def frame_size(runs: Sequence[Experiment]) -> int:
     lengths = [run.t.size for run in runs]
     if max(lengths) >= WINDOW * RATE or len(runs) < REPEATS:
         return int(WINDOW * RATE)
-    return min(n for n in lengths if n >= min(LEAST_WINDOW * RATE, max(lengths)))
+    return min(n for n in lengths if n >= min(1.5 * RATE, max(lengths)))
 
 
 def has_floor(runs: Sequence[Experiment]) -> bool:
@@ -151,17 +156,18 @@ def quiet_frames(runs: Sequence[Experiment]) -> tuple[Array, Array]:
 def level_of(run: Experiment, residual: Mapping[str, Array], floor: Floor) -> dict[str, float]:
     """{channel: noise power of one run over that of a floor}.
 
-    residual {channel: (n,)}: of a model that fits. Mean over the quiet lines up to `TOP` that a frame
-    resolves (above it filters leave less than the least floor); 1 where they are fewer than `ENOUGH`.
+    residual {channel: (n,)}: of a model that fits. Mean over the quiet lines from 1 Hz, where taking
+    out mean and slope costs no power, up to `TOP`, above which filters leave less than the least floor; 1
+    where they are fewer than a hundred.
     """
     size = frame_size([run])
     f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
     out = {}
     for channel, x in residual.items():
         highest = min(TOP, 0.4 * run.rates.get(channel, RATE))
-        quiet = _quiet(run, f, size) & (f >= RESOLVED) & (f <= highest)
+        quiet = _quiet(run, f, size) & (f >= 1.0) & (f <= highest)
         ratio = _power(x, size)[:, 1:] / floor.at(channel, f[1:])
-        out[channel] = float(np.mean(ratio[quiet[:, 1:]])) if quiet.sum() >= ENOUGH else 1.0
+        out[channel] = float(np.mean(ratio[quiet[:, 1:]])) if quiet.sum() >= 100 else 1.0
     return out
 
 
@@ -230,3 +236,75 @@ def _pooled(power: Array, f: Array, local: Array | None = None) -> Array:
     logs = np.interp(np.arange(1, f.size), known, np.log(np.maximum(mean[known], 1e-30)))
     kernel = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9.0
     return np.exp(np.convolve(np.pad(logs, 2, mode="edge"), kernel, mode="valid"))
+
+
+def is_table(runs: Sequence[Experiment]) -> bool:
+    """True for runs without any known low-pass: not of an autopilot, and perhaps smoothed."""
+    return not any(run.filters for run in runs)
+
+
+def local_density(run: Experiment, residual: Array) -> tuple[Array, Array]:
+    """(f (k,) Hz, one-sided density (k,) unit^2/Hz) of what near lines of a residual (n,) do not share."""
+    reach, degree = (6, 2) if run.t.size > 10.0 * RATE else (4, 1)  # lines on each side, of the polynomials
+    lines = int(min((TOP + 2.0) * run.t.size / RATE, run.t.size // 2))
+    drive, out = (np.fft.rfft(x)[1 : lines + 1] for x in (run.steer * run.speed, residual))
+    centres = np.arange(reach, lines - reach, max(reach // 2, 1))
+    if centres.size == 0:
+        return np.empty(0), np.empty(0)
+    near = np.arange(-reach, reach + 1)
+    powers = (near / reach)[:, None] ** np.arange(degree + 1)[None, :]
+    u, y = drive[centres[:, None] + near], out[centres[:, None] + near]
+    scale = np.maximum(np.max(np.abs(u), axis=1, keepdims=True), 1e-30)
+    transient = np.broadcast_to(powers + 0j, (*u.shape, powers.shape[1]))
+    k = np.concatenate(((u / scale)[:, :, None] * powers, transient), axis=2)
+    rest = y - np.einsum("mij,mj->mi", k, np.einsum("mji,mi->mj", np.linalg.pinv(k), y))
+    power = np.sum(np.abs(rest) ** 2, axis=1) / (2 * reach + 1 - 2 * (degree + 1))
+    return (centres + 1) * RATE / run.t.size, power * 2 / (RATE * run.t.size)
+
+
+def pooled_local(runs: Sequence[Experiment], residuals: Sequence[Array], f: Array) -> Array:
+    """The mean density (k,) of several runs at f (k,) [Hz]; NaN where no run has lines."""
+    pairs = [local_density(run, x) for run, x in zip(runs, residuals, strict=True)]
+    found = [(at, density) for at, density in pairs if at.size]
+    if not found:
+        return np.full(f.size, np.nan)
+    parts = [np.interp(f, at, d) for at, d in found]
+    weights = np.array([at.size for at, _ in found], float)
+    return np.asarray(np.average(parts, axis=0, weights=weights))
+
+
+def incoherent_density(drive: NDArray[np.complex128], out: NDArray[np.complex128], averages: float) -> Array:
+    """Density (k,) of the lines `out` (m, k) that no common response to `drive` (m, k) gives, NaN for few.
+
+    averages: independent frames, of the m that overlap.
+    """
+    if averages < 5.0:
+        return np.full(out.shape[1], np.nan)
+    response = np.sum(np.conj(drive) * out, axis=0) / np.maximum(np.sum(np.abs(drive) ** 2, axis=0), 1e-30)
+    rest = np.mean(np.abs(out - response * drive) ** 2, axis=0)
+    return np.asarray(rest * averages / (averages - 1.0))
+
+
+def bounded(f: Array, density: Array) -> Array:
+    """The density (k,) at f (k,) [Hz], above `BAND` not below `KEPT` of its median there."""
+    level = band_level(f, density)
+    return np.where(f > BAND[1], np.maximum(density, KEPT * level), density)
+
+
+def band_level(f: Array, density: Array) -> float:
+    """Median density within `BAND`."""
+    inside = (f >= BAND[0]) & (f <= BAND[1])
+    return float(np.median(density[inside])) if inside.any() else 0.0
+
+
+def resolved_top(f: Array, measured: Array, level: float) -> float:
+    """The frequency [Hz] above which the measured density (k,) has collapsed; infinite where it has not.
+
+    level: floor within `BAND`. Judged on the mean over 1 Hz, so that a notch alone does not count, and from
+    2 Hz on, so that a yaw mode stays visible.
+    """
+    width = max(int(np.ceil(1.0 / f[0])) if f[0] > 0 else 1, 1)  # lines within 1 Hz
+    smooth = np.convolve(np.pad(measured, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="same")
+    smooth = smooth[width // 2 : width // 2 + f.size]
+    low = np.flatnonzero((smooth < COLLAPSED * level) & (f >= 2.0) & (f < TOP + 2.0))
+    return float(f[low[0]]) if low.size else float("inf")

@@ -14,16 +14,10 @@ from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, prior_infor
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 
-SIZES = (0.25, 1.0)  # of an effect's own size, at which its signature is computed
-SCANNED = np.geomspace(0.25, 4.0, 112)  # sizes of a law that jumps: 2.5 % apart
-SCANNED_FROM = 30.0  # predicted gain from which they are
-BESIDE = (0.985, 1.015, 0.97, 1.03)  # of the scanned size
-FEW = 3  # steps of those fits
+SCANNED_FROM = 30.0  # predicted gain from which the sizes of a law that jumps are scanned
 INSTANTS = 7  # at which a change of ground is tried in each run
-FAINT = 1e-6  # square of the length of a signature that no data show
-NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
 ASTRAY = 0.5  # share of the predicted gain below which a fit is repeated from nearer
-NEARER = 0.3  # share of the way to the first start, for that repetition
+NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +53,7 @@ def score(signature: Array, residual: Array) -> tuple[float, float]:
     0.0 for both where the signature vanishes.
     """
     power = float(signature @ signature)
-    amount = float(signature @ residual) / power if power >= FAINT else 0.0
+    amount = float(signature @ residual) / power if power >= 1e-6 else 0.0
     return amount * amount * power, amount
 
 
@@ -94,9 +88,9 @@ def linear_prediction(
 def _scanned(
     problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
 ) -> tuple[float, dict[str, float]]:
-    """(predicted gain, coordinates) of the best of many sizes of a law that jumps, each taken as it is."""
+    """(predicted gain, coordinates) of the best size of a law that jumps, among sizes 2.5 % apart."""
     name, size = next((effect.key(p.name), p.size) for p in effect.parameters if p.jumps)
-    starts = [{name: float(f * size)} for f in SCANNED]
+    starts = [{name: float(f * size)} for f in np.geomspace(0.25, 4.0, 112)]
     whole = float(np.sum(space.outside(base.rows) ** 2))
     models = problem.models(model.structure, [{**base.x, **s} for s in starts])
     left = [float(np.sum(space.outside(problem.measured - rows) ** 2)) for rows in models]
@@ -116,7 +110,7 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
     for one, size in sizes.items():
         low, high = limits[one]
         now = base.x.get(one, 0.0)
-        ends = [float(np.clip(now + f * size, low, high)) for f in SIZES]
+        ends = [float(np.clip(now + f * size, low, high)) for f in (0.25, 1.0)]
         out += [{n: (end if n == one else base.x.get(n, 0.0)) for n in sizes} for end in ends]
     return out
 
@@ -149,7 +143,7 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
 
 
 def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
-    """The model with the effect, fitted from its linear prediction."""
+    """The model with the effect, fitted from its linear prediction; from nearer where that went astray."""
     free, structure = one.model.free, one.model.structure
     known = None if one.effect in DEGREES_OF_FREEDOM else base
     law = one.model.law(one.model.effects[-1])
@@ -157,7 +151,9 @@ def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
         return _around_the_scanned(problem, base, one, law)
     found = fit(problem, structure, free, {**base.x, **one.start}, known=known)
     if known is not None and base.cost - found.cost < ASTRAY * one.predicted:
-        nearer = {k: v if k.endswith(".t") else _between(base.x.get(k, 0.0), v) for k, v in one.start.items()}
+        nearer = {
+            k: v if k.endswith(".t") else 0.7 * base.x.get(k, 0.0) + 0.3 * v for k, v in one.start.items()
+        }
         again = fit(problem, structure, free, {**base.x, **nearer}, known=known)
         found = again if again.cost < found.cost else found
     return found
@@ -167,13 +163,9 @@ def _around_the_scanned(problem: Problem, base: Fitted, one: Screened, law: Effe
     """A law that jumps: the other coordinates are fitted at the scanned size and beside it, then all."""
     jumping = {law.key(p.name) for p in law.parameters if p.jumps}
     others = tuple(c for c in one.model.free if c.name not in jumping)
-    best = fit(problem, one.model.structure, others, {**base.x, **one.start}, steps=FEW, known=base)
-    for factor in BESIDE:
+    best = fit(problem, one.model.structure, others, {**base.x, **one.start}, steps=3, known=base)
+    for factor in (0.985, 1.015, 0.97, 1.03):
         size = {name: one.start[name] * factor for name in jumping if name in one.start}
-        found = fit(problem, one.model.structure, others, {**best.x, **size}, steps=FEW, known=base)
+        found = fit(problem, one.model.structure, others, {**best.x, **size}, steps=3, known=base)
         best = found if found.cost < best.cost else best
     return fit(problem, one.model.structure, one.model.free, best.x, steps=1)
-
-
-def _between(now: float, start: float) -> float:
-    return now + NEARER * (start - now)

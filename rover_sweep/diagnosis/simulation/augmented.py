@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from rover_sweep.diagnosis.simulation.table_law import TableLaw
 
 DERIVATIVES = tuple(f"{row}_{c}" for row in "YLN" for c in ("v", "p", "r", "phi", "delta"))
-SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +142,9 @@ def augmented(
 def _wait(run: Recording) -> float:
     """Half a main loop [s] if commands have the time at which they were set, else 0.
 
-    The gyro is logged once per loop, so its rate is that of the loop.
+    The gyro is logged once per loop, so its rate is that of the loop, 20 to 400 Hz in ArduRover.
     """
     steering = run["delta"]
     waited = steering.hold and not steering.source.endswith(AT_LOOP)
-    known = waited and SLOWEST_LOOP <= run["r"].rate <= FASTEST_LOOP
+    known = waited and 20.0 <= run["r"].rate <= 400.0
     return 0.5 / run["r"].rate if known else 0.0

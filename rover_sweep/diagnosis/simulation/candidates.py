@@ -15,7 +15,6 @@ from rover_sweep.diagnosis.simulation.nominal import Coordinate, coordinates
 from rover_sweep.diagnosis.simulation.structure import Structure
 
 SAME_SPEED = 0.12  # relative
-WHEELBASE, ROLL_MOMENT = 0.5, 3.0  # m and N m of ms g h, for which the sizes of the effects were set
 DEGREES_OF_FREEDOM = frozenset(e.id for e in library().values() if isinstance(e, DegreeOfFreedom))
 
 
@@ -104,11 +103,9 @@ class Model:
 
     @property
     def _growth(self) -> Mapping[str, float]:
+        """How much larger this rover is than 0.5 m and 3 N m of ms g h, for which the sizes were set."""
         moment = (self.rover.sprung_mass or 0.0) * GRAVITY * (self.rover.h or 0.0)
-        return {
-            "wheelbase": max(self.rover.wheelbase / WHEELBASE, 1.0),
-            "roll moment": max(moment / ROLL_MOMENT, 1.0),
-        }
+        return {"wheelbase": max(self.rover.wheelbase / 0.5, 1.0), "roll moment": max(moment / 3.0, 1.0)}
 
     def with_effect(self, effect: str, run: str = "", order: int = 0) -> Model:
         """This model with a law added, by its name; run, order: in which it happened."""
@@ -180,10 +177,7 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
     return ""
 
 
-def speeds_of(runs: Sequence[Experiment]) -> list[float]:
-    """Mean speeds that differ by more than 12 %, m/s."""
-    out: list[float] = []
-    for speed in sorted(run.mean_speed for run in runs):
-        if not out or speed > out[-1] * (1 + SAME_SPEED):
-            out.append(speed)
-    return out
+def same_speed(a: Experiment, b: Experiment) -> bool:
+    """True for runs whose mean speeds are within 12 %."""
+    low, high = sorted((a.mean_speed, b.mean_speed))
+    return high < (1 + SAME_SPEED) * low

@@ -13,8 +13,6 @@ from numba import njit
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.diagnosis.simulation.single_track import AT, FAST, SGN_WIDTH
 
-V, R, PHI, P = range(4)  # rows of a state of the lumped model: m/s, rad/s, rad, rad/s
-
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def _dry(torque: float, p: float, ln_width: float) -> float:

@@ -17,38 +17,33 @@ from numba import njit
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.simulation.kernel import PHI, P, R, V
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.identification.models.lumped import lumped as identified
 from rover_sweep.identification.models.roll_yaw import roll_yaw
 
-ROWS = ("Y", "L", "N")
-COLUMNS = ("v", "p", "r", "phi", "delta")
-Y, L, N = range(3)
-BY_V, BY_P, BY_R, BY_PHI, BY_DELTA = range(5)
-PER_SPEED = ("v", "r")
-REACH = 10.0  # bound over the first value, or over a tenth of the median of the row if that is larger
-STARTED_AT = 1.0  # m/s; any value, since the derivatives times the speed do not depend on it
+ROWS, COLUMNS = ("Y", "L", "N"), ("v", "p", "r", "phi", "delta")
 
 
 def derivatives(rover: Geometry, roll: bool) -> tuple[Coordinate, ...]:
-    """The coordinates "Y_v" to "N_delta", those by v and r times the speed; without roll none by p or phi."""
+    """The coordinates "Y_v" to "N_delta", those by v and r times the speed; without roll none by p or phi.
+
+    Each is bounded by ten times its first value, or the median of its row where that is larger.
+    """
     first = _first(rover, roll)
     rows = {row: {c: first[f"{row}_{c}"] for c in COLUMNS if f"{row}_{c}" in first} for row in ROWS}
     out = []
     for row, values in rows.items():
         middle = float(np.median(np.abs(list(values.values())))) if values else 0.0
         for column, value in values.items():
-            size = max(abs(value), 0.1 * middle)
-            reach = REACH * size
-            out.append(Coordinate(f"{row}_{column}", value, -reach, reach, 0.3 * size, 0.5 * reach))
+            reach = max(10.0 * abs(value), middle)
+            out.append(Coordinate(f"{row}_{column}", value, -reach, reach, 0.03 * reach, 0.5 * reach))
     return tuple(out)
 
 
 def _first(rover: Geometry, roll: bool) -> dict[str, float]:
     """First values from the rover's numbers by the roll-yaw model, or without roll by the bicycle model."""
     if roll:
-        values = identified(rover, roll_yaw(rover), STARTED_AT).values
+        values = identified(rover, roll_yaw(rover), 1.0).values  # at 1 m/s they are those times the speed
         return {f"{row}_{c}": values[f"{row}_{c}"] for row in ROWS for c in COLUMNS}
     stiffness = 3.0 * rover.mass * GRAVITY / 2
     inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
@@ -63,7 +58,7 @@ def _first(rover: Geometry, roll: bool) -> dict[str, float]:
 def start_coordinates(parameters: Mapping[str, float], speed: float) -> dict[str, float]:
     """Coordinates from the derivatives of a lumped model that was identified at a speed [m/s]."""
     names = [(row, c) for row in ROWS for c in COLUMNS if f"{row}_{c}" in parameters]
-    return {f"{row}_{c}": parameters[f"{row}_{c}"] * (speed if c in PER_SPEED else 1.0) for row, c in names}
+    return {f"{row}_{c}": parameters[f"{row}_{c}"] * (speed if c in "vr" else 1.0) for row, c in names}
 
 
 def motion(delta: Array, speed: Array, pushed: Array, x: Mapping[str, float], dt: float) -> dict[str, Array]:
@@ -83,16 +78,13 @@ def motion(delta: Array, speed: Array, pushed: Array, x: Mapping[str, float], dt
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _rates(x, out, d, speed, push, q):  # type: ignore[no-untyped-def]
-    v, r, phi, p = x[V], x[R], x[PHI], x[P]
-    vs, rs = v / speed, r / speed
-    across = (
-        q[Y, BY_V] * vs + q[Y, BY_P] * p + q[Y, BY_R] * rs + q[Y, BY_PHI] * phi + q[Y, BY_DELTA] * d + push
-    )
-    out[V] = across - speed * r
-    out[R] = q[N, BY_V] * vs + q[N, BY_P] * p + q[N, BY_R] * rs + q[N, BY_PHI] * phi + q[N, BY_DELTA] * d
-    out[PHI] = p
-    out[P] = q[L, BY_V] * vs + q[L, BY_P] * p + q[L, BY_R] * rs + q[L, BY_PHI] * phi + q[L, BY_DELTA] * d
-    return across
+    """Fill out (4,) with the slope of the state x (4,), v, r, phi, p; gives v' + V r."""
+    u = (x[0] / speed, x[3], x[1] / speed, x[2], d)
+    side, rolled, turned = push, 0.0, 0.0
+    for k in range(5):
+        side, rolled, turned = side + q[0, k] * u[k], rolled + q[1, k] * u[k], turned + q[2, k] * u[k]
+    out[0], out[1], out[2], out[3] = side - speed * x[1], turned, x[3], rolled
+    return side
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -100,27 +92,21 @@ def _states(steer, speed, push, q, dt):  # type: ignore[no-untyped-def]
     """Motion (n, 7) in the columns v, r, phi, p, v' + V r, r', p'; RK4 of step dt. q (3, 5): derivatives."""
     n = steer.size
     y = np.zeros((n, 7))
-    x, xs = np.zeros(4), np.zeros(4)
-    k1, k2, k3, k4 = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
+    x, trial, slope, total = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
     for k in range(n):
-        across = _rates(x, k1, steer[k], speed[k], push[k], q)
-        y[k, 0], y[k, 1], y[k, 2], y[k, 3] = x[V], x[R], x[PHI], x[P]
-        y[k, 4], y[k, 5], y[k, 6] = across, k1[R], k1[P]
-        if k + 1 == n:
-            break
-        d, v = 0.5 * (steer[k] + steer[k + 1]), 0.5 * (speed[k] + speed[k + 1])
-        f = 0.5 * (push[k] + push[k + 1])
+        end = min(k + 1, n - 1)
+        total[:] = x
+        for stage in range(4):
+            later = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # share of the step
+            kept, weight = 1.0 - later, dt / 6.0 if stage in (0, 3) else dt / 3.0
+            for i in range(4):
+                trial[i] = x[i] + later * dt * slope[i]
+            d, v = kept * steer[k] + later * steer[end], kept * speed[k] + later * speed[end]
+            across = _rates(trial, slope, d, v, kept * push[k] + later * push[end], q)
+            if stage == 0:
+                y[k, :4], y[k, 4], y[k, 5], y[k, 6] = x, across, slope[1], slope[3]
+            for i in range(4):
+                total[i] += weight * slope[i]
         for i in range(4):
-            xs[i] = x[i] + 0.5 * dt * k1[i]
-        _rates(xs, k2, d, v, f, q)
-        for i in range(4):
-            xs[i] = x[i] + 0.5 * dt * k2[i]
-        _rates(xs, k3, d, v, f, q)
-        for i in range(4):
-            xs[i] = x[i] + dt * k3[i]
-        _rates(xs, k4, steer[k + 1], speed[k + 1], push[k + 1], q)
-        for i in range(4):
-            x[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
-            if not abs(x[i]) < 1e3:  # an unstable trial of the fit
-                x[i] = 0.0
+            x[i] = total[i] if abs(total[i]) < 1e3 else 0.0  # an unstable trial of the fit
     return y

@@ -14,8 +14,6 @@ from math import exp, log, pi
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.tolerances import Tolerances
 
-HALF_TRACK = 0.4  # of the wheelbase, of most rovers
-
 
 @dataclass(frozen=True)
 class Coordinate:
@@ -66,7 +64,7 @@ def coordinates(
     if slip:
         stiffness = 3.0 * rover.mass * GRAVITY / 2
         inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
-        wide = (HALF_TRACK * rover.wheelbase) ** 2
+        wide = (0.4 * rover.wheelbase) ** 2  # half the track of most rovers
         out += [
             _log("C", stiffness, "N/rad"),
             _log("Izz", inertia, "kg m^2"),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from rover_sweep.data.geometry import GRAVITY, Geometry
+from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.kinds import (
     DriftEffect,
@@ -28,7 +28,6 @@ from rover_sweep.diagnosis.simulation.structure import Structure, Values
 from rover_sweep.diagnosis.simulation.wheel_angle import STEP, wheel_angle
 
 SENSED = {"bias_ay", "imu_x", "imu_z", "ay_lag", "p_lag", "vy_lag", "vy_gain", "heading"}  # act on a log only
-MOST_LAGS = 8  # kept responses of a run's sensors
 
 
 def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
@@ -42,7 +41,11 @@ def motion(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]
 
 def motions(drives: Sequence[tuple[Experiment, Values]], structure: Structure) -> list[dict[str, Array]]:
     """The `motion` of each run with its coordinates; two of them take as long as one."""
-    bases = [_base(run, structure, x) for run, x in drives]
+    bases = []
+    for run, x in drives:
+        scale, delta = 1.0 + x.get("vscale", 0.0), wheel_angle(run, structure, x)
+        known = {"t": run.t, "psi": run.heading, "delta": delta}
+        bases.append({**known, "V": run.speed * scale, "v_dot_x": run.acceleration * scale})
     if structure.lumped:
         return [_lumped(base, structure, x) for (_, x), base in zip(drives, bases, strict=True)]
     cars = [_car(run, structure, x, base) for (run, x), base in zip(drives, bases, strict=True)]
@@ -50,13 +53,6 @@ def motions(drives: Sequence[tuple[Experiment, Values]], structure: Structure) -
         return [_without_slip(structure, car) for car in cars]
     pairs = [cars[k : k + 2] for k in range(0, len(cars), 2)]
     return [found for pair in pairs for found in _with_slip(structure, pair)]
-
-
-def _base(run: Experiment, structure: Structure, x: Values) -> dict[str, Array]:
-    delta = wheel_angle(run, structure, x)
-    speed = run.speed * (1.0 + x.get("vscale", 0.0))
-    faster = run.acceleration * (1.0 + x.get("vscale", 0.0))
-    return {"t": run.t, "V": speed, "psi": run.heading, "delta": delta, "v_dot_x": faster}
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +91,7 @@ def _with_slip(structure: Structure, pair: Sequence[_Car]) -> list[dict[str, Arr
     for _ in range(max((e.passes for e in forces if e.iterate), default=1)):
         if forces and ("r" in found[0] or not any(e.iterate for e in forces)):
             for k, car in enumerate(pair):
-                zero = np.zeros(car.grip.size)
-                new = np.stack(_pushed(forces, found[k], car.x, mass, zero))
+                new = _pushed(forces, found[k], car.x, mass)
                 pushed[k], last[k] = _mixed(pushed[k], new, last[k])
         drives = [car.driven_by(forces_of) for car, forces_of in zip(pair, pushed, strict=True)]
         relaxed = [car.q.sigma > 1e-6 for car in pair]
@@ -130,17 +125,17 @@ def _mixed(used: Array, new: Array, last: tuple[Array, Array] | None) -> tuple[A
 
 def _weight(structure: Structure, found: Mapping[str, Array], x: Values) -> Array:
     """Lateral part of the weight per mass (n,) m/s^2, which an accelerometer does not measure."""
-    zero = np.zeros(found["t"].size)
     heavy = tuple(e for e in structure.of(ForceEffect) if e.weight)
-    return _pushed(heavy, found, x, structure.rover.mass, zero)[0] / structure.rover.mass if heavy else zero
+    return np.asarray(_pushed(heavy, found, x, structure.rover.mass)[0] / structure.rover.mass)
 
 
-def _pushed(
-    forces: tuple[ForceEffect, ...], found: Mapping[str, Array], x: Values, mass: float, zero: Array
-) -> tuple[Array, Array, Array]:
-    parts = [e.act(found, e.coordinates(x), mass) for e in forces]
-    sums = [zero + sum(np.asarray(p[k]) for p in parts) for k in range(3)]
-    return sums[0], sums[1], sums[2]
+def _pushed(forces: tuple[ForceEffect, ...], found: Mapping[str, Array], x: Values, mass: float) -> Array:
+    """Side force [N], yaw and roll moment [N m] (3, n) of these effects in a motion."""
+    out = np.zeros((3, found["t"].size))
+    for effect in forces:
+        for row, part in zip(out, effect.act(found, effect.coordinates(x), mass), strict=True):
+            row += part
+    return out
 
 
 def _without_slip(structure: Structure, car: _Car) -> dict[str, Array]:
@@ -189,12 +184,8 @@ def vehicle_numbers(structure: Structure, x: Values) -> VehicleNumbers:
     added: dict[str, float] = {}
     for effect in structure.of(VehicleEffect):
         added |= effect.numbers(x)
-    return _with_units(numbers._replace(**added), rover)
-
-
-def _with_units(q: VehicleNumbers, rover: Geometry) -> VehicleNumbers:
-    """Numbers that a coordinate gives without a unit, in the unit of the kernel."""
-    inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
+    q, inertia = numbers._replace(**added), rover.yaw_inertia or rover.mass * rover.a * rover.b
+    # these coordinates have no unit
     return q._replace(
         compliance=q.compliance / q.Cf, yaw_damp=q.yaw_damp * inertia, yaw_damp_v=q.yaw_damp_v * inertia
     )
@@ -221,7 +212,7 @@ class Sensors:
     """Low-passes and lags of the channels of a run, at the frequencies of its padded Fourier transform.
 
     size: length of the padded run. w (k,): rad/s. known: {channel: response (k,)} of the known filters. lags:
-    {lag [s]: response (k,)} of those that were computed last.
+    {lag [s]: response (k,)} of the last eight.
     """
 
     size: int
@@ -257,27 +248,22 @@ class Sensors:
             if np.ndim(path) > 0:
                 paths[channel] = path
         if paths:
-            lines = rfft(np.stack([self._padded(signals[c]) for c in paths]), overwrite_x=True)
+            lines = rfft(np.stack([padded_by_line(signals[c], self.size) for c in paths]), overwrite_x=True)
             for line, path in zip(lines, paths.values(), strict=True):
                 line *= path
             filtered = irfft(lines, self.size, overwrite_x=True)
             out |= {c: y[: signals[c].size] for c, y in zip(paths, filtered, strict=True)}
         return out
 
-    def _padded(self, y: Array) -> Array:
-        """y (n,) and a straight line back to its begin, (size,)."""
-        return np.asarray(padded_by_line(y, self.size))
-
     def _turned(self, r: Array, speed: Array, path: Any) -> Array:
         """V_y (n,) that a heading shows which is integrated from r (n,) through a filter: V (psi - psi_f).
 
         path (k,): the filter's response H; psi - psi_f has the transform R (1 - H)/(j w).
         """
-        padded = self._padded(r)
         late = np.zeros(self.w.size, complex)
         late[1:] = (1.0 - path[1:]) / (1j * self.w[1:])
         late[0] = late[1].real
-        return speed * irfft(rfft(padded) * late, self.size)[: r.size]
+        return speed * irfft(rfft(padded_by_line(r, self.size)) * late, self.size)[: r.size]
 
     def _lag(self, channel: str, x: Values) -> Any:
         lag = {"ay": "ay_lag", "p": "p_lag"}.get(channel)
@@ -286,7 +272,7 @@ class Sensors:
             return 1.0
         response = self.lags.get(lag_s)
         if response is None:  # most columns of a Jacobian have the same lag
-            if len(self.lags) >= MOST_LAGS:
+            if len(self.lags) >= 8:
                 self.lags.clear()
             response = self.lags[lag_s] = np.exp(-1j * self.w * lag_s)
         return response

@@ -13,7 +13,8 @@ A state and its slope are tuples (v, r, phi, p, lagging front force, lagging rea
 from __future__ import annotations
 
 from math import atan, copysign, exp, sin, sqrt, tanh
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -286,3 +287,11 @@ def single_tracks(one, other, relaxed, roll, dt):  # type: ignore[no-untyped-def
                 x2 = _plus(x2, 1.0, sum2)
         x1, x2 = _finite(x1, top1), _finite(x2, top2)
     return y1, y2
+
+
+def must_compile(loop: Any = single_tracks) -> bool:
+    """True before the only run on this machine that compiles; False too where numba does not say."""
+    try:
+        return not Path(loop._cache._cache_file._index_path).is_file()
+    except AttributeError:  # another version of numba
+        return False

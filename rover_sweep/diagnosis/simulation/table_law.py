@@ -17,7 +17,7 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
 from rover_sweep.diagnosis.effects.kinds import ForceEffect, LinkageEffect, SensorEffect
-from rover_sweep.diagnosis.effects.steering_backlash import play
+from rover_sweep.diagnosis.effects.steering import play
 from rover_sweep.diagnosis.simulation.experiment import RATE
 from rover_sweep.diagnosis.simulation.structure import Structure
 

@@ -12,13 +12,12 @@ from rover_sweep.diagnosis.simulation.structure import Structure, Values
 
 STEP = 1.0 / RATE
 WHEEL = ("scale", "delay", "lag", "lag_shape", "trim")  # coordinates of the wheel angle
-MOST_ANGLES = 8  # kept wheel angles of a run
 
 
 def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
     """Road-wheel angle (n,) rad from the commanded one through delay, command, servo, linkage and trim.
 
-    The run keeps the last ones, since most columns of a Jacobian share theirs; it must not be written to.
+    The run keeps the last eight, since most columns of a Jacobian share theirs; it must not be written to.
     """
     limits = {name: value for e in structure.of(ServoEffect) for name, value in e.numbers(x).items()}
     acting = (*structure.of(CommandEffect), *structure.of(LinkageEffect))
@@ -26,7 +25,7 @@ def wheel_angle(run: Experiment, structure: Structure, x: Values) -> Array:
     key = (laws, tuple(limits.items()), *(x.get(name, 0.0) for name in WHEEL))
     found = run.angles.get(key)
     if found is None:
-        if len(run.angles) >= MOST_ANGLES:
+        if len(run.angles) >= 8:
             run.angles.clear()
         found = run.angles[key] = _wheel_angle(run, structure, x, limits.get("inv_rate", 0.0))
     return found

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from rover_sweep.diagnosis.importance import hardly_matters, importance_words, turn_change, turn_words
 from rover_sweep.diagnosis.result import (
     Diagnosis,
     EffectValue,
@@ -18,6 +17,7 @@ from rover_sweep.diagnosis.result import (
     Unknown,
     Unseen,
 )
+from rover_sweep.diagnosis.verdict import hardly_matters, importance_words, turn_change
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.export.augmented_model_json import augmented_document
 from rover_sweep.report.identification.identification_json import AXES, recording_document
@@ -80,12 +80,13 @@ def _turn(found: Diagnosis) -> dict[str, Any] | None:
     change = turn_change(found)
     if change is None:
         return None
+    (delay, gain), speed = change, found.model.speed if found.model else 0.0
     return {
-        "delay_s": change.delay,
-        "gain_percent": 100 * change.gain,
-        "distance_m": change.distance,
-        "speed_m_s": change.speed,
-        "sentence": turn_words(found),
+        "delay_s": delay,
+        "gain_percent": 100 * gain,
+        "distance_m": delay * speed,
+        "speed_m_s": speed,
+        "sentence": "; ".join(f.turn for f in found.findings if f.turn),
     }
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rover_sweep.data.recording import grouped_warnings
-from rover_sweep.diagnosis.importance import importance_words, turn_words
 from rover_sweep.diagnosis.result import Diagnosis, Finding
+from rover_sweep.diagnosis.verdict import importance_words
 from rover_sweep.report.charts.shown_chart import ShownChart, by_section
 from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
 from rover_sweep.report.diagnosis.pictures import mismatch_section
@@ -71,7 +71,7 @@ def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Sequence
             parameters=value_table(found.parameters, "The model, refitted with the effects")
             if found.parameters
             else None,
-            remarks=[sentence(remark) for remark in (turn_words(found), *found.remarks, *warnings) if remark],
+            remarks=[sentence(remark) for remark in (*found.remarks, *warnings) if remark],
             pictures=by_section(pictures),
         )
     )

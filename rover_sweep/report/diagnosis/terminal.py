@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from rover_sweep.diagnosis.importance import importance_words, turn_words
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
+from rover_sweep.diagnosis.verdict import importance_words
 from rover_sweep.report.diagnosis.tables import (
     certainty_words,
     cost_table,
@@ -64,8 +64,6 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
     if found.findings:
         yield rich_table(finding_table(found))
         yield from (_explained(f) for f in found.findings)
-        if words := turn_words(found):
-            yield Sentence(words)
     if falsified := falsified_table(found):
         yield rich_table(falsified)
     if found.held_out:

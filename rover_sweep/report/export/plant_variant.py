@@ -145,7 +145,7 @@ def _friction(model: AugmentedModel) -> float:
 
 def _delay(model: AugmentedModel) -> float:
     """Delay of the servo alone [s]: the simulated rover already adds the wait for the main loop."""
-    from rover_sweep.diagnosis.effects.clock_offset import USUAL_DELAY
+    from rover_sweep.diagnosis.effects.sensors import USUAL_DELAY
 
     whole = USUAL_DELAY if "clock_offset" in model.effects else model.value("delay")
     return max(whole - model.wait, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_sweep.diagnosis.locate.place_sentences import ordinal
+from rover_sweep.diagnosis.locate.residual_maps import ordinal
 from rover_sweep.diagnosis.result import Mismatch, Overlay, Profile
 from rover_sweep.report.pictures.overlay import AFTER, BEFORE, SHADE
 from rover_sweep.report.pictures.style import OUTSIDE, literal, log_frequency

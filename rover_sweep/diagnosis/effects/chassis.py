@@ -1,0 +1,259 @@
+"""Effects of the tyres and of the body: slip, roll, and the moments between them.
+
+In the equations alpha is the slip angle of an axle [rad], F its side force [N], C its cornering stiffness
+[N/rad] (Cf front, Cr rear), d the road-wheel angle, phi and p roll angle and rate, r the yaw rate.
+"""
+
+from __future__ import annotations
+
+from rover_sweep.diagnosis.effects.effect import EffectParameter as P
+from rover_sweep.diagnosis.effects.effect import family
+from rover_sweep.diagnosis.effects.kinds import DegreeOfFreedom, NominalEffect, SpeedEffect, VehicleEffect
+
+LAWS = (
+    # Start and bounds are those of the bicycle model. r lags and V_y is not zero, more so with speed.
+    DegreeOfFreedom(
+        id="tyre_slip",
+        title="tyres that slip sideways, and yaw inertia",
+        equation="F = -C alpha, Izz r' = a Ff - b Fr",
+        source="bicycle model, equation (17) of the paper",
+        parameters=(
+            P(
+                "C",
+                "N/rad",
+                0.1,
+                -9,
+                9,
+                "cornering stiffness of an axle, mean of both",
+                form="ratio",
+                nominal="ln_C",
+            ),
+            P("Izz", "kg m^2", 0.1, -9, 9, "yaw inertia about the CG", form="ratio", nominal="ln_Izz"),
+        ),
+        apart="a servo has the same lag at every speed; with slip the lag and the steady gain change with V",
+        next_run="the same sweep at a second speed",
+        baselines=("kinematic",),
+    ),
+    # A ratio within 15 % of 1 is a normal tolerance. At one speed C, Izz and the steering gain absorb it.
+    NominalEffect(
+        id="front_rear_stiffness",
+        title="front and rear axle differ",
+        equation="Cf != Cr, by more than 15 %",
+        source="Gillespie 1992, chapter 6, understeer gradient",
+        parameters=(
+            P(
+                "ratio",
+                "-",
+                0.35,
+                -1.6,
+                1.6,
+                "Cf/Cr, the geometric mean kept",
+                form="ratio",
+                matters=0.15,
+                nominal="ln_ratio",
+            ),
+        ),
+        apart="the steady gain changes with the speed (understeer gradient)",
+        next_run="steady circles at two speeds",
+        releases={"ln_ratio": (-1.6, 1.6)},
+        baselines=("roll-yaw", "bicycle"),
+    ),
+    # Fz: static load of the axle; z = C alpha/(mu Fz). A peak of 0.7 of the load and more (1/mu up to 1.4) is
+    # a normal tyre, the bend of the nominal model, which is the beginning of the same law and held at 0. The
+    # residual power grows 16 times when the amplitude doubles, so it needs two amplitudes.
+    *family(
+        VehicleEffect(
+            id="tyre_saturation",
+            title="saturation of the tyres",
+            equation="F = mu Fz tanh(C alpha/(mu Fz))",
+            source="Pacejka 2012, with tanh in place of the magic formula",
+            parameters=(
+                P(
+                    "mu",
+                    "-",
+                    2.0,
+                    0.0,
+                    6.0,
+                    "peak side force over the static axle load",
+                    form="inverse",
+                    matters=1.4,
+                ),
+            ),
+            apart="depends on the side force; load transfer depends on a_y squared, "
+            "a cubic gain on the angle",
+            next_run="a sweep of double amplitude, and one at a second speed",
+            fills={"mu": "inv_mu"},
+            baselines=("roll-yaw", "bicycle"),
+            releases={"bend": (0.0, 0.0)},
+            signed=False,
+            form="tanh",
+        ),
+        {
+            "form": "brush",
+            "equation": "F = mu Fz (z - z^2/3 + z^3/27), z = C alpha/(mu Fz) up to 3",
+            "source": "Pacejka 2012, chapter 3, brush model",
+            "sets": {"tyre_form": 1.0},
+        },
+        {
+            "form": "falling peak",
+            "equation": "F = mu Fz sin(1.6 atan(C alpha/(1.6 mu Fz)))",
+            "source": "Pacejka 2012, chapter 4, magic formula with the shape factor 1.6",
+            "sets": {"tyre_form": 2.0},
+        },
+        {
+            "form": "knee",
+            "equation": "F = C alpha/(1 + (C alpha/(mu Fz))^6)^(1/6)",
+            "source": "a linear tyre up to Coulomb's limit, as a rigid wheel on dry ground",
+            "sets": {"tyre_form": 3.0},
+        },
+    ),
+    # F0: steady side force. The lag is proportional to 1/V and adds to the yaw damping, so it needs two
+    # speeds.
+    VehicleEffect(
+        id="tyre_relaxation",
+        title="relaxation length of the tyres",
+        equation="(sigma/V) F' + F = F0",
+        source="Pacejka 2012, chapter 5",
+        parameters=(
+            P(
+                "sigma",
+                "m",
+                0.15,
+                0.0,
+                1.5,
+                "relaxation length of both axles",
+                tolerance=0.01,
+                grows_with="wheelbase",
+            ),
+        ),
+        apart="the lag of a servo or a delay does not change with the speed",
+        next_run="the same sweep at half the speed",
+        fills={"sigma": "sigma"},
+        baselines=("roll-yaw", "bicycle"),
+        signed=False,
+    ),
+    # The factor is at least 0.05. Needs a large a_y.
+    VehicleEffect(
+        id="load_transfer",
+        title="lateral load transfer of the tyres",
+        equation="C (1 - k (a_y/g)^2)",
+        source="Milliken and Milliken 1995",
+        parameters=(
+            P("k", "-", 0.6, 0.0, 6.0, "loss of stiffness of both axles at a_y = g", tolerance=0.08),
+        ),
+        apart="similar to tyre saturation, but depends on a_y alone and not on the slip angle",
+        next_run="steady circles at rising speed: side force against slip angle",
+        fills={"k": "k_load"},
+        baselines=("roll-yaw", "bicycle"),
+        signed=False,
+    ),
+    # Start and bounds are those of the roll-yaw model. Shows in a_y, V_y' and p, never in r alone, best about
+    # the roll mode, 15 to 30 rad/s of a small rover.
+    DegreeOfFreedom(
+        id="roll_dof",
+        title="the body rolls",
+        equation="(Ixx + ms h^2) p' + b_phi p + (k_phi - ms g h) phi = ms h (V_y' + V r)",
+        source="roll-yaw model, equation (18) of the paper",
+        parameters=(
+            P("k_phi", "N m/rad", 0.1, -9, 9, "roll stiffness", form="ratio", nominal="ln_k_phi"),
+            P("b_phi", "N m s/rad", 0.1, -9, 9, "roll damping", form="ratio", nominal="ln_b_phi"),
+        ),
+        apart="a wrong IMU position changes a_y alone",
+        next_run="a sweep across the roll mode with p recorded",
+        baselines=("kinematic", "bicycle"),
+        channels=("ay", "p"),
+    ),
+    # Needs two speeds; the roll mode shows it best.
+    *family(
+        VehicleEffect(
+            id="roll_steer",
+            title="roll steer of the front axle",
+            equation="d + e phi",
+            source="Milliken and Milliken 1995",
+            parameters=(P("e", "-", 0.3, -3.0, 3.0, "steering angle per roll angle", tolerance=0.02),),
+            apart="changes the steady gain with the speed, as understeer does, but follows the roll mode",
+            next_run="a sweep at a second speed across the roll mode",
+            fills={"e": "e_roll"},
+            baselines=("roll-yaw",),
+            form="front axle",
+        ),
+        {
+            "form": "rear axle",
+            "title": "roll steer of the rear axle",
+            "equation": "rear steering angle = e phi",
+            "fills": {"e": "e_rear"},
+        },
+    ),
+    # tanh(p/w), w = 0.01 rad/s exp(width), in place of the sign; the width is a number of the simulation and
+    # not of the rover. Inflates b_phi; its share falls with the amplitude, so it needs p at two amplitudes.
+    VehicleEffect(
+        id="suspension_friction",
+        title="dry friction of the suspension",
+        equation="T sgn p against the roll",
+        source="Coulomb friction; Armstrong-Helouvry, Dupont and Canudas de Wit 1994",
+        parameters=(
+            P(
+                "T",
+                "N m",
+                0.03,
+                0.0,
+                1.5,
+                "friction torque against the roll rate",
+                tolerance=0.002,
+                grows_with="roll moment",
+            ),
+            P("width", "-", 0.7, -2.0, 2.0, "ln of the roll rate of the smoothing over 0.01 rad/s"),
+        ),
+        apart="its share falls as the amplitude grows; the share of a damper does not",
+        next_run="a sweep at half the amplitude across the roll mode",
+        fills={"T": "T_roll", "width": "ln_width"},
+        report_values=lambda found: {"T": (found["T"], "N m", "friction torque against the roll rate")},
+        baselines=("roll-yaw",),
+        channels=("p",),
+        signed=False,
+    ),
+    # A locked axle drives both wheels at one speed, so that their longitudinal slip makes a moment
+    # proportional to r/V; scrubbing tyres add more. At one speed stiffness and steering gain absorb most of
+    # it.
+    *family(
+        VehicleEffect(
+            id="yaw_damping",
+            title="a yaw moment against the turn",
+            equation="M = -c r",
+            source="Milliken and Milliken 1995, locked axle",
+            parameters=(
+                P(
+                    "c",
+                    "1/s",
+                    3.0,
+                    0.0,
+                    60.0,
+                    "moment per yaw rate, over the yaw inertia of the vehicle file (m a b without one)",
+                    tolerance=0.3,
+                    matters=1.0,
+                ),
+            ),
+            apart="damps the yaw rate at all speeds; an uneven stiffness acts through the slip angles",
+            next_run="the same sweep with the differential open, or at a second speed",
+            fills={"c": "yaw_damp"},
+            baselines=("roll-yaw", "bicycle"),
+            signed=False,
+            form="over r",
+        ),
+        {"form": "over r/V", "equation": "M = -c r V0/V, V0 = 1 m/s", "fills": {"c": "yaw_damp_v"}},
+    ),
+    # Judged in the measured speed, which also drives the simulation of all other effects; see
+    # held_out.speed_loss.
+    SpeedEffect(
+        id="speed_variation",
+        title="cornering drag lowers the speed",
+        equation="V' = (V_set - V)/tau_V - D a_y^2",
+        source="front side force times sin(d), for linear tyres",
+        parameters=(
+            P("D", "s^2/m", 0.02, 0.0, 2.0, "loss of speed per a_y squared", tolerance=0.002, matters=0.01),
+        ),
+        apart="no other effect changes the speed with the square of a_y",
+        next_run="the same sweep with the throttle held by hand, and with the speed controller",
+        signed=False,
+    ),
+)
