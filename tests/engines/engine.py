@@ -29,6 +29,7 @@ MODULES = {  # package that it needs
     "mujoco": ("tests.engines.mujoco_engine", "mujoco"),
     "commonroad": ("tests.engines.commonroad_engine", "vehiclemodels"),
     "slipx": ("tests.engines.slipx_engine", "slipx"),
+    "exudyn": ("tests.engines.exudyn_engine", "exudyn"),
 }
 
 
