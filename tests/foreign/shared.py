@@ -30,8 +30,14 @@ IDS = {
     "dry_roll": "suspension_friction",
     "vel_lag": "velocity_lag",
     "imu_x": "imu_offset",
+    "locked_rear": "yaw_damping",
+    "rear_soft": "front_rear_stiffness",
+    "play": "steering_backlash",
+    "mast": "outside:flexing_mast",
+    "slip_speed": "outside:slip_speed",
+    "pendulum": "outside:pendulum",
 }
-PARTS = ("surface_k",)
+PARTS = ("surface_k", "pendulum_hz")
 
 
 def hidden_ids(hidden: Mapping[str, float]) -> tuple[str, ...]:
@@ -56,7 +62,7 @@ def diagnosed_cases(
             with tarfile.open(path.with_suffix(".tar.xz")) as archive:
                 archive.extractall(unpacked, filter="data")
             vehicle = Path(unpacked) / "rover.toml"
-            vehicle.write_text(vehicle_text(case["told"]))
+            vehicle.write_text(vehicle_text(case["told"], above_roll_axis="engine" in case))
             logs = [next(Path(unpacked).rglob(f"run{k}.BIN")) for k in (1, 2, 3, 4)]
             runs = rs.read(*logs[:3], vehicle=vehicle)
             found = answered(runs, rs.read(logs[3], vehicle=vehicle), **settings)
@@ -65,9 +71,16 @@ def diagnosed_cases(
         yield grade(path.stem, "recorded", hidden, found), found, truth
 
 
-def vehicle_text(told: Mapping[str, float]) -> str:
-    """The vehicle file (TOML) of what the owner knows; imu_z [m] is below the CG, on the roll axis."""
+def vehicle_text(told: Mapping[str, float], above_roll_axis: bool = False) -> str:
+    """The vehicle file (TOML) of what the owner knows.
+
+    imu_z [m]: below the CG. above_roll_axis: imu_z is the height over the roll axis, as in the cases that
+    name an engine.
+    """
     own = ("rad_per_us", "imu_z")
+    down = told.get("imu_z", 0.06)
+    if above_roll_axis:
+        down = told["cg_height_above_roll_centre"] - down
     lines = ["[vehicle]", *(f"{key} = {value!r}" for key, value in told.items() if key not in own)]
     lines += ["[steering]", "trim_us = 1500", f"rad_per_us = {told['rad_per_us']!r}"]
-    return "\n".join([*lines, "[imu]", f"position = [0.0, 0.0, {told.get('imu_z', 0.06)!r}]", ""])
+    return "\n".join([*lines, "[imu]", f"position = [0.0, 0.0, {down!r}]", ""])

@@ -4,11 +4,11 @@
 
 Every rover has the first three terms; Ff sin(d) and v r come from the fitted model. D is the finding.
 
-For each lag tau of a grid, the speed minus its own drag is regressed on the response to a_y^2 with a constant
-and the decay of the initial speed as nuisances. The noise of a measured speed is slow, so the rows are
-whitened by an autoregression of the residual, estimated three times in turn with D (Cochrane and Orcutt
-1949). The threshold comes from random draws of that noise and of the drag's own uncertainty, with the best
-lag chosen in each draw as in the data.
+For each lag tau of a grid, the speed minus its own drag is regressed on the response to a_y^2. A constant, the
+decay of the initial speed, and gravity along the heading on sloping ground are nuisances; the own
+drag is known to `UNSURE`. The noise of a measured speed is slow, so the rows are whitened by an
+autoregression of the residual, estimated three times in turn with D (Cochrane and Orcutt 1949). The
+probability that turns cost speed has the weight of one effect against none, as in `posterior.weights`.
 
 The finding is kept where held-out runs, driven at the speed that it predicts, confirm it.
 
@@ -27,6 +27,8 @@ from rover_sweep.data.by_name import ByName
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun, fit_of
+from rover_sweep.diagnosis.posterior.infer import SURE
+from rover_sweep.diagnosis.posterior.weights import COARSE, FIRST, SPAN, WIDTH
 from rover_sweep.diagnosis.result import EffectValue, Finding, HeldOut, Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, smoothed
 from rover_sweep.diagnosis.simulation.kernel import summed_with_loss
@@ -36,33 +38,29 @@ from rover_sweep.diagnosis.simulation.structure import Structure, Values
 LAGS = np.geomspace(0.2, 5.0, 13)  # s, of the drive: speed controller, motor and mass
 ORDER = 3  # of the autoregression
 UNSURE = 0.1  # relative standard deviation of the rover's own drag: toe and scrub of the wheels
-FALSE_ALARMS = 0.003  # for one effect among two dozen
 ID = "speed_variation"
 WORSE = "fitted to the runs, but it does not predict the speed of the held-out runs"
 
 Rows = tuple[Array, Array, Array, Array]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Regression:
-    """Least squares at one lag; whitened rows (n,) without the nuisances.
+    """Least squares at one lag: D [s^2/m], its information at a noise of 1, and sums of squares of the speed
+    with D and without."""
 
-    cost: sum of squares. loss: D [s^2/m]. speed, per_loss, own: speed minus own drag, its change by D = 1,
-    the own drag.
-    """
-
-    cost: float
     loss: float
-    speed: Array
-    per_loss: Array
-    own: Array
+    information: float
+    cost: float
+    without: float
 
 
 @dataclass(frozen=True)
 class SpeedLoss:
-    """D [s^2/m] with its 90 % interval; lag [s] of the drive; gain (drop of the cost) and its threshold.
+    """D [s^2/m] with its 90 % interval; lag [s] of the drive; gain: drop of the cost over the noise.
 
-    drop: largest loss over the mean speed. noise: variance of the residual speed [m^2/s^2].
+    probability: that turns cost speed. drop: largest loss over the mean speed. noise: variance of the
+    residual speed [m^2/s^2].
     """
 
     loss: float
@@ -70,47 +68,48 @@ class SpeedLoss:
     high: float
     lag: float
     gain: float
-    threshold: float
+    probability: float
     drop: float
     noise: float
 
     @property
     def found(self) -> bool:
-        """True where the gain is above its threshold and D above its material size."""
+        """True where it is sure, and D above its material size."""
         effect = library()[ID]
-        return self.gain > self.threshold and effect.exceeds({effect.key("D"): self.loss}, effect.thresholds)
+        return self.probability >= SURE and effect.exceeds({effect.key("D"): self.loss}, effect.thresholds)
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """One run (n,): t [s], measured speed [m/s], own drag [m/s^2] and a_y^2 [m^2/s^4]."""
+    """One run (n,): t [s], measured speed [m/s], own drag [m/s^2], a_y^2 [m^2/s^4], heading [rad]."""
 
     t: Array
     speed: Array
     own: Array
     square: Array
+    heading: Array
 
 
 def speed_loss(runs: Sequence[Experiment], structure: Structure, x: Values, seed: int) -> SpeedLoss:
     """The speed that cornering cost in these runs. x: {coordinate: value} of the fitted model."""
     drives = [_drive(run, structure, x) for run in runs]
     table = [[_rows(drive, float(lag)) for drive in drives] for lag in LAGS]
-    white = np.zeros(ORDER)
+    white, noise = np.zeros(ORDER), np.inf
     for _ in range(3):
-        fits = [_regression(rows, white) for rows in table]
+        fits = [_regression(rows, white, noise) for rows in table]
         best = min(range(LAGS.size), key=lambda k: fits[k].cost)
         white = _autoregression(_residuals(table[best], fits[best].loss))
-    fits = [_regression(rows, white) for rows in table]
-    return _result(drives, table, fits, seed)
+        number = sum(y.size - ORDER - nuisance.shape[1] for y, _, _, nuisance in table[best])
+        noise = min(_regression(rows, white, np.inf).cost for rows in table) / max(number - 2, 1)
+    return _result(drives, table, [_regression(rows, white, noise) for rows in table], noise, seed)
 
 
 def _drive(run: Experiment, structure: Structure, x: Values) -> Drive:
     moved, rover = motion(run, structure, x), structure.rover
     inertia = np.exp(x["ln_Izz"]) if "ln_Izz" in x else rover.yaw_inertia or rover.mass * rover.a * rover.b
     front = (rover.b * moved["across"] + inertia / rover.mass * moved["r_dot"]) / rover.wheelbase
-    return Drive(
-        run.t, run.speed, moved["v"] * moved["r"] - front * np.sin(moved["delta"]), moved["across"] ** 2
-    )
+    own = moved["v"] * moved["r"] - front * np.sin(moved["delta"])
+    return Drive(run.t, run.speed, own, moved["across"] ** 2, run.heading)
 
 
 def _through(u: Array, lag: float) -> Array:
@@ -119,12 +118,13 @@ def _through(u: Array, lag: float) -> Array:
 
 
 def _rows(drive: Drive, lag: float) -> Rows:
-    """(speed minus own drag (k,), its change by D = 1 (k,), own drag (k,), nuisances (k, 2)) at the rows."""
+    """(speed minus own drag (k,), its change by D = 1 (k,), own drag (k,), nuisances (k, 4)) at the rows."""
     # a row each 0.2 s, since the measured speed is smoothed over 0.25 s; without a second at both ends
     inside = slice(int(RATE), -int(RATE), int(0.2 * RATE))
     own, square = _through(drive.own, lag)[inside], _through(drive.square, lag)[inside]
-    beginning = np.exp(-drive.t[inside] / lag)
-    return drive.speed[inside] - own, -square, own, np.column_stack((np.ones(own.size), beginning))
+    uphill = [_through(wave(drive.heading), lag)[inside] for wave in (np.cos, np.sin)]
+    nuisance = np.column_stack((np.ones(own.size), np.exp(-drive.t[inside] / lag), *uphill))
+    return drive.speed[inside] - own, -square, own, nuisance
 
 
 def _whitened(rows: Array, white: Array) -> Array:
@@ -132,17 +132,19 @@ def _whitened(rows: Array, white: Array) -> Array:
     return np.asarray(rows[ORDER:] - before)
 
 
-def _regression(runs: Sequence[Rows], white: Array) -> _Regression:
-    """D >= 0 of all runs at one lag. white (ORDER,): coefficients of the autoregression."""
+def _regression(runs: Sequence[Rows], white: Array, noise: float) -> _Regression:
+    """D >= 0 of all runs at one lag. white (ORDER,): coefficients of the autoregression. noise: of a row."""
     parts = []
     for y, z, own, nuisance in runs:
-        q = np.linalg.qr(_whitened(nuisance, white))[0]
+        left, size, _ = np.linalg.svd(_whitened(nuisance, white), full_matrices=False)
+        q = left[:, size > 1e-9 * size[0]]  # a straight drive has one heading
         rows = _whitened(np.column_stack((y, z, own)), white)
         parts.append(rows - q @ (q.T @ rows))
-    y, z, own = np.concatenate(parts).T
-    power = float(z @ z)
-    loss = max(float(y @ z) / power, 0.0) if power > 1e-12 else 0.0
-    return _Regression(float(np.sum((y - loss * z) ** 2)), loss, y, z, own)
+    gram = np.concatenate(parts).T @ np.concatenate(parts)
+    gram = gram[:2, :2] - np.outer(gram[2, :2], gram[2, :2]) / (gram[2, 2] + noise / UNSURE**2)
+    loss = max(float(gram[0, 1] / gram[1, 1]), 0.0) if gram[1, 1] > 1e-12 else 0.0
+    cost = gram[0, 0] - 2.0 * loss * gram[0, 1] + loss**2 * gram[1, 1]
+    return _Regression(loss, float(gram[1, 1]), float(cost), float(gram[0, 0]))
 
 
 def _residuals(runs: Sequence[Rows], loss: float) -> list[Array]:
@@ -164,39 +166,33 @@ def _autoregression(residual: Sequence[Array]) -> Array:
 
 
 def _result(
-    drives: Sequence[Drive], table: Sequence[Sequence[Rows]], fits: Sequence[_Regression], seed: int
+    drives: Sequence[Drive],
+    table: Sequence[Sequence[Rows]],
+    fits: Sequence[_Regression],
+    noise: float,
+    seed: int,
 ) -> SpeedLoss:
-    """The loss at the best lag, with its threshold and the interval over all lags that are possible."""
+    """The loss at the best lag, with its probability and the interval over all lags that are possible."""
     costs = np.array([f.cost for f in fits])
     best = int(np.argmin(costs))
-    rows = fits[best].speed.size
-    noise = costs[best] / max(rows - 2 * len(drives) - 2, 1)
-    without_loss = min(float(f.speed @ f.speed) for f in fits)
-    random, draws = np.random.default_rng(seed), 2000
-    units = np.column_stack([f.per_loss / (np.linalg.norm(f.per_loss) or 1.0) for f in fits])
-    own = fits[best].own
-    chance = random.standard_normal((draws, rows)) * np.sqrt(noise)
-    chance += UNSURE * random.standard_normal((draws, 1)) * own
-    gains = np.max(np.maximum(chance @ units, 0.0), axis=1) ** 2 / noise
+    loss, lag, gain = fits[best].loss, float(LAGS[best]), (min(f.without for f in fits) - costs[best]) / noise
+    spread = np.sqrt(noise / np.maximum([f.information for f in fits], 1e-12))
+    width = SPAN * np.sqrt(COARSE) * spread[best] / (WIDTH * library()[ID].parameters[0].size)
+    weight = np.exp(min(0.5 * gain / COARSE + min(np.log(width), 0.0) + FIRST, 500.0))
     # lags drawn by their likelihood, and for each a loss
-    weights = np.exp(-0.5 * (costs - costs[best]) / noise)
-    picked = random.choice(len(fits), draws, p=weights / weights.sum())
-    sizes = np.array([np.sqrt(f.per_loss @ f.per_loss) for f in fits])
-    pull = np.array([f.own @ f.per_loss / (f.per_loss @ f.per_loss) for f in fits])
-    centre = np.array([f.loss for f in fits])
-    drawn = centre[picked] + random.standard_normal(draws) * np.sqrt(noise) / sizes[picked]
-    drawn += UNSURE * random.standard_normal(draws) * pull[picked]
+    random, draws = np.random.default_rng(seed), 2000
+    likely = np.exp(-0.5 * (costs - costs[best]) / noise)
+    picked = random.choice(len(fits), draws, p=likely / likely.sum())
+    drawn = np.array([f.loss for f in fits])[picked] + random.standard_normal(draws) * spread[picked]
     low, high = np.percentile(np.maximum(drawn, 0.0), (5.0, 95.0))
-    lag, loss = float(LAGS[best]), fits[best].loss
-    drop = max(loss * float(np.max(_through(d.square, lag))) / float(np.mean(d.speed)) for d in drives)
     return SpeedLoss(
         loss=loss,
         low=float(low),
         high=float(high),
         lag=lag,
-        gain=float(without_loss - costs[best]) / noise,
-        threshold=float(np.quantile(gains, 1.0 - FALSE_ALARMS)),
-        drop=drop,
+        gain=float(gain),
+        probability=float(weight / (1.0 + weight)),
+        drop=max(loss * float(np.max(_through(d.square, lag))) / float(np.mean(d.speed)) for d in drives),
         noise=float(np.var(np.concatenate(_residuals(table[best], loss)))),
     )
 
@@ -237,11 +233,12 @@ def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOut
         ID,
         (),
         ByName((value,)),
-        {"gain": found.gain, "threshold": found.threshold},
+        {"gain": found.gain},
         shown,
         effect.next_run,
         sentence,
         effect.equation,
+        probability=found.probability,
     )
 
 
@@ -256,7 +253,7 @@ def earned(found: Finding) -> bool:
 
 def unknown_loss(found: SpeedLoss) -> Unknown:
     """The same loss as an unknown, where the effect is not among the candidates."""
-    times = float(np.sqrt(found.gain / found.threshold))
+    times = float(np.sqrt(found.gain))
     return Unknown(
         "V",
         "a_y",
