@@ -131,7 +131,7 @@ def diagnose(
     ('explained', ['steering_backlash'], ('run4',))
     >>> gap = found.findings[0].parameters["b"]
     >>> f"half gap {gap.value:.3f} {gap.unit}, 90 % {gap.low:.3f} to {gap.high:.3f}"
-    'half gap 0.010 rad, 90 % 0.010 to 0.011'
+    'half gap 0.010 rad, 90 % 0.009 to 0.011'
     """
     if not isinstance(runs, Runs):
         kind = type(runs).__name__

@@ -13,8 +13,6 @@ from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.held_out.speed_loss import ID as SPEED
-from rover_sweep.diagnosis.held_out.speed_loss import WORSE, earned, speed_finding, speed_loss, unknown_loss
 from rover_sweep.diagnosis.held_out.turn_impact import change_in_runs, turn_sentence, turn_with
 from rover_sweep.diagnosis.held_out.worth import (
     FittedModel,
@@ -35,6 +33,8 @@ from rover_sweep.diagnosis.posterior.parameter_intervals import (
     nominal_values,
 )
 from rover_sweep.diagnosis.posterior.simulated_baseline import baseline_of
+from rover_sweep.diagnosis.posterior.speed_loss import ID as SPEED
+from rover_sweep.diagnosis.posterior.speed_loss import WORSE, earned, speed_finding, speed_loss, unknown_loss
 from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
 from rover_sweep.diagnosis.result import Diagnosis, Falsified, Finding, HeldOut, Unknown, Unseen

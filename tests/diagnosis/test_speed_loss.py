@@ -8,8 +8,8 @@ from rover_sweep.api.read import read
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.data.vehicle_geometry import geometry_of
-from rover_sweep.diagnosis.held_out.speed_loss import SpeedLoss, speed_loss
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
+from rover_sweep.diagnosis.posterior.speed_loss import SpeedLoss, speed_loss
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment
 from tests.concealed.sets import draw_case, write_set

@@ -243,7 +243,7 @@ LAWS = (
         {"form": "over r/V", "equation": "M = -c r V0/V, V0 = 1 m/s", "fills": {"c": "yaw_damp_v"}},
     ),
     # Judged in the measured speed, which also drives the simulation of all other effects; see
-    # held_out.speed_loss.
+    # posterior.speed_loss.
     SpeedEffect(
         id="speed_variation",
         title="cornering drag lowers the speed",

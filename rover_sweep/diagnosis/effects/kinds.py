@@ -117,4 +117,4 @@ class FilterEffect(Effect):
 
 
 class SpeedEffect(Effect):
-    """Acts on the speed alone, which is measured and drives the simulation; see `held_out.speed_loss`."""
+    """Acts on the speed alone, which is measured and drives the simulation; see `posterior.speed_loss`."""

@@ -18,13 +18,13 @@ from scipy.fft import rfft
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
-from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
-from rover_sweep.diagnosis.posterior.structural_error import (
+from rover_sweep.diagnosis.posterior.model_error import (
     COMMON,
     OWN,
     errors_of_coefficients,
     errors_of_responses,
 )
+from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import Problem, Rows, whitened, with_floor

@@ -35,7 +35,7 @@ BEAM = (1, 2, 1)  # explanations of 0, 1, 2 effects that are extended
 REFITTED = 7  # explanations of one level that are fitted with their own Jacobian
 RIVAL = 0.3  # share of the best gain of a level from which an explanation is fitted on
 NEAR = 60.0  # difference of the costs over a row's variance within which it always is
-FAR_OFF = 3.0  # mean square of a row from which a fit is far off
+FAR_OFF = 1.5  # mean square of a row from which a fit is far off
 WORTH = 6.0  # predicted gain over a row's variance, below which an effect is not fitted
 PASSES = 3  # most fresh Jacobians of a fit
 CONVERGED = 1.0  # drop of the cost over a row's variance that ends it
@@ -96,13 +96,41 @@ def explored(
         if not ranked or least - ranked[0].cost < GOES_ON * ranked[0].fitted.overdispersion:
             break
         level = ranked
+    pool |= {e.effects: e for e in _missing_parts(problem, pool)}
     return problem, made_at, sorted(pool.values(), key=lambda e: e.cost)
+
+
+def _missing_parts(problem: Problem, pool: Mapping[frozenset[str], Explanation]) -> list[Explanation]:
+    """The best explanation without each of its effects, and the best of these again, where they were not
+    found: a larger one must be worth more than its parts."""
+    best, missing = min((e for e in pool.values() if e.own), key=lambda e: e.cost), list[Explanation]()
+    while len(best.effects) > 1 and not problem.stop():
+        parts = [best.effects - {i} for i in sorted(best.effects)]
+        known = [pool[p] for p in parts if p in pool and pool[p].own]
+        unknown = [p for p in parts if p not in {e.effects for e in known}]
+        new = list(side_by_side(partial(_part_of, problem, best), unknown))
+        missing += new
+        best = min((*known, *new), key=lambda e: e.cost)
+    return missing
+
+
+def _part_of(problem: Problem, whole: Explanation, effects: frozenset[str]) -> Explanation:
+    """The explanation with one effect less, fitted from where the whole one is."""
+    (effect,) = whole.effects - effects
+    model = whole.model.without(effect)
+    start = {c.name: whole.fitted.x[c.name] for c in model.free}
+    found = fit(problem, model.structure, model.free, start, known=_without(whole.fitted, effect))
+    return _converged(problem, Explanation(model, found))
 
 
 def _is_far_off(first: Explanation, best: Explanation) -> bool:
     """True where the rows of a metric that was made at `first` are not those of the rover."""
-    before, after = first.fitted.overdispersion, best.fitted.overdispersion
-    return best.own and before >= FAR_OFF and before >= FAR_OFF * after
+    return best.own and first.fitted.overdispersion >= FAR_OFF and _comes_near(first.fitted, best.fitted)
+
+
+def _comes_near(base: Fitted, best: Fitted) -> bool:
+    """True where an explanation leaves a small part of what a base that is far off leaves."""
+    return base.overdispersion >= FAR_OFF * best.overdispersion
 
 
 def _next_level(
@@ -197,31 +225,52 @@ def _extended(
     worth = WORTH * base.overdispersion
     chosen = [s for s in sorted(screened, key=lambda s: -s.predicted) if s.predicted > worth][:width]
     found = list(side_by_side(lambda s: Explanation(s.model, fit_from(problem, base, s)), chosen))
-    far = min((e.fitted.overdispersion for e in found), default=0.0) >= FAR_OFF
+    missed = [s.predicted - (base.cost - e.cost) for s, e in zip(chosen, found, strict=True)]
+    again = [
+        s.model
+        for s, short in zip(chosen, missed, strict=True)
+        if np.inf > short > max((1.0 - ASTRAY) * s.predicted, NEAR * base.overdispersion)
+        and _starts_anywhere(s.model)
+    ]
+    if base.overdispersion >= FAR_OFF and not any(_comes_near(base, e.fitted) for e in found):
+        again = _promising_from_start(problem, of.model, free)
+    found += side_by_side(partial(_from_start, problem), again)
+    return list({e.effects: e for e in sorted(found, key=lambda e: -e.cost)}.values())
 
-    def again(pair: tuple[Screened, Explanation]) -> Explanation:
-        s, one = pair
-        short = s.predicted - (base.cost - one.cost) if np.isfinite(s.predicted) else 0.0
-        stuck = short > max((1.0 - ASTRAY) * s.predicted, NEAR * base.overdispersion)
-        return _from_start(problem, one) if far or stuck else one
 
-    return list(side_by_side(again, list(zip(chosen, found, strict=True))))
+def _promising_from_start(problem: Problem, model: Model, effects: Sequence[Effect]) -> list[Model]:
+    """Models with one more effect each, by their linear prediction at the start values.
 
-
-def _from_start(problem: Problem, one: Explanation) -> Explanation:
-    """The explanation fitted from the start values and its last effect's own size, where that is better.
-
-    Where no effect comes near, the base may have settled where none helps, and a fit may stick far above its
-    linear prediction; without the metric the way is shorter.
+    A fit that is far off may have settled where the right effect does not help.
     """
-    law = one.model.law(one.model.effects[-1])
-    if law.in_one_run or law.id in DEGREES_OF_FREEDOM:
-        return one
-    start = {c.name: c.start for c in one.model.free}
+    x = {c.name: c.start for c in model.free}
+    rows = problem.measured - problem.model(model.structure, x)
+    begin = sensitivities(
+        problem, Fitted(model.structure, model.free, x, 0.0, rows, np.empty((rows.size, 0)))
+    )
+    space = tangent(begin)
+    screened = side_by_side(lambda e: screen(problem, begin, space, model, e), effects)
+    ranked = sorted(
+        zip(screened, effects, strict=True), key=lambda pair: pair[0].predicted if pair[0] else 0.0
+    )
+    models = [s.model if s else model.with_effect(e.name) for s, e in reversed(ranked)]
+    return [m for m in models if _starts_anywhere(m)][:REFITTED]
+
+
+def _starts_anywhere(model: Model) -> bool:
+    """False where the last effect is an event, whose time must be known, or a degree of freedom."""
+    law = model.law(model.effects[-1])
+    return not law.in_one_run and law.id not in DEGREES_OF_FREEDOM
+
+
+def _from_start(problem: Problem, model: Model) -> Explanation:
+    """A model fitted from the start values and its last effect's own size; without the metric, the way is
+    shorter."""
+    law = model.law(model.effects[-1])
+    start = {c.name: c.start for c in model.free}
     start |= {law.coordinate_name(p): p.size * p.per for p in law.parameters}
-    near = fit(problem.plain, one.model.structure, one.model.free, start)
-    found = _converged(problem, Explanation(one.model, near))
-    return found if found.cost < one.cost else one
+    near = fit(problem.plain, model.structure, model.free, start)
+    return _converged(problem, Explanation(model, near))
 
 
 def _again(

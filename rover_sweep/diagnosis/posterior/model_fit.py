@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_sweep.diagnosis.posterior.structural_error import structural_error
+from rover_sweep.diagnosis.posterior.model_error import structural_error
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, problem
 from rover_sweep.diagnosis.problem.signatures import columns, signatures

@@ -59,7 +59,7 @@ def added_rows(problem: Problem, found: Sequence[RunTransfers], place: str, spec
     """
     parts = []
     for row in problem.rows:
-        response = found[row.run].responses[place].get(row.channel)
+        response = found[row.run].responses.get(place, {}).get(row.channel)  # a run may lack the place
         if response is None:
             parts.append(np.zeros(row.size))
             continue

@@ -4,9 +4,9 @@
 
 Every rover has the first three terms; Ff sin(d) and v r come from the fitted model. D is the finding.
 
-For each lag tau of a grid, the speed minus its own drag is regressed on the response to a_y^2. A constant, the
-decay of the initial speed, and gravity along the heading on sloping ground are nuisances; the own
-drag is known to `UNSURE`. The noise of a measured speed is slow, so the rows are whitened by an
+For each lag tau of a grid, the speed minus its own drag is regressed on the response to a_y^2. A constant,
+the decay of the initial speed, and gravity along the heading on sloping ground are nuisances; the own drag
+is known to `UNSURE`. The noise of a measured speed is slow, so the rows are whitened by an
 autoregression of the residual, estimated three times in turn with D (Cochrane and Orcutt 1949). The
 probability that turns cost speed has the weight of one effect against none, as in `posterior.weights`.
 

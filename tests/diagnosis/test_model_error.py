@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.posterior.model_fit import with_floor_of
-from rover_sweep.diagnosis.posterior.structural_error import (
+from rover_sweep.diagnosis.posterior.model_error import (
     COMMON,
     HEIGHT,
     KNOTS,
@@ -18,6 +17,7 @@ from rover_sweep.diagnosis.posterior.structural_error import (
     errors_of_coefficients,
     errors_of_responses,
 )
+from rover_sweep.diagnosis.posterior.model_fit import with_floor_of
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Metric, Rows
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, with_laws
