@@ -33,6 +33,7 @@ tyre_saturation       mu [-]: F = mu Fz tanh(z), z = C alpha/(mu Fz), both axles
                       (z - z2/3 + z3/27) up to z = 3; "falling peak": F = mu Fz sin(1.6 atan(z/1.6));
                       "knee": F = mu Fz z/(1 + z6)^(1/6)
 load_transfer         k [-]: C (1 - k (a_y/g)2), both axles
+tyre_speed            k [-]: C (V/V0)^-k with V0 = 1 m/s, both axles
 front_rear_stiffness  ratio [-]: Cf/Cr, the sum of both as without it
 tyre_slip             C [N/rad] of each axle, Izz [kg m2]
 roll_dof              k_phi [N m/rad], b_phi [N m s/rad]
@@ -145,6 +146,7 @@ PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
     "tyre_relaxation": {"sigma": _size(10.0, " m")},
     "tyre_saturation": {"mu": _positive(_UNLIMITED)},
     "load_transfer": {"k": _either(10.0)},
+    "tyre_speed": {"k": _either(3.0)},
     "front_rear_stiffness": {"ratio": _positive(20.0)},
     "tyre_slip": {"C": _positive(1e6, " N/rad"), "Izz": _positive(1e5, " kg m2")},
     "roll_dof": {"k_phi": _positive(1e6, " N m/rad"), "b_phi": _size(1e5, " N m s/rad")},

@@ -52,6 +52,7 @@ JUDGED = {
     "surface_change": ("vy", 0.1),
     "tyre_saturation": ("vy", 0.2),
     "load_transfer": ("vy", 0.2),
+    "tyre_speed": ("vy", 0.2),
     "cross_slope": ("ay", 0.2),  # the plant leans when it starts, the model begins upright
     "suspension_friction": ("p", 0.45),  # dry friction is rounded otherwise about rest
 }

@@ -26,6 +26,7 @@ NEAREST: dict[str, frozenset[str]] = {
     "outside:tyre_dead_zone": frozenset({"steering_deadband"}),
     "outside:tyre_left_right": frozenset({"steering_asymmetry"}),
     "outside:resonant_linkage": frozenset({"servo_lag"}),
+    "outside:slip_speed": frozenset({"tyre_speed"}),
     "outside:sliding_cargo": frozenset({"imu_offset"}),  # the CG moves away from the IMU
 }
 

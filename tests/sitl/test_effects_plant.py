@@ -47,6 +47,7 @@ ABSENT: Effects = {
     "steering_trim": {"u0": 0.0},
     "tyre_relaxation": {"sigma": 0.0},
     "load_transfer": {"k": 0.0},
+    "tyre_speed": {"k": 0.0},
     "roll_steer": {"e": 0.0},
     "suspension_friction": {"T": 0.0},
     "speed_variation": {"D": 0.0},
@@ -138,6 +139,15 @@ def test_load_transfer_takes_its_share_of_both_axles() -> None:
     alpha_front, alpha_rear = axle_slips(plant)
     assert front == pytest.approx(-share * q.front_cornering_stiffness * alpha_front, rel=0.01)
     assert rear == pytest.approx(-share * q.rear_cornering_stiffness * alpha_rear, rel=0.01)
+
+
+def test_stiffness_falls_with_the_speed() -> None:
+    plant = steady_turn({"tyre_speed": {"k": 0.5}}, 1340)
+    share = plant.state.vx**-0.5
+    assert share < 0.8
+    assert axle_forces(plant)[0] == pytest.approx(
+        -share * plant.parameters.front_cornering_stiffness * axle_slips(plant)[0], rel=0.03
+    )
 
 
 @pytest.mark.parametrize("change", [{"t": 8.0}, {"distance": 15.0}])

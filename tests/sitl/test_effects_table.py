@@ -44,6 +44,7 @@ def test_ids_and_parameters_of_the_contract() -> None:
         "tyre_relaxation": {"sigma"},
         "tyre_saturation": {"mu"},
         "load_transfer": {"k"},
+        "tyre_speed": {"k"},
         "front_rear_stiffness": {"ratio"},
         "tyre_slip": {"C", "Izz"},
         "roll_dof": {"k_phi", "b_phi"},

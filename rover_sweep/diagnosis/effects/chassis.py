@@ -8,7 +8,13 @@ from __future__ import annotations
 
 from rover_sweep.diagnosis.effects.effect import EffectParameter as P
 from rover_sweep.diagnosis.effects.effect import family
-from rover_sweep.diagnosis.effects.kinds import DegreeOfFreedom, NominalEffect, SpeedEffect, VehicleEffect
+from rover_sweep.diagnosis.effects.kinds import (
+    DegreeOfFreedom,
+    NominalEffect,
+    SpeedEffect,
+    SpeedGripEffect,
+    VehicleEffect,
+)
 
 LAWS = (
     # Start and bounds are those of the bicycle model. r lags and V_y is not zero, more so with speed.
@@ -131,6 +137,18 @@ LAWS = (
         fills={"sigma": "sigma"},
         baselines=("roll-yaw", "bicycle"),
         signed=False,
+    ),
+    # As where friction goes with the speed of sliding and not with the slip angle. V0 is 1 m/s.
+    SpeedGripEffect(
+        id="tyre_speed",
+        title="stiffness of the tyres that falls with the speed",
+        equation="C (V/V0)^-k, V0 = 1 m/s",
+        source="viscous friction at the contact: F over the sliding speed, so that k = 1",
+        parameters=(P("k", "-", 0.3, -1.5, 1.5, "exponent of 1/V, both axles", tolerance=0.03),),
+        apart="a change of ground happens at one time; this happens again at each speed",
+        next_run="the same sweep at half the speed, and the first one again after it",
+        act=lambda speed, q: speed ** -q["k"],
+        baselines=("roll-yaw", "bicycle"),
     ),
     # The factor is at least 0.05. Needs a large a_y.
     VehicleEffect(

@@ -99,6 +99,13 @@ class DriftEffect(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SpeedGripEffect(Effect):
+    """Scales the stiffness of both axles by the speed. act: (V (n,) m/s, q) -> factor (n,)."""
+
+    act: Callable[[Array, Values], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
 class SensorEffect(Effect):
     """Changes what the sensors measure. act: ({channel: (n,)}, motion, q) -> {channel: (n,)}."""
 

@@ -159,7 +159,7 @@ LAWS = (
     # Causes a second harmonic only, and a mean; one sweep of any amplitude is enough. Both forms have the
     # same gains at 0.3 rad.
     *family(
-        LinkageEffect(
+        CommandEffect(
             id="steering_asymmetry",
             title="steering gain differs left and right",
             equation="d = (1 + e) u for u > 0 (left), (1 - e) u for u < 0",
@@ -216,7 +216,7 @@ LAWS = (
         CommandEffect(
             id="steering_stiction",
             title="steering that sticks",
-            equation="d stays until abs(u - d) > s, then d = u",
+            equation="the servo's target d stays until abs(u - d) > s, then d = u",
             source="Armstrong-Helouvry 1994, stiction; position band of a digital servo",
             parameters=(
                 P(

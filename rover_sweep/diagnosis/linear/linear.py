@@ -23,6 +23,7 @@ from rover_sweep.diagnosis.effects.kinds import (
     LinkageEffect,
     ServoEffect,
     SpeedEffect,
+    SpeedGripEffect,
 )
 from rover_sweep.diagnosis.effects.sensors import USUAL_DELAY
 from rover_sweep.diagnosis.linear.equations import Equations, Kind
@@ -31,7 +32,7 @@ from rover_sweep.identification.structure.state_space import Matrices, ModelStru
 
 NOT_LINEAR = CommandEffect | LinkageEffect | ServoEffect
 CURVED = ("tyre_saturation", "load_transfer", "suspension_friction")
-NOT_OF_THE_ROVER = ForceEffect | GripEffect | DriftEffect | SpeedEffect
+NOT_OF_THE_ROVER = ForceEffect | GripEffect | DriftEffect | SpeedGripEffect | SpeedEffect
 UNITS = {
     name: unit
     for unit, names in {

@@ -18,6 +18,7 @@ from rover_sweep.diagnosis.effects.kinds import (
     ForceEffect,
     GripEffect,
     SensorEffect,
+    SpeedGripEffect,
     VehicleEffect,
 )
 from rover_sweep.diagnosis.simulation import lumped_baseline
@@ -77,6 +78,8 @@ def _car(run: Experiment, structure: Structure, x: Values, base: dict[str, Array
             grip = grip * effect.act(run.t, effect.coordinates(x))
         elif effect.later and structure.happened_order < run.order:
             grip = grip * effect.later(effect.coordinates(x))
+    for tyre in structure.of(SpeedGripEffect):
+        grip = grip * tyre.act(base["V"], tyre.coordinates(x))
     for drift in structure.of(DriftEffect):
         grip = grip * drift.act(run.driven + run.t, drift.coordinates(x))
     return _Car(x, base | {"ms_h": np.full(run.t.size, q.ms * q.h)}, q, grip)  # kg m, about the roll axis

@@ -62,7 +62,8 @@ class EffectAxles(Axles):
         along_r = min(max(drive - rr * direction(vx), -0.99 * dr), 0.99 * dr)
         sr, cr = sin(self._rear_steer * phi), cos(self._rear_steer * phi)
         slips = slip_angle(forward, vyf * cs - vx * ss), slip_angle(vx * cr + vyr * sr, vyr * cr - vx * sr)
-        self.steady = self._sides(slips, (df, sqrt(dr * dr - along_r * along_r)), cs)
+        share = self._stiffness.at_speed(vx)
+        self.steady = self._sides(slips, (df, sqrt(dr * dr - along_r * along_r)), cs, share)
         side_f, side_r = self.steady if self.relaxation is None else self.relaxation.forces
         front = side_f * cs + drag_f * ss
         lateral = (front + side_r) / self._mass
@@ -73,11 +74,10 @@ class EffectAxles(Axles):
         return fx, front + side_r + road.force + self._pushed, yaw, roll
 
     def _sides(
-        self, slips: tuple[float, float], peaks: tuple[float, float], cosine: float
+        self, slips: tuple[float, float], peaks: tuple[float, float], cosine: float, share: float
     ) -> tuple[float, float]:
-        """Steady side forces [N], front and rear, in the wheels' planes."""
+        """Steady side forces [N], front and rear, in the wheels' planes. share: of the stiffness."""
         _, _, cf, cr, _, _, shape, _, _, _, _ = self._constants
-        share = self._stiffness.surface
         front = self._front(slips[0], share * cf, peaks[0], shape)
         rear = self._law(slips[1], share * cr, peaks[1], shape)
         for _ in range(_ROUNDS if self._stiffness.transfers else 0):

@@ -8,7 +8,7 @@ from math import copysign, exp, tanh
 from sitl.plant.effects_table import ALL_ALONG, Effects, form, number
 from sitl.plant.tyre import LOW_SPEED, lateral_force
 
-IDS = frozenset({"tyre_saturation", "tyre_relaxation", "load_transfer", "surface_change"})
+IDS = frozenset({"tyre_saturation", "tyre_relaxation", "load_transfer", "surface_change", "tyre_speed"})
 
 Law = Callable[[float, float, float, float], float]
 """Force [N] from slip angle [rad], stiffness [N/rad], peak force [N] and a shape [-]."""
@@ -70,10 +70,11 @@ def yielding(law: Law, slip: float, stiffness: float, peak: float, shape: float,
 class Stiffness:
     """Present share of the cornering stiffness."""
 
-    __slots__ = ("_at", "_by_distance", "_driven", "_form", "_ratio", "_transfer", "surface")
+    __slots__ = ("_at", "_by_distance", "_driven", "_exponent", "_form", "_ratio", "_transfer", "surface")
 
     def __init__(self, effects: Effects) -> None:
         self._transfer = number(effects, "load_transfer", "k")
+        self._exponent = number(effects, "tyre_speed", "k")
         change = effects.get("surface_change", {})
         self._ratio = float(change.get("ratio", 1.0))
         self._by_distance = "distance" in change
@@ -92,6 +93,12 @@ class Stiffness:
             self.surface = self._ratio ** min(max(since / _RAMP, 0.0), 1.0)
         else:
             self.surface = self._ratio if since >= 0.0 else 1.0
+
+    def at_speed(self, speed: float) -> float:
+        """The share of the stiffness at a rolling speed [m/s], over that at 1 m/s."""
+        if self._exponent == 0.0:
+            return self.surface
+        return self.surface * float(max(abs(speed), LOW_SPEED) ** -self._exponent)
 
     def transferred(self, lateral_g: float) -> float:
         """1 - k (a_y/g)2 at a lateral acceleration in g."""
