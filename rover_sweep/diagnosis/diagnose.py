@@ -187,14 +187,14 @@ def _answer(
     if [f.effect for f in findings] == [SPEED]:  # the models driven with it
         total = findings[0].held_out
     cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
-    if not found.stopped:
+    weighed = found.posterior
+    if not found.stopped and weighed.something_else < 0.5:  # a model that is wrong bounds nothing
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     ends = {} if found.stopped else at_the_end(last.problem, last.fitted)
     doubts = (*implausible_numbers(last, drawn), *many_at_the_end(ends))
     measure = doubts or tuple(ends.values())
     compared = {run.run.name: worse_channels(run, nominal, full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}
-    weighed = found.posterior
     settled = {*minor, *(f.effect for f in findings)}
     possible = {e: p for e, p in weighed.effects.items() if p >= SHARE and e not in settled}
     answer = Diagnosis(

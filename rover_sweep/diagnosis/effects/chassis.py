@@ -141,9 +141,9 @@ LAWS = (
     # As where friction goes with the speed of sliding and not with the slip angle. V0 is 1 m/s.
     SpeedGripEffect(
         id="tyre_speed",
-        title="stiffness of the tyres that falls with the speed",
+        title="stiffness of the tyres that changes with the speed",
         equation="C (V/V0)^-k, V0 = 1 m/s",
-        source="viscous friction at the contact: F over the sliding speed, so that k = 1",
+        source="viscous friction at the contact: F goes with the sliding speed V alpha, so that k = -1",
         parameters=(P("k", "-", 0.3, -1.5, 1.5, "exponent of 1/V, both axles", tolerance=0.03),),
         apart="a change of ground happens at one time; this happens again at each speed",
         next_run="the same sweep at half the speed, and the first one again after it",
