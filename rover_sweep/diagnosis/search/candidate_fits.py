@@ -110,7 +110,8 @@ def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> lis
     for one, size in sizes.items():
         low, high = limits[one]
         now = base.x.get(one, 0.0)
-        ends = [float(np.clip(now + f * size, low, high)) for f in (0.25, 1.0)]
+        # a law that locks or lets slip shows nothing of its kind at a small size
+        ends = dict.fromkeys(float(np.clip(now + f * size, low, high)) for f in (0.25, 1.0, 4.0, 16.0))
         out += [{n: (end if n == one else base.x.get(n, 0.0)) for n in sizes} for end in ends]
     return out
 
