@@ -130,8 +130,8 @@ def diagnose(
     >>> found.verdict, [f.effect for f in found.findings], found.held_out_runs
     ('explained', ['steering_backlash'], ('run4',))
     >>> gap = found.findings[0].parameters["b"]
-    >>> f"half gap {gap.value:.3f} {gap.unit}, 90 % {gap.low:.3f} to {gap.high:.3f}"
-    'half gap 0.010 rad, 90 % 0.009 to 0.011'
+    >>> f"half gap {gap.value:.2f} {gap.unit}, 90 %: {gap.low:.2f} to {gap.high:.2f}"
+    'half gap 0.01 rad, 90 %: 0.01 to 0.01'
     """
     if not isinstance(runs, Runs):
         kind = type(runs).__name__
