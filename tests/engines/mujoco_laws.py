@@ -4,26 +4,27 @@ from __future__ import annotations
 
 from typing import cast
 
-from numpy.random import Generator
-
 from tests.engines.rover import EngineRover
-from tests.engines.shared_laws import AROUND, PATH, SENSING, outside_laws, vehicle_laws
+from tests.engines.shared_laws import (
+    AROUND,
+    PATH,
+    SENSING,
+    drag_torque,
+    drags,
+    drawn_lag,
+    drawn_swing,
+    outside_laws,
+    own_numbers,
+    periods,
+    third_run,
+    vehicle_laws,
+)
 from tests.foreign.chassis import GRAVITY
 from tests.foreign.grade import PLACES as FOREIGN_PLACES
-from tests.foreign.law import Applied, Extras, Law, peak_ay, turning_stiffness
+from tests.foreign.law import Extras, Law, peak_ay, turning_stiffness
 from tests.foreign.rover import Rover
 
 FRONT_SHARE = 0.8  # of the roll stiffness, where a front wheel lifts
-
-
-def _own(**names: str) -> Applied:
-    """size as a number of the engine, and those of extras. names: {number of the engine: "size" or extra}."""
-
-    def apply(rover: Rover, size: float, extras: Extras) -> Rover:
-        values = {name: size if key == "size" else extras[key] for name, key in names.items()}
-        return cast(EngineRover, rover).having(**values)
-
-    return apply
 
 
 def _cone(rover: Rover, size: float, _extras: Extras) -> Rover:
@@ -66,15 +67,6 @@ def _yield(rover: Rover, size: float) -> float:
     return size * rover.amplitude * n.Cf / force
 
 
-def _drag(rover: Rover, size: float, extras: Extras) -> Rover:
-    return cast(EngineRover, rover).having(drag=_torque(rover, size), drag_period=extras["period"])
-
-
-def _torque(rover: Rover, size: float) -> float:
-    """Share of the weight as a braking force of one wheel, as its torque [N m]."""
-    return size * rover.numbers.m * GRAVITY * rover.instruments.wheel_radius
-
-
 def _narrow(rover: Rover, size: float, _extras: Extras) -> Rover:
     """A narrow track on springs that carry the roll moment in front; its roll stiffness stays as it is."""
     track = lifted_track(rover, size)
@@ -84,22 +76,6 @@ def _narrow(rover: Rover, size: float, _extras: Extras) -> Rover:
 def lifted_track(rover: Rover, size: float) -> float:
     """Track [m] at which a front wheel lifts at 1/size of a steady turn's a_y at the large amplitude."""
     return 4 * FRONT_SHARE * rover.numbers.h * peak_ay(rover) / size / GRAVITY
-
-
-def _swing(rng: Generator) -> dict[str, float]:
-    return {"w": float(rng.uniform(4.5, 9.0))}
-
-
-def _lag(rng: Generator) -> dict[str, float]:
-    return {"lag": float(rng.uniform(0.1, 0.25))}
-
-
-def _period(rng: Generator) -> dict[str, float]:
-    return {"period": float(rng.uniform(0.6, 1.6))}
-
-
-def _third_run(_rng: Generator) -> dict[str, float]:
-    return {"run": 3.0}
 
 
 LISTED: tuple[Law, ...] = (
@@ -116,17 +92,17 @@ OUTSIDE: tuple[Law, ...] = (
     *outside_laws(("outside:cubic_hysteresis", "outside:resonant_linkage", "outside:aliased_vibration")),
     Law(
         "outside:pendulum", "hanging load", "cargo", 0.04, 0.35,
-        _own(pendulum="size", pendulum_w="w"), extras=_swing,
+        own_numbers(pendulum="size", pendulum_w="w"), extras=drawn_swing,
     ),
-    Law("outside:sliding_load", "dry friction and stops", "cargo", 0.04, 0.4, _own(sliding="size")),
-    Law("outside:flexing_mast", "IMU on a hinge", "imu", 0.08, 0.4, _own(mast="size"), "s"),
-    Law("outside:toe_compliance", "trail and bushings", "compliance", 0.1, 0.8, _toe, "-", _yield, _lag),
+    Law("outside:sliding_load", "dry friction and stops", "cargo", 0.04, 0.4, own_numbers(sliding="size")),
+    Law("outside:flexing_mast", "IMU on a hinge", "imu", 0.08, 0.4, own_numbers(mast="size"), "s"),
+    Law("outside:toe_compliance", "trail and bushings", "compliance", 0.1, 0.8, _toe, "-", _yield, drawn_lag),
     Law(
         "outside:slip_speed", "force over sliding speed", "tyre", 0.7, 1.0,
-        _own(slip_speed="size"), extras=_third_run, absolute=True,
+        own_numbers(slip_speed="size"), extras=third_run, absolute=True,
     ),
     Law("outside:bump_stops", "stops of the legs", "roll", 1.2, 4.0, _bumps, "m", _travel),
     Law("outside:wheel_lift", "contact opens", "tyre", 0.6, 1.6, _narrow, "m", lifted_track),
-    Law("outside:limping_motor", "one wheel drags", "yaw", 0.01, 0.25, _drag, "N m", _torque, _period),
+    Law("outside:limping_motor", "one wheel drags", "yaw", 0.01, 0.25, drags, "N m", drag_torque, periods),
 )  # fmt: skip
 PLACES: dict[str, tuple[str, ...]] = {**FOREIGN_PLACES, "outside:limping_motor": ("yaw moment", "speed")}

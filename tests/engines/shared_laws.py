@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import cast
 
-from tests.foreign.law import Law
+from numpy.random import Generator
+
+from tests.engines.rover import EngineRover
+from tests.foreign.chassis import GRAVITY
+from tests.foreign.law import Applied, Extras, Law
 from tests.foreign.outside_laws import OUTSIDE_LAWS
+from tests.foreign.rover import Rover
 from tests.foreign.sensor_laws import SENSORS
 from tests.foreign.steering_laws import STEERING
 from tests.foreign.vehicle_laws import VEHICLE
@@ -45,3 +51,43 @@ def outside_laws(wanted: Collection[str]) -> tuple[Law, ...]:
 PATH: tuple[Law, ...] = (*STEERING, *vehicle_laws(("roll_steer", "front axle")))
 AROUND: tuple[Law, ...] = vehicle_laws(("surface_change", ""), ("side_wind", ""))
 SENSING: tuple[Law, ...] = SENSORS
+
+
+def own_numbers(**names: str) -> Applied:
+    """size as a number of the engine, and those of extras. names: {number of the engine: "size" or extra}."""
+
+    def apply(rover: Rover, size: float, extras: Extras) -> Rover:
+        values = {name: size if key == "size" else extras[key] for name, key in names.items()}
+        return cast(EngineRover, rover).having(**values)
+
+    return apply
+
+
+def drags(rover: Rover, size: float, extras: Extras) -> Rover:
+    """A wheel that drags from time to time."""
+    return cast(EngineRover, rover).having(drag=drag_torque(rover, size), drag_period=extras["period"])
+
+
+def drag_torque(rover: Rover, size: float) -> float:
+    """Share of the weight as a braking force of one wheel, as its torque [N m]."""
+    return size * rover.numbers.m * GRAVITY * rover.instruments.wheel_radius
+
+
+def drawn_swing(rng: Generator) -> dict[str, float]:
+    """The frequency of a pendulum [rad/s]."""
+    return {"w": float(rng.uniform(4.5, 9.0))}
+
+
+def drawn_lag(rng: Generator) -> dict[str, float]:
+    """The lag of bushings [s]."""
+    return {"lag": float(rng.uniform(0.1, 0.25))}
+
+
+def periods(rng: Generator) -> dict[str, float]:
+    """The time between two drags [s]."""
+    return {"period": float(rng.uniform(0.6, 1.6))}
+
+
+def third_run(_rng: Generator) -> dict[str, float]:
+    """The run in which it acts."""
+    return {"run": 3.0}
