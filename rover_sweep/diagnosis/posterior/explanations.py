@@ -250,11 +250,10 @@ def _promising_from_start(problem: Problem, model: Model, effects: Sequence[Effe
     )
     space = tangent(begin)
     screened = side_by_side(lambda e: screen(problem, begin, space, model, e), effects)
-    ranked = sorted(
-        zip(screened, effects, strict=True), key=lambda pair: pair[0].predicted if pair[0] else 0.0
-    )
-    models = [s.model if s else model.with_effect(e.name) for s, e in reversed(ranked)]
-    return [m for m in models if _starts_anywhere(m)][:REFITTED]
+    pairs = zip(screened, effects, strict=True)
+    promising = [(s.predicted, s.model) if s else (0.0, model.with_effect(e.name)) for s, e in pairs]
+    ranked = sorted(promising, key=lambda pair: -pair[0])
+    return [m for _, m in ranked if _starts_anywhere(m)][:REFITTED]
 
 
 def _starts_anywhere(model: Model) -> bool:

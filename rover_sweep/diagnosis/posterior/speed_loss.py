@@ -59,8 +59,8 @@ class _Regression:
 class SpeedLoss:
     """D [s^2/m] with its 90 % interval; lag [s] of the drive; gain: drop of the cost over the noise.
 
-    probability: that turns cost speed. drop: largest loss over the mean speed. noise: variance of the
-    residual speed [m^2/s^2].
+    ratio: rms of the residual without D over that with it. probability: that turns cost speed. drop: largest
+    loss over the mean speed. noise: variance of the residual speed [m^2/s^2].
     """
 
     loss: float
@@ -68,6 +68,7 @@ class SpeedLoss:
     high: float
     lag: float
     gain: float
+    ratio: float
     probability: float
     drop: float
     noise: float
@@ -175,7 +176,8 @@ def _result(
     """The loss at the best lag, with its probability and the interval over all lags that are possible."""
     costs = np.array([f.cost for f in fits])
     best = int(np.argmin(costs))
-    loss, lag, gain = fits[best].loss, float(LAGS[best]), (min(f.without for f in fits) - costs[best]) / noise
+    loss, lag, without = fits[best].loss, float(LAGS[best]), min(f.without for f in fits)
+    gain = (without - costs[best]) / noise
     spread = np.sqrt(noise / np.maximum([f.information for f in fits], 1e-12))
     width = SPAN * np.sqrt(COARSE) * spread[best] / (WIDTH * library()[ID].parameters[0].size)
     weight = np.exp(min(0.5 * gain / COARSE + min(np.log(width), 0.0) + FIRST, 500.0))
@@ -191,6 +193,7 @@ def _result(
         high=float(high),
         lag=lag,
         gain=float(gain),
+        ratio=float(np.sqrt(without / costs[best])),
         probability=float(weight / (1.0 + weight)),
         drop=max(loss * float(np.max(_through(d.square, lag))) / float(np.mean(d.speed)) for d in drives),
         noise=float(np.var(np.concatenate(_residuals(table[best], loss)))),
@@ -253,11 +256,10 @@ def earned(found: Finding) -> bool:
 
 def unknown_loss(found: SpeedLoss) -> Unknown:
     """The same loss as an unknown, where the effect is not among the candidates."""
-    times = float(np.sqrt(found.gain))
     return Unknown(
         "V",
         "a_y",
-        times,
+        found.ratio,
         f"turns cost up to {100 * found.drop:.1f} % of the speed, in proportion to a_y^2 and more than the "
         "drag of the turned wheels; no candidate explains it",
         "V' ~ a_y^2",
