@@ -129,7 +129,7 @@ class Planner:
         """Simulates the runs that are new; share: of the whole work, before and after."""
         new = [r for r in dict.fromkeys(_single(run) for run in runs) if r not in self._evidence]
         for k, run in enumerate(new):
-            self.progress(f"simulating a {run_text(run)}", share[0] + (share[1] - share[0]) * k / len(new))
+            self.progress(f"simulating: {run_text(run)}", share[0] + (share[1] - share[0]) * k / len(new))
             self._evidence[run] = evidence(self._basis(run), self.assumed)
 
     def _basis(self, run: PlannedRun) -> Basis:
