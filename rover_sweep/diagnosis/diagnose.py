@@ -45,8 +45,8 @@ from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.single_track import must_compile
-from rover_sweep.diagnosis.unexplained.law_search import FoundLaw
-from rover_sweep.diagnosis.unexplained.unexplained import in_model, left_unexplained, with_law_of
+from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
+from rover_sweep.diagnosis.unexplained.unexplained import in_model, left_unexplained, with_laws_of
 from rover_sweep.diagnosis.verdict import NOTABLE, remarks_of, sentence_of, verdict_of, why_it_does_not_matter
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.baseline import determined_model
@@ -111,13 +111,13 @@ def diagnose(
         options.progress("compiling the simulation, once on this machine (up to a minute)", 0.0)
     found = infer(used, model, begin, options, held)
     options.progress("describing what is left", 0.92)  # of the work
-    answer, law = _answer(found, used, held, settings)
+    answer, laws = _answer(found, used, held, settings)
     remarks = [f"the simulation follows the {baseline} model"] if simulated else []
     remarks += smoothed_channels(found.last.problem.floor)
     if found.stopped and limit is not None and time.monotonic() - started > limit:
         remarks.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
     whole = augmented(found.last.model, found.last.fitted.x, runs, [run.begin for run in used])
-    whole = in_model(whole, law) if law else whole
+    whole = in_model(whole, laws) if laws else whole
     remarks += answer.remarks
     return replace(answer, seconds=time.monotonic() - started, remarks=tuple(remarks), model=whole)
 
@@ -157,8 +157,8 @@ def _start(parameters: Mapping[str, float]) -> dict[str, float]:
 
 def _answer(
     found: Inference, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
-) -> tuple[Diagnosis, FoundLaw | None]:
-    """(the diagnosis without its model, the law of the unknown that belongs into the model)."""
+) -> tuple[Diagnosis, FoundLaws | None]:
+    """(the diagnosis without its model, the laws of the unknown that belong into the model)."""
     none, last = found.none, found.last
     floor = last.problem.floor
     drawn = draw_coordinates(last, settings.seed)
@@ -181,9 +181,10 @@ def _answer(
     findings += speed.findings
     places = mismatches(none.problem.plain, none.closest.rows)
     left = None if found.stopped else left_unexplained(found, bool(findings)) or speed.unknown
-    left, law = with_law_of(left, last, held_out, found.families) if left else (left, None)
+    left, laws = with_laws_of(left, last, held_out, found.families) if left else (left, None)
     variance = last.fitted.data_cost / last.problem.size
-    total = tuple(compare_held_out(run, nominal, full) for run in held_out)
+    whole = FittedModel(last.model, laws.fitted.x, laws.effects) if laws else full
+    total = tuple(compare_held_out(run, nominal, whole) for run in held_out)
     if [f.effect for f in findings] == [SPEED]:  # the models driven with it
         total = findings[0].held_out
     cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
@@ -209,7 +210,7 @@ def _answer(
         falsified=_falsified(found) if findings else (),
         parameters=ByName(nominal_values(last, drawn)),
         scores={**found.gains, **speed.gains},
-        overlays=overlays(held or used[:1], bool(held), nominal, full, floor),
+        overlays=overlays(held or used[:1], bool(held), nominal, whole, floor),
         held_out=total,
         remarks=remarks_of(used, findings, minor, possible, worse),
         runs=tuple(r.name for r in used),
@@ -217,7 +218,7 @@ def _answer(
         p_none=weighed.none,
         p_else=weighed.something_else,
     )
-    return answer, law
+    return answer, laws
 
 
 def _speed_answer(

@@ -128,6 +128,7 @@ class LawCurve(PlainNumbers):
     "speed" or "sensor of r" (ay, p, vy). alternatives: other places that explain nearly as much. over: the
     quantity x, in `over_unit`; y in `unit`. times: quantity that y is multiplied by, "" for none. memory: ""
     for none, "lag" or "play" of `size`, see `simulation.table_law`. gain: drop of chi-squared.
+    "resonance": y is the gain over the frequency x of a resonator of `size` [Hz] that `over` drives.
     """
 
     place: str
@@ -143,6 +144,7 @@ class LawCurve(PlainNumbers):
     times: str = ""
     memory: str = ""
     size: float = 0.0
+    damping: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -11,18 +11,18 @@ import pytest
 from scipy.signal import firwin
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.posterior.curve_families import groups, hats
+from rover_sweep.diagnosis.posterior.curve_families import groups, unit_spectra
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
 from rover_sweep.diagnosis.posterior.transfers import added_rows, tapered_spectrum, transfers
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, problem
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, tapered
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law, with_laws
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion
+from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law, resonator, with_laws
 from rover_sweep.diagnosis.unexplained.input_place import input_places
-from rover_sweep.diagnosis.unexplained.law_search import find_law
-from rover_sweep.diagnosis.unexplained.unexplained import NO_LAW, with_law_of
+from rover_sweep.diagnosis.unexplained.law_search import find_laws
+from rover_sweep.diagnosis.unexplained.unexplained import NO_LAW, with_laws_of
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
 DAMPING = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))
@@ -72,9 +72,9 @@ def _last(used: Problem, base: Fitted) -> ModelFit:
 def test_the_place_of_a_planted_law_is_found_and_holds_on_another_run() -> None:
     runs, noise = _with_law(LAWS["steering"], 3)
     used, base = _fitted(runs[:2], noise[:2])
-    found = find_law(_last(used, base), {"run3": problem(runs[2:], noise[2:])})
+    found = find_laws(_last(used, base), {"run3": problem(runs[2:], noise[2:])})
     assert found is not None and found.holds
-    assert "steering" in (found.law.place, *found.alternatives)
+    assert "steering" in (found.laws[0].law.place, *found.laws[0].alternatives)
     assert found.share_removed is not None and found.share_removed > 0.7
 
 
@@ -82,7 +82,7 @@ def test_the_unknown_says_place_curve_worth_and_next_run() -> None:
     runs, noise = _with_law(LAWS["sensor of r"], 3)
     used, base = _fitted(runs[:2], noise[:2])
     held: Any = SimpleNamespace(run=SimpleNamespace(name="run3"), problem=problem(runs[2:], noise[2:]))
-    found, laws = with_law_of(
+    found, laws = with_laws_of(
         Unknown("r", "r", 2.0, "r differs; nothing predicts it"), _last(used, base), (held,)
     )
     assert laws and found.place == "sensor of r" and len(found.curves) == 1
@@ -100,7 +100,7 @@ def test_the_unknown_says_place_curve_worth_and_next_run() -> None:
 def test_without_a_law_the_unknown_says_so() -> None:
     runs, noise = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
     used, base = _fitted(runs[:1], noise[:1])
-    found, laws = with_law_of(Unknown("r", "r", 2.0, "r differs"), _last(used, base), ())
+    found, laws = with_laws_of(Unknown("r", "r", 2.0, "r differs"), _last(used, base), ())
     assert laws is None and NO_LAW in found.sentence and not found.curves and not found.place
 
 
@@ -134,7 +134,7 @@ def test_every_baseline_has_candidates_at_the_places_that_it_has(baseline: str) 
 def test_nothing_is_found_where_only_noise_is_left() -> None:
     runs, noise = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
     used, base = _fitted(runs[:1], noise[:1])
-    assert find_law(_last(used, base), {}) is None
+    assert find_laws(_last(used, base), {}) is None
 
 
 def test_rows_of_a_law_are_those_of_the_simulation() -> None:
@@ -145,7 +145,7 @@ def test_rows_of_a_law_are_those_of_the_simulation() -> None:
     for law in LAWS.values():
         small = replace(law, y=tuple(0.01 * y for y in law.y))
         want = one.model(with_laws(MODEL.structure, (small,)), X) - one.model(MODEL.structure, X)
-        rows = [added_rows(one, found, law.place, s) for s in hats(small, found)]
+        rows = [added_rows(one, found, law.place, s) for s in unit_spectra(small, found)]
         got = np.column_stack(rows) @ np.array(small.y)
         assert np.linalg.norm(got - want) < 0.1 * np.linalg.norm(want), law.place
 
@@ -177,3 +177,25 @@ def test_a_law_with_play_has_a_memory() -> None:
     out = play(steer, 0.05)
     assert np.max(np.abs(out)) == pytest.approx(0.15, abs=1e-3)
     assert np.max(np.abs(steer - out)) == pytest.approx(0.05, abs=1e-9)
+
+
+def test_a_pendulum_is_found_as_a_resonance_with_its_frequency() -> None:
+    """A hidden resonator that a_y drives pushes the body; its law is found and holds on another run."""
+    law = replace(resonator("side force", "a_y", 1.4, 0.1), y=(0.3, 0.0))
+    runs, noise = _with_law(law, 3)
+    used, base = _fitted(runs[:2], noise[:2])
+    found = find_laws(_last(used, base), {"run3": problem(runs[2:], noise[2:])})
+    assert found is not None and found.holds
+    first = found.laws[0].at(found.fitted.x)
+    assert first.memory == "resonance" and first.size == pytest.approx(1.4, rel=0.1)
+
+
+def test_a_stop_stiffer_than_the_spring_does_not_diverge() -> None:
+    """A law inside the loop is part of each step; fixed-point passes over whole runs diverge here."""
+    runs, _ = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
+    stop = TableLaw("roll moment", "phi", (-0.2, -0.015, 0.015, 0.2), (60.0, 0.0, 0.0, -60.0))
+    phi = {
+        name: motion(runs[0], with_laws(MODEL.structure, laws), X)["phi"]
+        for name, laws in {"free": (), "stopped": (stop,)}.items()
+    }
+    assert np.max(np.abs(phi["stopped"])) < 0.8 * np.max(np.abs(phi["free"]))

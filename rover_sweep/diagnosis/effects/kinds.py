@@ -66,16 +66,25 @@ class VehicleEffect(KernelEffect):
 
 @dataclass(frozen=True, kw_only=True)
 class ForceEffect(Effect):
-    """Adds forces to the body. act: (motion, q, mass [kg]) -> side force, yaw moment, roll moment.
+    """Adds forces to the body. act: (motion before it is simulated, q, mass [kg]) -> side force, yaw moment,
+    roll moment.
 
-    iterate: the force depends on the motion that it causes, so that the simulation repeats, `passes` times.
     weight: the side force is a part of the weight, which an accelerometer does not measure.
     """
 
     act: Callable[[Motion, Values, float], Force]
-    iterate: bool = False
-    passes: int = 3
     weight: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateForceEffect(Effect):
+    """Adds forces that depend on the motion that they cause.
+
+    law: (q) -> law. push: side force, yaw moment and roll moment for 1 of it.
+    """
+
+    law: Callable[[Values], Any]
+    push: tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rover_sweep.data.recording import Array, Recording, Signal
+from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.noise_floor import TOP, Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, with_floor
@@ -15,6 +16,7 @@ from rover_sweep.diagnosis.result import Fit, HeldOut, Overlay
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.identification.cost import sampled, weighted_errors
 from rover_sweep.identification.verify import UNITS, theil
 from rover_sweep.identification.verify import Overlay as Channel
@@ -29,14 +31,21 @@ Responses = Mapping[str, FrequencyResponse]
 
 @dataclass(frozen=True, eq=False)
 class FittedModel:
-    """A model with its fitted coordinates x {coordinate: value, SI units}."""
+    """A model with its fitted coordinates x {coordinate: value, SI units}. laws: without a name."""
 
     model: Model
     x: Mapping[str, float]
+    laws: tuple[Effect, ...] = ()
+
+    @property
+    def structure(self) -> Structure:
+        """What is simulated."""
+        whole = self.model.structure
+        return replace(whole, effects=(*whole.effects, *self.laws))
 
     def log(self, run: Experiment) -> dict[str, Array]:
         """The simulated log of the run {channel: (n,)}, SI units."""
-        return logged(run, self.model.structure, self.x, Sensors.of(run))
+        return logged(run, self.structure, self.x, Sensors.of(run))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +70,7 @@ class HeldOutRun:
 
     def residual(self, m: FittedModel) -> Array:
         """A model's whitened residual rows (n,)."""
-        return self.problem.measured - self.problem.model(m.model.structure, m.x)
+        return self.problem.measured - self.problem.model(m.structure, m.x)
 
 
 def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:

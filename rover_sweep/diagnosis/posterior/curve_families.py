@@ -86,8 +86,8 @@ def signal_of(law: TableLaw, t: RunTransfers) -> Array | None:
     return t.signals[law.place.split()[-1]] if law.place.startswith("sensor of ") else None
 
 
-def hats(law: TableLaw, found: Sequence[RunTransfers]) -> list[list[Any]]:
-    """For each point of the table the spectra, one for each run, of what 1 at this point adds."""
+def unit_spectra(law: TableLaw, found: Sequence[RunTransfers]) -> list[list[Any]]:
+    """For each coefficient of the law the spectra, one for each run, of what 1 of it adds."""
     out = []
     for k in range(len(law.x)):
         one = replace(law, y=tuple(float(j == k) for j in range(len(law.x))))

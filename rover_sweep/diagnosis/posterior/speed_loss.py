@@ -200,7 +200,7 @@ def _result(
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class AtPredictedSpeed(FittedModel):
     """A model that is driven at a predicted speed instead of the measured one.
 
@@ -226,7 +226,9 @@ def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOut
     effect = library()[ID]
     unit, meaning = effect.parameters[0].unit, effect.parameters[0].convention
     value = EffectValue("D", unit, found.loss, found.low, found.high, meaning)
-    without, with_it = (AtPredictedSpeed(whole.model, whole.x, d, found.lag) for d in (0.0, found.loss))
+    without, with_it = (
+        AtPredictedSpeed(whole.model, whole.x, loss=d, lag=found.lag) for d in (0.0, found.loss)
+    )
     sentence = (
         f"{effect.title}, D = {found.loss:.3g} {unit}: up to {100 * found.drop:.1f} % of the speed "
         f"(lag of the drive: {found.lag:.1f} s)"

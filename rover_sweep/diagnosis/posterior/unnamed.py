@@ -19,16 +19,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.fft import irfft, rfft
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.posterior.curve_families import abscissa, groups, hats
-from rover_sweep.diagnosis.posterior.transfers import RunTransfers, added_rows, tapered_spectrum, transfers
+from rover_sweep.diagnosis.posterior.curve_families import groups, unit_spectra
+from rover_sweep.diagnosis.posterior.transfers import RunTransfers, added_rows, transfers
 from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, prior_information, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.search.candidate_fits import tangent
-from rover_sweep.diagnosis.simulation.experiment import RATE
-from rover_sweep.diagnosis.simulation.table_law import TableLaw
+from rover_sweep.diagnosis.simulation.table_law import TableLaw, resonator
 
 LAMBDAS = np.geomspace(1e-3, 1e3, 25)  # over the size at which a family adds a row's standard deviation
 LEVEL = 0.02  # of the prior's penalty on the points themselves, over that on second differences
@@ -62,21 +60,25 @@ class UnnamedFamily:
         """The coefficients (k,), at the prior's best width."""
         return self._best(variance)[1]
 
-    def _best(self, variance: float) -> tuple[float, Array]:
+    def prior_root(self, variance: float) -> Array:
+        """(k, k) L with the prior's covariance L L^T of the coefficients, at its best width."""
+        return self._best(variance)[2]
+
+    def _best(self, variance: float) -> tuple[float, Array, Array]:
         k = self.b.size
         bend = np.diff(np.eye(k), n=2, axis=0) if self.law.memory != "resonance" else np.zeros((0, k))
         root = np.linalg.inv(np.linalg.cholesky(LEVEL * np.eye(k) + bend.T @ bend)).T
         values, vectors = np.linalg.eigh(root.T @ self.a @ root / variance)
         values = np.maximum(values, 0.0)
         if values[-1] < 1e-12:
-            return 0.0, np.zeros(k)
+            return 0.0, np.zeros(k), np.zeros((k, k))
         along = vectors.T @ root.T @ self.b / variance
         width = (LAMBDAS**2 / values[-1])[:, None]
         left = 1.0 + width * values
         found = np.sum(-0.5 * np.log(left) + 0.5 * along**2 * width / left, axis=1)
         best = int(np.argmax(found))
         amounts = root @ (vectors @ (along * width[best] / left[best]))
-        return max(float(found[best]), 0.0), np.asarray(amounts)
+        return max(float(found[best]), 0.0), np.asarray(amounts), root * float(np.sqrt(width[best, 0]))
 
 
 def families(problem: Problem, fitted: Fitted) -> list[UnnamedFamily]:
@@ -116,7 +118,7 @@ def held_out_costs(
 def _resonances(found: Sequence[RunTransfers]) -> Iterator[TableLaw]:
     for place in found[0].responses:
         for f in RESONANCES if place in DRIVEN_BY else ():
-            yield TableLaw(place, DRIVEN_BY[place], (0.0, 1.0), (0.0, 0.0), memory="resonance", size=float(f))
+            yield resonator(place, DRIVEN_BY[place], float(f), DAMPING)
 
 
 def columns_of(
@@ -129,20 +131,7 @@ def columns_of(
         # the same signal acts at several places
         key = replace(law, place=law.place if law.place.startswith("sensor") else "")
         if key not in known:
-            known[key] = _resonating(law, found) if law.memory == "resonance" else hats(law, found)
+            known[key] = unit_spectra(law, found)
         columns += [added_rows(plain, found, law.place, one) for one in known[key]]
         ends.append(len(columns))
     return problem.of_columns(np.column_stack(columns)), ends
-
-
-def _resonating(law: TableLaw, found: Sequence[RunTransfers]) -> list[list[Any]]:
-    """Spectra, one for each run, of a resonator's displacement and velocity, over the input's size."""
-    out: list[list[Any]] = [[], []]
-    for t in found:
-        x = abscissa(replace(law, memory=""), t)
-        w = np.fft.rfftfreq(2 * x.size, 1 / RATE) / law.size
-        response = 1.0 / (1.0 - w * w + 2j * DAMPING * w)
-        lines = rfft(np.concatenate((x, np.linspace(x[-1], x[0], x.size)))) * response
-        for k, part in enumerate((lines, 1j * w * lines)):
-            out[k].append(tapered_spectrum(t.run, irfft(part, 2 * x.size)[: x.size]))
-    return out

@@ -19,13 +19,19 @@ from rover_sweep.diagnosis.effects.kinds import (
     GripEffect,
     SensorEffect,
     SpeedGripEffect,
+    StateForceEffect,
     VehicleEffect,
 )
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.kernel import at_the_imu, padded_by_line, roll_only
-from rover_sweep.diagnosis.simulation.single_track import VehicleNumbers, single_tracks
+from rover_sweep.diagnosis.simulation.single_track import (
+    VehicleNumbers,
+    single_track_with_laws,
+    single_tracks,
+)
 from rover_sweep.diagnosis.simulation.structure import Structure, Values
+from rover_sweep.diagnosis.simulation.table_law import law_numbers
 from rover_sweep.diagnosis.simulation.wheel_angle import STEP, wheel_angle
 
 SENSED = {"bias_ay", "imu_x", "imu_z", "ay_lag", "p_lag", "vy_lag", "vy_gain", "heading"}  # act on a log only
@@ -86,21 +92,19 @@ def _car(run: Experiment, structure: Structure, x: Values, base: dict[str, Array
 
 
 def _with_slip(structure: Structure, pair: Sequence[_Car]) -> list[dict[str, Array]]:
-    """The motions of one or two cars on tyres, in as many passes as their forces need."""
-    forces, mass = structure.of(ForceEffect), structure.rover.mass
-    pushed = [np.zeros((3, car.grip.size)) for car in pair]
-    last: list[tuple[Array, Array] | None] = [None] * len(pair)
-    found = [car.base for car in pair]
-    for _ in range(max((e.passes for e in forces if e.iterate), default=1)):
-        if forces and ("r" in found[0] or not any(e.iterate for e in forces)):
-            for k, car in enumerate(pair):
-                new = _pushed(forces, found[k], car.x, mass)
-                pushed[k], last[k] = _mixed(pushed[k], new, last[k])
-        drives = [car.driven_by(forces_of) for car, forces_of in zip(pair, pushed, strict=True)]
-        relaxed = [car.q.sigma > 1e-6 for car in pair]
+    """The motions of one or two cars on tyres."""
+    forces, laws = structure.of(ForceEffect), structure.of(StateForceEffect)
+    drives = [car.driven_by(_pushed(forces, car.base, car.x, structure.rover.mass)) for car in pair]
+    relaxed = [car.q.sigma > 1e-6 for car in pair]
+    if laws:
+        both = tuple(
+            single_track_with_laws(drive, law_numbers(laws, car.base, car.x), late, structure.roll, STEP)
+            for drive, car, late in zip(drives, pair, relaxed, strict=True)
+        )
+    else:
         both = single_tracks(drives[0], drives[-1], (relaxed[0], relaxed[-1]), structure.roll, STEP)
-        names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
-        found = [car.base | dict(zip(names, y, strict=True)) for car, y in zip(pair, both, strict=False)]
+    names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
+    found = [car.base | dict(zip(names, y, strict=True)) for car, y in zip(pair, both, strict=False)]
     return [y | {"weight": _weight(structure, y, car.x)} for car, y in zip(pair, found, strict=True)]
 
 
@@ -109,21 +113,6 @@ def _lumped(base: dict[str, Array], structure: Structure, x: Values) -> dict[str
     base = base | {"ms_h": np.full(base["t"].size, (rover.sprung_mass or 0.0) * (rover.h or 0.0))}
     weight = _weight(structure, base, x)
     return base | lumped_baseline.motion(base["delta"], base["V"], weight, x, STEP) | {"weight": weight}
-
-
-def _mixed(used: Array, new: Array, last: tuple[Array, Array] | None) -> tuple[Array, tuple[Array, Array]]:
-    """Forces (3, n) for the next pass, and what that pass needs: mixed so that the passes converge sooner.
-
-    used, new: those of this pass, and those of the motion that they caused. last: (new, new - used) before.
-    Anderson 1965: Iterative procedures for nonlinear integral equations, J. ACM 12(4), with depth one.
-    """
-    change = new - used
-    if last is None:
-        return new, (new, change)
-    step = change - last[1]
-    power = float(np.sum(step * step))
-    share = float(np.sum(step * change)) / power if power > 0.0 else 0.0
-    return new - share * (new - last[0]), (new, change)
 
 
 def _weight(structure: Structure, found: Mapping[str, Array], x: Values) -> Array:

@@ -12,7 +12,7 @@ A state and its slope are tuples (v, r, phi, p, lagging front force, lagging rea
 
 from __future__ import annotations
 
-from math import atan, copysign, exp, sin, sqrt, tanh
+from math import atan, copysign, exp, pi, sin, sqrt, tan, tanh
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,6 +24,8 @@ FALLING = 1.6  # shape factor C of the magic formula; the force falls beyond its
 FASTEST = 300.0  # 1/s, of the tyre relaxation; a faster one has no effect
 FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # not nnan, ninf: a trial of a fit may overflow
 STABLE, MOST_PARTS = 2.0, 12  # rate times step within which RK4 is stable; parts of a step
+ROUNDS = 3  # of a law over the acceleration that it causes
+TURN = 2.0 * pi
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -287,6 +289,128 @@ def single_tracks(one, other, relaxed, roll, dt):  # type: ignore[no-untyped-def
                 x2 = _plus(x2, 1.0, sum2)
         x1, x2 = _finite(x1, top1), _finite(x2, top2)
     return y1, y2
+
+
+NO_LAW, TABLE, LAG, RESONATOR = -1, 0, 1, 2  # what a law does with a quantity of the state
+
+
+class LawNumbers(NamedTuple):
+    """Numbers of m laws that act on the body, see `table_law.TableLaw`.
+
+    push (m, 3): side force, yaw and roll moment for 1 of y. given (m, n): known factor of y. kind (m,):
+    NO_LAW where y depends on nothing but `given`. over, times (m,): index in (v' + V r, r, p, phi, beta) of
+    the quantity, and of a factor, -1 for none. memory (m, 2): size, damping. x, y (m, k): the table; of a
+    resonator, y[0] and y[1].
+    """
+
+    push: Any
+    given: Any
+    kind: Any
+    over: Any
+    times: Any
+    memory: Any
+    x: Any
+    y: Any
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _read(x, y, at):  # type: ignore[no-untyped-def]
+    """The table y (k,) over x (k,) at a value, linear between its points, constant beyond."""
+    if not at > x[0]:
+        return y[0]
+    for k in range(1, x.size):
+        if at < x[k]:
+            return y[k] + (at - x[k]) * (y[k] - y[k - 1]) / (x[k] - x[k - 1])
+    return y[x.size - 1]
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _forces_of_laws(laws, kept, across, x, speed, k, top):  # type: ignore[no-untyped-def]
+    """(Fy, Mz, Mx) of the laws in a state x at the k-th sample, none beyond top; kept (m, 3): memories."""
+    fy = mz = mx = 0.0
+    state = (across, x[1], x[3], x[2], x[0] / speed)
+    for j in range(laws.kind.size):
+        value = laws.given[j, k]
+        if laws.kind[j] == RESONATOR:
+            value *= laws.y[j, 0] * kept[j, 0] + laws.y[j, 1] * kept[j, 1]
+        elif laws.kind[j] != NO_LAW:
+            quantity = state[laws.over[j]] - (kept[j, 0] if laws.kind[j] == LAG else 0.0)
+            value *= _read(laws.x[j], laws.y[j], quantity)
+        if laws.times[j] >= 0:
+            value *= state[laws.times[j]]
+        fy += laws.push[j, 0] * value
+        mz += laws.push[j, 1] * value
+        mx += laws.push[j, 2] * value
+    return min(max(fy, -top), top), min(max(mz, -top), top), min(max(mx, -top), top)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _remember(laws, kept, across, x, speed, dt):  # type: ignore[no-untyped-def]
+    """One sample on: kept (m, 3), a lagged quantity, or u, u'/w and the quantity of a resonator."""
+    state = (across, x[1], x[3], x[2], x[0] / speed)
+    for j in range(laws.kind.size):
+        size, damping = laws.memory[j]
+        if laws.kind[j] == LAG:
+            kept[j, 0] += (1.0 - exp(-dt / size)) * (state[laws.over[j]] - kept[j, 0])
+        elif laws.kind[j] == RESONATOR:
+            # the trapezoidal rule, exact at the frequency
+            half = tan(0.5 * TURN * size * dt)
+            u, rate, before = kept[j, 0], kept[j, 1], kept[j, 2]
+            now = state[laws.over[j]]
+            new = rate * (1.0 - 2.0 * damping * half - half * half) + half * (now + before - 2.0 * u)
+            new /= 1.0 + 2.0 * damping * half + half * half
+            new = new if abs(new) < 1e6 else 0.0  # an unstable trial of a fit
+            kept[j, 0], kept[j, 1], kept[j, 2] = u + half * (rate + new), new, now
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def single_track_with_laws(drive, laws, relaxed, roll, dt):  # type: ignore[no-untyped-def]
+    """One motion as in `single_tracks`, with laws that act on the body.
+
+    A memory is that of the last sample. A law over v' + V r is a part of it: it is evaluated `ROUNDS` times.
+    """
+    steer, speed, grip, given_fy, given_mz, given_mx, q = drive
+    c = _constants(q, roll)
+    fastest = _fastest(c, c[1][0], c[1][1])
+    top, inv_g = 1e3 * q[AT.m] * q[AT.g], 1.0 / q[AT.g]
+    n = steer.size
+    y = np.zeros((7, n))
+    kept = np.zeros((laws.kind.size, 3))
+    x = AT_REST
+    across = recent = 0.0
+    around = np.any(laws.over == 0) or np.any(laws.times == 0)
+    for k in range(n):
+        end = min(k + 1, n - 1)
+        parts = _parts(speed[k], fastest, c[3][2], relaxed, dt)
+        inv_parts = 1.0 / parts
+        width = dt * inv_parts
+        for part in range(parts):
+            total = dx = AT_REST
+            for stage in range(4):
+                share = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # of the part
+                later, weight = (part + share) * inv_parts, 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
+                at = _plus(x, share * width, dx)
+                forward = _between(speed[k], speed[end], later)
+                for _ in range(ROUNDS if around else 1):
+                    fy, mz, mx = _forces_of_laws(laws, kept, recent, at, forward, k, top)
+                    given = (
+                        _between(steer[k], steer[end], later),
+                        forward,
+                        _between(grip[k], grip[end], later),
+                        _between(given_fy[k], given_fy[end], later) + fy,
+                        _between(given_mz[k], given_mz[end], later) + mz,
+                        _between(given_mx[k], given_mx[end], later) + mx,
+                    )
+                    dx, recent = _slope(c, given, at, across * inv_g, roll, relaxed)
+                total = _plus(total, weight * width, dx)
+                if stage == 0 and part == 0:
+                    y[0, k], y[1, k], y[2, k], y[3, k] = x[0], x[1], x[2], x[3]
+                    y[4, k], y[5, k], y[6, k] = recent, dx[1], dx[3]
+                    across = recent
+            x = _plus(x, 1.0, total)
+        x = _finite(x, top)
+        _remember(laws, kept, across, (y[0, k], y[1, k], y[2, k], y[3, k]), speed[k], dt)
+    return y
 
 
 def must_compile(loop: Any = single_tracks) -> bool:

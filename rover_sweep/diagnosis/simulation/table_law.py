@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import exp
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,14 @@ import numpy as np
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
-from rover_sweep.diagnosis.effects.kinds import ForceEffect, LinkageEffect, SensorEffect
+from rover_sweep.diagnosis.effects.kinds import LinkageEffect, SensorEffect, StateForceEffect
 from rover_sweep.diagnosis.effects.steering import play
 from rover_sweep.diagnosis.simulation.experiment import RATE
+from rover_sweep.diagnosis.simulation.single_track import LAG, NO_LAW, RESONATOR, TABLE, LawNumbers
 from rover_sweep.diagnosis.simulation.structure import Structure
 
 SMOOTH = 0.02  # s, first-order lag before a derivative of the steering angle
-PASSES = 5  # of the simulation with a force that depends on the motion that it causes
+STATES = ("a_y", "r", "p", "phi", "beta")  # quantities that the simulation finds; the others are given
 UNITS = {"steering": "rad", "yaw moment": "N m", "roll moment": "N m"}  # of y; forces are in N
 SENSORS = {"r": "rad/s", "ay": "m/s^2", "p": "rad/s", "vy": "m/s"}
 FORCES = ("side force front", "side force rear", "side force", "yaw moment", "roll moment")
@@ -44,7 +46,7 @@ OVER: Mapping[str, str] = {
     "signal": "",
     "signal_dot": "",
 }
-MEMORIES = ("", "lag", "play")
+MEMORIES = ("", "lag", "play", "resonance")
 LARGEST = 1e6  # largest accepted number of a table
 FACTORS = ("delta", "a_y", "r", "v^2")  # a table may be multiplied by one of them
 
@@ -57,7 +59,9 @@ class TableLaw:
     "yaw moment", "roll moment", or "sensor of r" (ay, p, vy). over: a key of `OVER`. x (k,) ascending, y
     (k,). times: "" or a member of `FACTORS`, by which y is multiplied. memory: "" for none; "lag": x is the
     part of the quantity that is newer than `size` [s], q - q lagged in first order; "play": x is the quantity
-    behind a play of half width `size`.
+    behind a play of half width `size`; "resonance": the law is no table but y[0] u + y[1] u'/w, u the
+    displacement of a resonator of `size` [Hz], w = 2 pi size, and the ratio `damping`, which the quantity
+    drives.
     """
 
     place: str
@@ -67,6 +71,12 @@ class TableLaw:
     times: str = ""
     memory: str = ""
     size: float = 0.0
+    damping: float = 0.0
+
+    @property
+    def kind(self) -> tuple[str, ...]:
+        """What two laws share that differ in their numbers only."""
+        return self.place, self.over, self.times, self.memory
 
     @property
     def unit(self) -> str:
@@ -84,6 +94,11 @@ class TableLaw:
     def at(self, x: Array) -> Array:
         """The table at x (n,)."""
         return np.interp(x, self.x, self.y)
+
+
+def resonator(place: str, over: str, frequency: float, damping: float) -> TableLaw:
+    """A law with a hidden resonator and no force yet."""
+    return TableLaw(place, over, (0.0, 1.0), (0.0, 0.0), memory="resonance", size=frequency, damping=damping)
 
 
 def refuse_law(law: TableLaw) -> None:
@@ -138,6 +153,19 @@ def lagged(x: Array, lag: float) -> Array:
     return np.asarray(lfilter([1 - keep], [1, -keep], x, zi=[keep * x[0]])[0])
 
 
+def resonating(x: Array, frequency: float, damping: float) -> tuple[Array, Array]:
+    """(u (n,), u'/w (n,)) of a resonator u'' + 2 damping w u' + w^2 u = w^2 x that rests at x[0].
+
+    By the bilinear transform, exact at the frequency [Hz] (Oppenheim and Schafer 2010, section 7.2).
+    """
+    from scipy.signal import lfilter  # loads half of scipy
+
+    k = 1.0 / np.tan(np.pi * frequency / RATE)
+    below = [k * k + 2 * damping * k + 1, 2 - 2 * k * k, k * k - 2 * damping * k + 1]
+    rest = x - x[0]
+    return np.asarray(x[0] + lfilter([1, 2, 1], below, rest)), np.asarray(lfilter([k, 0, -k], below, rest))
+
+
 def rate(x: Array) -> Array:
     """The derivative (n,) of x (n,), smoothed."""
     return np.gradient(lagged(x, SMOOTH), 1 / RATE)
@@ -147,30 +175,44 @@ def factor(times: str, m: Mapping[str, Array]) -> Array | float:
     """The factor (n,) of a table."""
     if times == "v^2":
         return np.square(m["V"])
-    return {"a_y": m["across"], "delta": m["delta"], "r": m["r"]}[times] if times else 1.0
+    return quantity(times, m) if times else 1.0
 
 
 def acting(law: TableLaw, m: Mapping[str, Array], signal: Array | None = None) -> Array:
     """What the law adds (n,) in a motion, in `law.unit` times the unit of the factor."""
-    x = remembered(quantity(law.over, m, signal), law.memory, law.size)
-    return law.at(x) * factor(law.times, m)
+    x = quantity(law.over, m, signal)
+    if law.memory == "resonance":
+        u, rate_over_w = resonating(x, law.size, law.damping)
+        return law.y[0] * u + law.y[1] * rate_over_w
+    return law.at(remembered(x, law.memory, law.size)) * factor(law.times, m)
 
 
-def law_effect(law: TableLaw, rover: Geometry, name: str = "law") -> Effect:
-    """The effect that simulates the law. Its coordinates name.y0, name.y1, ... are added to the table."""
-    known = tuple(f"y{k}" for k in range(len(law.y)))
+def law_at(law: TableLaw, name: str, root: Array, x: Values) -> TableLaw:
+    """The law at coordinates x of a model: name.z0, ... along the columns of root (k, m) are added to its y.
+
+    Of a resonator name.size and name.damping are changes of the logarithms of frequency and damping.
+    """
+    y = root @ [x.get(f"{name}.z{k}", 0.0) for k in range(root.shape[1])] + law.y
+    if law.memory == "resonance":
+        size, damping = (getattr(law, n) * exp(x.get(f"{name}.{n}", 0.0)) for n in ("size", "damping"))
+        law = replace(law, size=size, damping=damping)
+    return replace(law, y=tuple(y.tolist()))
+
+
+def law_effect(law: TableLaw, rover: Geometry, name: str = "law", root: Array | None = None) -> Effect:
+    """The effect that simulates the law, see `law_at`. root: the unit matrix by default."""
+    root = np.eye(len(law.y)) if root is None else root
+    names = tuple(f"z{k}" for k in range(root.shape[1]))
 
     def at(q: Values) -> TableLaw:
-        y = tuple(v + q.get(k, 0.0) for k, v in zip(known, law.y, strict=True))
-        return replace(law, y=y)
+        return law_at(law, name, root, {f"{name}.{k}": v for k, v in q.items()})
 
     if law.place == "steering":
         act: Callable[..., Any] = partial(_steer, at)
-        return LinkageEffect(**_common(law, name), act=act)
+        return LinkageEffect(**_common(law, name, names), act=act)
     if law.place.startswith("sensor of "):
-        return SensorEffect(**_common(law, name), act=partial(_sense, at, law.place.split()[-1]))
-    act = partial(_push, at, force_at(law.place, rover))
-    return ForceEffect(**_common(law, name), act=act, iterate=True, passes=PASSES)
+        return SensorEffect(**_common(law, name, names), act=partial(_sense, at, law.place.split()[-1]))
+    return StateForceEffect(**_common(law, name, names), law=at, push=force_at(law.place, rover))
 
 
 def force_at(place: str, rover: Geometry) -> tuple[float, float, float]:
@@ -185,9 +227,33 @@ def force_at(place: str, rover: Geometry) -> tuple[float, float, float]:
 
 
 def with_laws(structure: Structure, laws: Sequence[TableLaw]) -> Structure:
-    """The structure with laws; the coordinates of the k-th, law<k>.y0 and on, are added to its table."""
+    """The structure with laws."""
     effects = tuple(law_effect(law, structure.rover, f"law{k + 1}") for k, law in enumerate(laws))
     return replace(structure, effects=(*structure.effects, *effects)) if laws else structure
+
+
+def law_numbers(effects: Sequence[StateForceEffect], base: Mapping[str, Array], x: Values) -> LawNumbers:
+    """The numbers of the compiled loop for laws on the body. base {name: (n,)}: the motion that is given."""
+    laws = [e.law(e.coordinates(x)) for e in effects]
+    inside = [law.over in STATES for law in laws]
+    kinds = {"": TABLE, "lag": LAG, "resonance": RESONATOR}
+    width = max(len(law.y) for law in laws)
+    given = [
+        np.full_like(base["t"], factor(law.times, base) if law.times not in STATES else 1.0)
+        if state
+        else acting(replace(law, times="" if law.times in STATES else law.times), base)
+        for law, state in zip(laws, inside, strict=True)
+    ]
+    return LawNumbers(
+        push=np.array([e.push for e in effects]),
+        given=np.array(given),
+        kind=np.array([kinds[law.memory] if s else NO_LAW for law, s in zip(laws, inside, strict=True)]),
+        over=np.array([STATES.index(law.over) if law.over in STATES else -1 for law in laws]),
+        times=np.array([STATES.index(law.times) if law.times in STATES else -1 for law in laws]),
+        memory=np.array([(law.size, law.damping) for law in laws]),
+        x=np.array([np.pad(law.x, (0, width - len(law.x)), mode="edge") for law in laws]),
+        y=np.array([np.pad(law.y, (0, width - len(law.y)), mode="edge") for law in laws]),
+    )
 
 
 def _given(signal: Array | None) -> Array:
@@ -210,22 +276,10 @@ def _sense(
     return {**out, channel: out[channel] + acting(at(q), m, out[channel])}
 
 
-def _push(
-    at: Callable[[Values], TableLaw],
-    push: tuple[float, float, float],
-    m: Mapping[str, Array],
-    q: Values,
-    mass: float,
-) -> tuple[Any, Any, Any]:
-    force = acting(at(q), m)
-    return push[0] * force, push[1] * force, push[2] * force
-
-
-def _common(law: TableLaw, name: str) -> dict[str, Any]:
-    size = max((abs(v) for v in law.y), default=0.0) or 1.0
+def _common(law: TableLaw, name: str, coordinates: Sequence[str]) -> dict[str, Any]:
     parameters = tuple(
-        EffectParameter(f"y{k}", law.unit, size, -np.inf, np.inf, "added to the table")
-        for k in range(len(law.y))
+        EffectParameter(k, "", 1.0, -np.inf, np.inf, "added to the law")
+        for k in (*coordinates, *(("size", "damping") if law.memory == "resonance" else ()))
     )
     return {
         "id": name,

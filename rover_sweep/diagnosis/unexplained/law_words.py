@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rover_sweep.diagnosis.simulation.table_law import TableLaw
 
 QUANTITIES = {
@@ -97,15 +99,32 @@ def over_words(law: TableLaw) -> str:
     return f"{what}, times {FACTORS[law.times]}" if law.times else what
 
 
-def law_sentence(law: TableLaw, alternatives: tuple[str, ...], share: float | None) -> str:
-    """One law in a sentence. share: of the held-out residual that it removes, None without such runs."""
-    places = " or ".join(place_words(p) for p in (law.place, *alternatives))
-    removed = f"; it removes {100 * min(share, 1.0):.0f} % of the residual of held-out runs" if share else ""
-    memory = " with a memory" if law.memory else ""
-    return (
-        f"a fitted law{memory} acts on {places}, over {over_words(law)}{removed}; it could be "
-        f"{could_be(law)}; to confirm it, {next_run(law)}"
-    )
+def laws_sentence(
+    laws: Sequence[TableLaw], alternatives: tuple[str, ...], share: float | None, holds: bool
+) -> str:
+    """The laws of an unknown in a sentence.
+
+    alternatives: places of the first. share: of the held-out residual that they remove, None without such
+    runs. holds: they are in the model.
+    """
+    first, *others = laws
+    words = f"{_acts(first, (first.place, *alternatives))}"
+    words += "".join(f", and {_acts(law, (law.place,))}" for law in others)
+    them, are = ("them", "they are") if others else ("it", "it is")
+    goes = f"of the residual of held-out runs goes with {them}"
+    if not holds:
+        return f"{words}; too little {goes}, so {are} not in the model"
+    removed = f"; {100 * min(share, 1.0):.0f} % {goes}" if share else ""
+    it = "the first" if others else "it"
+    return f"{words}{removed}; {it} could be {could_be(first)}; to confirm it, {next_run(first)}"
+
+
+def _acts(law: TableLaw, places: tuple[str, ...]) -> str:
+    at = " or ".join(place_words(p) for p in places)
+    if law.memory == "resonance":
+        number = f"{law.size:.2g} Hz (damping ratio {law.damping:.2g})"
+        return f"a resonance at {number}, driven by {over_words(law)}, acts on {at}"
+    return f"a law over {over_words(law)} acts on {at}"
 
 
 def _lagging(place: str) -> str:

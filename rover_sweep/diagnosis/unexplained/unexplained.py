@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.held_out.worth import HeldOutRun
 from rover_sweep.diagnosis.posterior.infer import Inference
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
@@ -14,17 +15,14 @@ from rover_sweep.diagnosis.posterior.transfers import transfers
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily
 from rover_sweep.diagnosis.result import LawCurve, Unknown
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.diagnosis.simulation.table_law import TableLaw
 from rover_sweep.diagnosis.unexplained.input_place import input_places
-from rover_sweep.diagnosis.unexplained.law_search import FoundLaw, curve_of, find_law
-from rover_sweep.diagnosis.unexplained.law_words import (
-    could_be,
-    law_sentence,
-    next_run,
-    over_words,
-    place_words,
-)
+from rover_sweep.diagnosis.unexplained.law_search import FoundLaw, FoundLaws, drawn_laws, find_laws
+from rover_sweep.diagnosis.unexplained.law_words import could_be, laws_sentence, next_run, place_words
 from rover_sweep.diagnosis.verdict import NOTABLE
 
+DRAWN = 200  # laws for a band
+GAINS = (0.3, 12.0)  # Hz, of a resonator's curve
 NO_LAW = "no law over one quantity of the motion, and no resonance, explains it"
 CHANNELS = {
     "r": "the yaw rate",
@@ -53,86 +51,89 @@ def left_unexplained(found: Inference, named: bool) -> Unknown | None:
     return Unknown(channel, "nothing that was tried", ratio, f"{sentence}; no candidate explains it")
 
 
-def with_law_of(
+def with_laws_of(
     left: Unknown, last: ModelFit, held_out: Sequence[HeldOutRun], known: Sequence[UnnamedFamily] = ()
-) -> tuple[Unknown, FoundLaw | None]:
-    """(the unknown with its place and curve, the law); a sentence says where no law holds.
+) -> tuple[Unknown, FoundLaws | None]:
+    """(the unknown with its place and curves, the laws); a sentence says where none holds.
 
-    last: the model of the answer. held_out: runs that judge the curve. known: see `find_law`.
+    last: the model of the answer. held_out: runs that judge the laws. known: see `find_laws`.
     """
     if left.channel == "V":
         return replace(left, place="speed"), None
-    found = find_law(last, {h.run.name: h.problem for h in held_out}, known)
-    if found is None or not found.holds:
-        return _without_curve(left, last, found), None
-    words = law_sentence(found.law, found.alternatives, found.share_removed)
+    found = find_laws(last, {h.run.name: h.problem for h in held_out}, known)
+    if found is None:
+        return _without_law(left, last), None
+    laws, first = [one.at(found.fitted.x) for one in found.laws], found.laws[0]
+    holds = found.holds
+    words = laws_sentence(laws, first.alternatives, found.share_removed, holds)
     return (
         replace(
             left,
             sentence=f"{left.sentence}; {words}",
-            law=f"{found.law.place} ~ {found.law.over}",
-            law_gain=found.share_removed,
-            place=found.law.place,
-            alternatives=found.alternatives,
-            curves=(_curve(found, last),),
+            law=" + ".join(f"{law.place} ~ {law.over}" for law in laws) if holds else "",
+            law_gain=found.share_removed if holds else None,
+            place=first.law.place,
+            alternatives=first.alternatives,
+            curves=tuple(_curve(found, one) for one in found.laws) if holds else (),
             held_out=found.held_out,
-            could_be=could_be(found.law),
-            next_run=next_run(found.law),
+            could_be=could_be(laws[0]),
+            next_run=next_run(laws[0]),
         ),
-        found,
+        found if holds else None,
     )
 
 
-def _without_curve(left: Unknown, last: ModelFit, found: FoundLaw | None) -> Unknown:
-    """The unknown with its most likely place: of a resonance, of a curve that does not hold on held-out runs,
-    or where one unmeasured input explains most."""
-    if found is not None:
-        likely = (found.law.place, *found.alternatives)
-        at, over = _either(likely), over_words(found.law)
-        why = f"a law that removes too little of the held-out residual acts on {at}, over {over}"
-        if found.law.memory == "resonance":
-            why = f"a resonance at about {found.law.size:.2g} Hz, driven by {over}, acts on {at}"
-        left = replace(left, could_be=could_be(found.law), next_run=next_run(found.law))
-    else:
-        plain, near = last.problem.plain, last.closest
-        likely = input_places(plain, transfers(plain.runs, near.structure, near.x), near.rows)
-        why = f"it has the pattern of an unmeasured input at {_either(likely)}" if likely else NO_LAW
+def _without_law(left: Unknown, last: ModelFit) -> Unknown:
+    """The unknown with the place where one unmeasured input explains most."""
+    plain, near = last.problem.plain, last.closest
+    likely = input_places(plain, transfers(plain.runs, near.structure, near.x), near.rows)
+    at = " or ".join(place_words(p) for p in likely)
+    why = f"it has the pattern of an unmeasured input at {at}" if likely else NO_LAW
     return replace(
-        left,
-        sentence=f"{left.sentence}; {why}",
-        place=likely[0] if likely else "",
-        alternatives=likely[1:],
-        held_out=found.held_out if found else (),
+        left, sentence=f"{left.sentence}; {why}", place=likely[0] if likely else "", alternatives=likely[1:]
     )
 
 
-def _either(places: tuple[str, ...]) -> str:
-    return " or ".join(place_words(p) for p in places)
-
-
-def in_model(model: AugmentedModel, found: FoundLaw) -> AugmentedModel:
-    """The model with the law, and the coordinates that were fitted with it."""
-    assert found.fitted is not None
+def in_model(model: AugmentedModel, found: FoundLaws) -> AugmentedModel:
+    """The model with the laws, and the coordinates that were fitted with them."""
     x = {name: value for name, value in found.fitted.x.items() if not name.startswith("law")}
-    return replace(model, x=x, laws=(found.law,))
+    return replace(model, x=x, laws=tuple(one.at(found.fitted.x) for one in found.laws))
 
 
-def _curve(found: FoundLaw, last: ModelFit) -> LawCurve:
-    assert found.fitted is not None
-    law = found.law
-    y, half = curve_of(last.problem.plain, law, found.fitted)
+def _curve(found: FoundLaws, one: FoundLaw) -> LawCurve:
+    """The law with its 90 % band, or a resonator's gain."""
+    law = one.at(found.fitted.x)
+    resonates = law.memory == "resonance"
+    x = np.geomspace(*GAINS, 40) if resonates else np.array(law.x)
+    shown = _gain if resonates else _table
+    drawn = [shown(some, x) for some in drawn_laws(found, one, DRAWN, seed=1)]
+    low, high = np.quantile(drawn, (0.05, 0.95), axis=0)
     return LawCurve(
         place=law.place,
-        alternatives=found.alternatives,
+        alternatives=one.alternatives,
         over=law.over,
-        over_unit=law.over_unit,
-        unit=law.unit,
-        x=law.x,
-        y=tuple(y.tolist()),
-        low=tuple((y - half).tolist()),
-        high=tuple((y + half).tolist()),
-        gain=found.gain,
+        over_unit="Hz" if resonates else law.over_unit,
+        unit=f"{law.unit} per {law.over_unit}" if resonates else law.unit,
+        x=tuple(x.tolist()),
+        y=tuple(shown(law, x).tolist()),
+        low=tuple(low.tolist()),
+        high=tuple(high.tolist()),
+        gain=one.gain,
         times=law.times,
         memory=law.memory,
         size=law.size,
+        damping=law.damping,
     )
+
+
+def _table(law: TableLaw, x: Array) -> Array:
+    """The points (n,) relative to the value at x = 0, or to the mean where the range does not hold 0: a
+    constant is not separable from trim, biases and stiffness."""
+    y = np.array(law.y)
+    return np.asarray(y - (law.at(np.zeros(1))[0] if x[0] < 0.0 < x[-1] else y.mean()))
+
+
+def _gain(law: TableLaw, f: Array) -> Array:
+    """Magnitude (n,) of the resonator's response at f (n,) [Hz]."""
+    s = 1j * f / law.size
+    return np.asarray(np.abs((law.y[0] + law.y[1] * s) / (1.0 + 2.0 * law.damping * s + s * s)))

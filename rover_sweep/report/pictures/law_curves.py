@@ -16,8 +16,9 @@ BEFORE, AFTER = "#BDBDBD", "#D55E00"
 def law_curves(unknown: Unknown) -> Figure:
     """A panel for each curve, and one with the mean square of the held-out rows before and after."""
     panels = len(unknown.curves) + bool(unknown.held_out)
-    figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
-    axes = np.atleast_1d(np.array(figure.subplots(1, panels)))
+    rows = (panels + 1) // 2
+    figure = Figure(figsize=(WIDTH, rows * HEIGHT), layout="constrained")
+    axes = [figure.add_subplot(rows, min(panels, 2), k + 1) for k in range(panels)]
     for curve, panel in zip(unknown.curves, axes, strict=False):
         _curve(curve, panel)
     if unknown.held_out:
@@ -29,10 +30,15 @@ def _curve(curve: LawCurve, axes: Axes) -> None:
     axes.axhline(0.0, color="#777777", linewidth=0.8)
     axes.fill_between(curve.x, curve.low, curve.high, color=BAND, alpha=0.35, linewidth=0, label="90 % band")
     axes.plot(curve.x, curve.y, marker="o", markersize=4, **MODEL_LINES["roll-yaw"], label="fitted law")
-    times = f", times {curve.times}" if curve.times else ""
-    memory = f" ({curve.memory} of {curve.size:.3g})" if curve.memory else ""
-    axes.set_title(literal(f"{curve.place}{times}"))
-    axes.set_xlabel(literal(f"{curve.over}{memory}, {curve.over_unit}"))
+    if curve.memory == "resonance":
+        axes.set_title(literal(f"{curve.place}: resonance at {curve.size:.2g} Hz"))
+        axes.set_xlabel(literal(f"gain from {curve.over}, over the frequency, {curve.over_unit}"))
+        axes.set_xscale("log")
+    else:
+        times = f", times {curve.times}" if curve.times else ""
+        memory = f" ({curve.memory} of {curve.size:.3g})" if curve.memory else ""
+        axes.set_title(literal(f"{curve.place}{times}"))
+        axes.set_xlabel(literal(f"{curve.over}{memory}, {curve.over_unit}"))
     axes.set_ylabel(literal(curve.unit))
     axes.legend()
 
