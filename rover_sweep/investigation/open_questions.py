@@ -18,7 +18,7 @@ from math import exp, inf, log, prod
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
 from rover_sweep.diagnosis.plans.next_run import Odds
 from rover_sweep.diagnosis.posterior.infer import SURE
-from rover_sweep.diagnosis.posterior.weights import COARSE
+from rover_sweep.diagnosis.problem.least_squares import COARSE
 from rover_sweep.diagnosis.result import Diagnosis, Finding, UpperBound
 
 RIVALS = 3  # other effects that are considered where nothing names one

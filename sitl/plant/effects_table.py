@@ -39,7 +39,8 @@ tyre_slip             C [N/rad] of each axle, Izz [kg m2]
 roll_dof              k_phi [N m/rad], b_phi [N m s/rad]
 roll_steer            e [rad/rad]: d + e phi at the front wheels; "rear axle": e phi at the rear wheels
 yaw_damping           c [N m s]: yaw moment -c r; "over r/V": -c r V0/V with V0 = 1 m/s
-side_wind             w [m/s2], psi0 [rad]: side force m w cos(psi - psi0) to the left
+side_wind             w [m/s2], psi0 [rad], x [m]: side force m w cos(psi - psi0) to the left, at the height of the
+                      CG, x ahead of it
 suspension_friction   T [N m]: T sgn p against roll
 speed_variation       D [s/m]: D a_y2 off V', in addition to the drag of turned wheels
 imu_offset            x, z [m]: the IMU further forward, further up than imu_position
@@ -152,7 +153,11 @@ PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
     "roll_dof": {"k_phi": _positive(1e6, " N m/rad"), "b_phi": _size(1e5, " N m s/rad")},
     "roll_steer": {"e": _either(5.0, " rad/rad")},
     "yaw_damping": {"c": _size(1e6, " N m s")},
-    "side_wind": {"w": _size(20.0, " m/s2"), "psi0": _either(6.3, " rad")},
+    "side_wind": {
+        "w": _size(20.0, " m/s2"),
+        "psi0": _either(6.3, " rad"),
+        "x": _either(5.0, " m", optional=True),
+    },
     "suspension_friction": {"T": _size(1e3, " N m")},
     "speed_variation": {"D": _size(5.0, " s/m")},
     "imu_offset": {"x": _either(5.0, " m", optional=True), "z": _either(5.0, " m", optional=True)},

@@ -9,7 +9,7 @@ import pytest
 from augmented_models import model
 from test_augmented_variant import driven, plain, rms, simulated
 
-from rover_sweep.diagnosis.simulation.table_law import TableLaw
+from rover_sweep.diagnosis.simulation.table_law import TableLaw, resonator
 from rover_sweep.report.export.augmented_model_json import augmented_document, augmented_from
 from rover_sweep.report.export.plant_variant import variant_text
 from sitl.plant.plant_law import table_laws
@@ -35,9 +35,12 @@ def test_a_law_does_in_the_plant_what_it_does_in_the_model(name: str, tmp_path: 
     assert rms(done - wanted) < 0.12 * rms(wanted)
 
 
-def test_a_law_over_what_the_plant_lacks_is_a_sentence(tmp_path: Path) -> None:
-    text = variant_text(replace(model(), laws=(TableLaw("sensor of r", "signal", (0.0, 1.0), (0.0, 0.1)),)))
+def test_a_law_that_the_plant_lacks_is_a_sentence(tmp_path: Path) -> None:
+    swinging = replace(resonator("side force", "a_y", 1.4, 0.1), y=(0.3, 0.0))
+    laws = (TableLaw("sensor of r", "signal", (0.0, 1.0), (0.0, 0.1)), swinging)
+    text = variant_text(replace(model(), laws=laws))
     assert "# The law at the sensor of r over signal is not included" in text
+    assert "# The resonance at the side force over a_y is not included" in text
     path = tmp_path / "a.toml"
     path.write_text(text)
     assert load_variant(path).laws == ()

@@ -11,7 +11,7 @@ from rover_sweep.report.wording.effect_names import title
 README = Path(__file__).parents[2] / "docs/effects.md"
 REPORTED = {
     "cross_slope": ("b", "psi0"),  # fitted as a cosine and a sine, reported as size and direction
-    "side_wind": ("w", "psi0"),  # likewise
+    "side_wind": ("w", "psi0", "x"),  # likewise
     "suspension_friction": ("T",),  # how sharply it turns over is the simulation's
 }
 

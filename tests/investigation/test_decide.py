@@ -21,7 +21,7 @@ from fabricated import (
 
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
 from rover_sweep.diagnosis.plans.next_run import RunValue, effects_of
-from rover_sweep.diagnosis.posterior.weights import COARSE
+from rover_sweep.diagnosis.problem.least_squares import COARSE
 from rover_sweep.diagnosis.result import Finding, UpperBound
 from rover_sweep.investigation.decide import first_run, next_step
 from rover_sweep.investigation.next_step import Means

@@ -74,11 +74,15 @@ def test_yaw_damping_is_a_moment_against_the_turn(form: str, share: float) -> No
 
 
 def test_side_wind_turns_with_the_heading_and_is_felt() -> None:
-    found = axles({"side_wind": {"w": 0.5, "psi0": 0.7}})
+    found = axles({"side_wind": {"w": 0.5, "psi0": 0.7, "x": 0.1}})
     plain = Axles(SMOOTH, Road(SMOOTH, 1)).forces(*MOTION)
     for psi in (0.0, 0.7, 3.0):
         found.travel(0.01, 0.0, psi)
-        assert found.forces(*MOTION)[1] - plain[1] == pytest.approx(NOMINAL.mass * 0.5 * cos(psi - 0.7))
+        pushed = NOMINAL.mass * 0.5 * cos(psi - 0.7)
+        _, side, yaw, roll = (a - b for a, b in zip(found.forces(*MOTION), plain, strict=True))
+        assert (side, yaw) == (pytest.approx(pushed), pytest.approx(0.1 * pushed))
+        body = NOMINAL.sprung_mass / NOMINAL.mass * pushed
+        assert roll == pytest.approx(-body * NOMINAL.cg_height_above_roll_centre)
 
 
 def test_a_change_of_ground_over_ten_seconds_and_one_all_along() -> None:

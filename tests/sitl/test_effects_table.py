@@ -31,7 +31,7 @@ def test_ids_and_parameters_of_the_contract() -> None:
         "steering_scale": {"s"},
         "steering_compliance": {"k"},
         "yaw_damping": {"c"},
-        "side_wind": {"w", "psi0"},
+        "side_wind": {"w", "psi0", "x"},
         "sensor_scale": {"gyro", "accel"},
         "servo_rate_limit": {"R"},
         "steering_deadband": {"w"},

@@ -26,6 +26,12 @@ def weight_across(motion: Motion, q: Values, mass: float) -> Force:
     return -mass * GRAVITY * side, 0.0, motion["ms_h"] * GRAVITY * side
 
 
+def blown(motion: Motion, q: Values, mass: float) -> Force:
+    """Side force [N] of a wind on the body, its yaw moment, and its roll moment about the roll axis [N m]."""
+    side = _by_heading(motion, q["w_cos"], q["w_sin"])
+    return mass * side, q["x"] * mass * side, -motion["ms_h"] * side
+
+
 def polar(cosine: float, sine: float, size: tuple[str, str, str], largest: str) -> Reported:
     """What was fitted by two components, for a user. size: (name, unit, meaning) of its size."""
     name, *words = size
@@ -99,8 +105,8 @@ LAWS = (
             found["b_cos"], found["b_sin"], ("b", "rad", "slope of the ground"), "+a_y"
         ),
     ),
-    # w: force per mass, at the CG. The accelerometer measures it, unlike the weight on a slope. Needs a
-    # heading.
+    # w: force per mass, on the body at the height of its CG. The accelerometer measures it, unlike the weight
+    # on a slope. Needs a heading.
     ForceEffect(
         id="side_wind",
         title="side wind",
@@ -109,13 +115,15 @@ LAWS = (
         parameters=(
             P("w_cos", "m/s^2", 0.4, -4.0, 4.0, "w cos(psi0)", tolerance=0.08, matters=0.2),
             P("w_sin", "m/s^2", 0.4, -4.0, 4.0, "w sin(psi0)", tolerance=0.08, matters=0.2),
+            P("x", "m", 0.03, -0.1, 0.1, "where it acts, ahead of the CG", grows_with="wheelbase"),
         ),
         apart="turns with the heading as a slope does, but the accelerometer measures it",
         next_run="the same run in the opposite direction, on a calm day",
-        act=lambda motion, q, mass: (mass * _by_heading(motion, q["w_cos"], q["w_sin"]), 0.0, 0.0),
-        report_values=lambda found: polar(
-            found["w_cos"], found["w_sin"], ("w", "m/s^2", "side force per mass"), "push left"
-        ),
+        act=blown,
+        report_values=lambda found: {
+            **polar(found["w_cos"], found["w_sin"], ("w", "m/s^2", "side force per mass"), "push left"),
+            "x": (found["x"], "m", "where it acts, ahead of the CG"),
+        },
         baselines=("roll-yaw", "bicycle"),
     ),
 )

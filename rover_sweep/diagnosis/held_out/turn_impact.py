@@ -42,10 +42,14 @@ class Turn:
     path: float
 
     @property
+    def change(self) -> float:
+        """The largest of delay [s], change of r, and half the distance over the length of the turn."""
+        return max(abs(self.delay), abs(self.rate), 0.5 * self.path / (self.speed * LONGEST))
+
+    @property
     def visible(self) -> bool:
         """True where a driver would see the change of the turn."""
-        aside = 0.5 * self.path / (self.speed * LONGEST)
-        return max(abs(self.delay), abs(self.rate), aside) >= VISIBLE
+        return self.change >= VISIBLE
 
 
 def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Turn | None:
@@ -58,8 +62,15 @@ def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Tu
         return None
     speed = float(np.mean([run.mean_speed for run in used]))
     angle = max(float(run.amplitude) for run in used)
-    step = _step(used[0], speed, angle)
-    rest = _without(law, whole)
+    step, rest = _step(used[0], speed, angle), _without(law, whole)
+    turning = np.cumsum(motion(step, rest.model.structure, rest.x)["r"]) / RATE
+    # slope and wind act by the heading
+    turns = [_turn(replace(step, heading=psi + turning), rest, whole) for psi in (0.0, 0.5 * np.pi)]
+    return max((t for t in turns if t), key=lambda t: t.change, default=None)
+
+
+def _turn(step: Experiment, rest: FittedModel, whole: FittedModel) -> Turn | None:
+    """One step of steering with both models, None where it is the same."""
     without = motion(step, rest.model.structure, rest.x)
     with_it = motion(step, whole.model.structure, whole.x)
     if np.allclose(without["r"], with_it["r"], atol=1e-9):
@@ -75,8 +86,8 @@ def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Tu
     end = min(int(turned[0]) if turned.size else last, last)
     places = [_place(m, begin, end) for m in (without, with_it)]
     return Turn(
-        speed,
-        angle,
+        float(step.speed[0]),
+        float(np.max(np.abs(step.steer))),
         float(abs(heading[end])),
         float(_half(r1, ends[1]) - _half(r0, ends[0])) / RATE,
         ends[1] / ends[0] - 1.0,

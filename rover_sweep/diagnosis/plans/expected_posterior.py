@@ -31,8 +31,8 @@ from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.plans.run_evidence import Assumed, RunEvidence
-from rover_sweep.diagnosis.posterior.weights import COARSE, ELSE, FIRST, POWER, SPAN, WIDTH
-from rover_sweep.diagnosis.problem.least_squares import WEAK
+from rover_sweep.diagnosis.posterior.weights import ELSE, FIRST, POWER, SPAN, WIDTH
+from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK
 from rover_sweep.diagnosis.search.candidate_fits import INSTANTS
 
 DRAWS = 32  # sets of data of each truth
@@ -64,12 +64,13 @@ class RunSet:
             gram[np.ix_(at, at)] += run.gram
             noise[:, at] += np.random.default_rng(n).standard_normal((DRAWS, len(at))) @ run.root
         known = {
-            ("nominal", c.name, 0): (c.scale / c.prior) ** 2 if c.prior else 0.0 for c in given.model.free
+            ("nominal", c.name, 0): COARSE * (c.scale / c.prior) ** 2 if c.prior else 0.0
+            for c in given.model.free
         }
         tied = {p.nominal for e in given.effects.values() for p in e.parameters}
         gone = [k for k, key in enumerate(keys) if key[0] in ("usual", "nominal") and key[1] not in tied]
         kept = [k for k in range(len(keys)) if k not in set(gone)]
-        prior = np.array([known.get(keys[k], 1.0) for k in gone])
+        prior = np.array([known.get(keys[k], COARSE) for k in gone])
         drawn = np.random.default_rng(len(gone)).standard_normal((DRAWS, len(gone)))
         noise += np.divide(drawn, np.sqrt(prior), out=np.zeros_like(drawn), where=prior > 0.0) @ gram[gone]
         inner = gram[np.ix_(gone, gone)] + np.diag(prior + WEAK * (1.0 + np.diag(gram)[gone]))
@@ -119,7 +120,7 @@ class RunSet:
         for k, (effect, name, _) in enumerate(self.keys):
             if effect == "nominal":
                 c = nominal[name]
-                weight[k] += (c.scale / c.prior) ** 2 if c.prior else 0.0
+                weight[k] += COARSE * (c.scale / c.prior) ** 2 if c.prior else 0.0
                 low[k], high[k] = (
                     (c.low - self.given.x[name]) / c.scale,
                     (c.high - self.given.x[name]) / c.scale,

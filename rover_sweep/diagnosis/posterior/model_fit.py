@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rover_sweep.diagnosis.effects.kinds import SpeedGripEffect, VehicleEffect
 from rover_sweep.diagnosis.posterior.model_error import structural_error
-from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, problem
 from rover_sweep.diagnosis.problem.signatures import columns, signatures
 from rover_sweep.diagnosis.problem.speed_drift import speed_drift
@@ -62,9 +63,13 @@ def model_fit(
 def in_metric_of(plain: Problem, fitted: Fitted, model: Model) -> Problem:
     """The problem in the metric of what every rover has: tolerances, errors of speed and structure."""
     effects = possible(model, plain.runs)[0]
-    usual = signatures(plain, fitted, model, effects, tolerances=True)
-    usual += [*speed_drift(plain, fitted), *structural_error(plain, fitted)]
-    return plain.in_metric(columns(usual, plain.size))
+    known = signatures(plain, fitted, model, effects, tolerances=True)
+    inexact = {e.id for e in effects if isinstance(e, VehicleEffect | SpeedGripEffect)}
+    usual = [*(s for s in known if s.effect in inexact), *structural_error(plain, fitted)]
+    measured = [*(s for s in known if s.effect not in inexact), *speed_drift(plain, fitted)]
+    # what people know of a part counts in full, as a prior does; the equations are as inexact as the rows
+    both = columns(usual, plain.size), columns(measured, plain.size) / np.sqrt(COARSE)
+    return plain.in_metric(np.column_stack(both))
 
 
 def fit_with_floor(

@@ -14,17 +14,19 @@ from collections.abc import Callable, Mapping
 from math import exp
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
-from rover_sweep.diagnosis.problem.least_squares import Fitted, prior_information
+from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, prior_information
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.simulation.nominal import Coordinate, physical_numbers
 
 DRAWS = 400
+SWEEPS = 12  # of the sampler, over all axes
 LEVEL = (5.0, 95.0)  # percent
 SURE = 0.95  # share of the draws that are implausible, from which a number is
 OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
@@ -34,22 +36,45 @@ FEWEST = 4  # lines of an octave that form a group
 
 
 def draw_coordinates(last: ModelFit, seed: int) -> list[dict[str, float]]:
-    """`DRAWS` coordinates {name: value} from the Gaussian at the fit, clipped to the bounds."""
+    """`DRAWS` coordinates {name: value} from the Gaussian at the fit, cut off at the bounds."""
     fitted = last.fitted
     scale = np.array([c.scale for c in fitted.free])
-    values, axes = np.linalg.eigh(fit_covariance(last.problem, fitted))
-    random = np.random.default_rng(seed)
-    moves = random.standard_normal((DRAWS, scale.size)) * np.sqrt(np.maximum(values, 0.0)) @ axes.T
     centre = np.array([fitted.x[c.name] for c in fitted.free])
-    low, high = np.array([c.low for c in fitted.free]), np.array([c.high for c in fitted.free])
-    drawn = np.clip(centre + moves * scale, low, high)
+    low = (np.array([c.low for c in fitted.free]) - centre) / scale
+    high = (np.array([c.high for c in fitted.free]) - centre) / scale
+    drawn = centre + _inside(fit_covariance(last.problem, fitted), low, high, seed) * scale
     names = [c.name for c in fitted.free]
     return [{**fitted.x, **dict(zip(names, map(float, row), strict=True))} for row in drawn]
 
 
+def _inside(covariance: Array, low: Array, high: Array, seed: int) -> Array:
+    """`DRAWS` changes (n, k) from a Gaussian about 0 between bounds (k,), which hold 0.
+
+    Gibbs sampling along the axes of the covariance: where two coordinates take each other's place, the bound
+    of one is a bound of the other.
+    """
+    values, axes = np.linalg.eigh(covariance)
+    axes, spread = axes.T, np.sqrt(np.maximum(values, 1e-12))
+    random = np.random.default_rng(seed)
+    at, along = np.zeros((DRAWS, low.size)), np.zeros((DRAWS, low.size))
+    for _ in range(SWEEPS):
+        for j in np.flatnonzero(values > 0.0):
+            rest = at - along[:, j : j + 1] * axes[j]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ends = np.stack(((low - rest) / axes[j], (high - rest) / axes[j]))
+            ends[:, :, np.abs(axes[j]) < 1e-9] = np.array([-np.inf, np.inf])[:, None, None]
+            first, last = np.max(ends.min(axis=0), axis=1), np.min(ends.max(axis=0), axis=1)
+            below, above = ndtr(first / spread[j]), ndtr(last / spread[j])
+            share = below + (above - below) * random.uniform(size=DRAWS)
+            found = spread[j] * ndtri(np.clip(share, 1e-12, 1.0 - 1e-12))
+            along[:, j] = np.clip(found, first, np.maximum(first, last))
+            at = rest + along[:, j : j + 1] * axes[j]
+    return np.clip(at, low, high)
+
+
 def fit_covariance(problem: Problem, fitted: Fitted) -> Array:
     """Covariance (k, k) of the coordinates of a fit over their scales, see the module."""
-    prior = prior_information(fitted.free)
+    prior = prior_information(fitted.free) / COARSE  # the noise counts in full here
     scanned = np.array([_scanned(c, fitted.x[c.name]) for c in fitted.free])
     inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + scanned + 1e-6))
     scores = _scores(problem, fitted)

@@ -28,7 +28,8 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun, fit_of
 from rover_sweep.diagnosis.posterior.infer import SURE
-from rover_sweep.diagnosis.posterior.weights import COARSE, FIRST, SPAN, WIDTH
+from rover_sweep.diagnosis.posterior.weights import FIRST, SPAN, WIDTH
+from rover_sweep.diagnosis.problem.least_squares import COARSE
 from rover_sweep.diagnosis.result import EffectValue, Finding, HeldOut, Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, smoothed
 from rover_sweep.diagnosis.simulation.kernel import summed_with_loss

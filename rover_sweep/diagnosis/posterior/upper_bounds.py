@@ -27,8 +27,7 @@ from scipy.special import ndtr, ndtri
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
-from rover_sweep.diagnosis.posterior.weights import COARSE
-from rover_sweep.diagnosis.problem.least_squares import WEAK
+from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK
 from rover_sweep.diagnosis.result import Unseen, UpperBound
 from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
 from rover_sweep.diagnosis.search.material import EARLIER, LAGS, least_size, material_sizes
@@ -196,7 +195,7 @@ def sides(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]
         low, high, slack = 0.0, 0.0, 0.0
         if p.nominal:
             c = nominal[p.nominal]
-            low, high, slack = c.low / p.per, c.high / p.per, (c.prior or 0.0) / p.per
+            low, high, slack = c.low / p.per, c.high / p.per, (c.prior or 0.0) / p.per / np.sqrt(COARSE)
             if c.prior:
                 low = high = c.start / p.per
         if effect.id == "clock_offset" and not model.two_clocks:

@@ -4,10 +4,9 @@
 
 C: sum of squares of rows and priors in the runs of the fit, H: of the rows of held-out runs, to which nothing
 is fitted. v, v_h: mean squares of a row under the best explanation, at least 1. t, t_h: no model is exact, so
-thousands of rows do not count as thousands of witnesses (a coarsened likelihood: Miller and Dunson 2019,
-J. Am. Stat. Assoc. 114). Occam: the width that the data leave to each parameter of an effect over the width
-of its prior, once for each form, and run, that was tried (Laplace's approximation: MacKay 1992, Neural
-Computation 4(3)).
+thousands of rows do not count as thousands of witnesses (`problem.least_squares`). Occam: the width that the
+data leave to each parameter of an effect over the width of its prior, once for each form, and run, that was
+tried (Laplace's approximation: MacKay 1992, Neural Computation 4(3)).
 
 With E there may be something else, a family f without a name (`unnamed`), which has the weight
 
@@ -33,14 +32,14 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.posterior.explanations import Explanation
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily
-from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, prior_information
+from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK, Fitted, prior_information
 from rover_sweep.diagnosis.search.material import is_material
 
-COARSE, COARSE_HELD = 6.0, 8.0  # t and t_h
-FIRST, FURTHER = -0.6, -2.8  # ln prior of one effect over none, and of each further one
-ELSE, POWER = -2.8, 0.35  # ln prior of something else, and the power of its marginal likelihood
-KEPT = 8.0  # gain of an effect over that of something else, at which it is a proxy in half of the cases
-LEAST_GAIN = 10.0  # drop of the cost over the variance of a row, below which an effect does not matter
+COARSE_HELD = 4.5  # t_h
+FIRST, FURTHER = -0.85, -2.7  # ln prior of one effect over none, and of each further one
+ELSE, POWER = -3.2, 0.45  # ln prior of something else, and the power of its marginal likelihood
+KEPT = 6.0  # gain of an effect over that of something else, at which it is a proxy in half of the cases
+LEAST_GAIN = 13.0  # drop of the cost over the variance of a row, below which an effect does not matter
 WIDTH = 2.5  # prior width of a parameter over the size at which its effect is plainly visible
 JUMP = 0.03  # relative width that the data leave to a parameter that is scanned
 HUGE = 1e9  # standard deviation of a coordinate that the data do not hold

@@ -2,10 +2,14 @@
 
 The problem: minimise over the free coordinates x, low <= x <= high,
 
-    cost(x) = |y - f(x)|^2 + sum over coordinates with a prior ((x_k - start_k)/prior_k)^2
+    cost(x) = |y - f(x)|^2 + t sum over coordinates with a prior ((x_k - start_k)/prior_k)^2
+
+t = `COARSE`: no model is exact, so thousands of rows do not count as thousands of witnesses. Their likelihood
+is taken to the power 1/t (Miller and Dunson 2019, J. Am. Stat. Assoc. 114), what people know of a number is
+not. A cost over t is then twice a negative log of a probability.
 
 y: whitened measured rows, f(x): the model's rows. With r = y - f(x), the scaled step h_k = dx_k/scale_k, the
-Jacobian J (size, k) of f by x/scale, and W = diag((scale/prior)^2), the linearised cost is minimal where
+Jacobian J (size, k) of f by x/scale, and W = t diag((scale/prior)^2), the linearised cost is minimal where
 
     (N + damping diag(N)) h = J^T r + W (start - x)/scale,   N = J^T J + W
 
@@ -38,6 +42,8 @@ from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
 from rover_sweep.diagnosis.simulation.structure import Structure
 
+COARSE = 6.0
+"""How many rows count as one; with `posterior.weights` the largest mean log score on drawn rovers."""
 WEAK = 1e-9  # information on a coordinate without a prior, so that a singular problem can be inverted
 AT_BOUND = 1e-6  # of a coordinate's scale: nearer to a bound, it is at the bound
 
@@ -150,12 +156,12 @@ def _jacobian(
 
 
 def prior_information(free: Sequence[Coordinate], absent: float = 0.0) -> Array:
-    """1/variance (k,) of the coordinates' priors, in their scales; absent: where there is no prior."""
-    return np.array([(c.scale / c.prior) ** 2 if c.prior else absent for c in free])
+    """W (k,) of the coordinates' priors, in their scales; absent: where there is no prior."""
+    return np.array([COARSE * (c.scale / c.prior) ** 2 if c.prior else absent for c in free])
 
 
 def _prior_cost(free: Sequence[Coordinate], x: Mapping[str, float]) -> float:
-    return sum(((x[c.name] - c.start) / c.prior) ** 2 for c in free if c.prior)
+    return COARSE * sum(((x[c.name] - c.start) / c.prior) ** 2 for c in free if c.prior)
 
 
 def _step(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +73,8 @@ def linear_prediction(
         predicted, amount = score(space.outside(rows - now), outside)
         if (amount > 0 or effect.signed) and predicted > (best[0] if best else 0.0):
             best = predicted, amount, start
+    if together := _together(effect, base, space, starts, [rows - now for rows in models]):
+        best = max(best or together, together, key=lambda one: one[0])
     if best is None or (best[0] < NO_GAIN and added_coordinates(effect)):
         return None
     predicted, amount, start = best
@@ -83,6 +85,29 @@ def linear_prediction(
         k: v if k.endswith(".t") else base.x.get(k, 0.0) + (v - base.x.get(k, 0.0)) * factor
         for k, v in start.items()
     }
+
+
+def _together(
+    effect: Effect, base: Fitted, space: Tangent, starts: Sequence[Mapping[str, float]], rows: Sequence[Array]
+) -> tuple[float, float, dict[str, float]] | None:
+    """(predicted gain, 1.0, start) of all parameters at once, None for an effect with one or an instant.
+
+    rows: what each start adds; of each parameter the smallest change counts, which is nearest to linear.
+    """
+    names = [effect.coordinate_name(p) for p in effect.parameters]
+    moved = [{n: s[n] - base.x.get(n, 0.0) for n in names} for s in starts] if not effect.in_one_run else []
+    first: dict[str, int] = {}
+    for k, (move, added) in enumerate(zip(moved, rows, strict=False)):
+        for name in names:
+            if move[name] and float(added @ added) > 0.0:
+                first.setdefault(name, k)
+    if len(first) < 2 or not effect.signed:
+        return None
+    columns = space.outside(np.column_stack([rows[k] for k in first.values()]))
+    amounts, *_ = np.linalg.lstsq(columns, space.outside(base.rows))
+    gain = float(np.sum((columns @ amounts) ** 2))
+    change = {n: float(a) * moved[k][n] for (n, k), a in zip(first.items(), amounts, strict=True)}
+    return gain, 1.0, {n: base.x.get(n, 0.0) + change.get(n, 0.0) for n in names}
 
 
 def _scanned(

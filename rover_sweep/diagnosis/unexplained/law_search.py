@@ -18,8 +18,15 @@ from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.held_out.worth import EXPLAINABLE
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families
-from rover_sweep.diagnosis.posterior.weights import COARSE, POWER
-from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, fit, prior_information, sensitivities
+from rover_sweep.diagnosis.posterior.weights import POWER
+from rover_sweep.diagnosis.problem.least_squares import (
+    COARSE,
+    WEAK,
+    Fitted,
+    fit,
+    prior_information,
+    sensitivities,
+)
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import LawHeldOut
 from rover_sweep.diagnosis.simulation.nominal import Coordinate
@@ -115,7 +122,7 @@ def _with(
     """A family fitted with all that a model has: (the law, the model with its own Jacobian)."""
     root = best.prior_root(variance)
     start = np.linalg.lstsq(root, best.amounts(variance))[0]
-    free = [Coordinate(f"{name}.z{k}", 0.0, -np.inf, np.inf, 1.0, 1.0) for k in range(start.size)]
+    free = [Coordinate(f"{name}.z{k}", 0.0, -np.inf, np.inf, 1.0, np.sqrt(COARSE)) for k in range(start.size)]
     if best.law.memory == "resonance":
         free += [Coordinate(f"{name}.{n}", 0.0, -SPREAD * s, SPREAD * s, s, s) for n, s in RESONATOR.items()]
     effect = law_effect(best.law, base.structure.rover, name, root)

@@ -23,7 +23,8 @@ def exported_laws(model: AugmentedModel) -> list[TableLaw]:
 def laws_not_in_the_plant(model: AugmentedModel) -> list[str]:
     """A sentence for each law that the simulated rover does not have."""
     return [
-        f"the law at the {law.place} over {law.over} is not included: this rover has no such table"
+        f"the {law.memory if law.memory == 'resonance' else 'law'} at the {law.place} over {law.over} "
+        "is not included: this rover has no such table"
         for law in model.laws
         if not _in_the_plant(law)
     ]
@@ -40,4 +41,4 @@ def law_lines(law: TableLaw) -> list[str]:
 
 
 def _in_the_plant(law: TableLaw) -> bool:
-    return not law.place.startswith("sensor") and law.over in IN_THE_PLANT and law.memory != "lag"
+    return not law.place.startswith("sensor") and law.over in IN_THE_PLANT and law.memory in ("", "play")

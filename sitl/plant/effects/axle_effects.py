@@ -41,6 +41,9 @@ class EffectAxles(Axles):
         self._by_speed = form(effects, "yaw_damping") == "over r/V"
         self._wind = number(effects, "side_wind", "w") * parameters.mass
         self._windward = number(effects, "side_wind", "psi0")
+        self._ahead = number(effects, "side_wind", "x")
+        # of the sprung mass, about the roll axis
+        self._above = parameters.cg_height_above_roll_centre * parameters.sprung_mass / parameters.mass
         self._pushed = 0.0
         self._friction = number(effects, "suspension_friction", "T")
         self._drag = number(effects, "speed_variation", "D") * parameters.mass
@@ -70,7 +73,8 @@ class EffectAxles(Axles):
         fx = along_r + drag_f * cs - side_f * ss - self._drag * lateral * lateral * direction(vx)
         roll = road.roll_moment - self._friction * p / sqrt(p * p + FRICTION_ROUNDING**2)
         resisting = self._against * r / (max(abs(vx), LOW_SPEED) if self._by_speed else 1.0)
-        yaw = a * front - b * side_r + road.yaw_moment - resisting
+        roll -= self._pushed * self._above
+        yaw = a * front - b * side_r + road.yaw_moment - resisting + self._pushed * self._ahead
         return fx, front + side_r + road.force + self._pushed, yaw, roll
 
     def _sides(
