@@ -39,8 +39,8 @@ tyre_slip             C [N/rad] of each axle, Izz [kg m2]
 roll_dof              k_phi [N m/rad], b_phi [N m s/rad]
 roll_steer            e [rad/rad]: d + e phi at the front wheels; "rear axle": e phi at the rear wheels
 yaw_damping           c [N m s]: yaw moment -c r; "over r/V": -c r V0/V with V0 = 1 m/s
-side_wind             w [m/s2], psi0 [rad], x [m]: side force m w cos(psi - psi0) to the left, at the height of
-                      the CG, x ahead of it
+side_wind             w [m/s2], psi0 [rad], x [m]: side force m w cos(psi - psi0) to the left, at the
+                      height of the CG, x ahead of it
 suspension_friction   T [N m]: T sgn p against roll
 speed_variation       D [s/m]: D a_y2 off V', in addition to the drag of turned wheels
 imu_offset            x, z [m]: the IMU further forward, further up than imu_position
