@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
 from rover_sweep.diagnosis.search.candidate_fits import (
     ASTRAY,
@@ -39,6 +39,7 @@ FAR_OFF = 1.5  # mean square of a row from which a fit is far off
 WORTH = 6.0  # predicted gain over a row's variance, below which an effect is not fitted
 PASSES = 3  # most fresh Jacobians of a fit
 CONVERGED = 1.0  # drop of the cost over a row's variance that ends it
+BEATEN = 30.0  # ln of odds from which something without a name ends the search
 GOES_ON = 12.0  # gain over a row's variance from which one more effect is tried
 
 
@@ -66,14 +67,16 @@ def explored(
     first: Explanation,
     effects: Sequence[Effect],
     nearer: Callable[[Explanation], tuple[Problem, Explanation]],
+    unnamed: Callable[[Problem, Explanation], float],
     progress: Progress = lambda what, share: None,
 ) -> tuple[Problem, Explanation, list[Explanation]]:
     """(problem, explanation that its metric was made at, the explanations that were found).
 
     first: without effects, fitted to the problem, whose metric was made at it. The smallest cost comes first.
     nearer(explanation): the problem in the metric made there, and `first` in it; it is asked where `first` is
-    far off and the best single effect is not. Where the problem's stop is true, those found so far.
-    progress(activity, share of all the work).
+    far off and the best single effect is not. unnamed(problem, explanation): ln of the weight of something
+    without a name in what `first` leaves; where that is far above the best single effect, no further one is
+    tried. Where the problem's stop is true, those found so far. progress(activity, share of all the work).
     """
     pool: dict[frozenset[str], Explanation] = {first.effects: first}
     level, alone, made_at = [first], dict[str, Explanation](), first
@@ -95,9 +98,17 @@ def explored(
         least = min(e.cost for e in level)
         if not ranked or least - ranked[0].cost < GOES_ON * ranked[0].fitted.overdispersion:
             break
+        if not depth and _beaten(unnamed(problem, first), first, ranked[0]):
+            break
         level = ranked
     pool |= {e.effects: e for e in _missing_parts(problem, pool)}
     return problem, made_at, sorted(pool.values(), key=lambda e: e.cost)
+
+
+def _beaten(unnamed: float, first: Explanation, best: Explanation) -> bool:
+    """True where something without a name is far more probable than an effect, whatever is added to that."""
+    gain = (first.cost - best.cost) / (2.0 * COARSE * best.fitted.overdispersion)
+    return unnamed > gain + BEATEN
 
 
 def _missing_parts(problem: Problem, pool: Mapping[frozenset[str], Explanation]) -> list[Explanation]:
@@ -217,9 +228,12 @@ def _extended(
     free = [e for e in effects if e.id not in of.model.ids and of.effects | {e.id} not in known]
 
     def promise(e: Effect) -> Screened | None:
-        if e.id in alone:
-            return _again(problem, base, space, of.model, alone[e.id])
-        return screen(problem, base, space, of.model, e)
+        found = [_again(problem, base, space, of.model, alone[e.id])] if e.id in alone else []
+        if not found or (
+            len(e.parameters) > 1 and not e.in_one_run
+        ):  # alone, its shares may have been others
+            found.append(screen(problem, base, space, of.model, e))
+        return max((f for f in found if f), key=lambda f: f.predicted, default=None)
 
     screened = [s for s in side_by_side(promise, free) if s]
     worth = WORTH * base.overdispersion
@@ -232,7 +246,8 @@ def _extended(
         if np.inf > short > max((1.0 - ASTRAY) * s.predicted, NEAR * base.overdispersion)
         and _starts_anywhere(s.model)
     ]
-    if base.overdispersion >= FAR_OFF and not any(_comes_near(base, e.fitted) for e in found):
+    first_far = not of.effects and base.overdispersion >= FAR_OFF
+    if first_far and not any(_comes_near(base, e.fitted) for e in found):
         again = _promising_from_start(problem, of.model, free)
     found += side_by_side(partial(_from_start, problem), again)
     return list({e.effects: e for e in sorted(found, key=lambda e: -e.cost)}.values())

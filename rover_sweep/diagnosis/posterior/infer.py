@@ -14,6 +14,8 @@ from rover_sweep.diagnosis.posterior.explanations import Explanation, explored, 
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, in_metric_of, model_fit
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families, held_out_costs
 from rover_sweep.diagnosis.posterior.weights import (
+    ELSE,
+    POWER,
     ExplanationEvidence,
     Posterior,
     SomethingElse,
@@ -21,7 +23,7 @@ from rover_sweep.diagnosis.posterior.weights import (
     evidence_of,
     posterior,
 )
-from rover_sweep.diagnosis.problem.least_squares import cost_of, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import COARSE, cost_of, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, never, with_floor
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -125,7 +127,14 @@ def explore(
     effects = possible(model, runs, options.only, options.without)[0]
     searched = replace(none.problem, stop=options.stop)
     nearer = partial(_made_at, none, options.stop)
-    problem, made_at, every = explored(searched, first, effects, nearer, options.progress)
+    tried: dict[frozenset[str], tuple[UnnamedFamily, ...]] = {}
+
+    def unnamed(problem: Problem, first: Explanation) -> float:
+        variance = COARSE * first.fitted.overdispersion
+        tried[first.effects] = _families(problem, first, variance)
+        return ELSE + POWER * tried[first.effects][0].evidence(variance)
+
+    problem, made_at, every = explored(searched, first, effects, nearer, unnamed, options.progress)
     pool = tuple(e for e in every if e.own)
     without_effects = next(e for e in pool if not e.effects).fitted
     none = replace(none, problem=replace(problem, stop=never), fitted=without_effects)
@@ -140,10 +149,9 @@ def explore(
         return found
     options.progress("looking for what has no name", 0.88)
     variance = coarsened(evidence)
-    tried = {
-        ids: tuple(sorted(families(none.problem, found.of(ids).fitted), key=lambda f: -f.evidence(variance)))
-        for ids in (frozenset[str](), found.posterior.weighed[0].effects)
-    }
+    for ids in (frozenset[str](), found.posterior.weighed[0].effects):
+        if ids not in tried:
+            tried[ids] = _families(none.problem, found.of(ids), variance)
     found = replace(found, families=tried)
     return replace(found, others=tuple(_something_else(found, ids) for ids in tried))
 
@@ -175,6 +183,11 @@ def infer(
         found.gains,
         options.stop(),
     )
+
+
+def _families(problem: Problem, e: Explanation, variance: float) -> tuple[UnnamedFamily, ...]:
+    """The families in what an explanation leaves, the largest evidence first."""
+    return tuple(sorted(families(problem, e.fitted), key=lambda f: -f.evidence(variance)))
 
 
 def _something_else(found: Explored, effects: frozenset[str]) -> SomethingElse:
