@@ -18,6 +18,7 @@ from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, sen
 from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
 from rover_sweep.diagnosis.search.candidate_fits import (
     ASTRAY,
+    PER_PARAMETER,
     Screened,
     Tangent,
     fit_from,
@@ -182,7 +183,9 @@ def refitted(problem: Problem, one: Explanation) -> Explanation:
             known = best.fitted if other.parameters == law.parameters else _without(best.fitted, law.id)
             start = {**best.fitted.x, **_same_size(law, other, best.fitted.x)}
             near = fit(problem, model.structure, model.free, start, known=known)
-            if near.cost < best.cost - WORTH * near.overdispersion:
+            used = next(best.model.law(e) for e in best.model.effects if best.model.law(e).id == law.id)
+            more = PER_PARAMETER * (len(other.parameters) - len(used.parameters))
+            if near.cost + more < best.cost - WORTH * near.overdispersion:
                 best = _converged(problem, Explanation(model, near))
     return best
 

@@ -10,12 +10,15 @@ from scipy.linalg import qr
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, prior_information
+from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, prior_information
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 
 SCANNED_FROM = 30.0  # predicted gain from which the sizes of a law that jumps are scanned
 INSTANTS = 7  # at which a change of ground is tried in each run
+PER_PARAMETER = (
+    6.0 * COARSE
+)  # gain that one more parameter of a form must bring: twice -ln of its Occam factor
 ASTRAY = 0.5  # share of the predicted gain below which a fit is repeated from nearer
 NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
 
@@ -165,7 +168,7 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
     ]
     found = [(m, linear_prediction(problem, base, space, m, law)) for law, m in extended]
     screened = [Screened(effect.id, m, *one) for m, one in found if one is not None]
-    return max(screened, key=lambda x: x.predicted, default=None)
+    return max(screened, key=lambda x: x.predicted - PER_PARAMETER * len(x.start), default=None)
 
 
 def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
