@@ -95,10 +95,10 @@ class Plant:
         effects = parameters.effects
         self._effects = EffectAxles(parameters, self._road) if IDS & effects.keys() else None
         self._axles: Axles = self._effects or Axles(parameters, self._road)
-        self._forces = self._axles.forces
-        if parameters.laws:
-            a, b = parameters.cg_to_front_axle, parameters.cg_to_rear_axle
-            self._forces = TableForces(self._axles, parameters.laws, parameters.mass, a, b).forces
+        a, b = parameters.cg_to_front_axle, parameters.cg_to_rear_axle
+        laws = parameters.laws
+        self._tables = TableForces(self._axles, laws, parameters.mass, a, b) if laws else None
+        self._forces = self._tables.forces if self._tables else self._axles.forces
         self._relaxation = self._effects.relaxation if self._effects else None
         self._slope = Slope(effects) if "cross_slope" in effects else None
         self._constants = _constants(parameters)
@@ -132,6 +132,8 @@ class Plant:
         else:
             for _ in range(substeps):
                 self._move(dt / substeps)
+        if self._tables is not None:
+            self._tables.advance(dt)
         state.t = end
 
     def derivatives(

@@ -8,6 +8,14 @@
     times = "a_y"            # optional factor: delta, a_y, r or v^2
     play = 0.02              # optional: x is the quantity behind a play of this half width
 
+    [[table_law]]            # a hidden resonator that `over` drives: a load that swings, a linkage that gives
+    place = "side force"
+    over = "a_y"
+    x = [0.0, 1.0]
+    y = [0.3, 0.0]           # for 1 of its displacement u, and of u'/w with w = 2 pi frequency
+    frequency = 1.4          # Hz: u'' + 2 damping w u' + w^2 u = w^2 over
+    damping = 0.1
+
 Linear between the points, constant beyond them. ISO axes, SI units: delta road-wheel angle, a_y lateral
 acceleration at the roll axis, beta sideslip angle, v speed ahead.
 """
@@ -21,7 +29,8 @@ from math import isfinite
 PLACES = ("steering", "side force front", "side force rear", "side force", "yaw moment", "roll moment")
 OVER = ("delta", "a_y", "r", "p", "phi", "beta", "v")
 FACTORS = ("", "delta", "a_y", "r", "v^2")
-_KEYS = ("place", "over", "x", "y", "times", "play")
+_KEYS = ("place", "over", "x", "y", "times", "play", "frequency", "damping")
+_FASTEST = 20.0  # Hz, that the steps of the simulation resolve
 _MOST, _LARGEST = 1000, 1e6  # points of a table; its numbers
 
 
@@ -35,6 +44,8 @@ class PlantLaw:
     y: tuple[float, ...]
     times: str = ""
     play: float = 0.0
+    frequency: float = 0.0
+    damping: float = 0.0
 
 
 def table_laws(entries: object, where: str) -> tuple[PlantLaw, ...]:
@@ -61,7 +72,13 @@ def _law(entries: Mapping[str, object], place: str) -> PlantLaw:
     play = _finite(entries.get("play", 0.0), f"{place}: play")
     if len(x) != len(y) or any(b <= a for a, b in zip(x, x[1:], strict=False)) or play < 0.0:
         raise ValueError(f"{place}: x must ascend, have as many numbers as y, and play be 0 or more")
-    return PlantLaw(str(entries["place"]), str(entries["over"]), x, y, str(times), play)
+    frequency, damping = (_finite(entries.get(key, 0.0), f"{place}: {key}") for key in _KEYS[-2:])
+    if frequency and not (0.0 < frequency <= _FASTEST and damping > 0.0 and len(y) == 2):
+        raise ValueError(
+            f"{place}: a resonator needs a frequency up to {_FASTEST:g} Hz, a damping above 0, and two y; "
+            f"it has {frequency:g} Hz, {damping:g} and {len(y)}"
+        )
+    return PlantLaw(str(entries["place"]), str(entries["over"]), x, y, str(times), play, frequency, damping)
 
 
 def _row(value: object, place: str) -> tuple[float, ...]:

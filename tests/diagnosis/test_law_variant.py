@@ -22,6 +22,8 @@ LAWS = {
     "yaw moment": TableLaw("yaw moment", "r", (-2.0, 0.0, 2.0), (1.4, 0.0, -1.4)),
     "side force front": TableLaw("side force front", "a_y", (-4.0, 4.0), (2.0, -2.0)),
     "side force rear": TableLaw("side force rear", "v", (1.0, 3.0), (0.2, 0.6), "a_y"),
+    "swinging load": replace(resonator("side force", "a_y", 1.4, 0.2), y=(0.25, 0.05)),
+    "soft linkage": replace(resonator("steering", "delta", 4.0, 0.3), y=(0.1, 0.0)),
 }
 
 
@@ -36,11 +38,8 @@ def test_a_law_does_in_the_plant_what_it_does_in_the_model(name: str, tmp_path: 
 
 
 def test_a_law_that_the_plant_lacks_is_a_sentence(tmp_path: Path) -> None:
-    swinging = replace(resonator("side force", "a_y", 1.4, 0.1), y=(0.3, 0.0))
-    laws = (TableLaw("sensor of r", "signal", (0.0, 1.0), (0.0, 0.1)), swinging)
-    text = variant_text(replace(model(), laws=laws))
+    text = variant_text(replace(model(), laws=(TableLaw("sensor of r", "signal", (0.0, 1.0), (0.0, 0.1)),)))
     assert "# The law at the sensor of r over signal is not included" in text
-    assert "# The resonance at the side force over a_y is not included" in text
     path = tmp_path / "a.toml"
     path.write_text(text)
     assert load_variant(path).laws == ()
@@ -59,6 +58,9 @@ def test_a_model_with_laws_survives_its_document() -> None:
     whole = replace(model(), laws=tuple(LAWS.values()))
     again = augmented_from(augmented_document(whole))
     assert again.laws == whole.laws and "a law at the yaw moment" in again.name
+    still = {**vars(LAWS["swinging load"]), "damping": 0.0}
+    with pytest.raises(ValueError, match="damping above 0"):
+        augmented_from({**augmented_document(whole), "laws": [still]})
     with pytest.raises(ValueError, match="no place"):
         augmented_from({**augmented_document(whole), "laws": [{**vars(LAWS["steering"]), "place": "moon"}]})
 
@@ -71,6 +73,8 @@ def test_a_model_with_laws_survives_its_document() -> None:
         ({"x": [0.0]}, "list of 2"),
         ({"y": [0.0, float("nan")]}, "finite"),
         ({"play": -1.0}, "play"),
+        ({"frequency": 1.4}, "damping above 0"),
+        ({"frequency": 30.0, "damping": 0.1}, "up to 20 Hz"),
         ({"colour": 1}, "has no colour"),
     ],
 )

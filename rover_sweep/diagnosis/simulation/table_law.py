@@ -47,6 +47,7 @@ OVER: Mapping[str, str] = {
     "signal_dot": "",
 }
 MEMORIES = ("", "lag", "play", "resonance")
+FASTEST = 20.0  # Hz, of a resonator
 LARGEST = 1e6  # largest accepted number of a table
 FACTORS = ("delta", "a_y", "r", "v^2")  # a table may be multiplied by one of them
 
@@ -114,6 +115,8 @@ def refuse_law(law: TableLaw) -> None:
         raise ValueError("the table of a law needs as many x as y, at least two, all of them finite")
     if not np.all(np.diff(law.x) > 0) or (law.memory and not law.size > 0.0):
         raise ValueError("the x of a law must increase, and its memory must be above 0")
+    if law.memory == "resonance" and not (law.size <= FASTEST and law.damping > 0.0 and len(law.y) == 2):
+        raise ValueError(f"a resonator needs a frequency up to {FASTEST:g} Hz, a damping above 0, and two y")
     if law.place == "steering" and (law.over not in ("delta", "delta_dot") or law.times):
         raise ValueError("a law in the steering depends on the steering angle only")
     if law.over.startswith("signal") and not law.place.startswith("sensor"):

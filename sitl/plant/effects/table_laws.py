@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
+from math import pi
 
 from sitl.plant.axles import Axles, Forces
 from sitl.plant.plant_law import PlantLaw
@@ -45,20 +46,34 @@ class TableForces:
                     turn += force * self._arm(table.place)
         return ahead, left + side, yaw + turn, roll + tilt
 
+    def advance(self, dt: float) -> None:
+        """Move what swings by dt [s]."""
+        for table in (*self._steering, *self._pushing):
+            table.advance(dt)
+
     def _arm(self, place: str) -> float:
         return {"side force front": self._front, "side force rear": -self._rear}.get(place, 0.0)
 
 
 class _Table:
-    """A table with the state of its play."""
+    """A table with the state of its play, or a resonator with its displacement and rate over w."""
 
     def __init__(self, law: PlantLaw) -> None:
         self.place = law.place
         self._law, self._behind = law, 0.0
+        self._driven = self._u = self._rate = 0.0
+
+    def advance(self, dt: float) -> None:
+        w, damping = 2.0 * pi * self._law.frequency, self._law.damping
+        self._rate += dt * w * (self._driven - self._u - 2.0 * damping * self._rate)
+        self._u += dt * w * self._rate
 
     def at(self, point: Point) -> float:
         law = self._law
         x = point[law.over]
+        if law.frequency > 0.0:
+            self._driven = x
+            return law.y[0] * self._u + law.y[1] * self._rate
         if law.play > 0.0:
             self._behind = x = min(max(self._behind, x - law.play), x + law.play)
         y = _interpolated(law.x, law.y, x)
