@@ -184,12 +184,16 @@ def _answer(
     left, laws = with_laws_of(left, last, held_out, found.families) if left else (left, None)
     variance = last.fitted.data_cost / last.problem.size
     whole = FittedModel(last.model, laws.fitted.x, laws.effects) if laws else full
+    if laws:  # the numbers that are said are those of the model that is kept
+        last = replace(last, problem=last.problem.plain, closest=laws.fitted, fitted=laws.fitted)
+        drawn = draw_coordinates(last, settings.seed)
     total = tuple(compare_held_out(run, nominal, whole) for run in held_out)
     if [f.effect for f in findings] == [SPEED]:  # the models driven with it
         total = findings[0].held_out
     cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
     weighed = found.posterior
-    if not found.stopped and weighed.something_else < 0.5:  # a model that is wrong bounds nothing
+    # a model that is wrong bounds nothing
+    if not found.stopped and not laws and weighed.something_else < 0.5:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     ends = {} if found.stopped else at_the_end(last.problem, last.fitted)
     doubts = (*implausible_numbers(last, drawn), *many_at_the_end(ends))
@@ -235,7 +239,8 @@ def _speed_answer(
     if found.stopped:
         judged = set(found.gains) | set(last.cannot_see)
         return _SpeedAnswer({e.id: STOPPED for e in library().values() if e.id not in judged})
-    if max(last.misfit.values(), default=1.0) > NOTABLE:
+    unnamed = found.posterior.something_else >= 0.5
+    if unnamed or max(last.misfit.values(), default=1.0) > NOTABLE:
         why = "the motion is not explained, so the drag of the turned wheels is not known"
         return _SpeedAnswer({SPEED: why})
     lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)

@@ -73,10 +73,11 @@ def _law(entries: Mapping[str, object], place: str) -> PlantLaw:
     if len(x) != len(y) or any(b <= a for a, b in zip(x, x[1:], strict=False)) or play < 0.0:
         raise ValueError(f"{place}: x must ascend, have as many numbers as y, and play be 0 or more")
     frequency, damping = (_finite(entries.get(key, 0.0), f"{place}: {key}") for key in _KEYS[-2:])
-    if frequency and not (0.0 < frequency <= _FASTEST and damping > 0.0 and len(y) == 2):
+    sound = 0.0 < frequency <= _FASTEST and damping > 0.0 and len(y) == 2 and not times and not play
+    if (frequency or damping) and not sound:
         raise ValueError(
-            f"{place}: a resonator needs a frequency up to {_FASTEST:g} Hz, a damping above 0, and two y; "
-            f"it has {frequency:g} Hz, {damping:g} and {len(y)}"
+            f"{place}: a resonator needs a frequency up to {_FASTEST:g} Hz, a damping above 0, two y, and no "
+            f"factor or play; it has {frequency:g} Hz, {damping:g} and {len(y)} y"
         )
     return PlantLaw(str(entries["place"]), str(entries["over"]), x, y, str(times), play, frequency, damping)
 

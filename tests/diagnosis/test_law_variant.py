@@ -57,7 +57,7 @@ def test_a_variant_with_laws_is_written_and_read_again(tmp_path: Path) -> None:
 def test_a_model_with_laws_survives_its_document() -> None:
     whole = replace(model(), laws=tuple(LAWS.values()))
     again = augmented_from(augmented_document(whole))
-    assert again.laws == whole.laws and "a law at the yaw moment" in again.name
+    assert again.laws == whole.laws and "laws at the yaw moment" in again.name
     still = {**vars(LAWS["swinging load"]), "damping": 0.0}
     with pytest.raises(ValueError, match="damping above 0"):
         augmented_from({**augmented_document(whole), "laws": [still]})
@@ -75,6 +75,8 @@ def test_a_model_with_laws_survives_its_document() -> None:
         ({"play": -1.0}, "play"),
         ({"frequency": 1.4}, "damping above 0"),
         ({"frequency": 30.0, "damping": 0.1}, "up to 20 Hz"),
+        ({"damping": 0.1}, "resonator"),
+        ({"frequency": 1.4, "damping": 0.1, "play": 0.1}, "no factor or play"),
         ({"colour": 1}, "has no colour"),
     ],
 )

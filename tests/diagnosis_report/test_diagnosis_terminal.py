@@ -57,7 +57,7 @@ explain.
 unknown
   The roll rate keeps 2.4 noise floors that the roll state predicts.
   2.4 × the noise in p, depends on phi and p.
-  Fitted curve: -0.31 phi^3 (explains 62 % of it on held-out data).
+  Fitted law: -0.31 phi^3 (explains 62 % of it on held-out data).
 """
 EXPECTED_PLAN = """\
 These runs cannot tell tyre relaxation from a delay, nor see the rate limit of

@@ -127,7 +127,9 @@ def left_out(model: AugmentedModel) -> list[str]:
             out.append(f"{effect.id} ({effect.equation}; {numbers}) {why}")
         if isinstance(effect, FilterEffect) and effect.heading:
             out.append("the lag of the heading behind a filtered gyro, which turns V_y, is not included")
-    out += [f"the law at the {law.place} over {law.over} is a table, not linear" for law in model.laws]
+    for law in model.laws:
+        why = "has a hidden state" if law.memory == "resonance" else "is a table, not linear"
+        out.append(f"the law at the {law.place} over {law.over} {why}")
     constants = {"trim": ("trim of the steering", "rad"), "bias_ay": ("constant of a_y", "m/s^2")}
     for name, (what, unit) in constants.items():
         if abs(model.value(name)) > 1e-6:

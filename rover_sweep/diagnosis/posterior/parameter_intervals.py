@@ -42,33 +42,33 @@ def draw_coordinates(last: ModelFit, seed: int) -> list[dict[str, float]]:
     centre = np.array([fitted.x[c.name] for c in fitted.free])
     low = (np.array([c.low for c in fitted.free]) - centre) / scale
     high = (np.array([c.high for c in fitted.free]) - centre) / scale
-    drawn = centre + _inside(fit_covariance(last.problem, fitted), low, high, seed) * scale
+    drawn = centre + between_bounds(fit_covariance(last.problem, fitted), low, high, seed) * scale
     names = [c.name for c in fitted.free]
     return [{**fitted.x, **dict(zip(names, map(float, row), strict=True))} for row in drawn]
 
 
-def _inside(covariance: Array, low: Array, high: Array, seed: int) -> Array:
+def between_bounds(covariance: Array, low: Array, high: Array, seed: int) -> Array:
     """`DRAWS` changes (n, k) from a Gaussian about 0 between bounds (k,), which hold 0.
 
-    Gibbs sampling along the axes of the covariance: where two coordinates take each other's place, the bound
-    of one is a bound of the other.
+    Gibbs sampling along the axes of the covariance, since the bound of one coordinate is a bound of another
+    that takes its place, and along each coordinate, since in a corner of the bounds no other way may be free.
     """
     values, axes = np.linalg.eigh(covariance)
-    axes, spread = axes.T, np.sqrt(np.maximum(values, 1e-12))
+    values = np.maximum(values, 1e-12)
+    precision = axes / values @ axes.T
     random = np.random.default_rng(seed)
-    at, along = np.zeros((DRAWS, low.size)), np.zeros((DRAWS, low.size))
+    at = np.zeros((DRAWS, low.size))
     for _ in range(SWEEPS):
-        for j in np.flatnonzero(values > 0.0):
-            rest = at - along[:, j : j + 1] * axes[j]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ends = np.stack(((low - rest) / axes[j], (high - rest) / axes[j]))
-            ends[:, :, np.abs(axes[j]) < 1e-9] = np.array([-np.inf, np.inf])[:, None, None]
+        for way in (*axes.T, *np.eye(low.size)):
+            known = way @ precision @ way
+            mean, spread = -(at @ (precision @ way)) / known, 1.0 / np.sqrt(known)
+            moves = np.abs(way) > 1e-9
+            ends = np.stack([(bound[moves] - at[:, moves]) / way[moves] for bound in (low, high)])
             first, last = np.max(ends.min(axis=0), axis=1), np.min(ends.max(axis=0), axis=1)
-            below, above = ndtr(first / spread[j]), ndtr(last / spread[j])
+            below, above = ndtr((first - mean) / spread), ndtr((last - mean) / spread)
             share = below + (above - below) * random.uniform(size=DRAWS)
-            found = spread[j] * ndtri(np.clip(share, 1e-12, 1.0 - 1e-12))
-            along[:, j] = np.clip(found, first, np.maximum(first, last))
-            at = rest + along[:, j : j + 1] * axes[j]
+            step = mean + spread * ndtri(np.clip(share, 1e-12, 1.0 - 1e-12))
+            at = at + np.clip(step, first, np.maximum(first, last))[:, None] * way
     return np.clip(at, low, high)
 
 

@@ -51,7 +51,8 @@ class AugmentedModel:
     @property
     def name(self) -> str:
         """The baseline and its effects, such as "roll-yaw with tyre_relaxation"."""
-        parts = (*self.effects, *(f"a law at the {law.place}" for law in self.laws))
+        places = dict.fromkeys(law.place for law in self.laws)
+        parts = (*self.effects, *(f"laws at the {place}" for place in places))
         return " with ".join((self.baseline, " and ".join(parts))) if parts else self.baseline
 
     @property

@@ -110,13 +110,17 @@ def refuse_law(law: TableLaw) -> None:
         raise ValueError(
             f"a law over {law.over!r} times {law.times!r} with memory {law.memory!r} is not known"
         )
-    numbers = np.array([*law.x, *law.y, law.size], float)
+    numbers = np.array([*law.x, *law.y, law.size, law.damping], float)
     if len(law.x) != len(law.y) or len(law.x) < 2 or not np.all(np.abs(numbers) < LARGEST):
         raise ValueError("the table of a law needs as many x as y, at least two, all of them finite")
     if not np.all(np.diff(law.x) > 0) or (law.memory and not law.size > 0.0):
         raise ValueError("the x of a law must increase, and its memory must be above 0")
-    if law.memory == "resonance" and not (law.size <= FASTEST and law.damping > 0.0 and len(law.y) == 2):
-        raise ValueError(f"a resonator needs a frequency up to {FASTEST:g} Hz, a damping above 0, and two y")
+    sound = law.size <= FASTEST and law.damping > 0.0 and len(law.y) == 2 and not law.times
+    if law.memory == "resonance" and not sound:
+        raise ValueError(
+            f"a resonator needs a frequency up to {FASTEST:g} Hz, a damping above 0, two y and no factor; it "
+            f"has {law.size:g} Hz, {law.damping:g}, {len(law.y)} and {law.times!r}"
+        )
     if law.place == "steering" and (law.over not in ("delta", "delta_dot") or law.times):
         raise ValueError("a law in the steering depends on the steering angle only")
     if law.over.startswith("signal") and not law.place.startswith("sensor"):

@@ -99,6 +99,13 @@ def over_words(law: TableLaw) -> str:
     return f"{what}, times {FACTORS[law.times]}" if law.times else what
 
 
+def short(law: TableLaw) -> str:
+    """Place and quantity: "roll moment ~ phi", "roll moment ~ resonance of a_y at 1.4 Hz"."""
+    if law.memory == "resonance":
+        return f"{law.place} ~ resonance of {law.over} at {law.size:.2g} Hz"
+    return f"{law.place} ~ {law.over}"
+
+
 def laws_sentence(
     laws: Sequence[TableLaw], alternatives: tuple[str, ...], share: float | None, holds: bool
 ) -> str:
@@ -109,7 +116,7 @@ def laws_sentence(
     """
     first, *others = laws
     words = f"{_acts(first, (first.place, *alternatives))}"
-    words += "".join(f", and {_acts(law, (law.place,))}" for law in others)
+    words += "".join(f"; {_acts(law, (law.place,))}" for law in others)
     them, are = ("them", "they are") if others else ("it", "it is")
     goes = f"of the residual of held-out runs goes with {them}"
     if not holds:

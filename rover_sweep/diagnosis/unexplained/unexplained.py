@@ -18,11 +18,18 @@ from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.table_law import TableLaw
 from rover_sweep.diagnosis.unexplained.input_place import input_places
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaw, FoundLaws, drawn_laws, find_laws
-from rover_sweep.diagnosis.unexplained.law_words import could_be, laws_sentence, next_run, place_words
+from rover_sweep.diagnosis.unexplained.law_words import (
+    could_be,
+    laws_sentence,
+    next_run,
+    over_words,
+    place_words,
+    short,
+)
 from rover_sweep.diagnosis.verdict import NOTABLE
 
 DRAWN = 200  # laws for a band
-GAINS = (0.3, 12.0)  # Hz, of a resonator's curve
+GAINS = (0.3, 20.0)  # Hz, of a resonator's curve
 NO_LAW = "no law over one quantity of the motion, and no resonance, explains it"
 CHANNELS = {
     "r": "the yaw rate",
@@ -70,7 +77,8 @@ def with_laws_of(
         replace(
             left,
             sentence=f"{left.sentence}; {words}",
-            law=" + ".join(f"{law.place} ~ {law.over}" for law in laws) if holds else "",
+            depends_on=", ".join(dict.fromkeys(over_words(law) for law in laws)),
+            law="; ".join(map(short, laws)) if holds else "",
             law_gain=found.share_removed if holds else None,
             place=first.law.place,
             alternatives=first.alternatives,
@@ -104,7 +112,9 @@ def _curve(found: FoundLaws, one: FoundLaw) -> LawCurve:
     """The law with its 90 % band, or a resonator's gain."""
     law = one.at(found.fitted.x)
     resonates = law.memory == "resonance"
-    x = np.geomspace(*GAINS, 40) if resonates else np.array(law.x)
+    x = np.array(law.x)
+    if resonates:
+        x = np.sort(np.concatenate((np.geomspace(*GAINS, 40), law.size * np.linspace(0.7, 1.4, 21))))
     shown = _gain if resonates else _table
     drawn = [shown(some, x) for some in drawn_laws(found, one, DRAWN, seed=1)]
     low, high = np.quantile(drawn, (0.05, 0.95), axis=0)

@@ -25,8 +25,9 @@ SCORES = (
 )
 
 LAW = (
-    "The law that was fitted in the model for the part without a name, with its 90 % band. A constant cannot "
-    "be separated from trim and biases, so the curve is relative to its value at 0 or to its mean."
+    "The laws that were fitted in the model for the part without a name, with their 90 % bands. A constant "
+    "cannot be separated from trim and biases, so a curve is relative to its value at 0 or to its mean. Of a "
+    "resonance the gain is drawn."
 )
 
 

@@ -105,13 +105,13 @@ def _unknown(u: Unknown, headline: str) -> Group:
 
 
 def law_words(u: Unknown) -> str:
-    """The fitted curve of the unknown part and the share that it predicts on held-out data, "" for none."""
+    """The fitted laws of the unknown part and the share that it predicts on held-out data, "" for none."""
     if not u.law:
         return ""
     gain = (
         "" if u.law_gain is None else f" (explains {100 * min(u.law_gain, 1.0):.0f} % of it on held-out data)"
     )
-    return f"Fitted curve: {u.law}{gain}"
+    return f"Fitted law{'s' if len(u.curves) > 1 else ''}: {u.law}{gain}"
 
 
 def held_out_lines(u: Unknown) -> list[str]:
@@ -119,8 +119,9 @@ def held_out_lines(u: Unknown) -> list[str]:
     if not u.curves:
         return []
     return [
-        f"{h.run}, held out: mean square {number(h.before, 2)} times the noise without the law, "
-        f"{number(h.after, 2)} with it"
+        f"{h.run}, held out: mean square {number(h.before, 2)} times the noise without "
+        f"{'the laws' if len(u.curves) > 1 else 'the law'}, {number(h.after, 2)} with "
+        f"{'them' if len(u.curves) > 1 else 'it'}"
         for h in u.held_out
     ]
 

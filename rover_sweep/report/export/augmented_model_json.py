@@ -72,7 +72,8 @@ def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
 def law_from(document: Mapping[str, Any]) -> TableLaw:
     """A law from its document; KeyError, TypeError or ValueError for an invalid one."""
     numbers = [tuple(float(v) for v in document[name]) for name in ("x", "y")]
-    law = TableLaw(**{**document, "x": numbers[0], "y": numbers[1], "size": float(document["size"])})
+    size, damping = float(document["size"]), float(document.get("damping", 0.0))
+    law = TableLaw(**{**document, "x": numbers[0], "y": numbers[1], "size": size, "damping": damping})
     refuse_law(law)
     return law
 

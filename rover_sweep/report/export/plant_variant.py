@@ -43,7 +43,8 @@ def variant_text(model: AugmentedModel) -> str:
     effects = plant_effects(model)
     same = {number for effect, number in SAME_NUMBER.items() if effect in effects}
     numbers = {name: value for name, value in _numbers(model).items() if name not in same}
-    found = ", ".join(model.effects) or "no further effects"
+    laws = [f"{len(exported_laws(model))} laws without a name"] if exported_laws(model) else []
+    found = ", ".join((*model.effects, *laws)) or "no further effects"
     lines = [
         f"# Rover diagnosed by rover-sweep: {model.baseline} model with {found}.",
         "# Everything else (noise, road, drive, estimator) is as in the nominal simulated rover.",

@@ -1,4 +1,4 @@
-"""The curves of an unknown law with their bands, and the held-out runs without and with them."""
+"""The curves of unknown laws with their bands, and the held-out runs without and with them."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def _curve(curve: LawCurve, axes: Axes) -> None:
     axes.fill_between(curve.x, curve.low, curve.high, color=BAND, alpha=0.35, linewidth=0, label="90 % band")
     axes.plot(curve.x, curve.y, marker="o", markersize=4, **MODEL_LINES["roll-yaw"], label="fitted law")
     if curve.memory == "resonance":
-        axes.set_title(literal(f"{curve.place}: resonance at {curve.size:.2g} Hz"))
-        axes.set_xlabel(literal(f"gain from {curve.over}, over the frequency, {curve.over_unit}"))
+        axes.set_title(literal(f"{curve.place}: resonance of {curve.over} at {curve.size:.2g} Hz"))
+        axes.set_xlabel(literal(f"frequency, {curve.over_unit}"))
         axes.set_xscale("log")
     else:
         times = f", times {curve.times}" if curve.times else ""
@@ -45,9 +45,9 @@ def _curve(curve: LawCurve, axes: Axes) -> None:
 
 def _held_out(runs: tuple[LawHeldOut, ...], axes: Axes) -> None:
     at = np.arange(len(runs))
-    axes.bar(at - 0.2, [h.before for h in runs], 0.38, color=BEFORE, label="without the law")
+    axes.bar(at - 0.2, [h.before for h in runs], 0.38, color=BEFORE, label="without")
     axes.bar(
-        at + 0.2, [h.after for h in runs], 0.38, color=AFTER, hatch="//", edgecolor="white", label="with it"
+        at + 0.2, [h.after for h in runs], 0.38, color=AFTER, hatch="//", edgecolor="white", label="with"
     )
     axes.axhline(1.0, color="#333333", linestyle=(0, (4, 2)), linewidth=1.0, label="noise")
     axes.set_xticks(at, [literal(h.run) for h in runs])
