@@ -65,9 +65,11 @@ def in_metric_of(plain: Problem, fitted: Fitted, model: Model) -> Problem:
     effects = possible(model, plain.runs)[0]
     known = signatures(plain, fitted, model, effects, tolerances=True)
     inexact = {e.id for e in effects if isinstance(e, VehicleEffect | SpeedGripEffect)}
-    usual = [*(s for s in known if s.effect in inexact), *structural_error(plain, fitted)]
-    measured = [*(s for s in known if s.effect not in inexact), *speed_drift(plain, fitted)]
-    # what people know of a part counts in full, as a prior does; the equations are as inexact as the rows
+    usual = [*(s for s in known if s.effect in inexact), *speed_drift(plain, fitted)]
+    usual += structural_error(plain, fitted)
+    measured = [s for s in known if s.effect not in inexact]
+    # what people know of a part counts in full, as a prior does; equations and estimator are as inexact
+    # as the rows
     both = columns(usual, plain.size), columns(measured, plain.size) / np.sqrt(COARSE)
     return plain.in_metric(np.column_stack(both))
 

@@ -3,7 +3,8 @@
 Two errors count: noise, from the curvature of the cost, and the model's own error. With the Jacobian J, the
 priors' weights W and H = J^T J + W, noise gives the covariance v H^-1 (v: variance of a row). Model error
 shows in groups of rows (an octave of a channel of a run) whose scores g = J_g^T r_g differ by more than their
-noise. The sandwich H^-1 (sum of (g - mean)(g - mean)^T) H^-1 is therefore added (cluster-robust covariance).
+noise. The sandwich H^-1 (sum of (g - mean)(g - mean)^T - v J^T J) H^-1 is therefore added (cluster-robust
+covariance), where it is positive: noise alone makes the bracket 0.
 
 Liang and Zeger 1986: Longitudinal data analysis using generalized linear models, Biometrika 73(1).
 """
@@ -76,11 +77,14 @@ def fit_covariance(problem: Problem, fitted: Fitted) -> Array:
     """Covariance (k, k) of the coordinates of a fit over their scales, see the module."""
     prior = prior_information(fitted.free) / COARSE  # the noise counts in full here
     scanned = np.array([_scanned(c, fitted.x[c.name]) for c in fitted.free])
-    inverse = np.linalg.inv(fitted.jacobian.T @ fitted.jacobian + np.diag(prior + scanned + 1e-6))
+    known = fitted.jacobian.T @ fitted.jacobian
+    values, axes = np.linalg.eigh(np.linalg.inv(known + np.diag(prior + scanned + 1e-6)))
+    root = axes * np.sqrt(np.maximum(values, 0.0)) @ axes.T
     scores = _scores(problem, fitted)
     scores = scores - scores.mean(axis=0)
     spread = scores.T @ scores * (len(scores) / max(len(scores) - 1, 1))
-    return np.asarray(inverse * fitted.overdispersion + inverse @ spread @ inverse)
+    beyond, ways = np.linalg.eigh(root @ (spread - known * fitted.overdispersion) @ root)
+    return np.asarray(root @ (ways * (fitted.overdispersion + np.maximum(beyond, 0.0)) @ ways.T) @ root)
 
 
 def _scanned(c: Coordinate, value: float) -> float:
