@@ -19,7 +19,6 @@ from rover_sweep.diagnosis.held_out.worth import (
     HeldOutRun,
     compare_held_out,
     overlays,
-    refitted_without,
     worse_channels,
 )
 from rover_sweep.diagnosis.locate.locate import mismatches
@@ -32,6 +31,7 @@ from rover_sweep.diagnosis.posterior.parameter_intervals import (
     implausible_numbers,
     nominal_values,
 )
+from rover_sweep.diagnosis.posterior.refuted import nearest_fit, without_refuted
 from rover_sweep.diagnosis.posterior.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.posterior.speed_loss import ID as SPEED
 from rover_sweep.diagnosis.posterior.speed_loss import WORSE, earned, speed_finding, speed_loss, unknown_loss
@@ -47,7 +47,14 @@ from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, 
 from rover_sweep.diagnosis.simulation.single_track import must_compile
 from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
 from rover_sweep.diagnosis.unexplained.unexplained import in_model, left_unexplained, with_laws_of
-from rover_sweep.diagnosis.verdict import NOTABLE, remarks_of, sentence_of, verdict_of, why_it_does_not_matter
+from rover_sweep.diagnosis.verdict import (
+    NOTABLE,
+    refuted_words,
+    remarks_of,
+    sentence_of,
+    verdict_of,
+    why_it_does_not_matter,
+)
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Group, Settings, grouped
@@ -159,12 +166,11 @@ def _answer(
     found: Inference, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
 ) -> tuple[Diagnosis, FoundLaws | None]:
     """(the diagnosis without its model, the laws of the unknown that belong into the model)."""
+    found, held_out, rests, refuted = without_refuted(found, held)
     none, last = found.none, found.last
     floor = last.problem.floor
     drawn = draw_coordinates(last, settings.seed)
-    # the fits nearest to the recordings: a model alone, without the rover's tolerances, predicts a run
-    nominal, full = FittedModel(none.model, none.closest.x), FittedModel(last.model, last.closest.x)
-    held_out = tuple(HeldOutRun.of(run, floor, full) for run in held)
+    nominal, full = nearest_fit(none), nearest_fit(last)
     minor = dict.fromkeys(found.minor, "it is below the size that matters")
     findings: list[Finding] = []
     for named in found.named:
@@ -173,9 +179,7 @@ def _answer(
         if why := why_it_does_not_matter(holds_absence(named.law, drawn), turn, change):
             minor[named.law.id] = why
             continue
-        alone = set(last.model.ids) == {named.law.id}
-        rest = nominal if alone or not held else refitted_without(named.law.id, last.problem.plain, full)
-        worth = tuple(compare_held_out(run, rest, full) for run in held_out)
+        worth = tuple(compare_held_out(run, rests[named.law.id], full) for run in held_out)
         findings.append(_finding(named, found, drawn, worth, turn_sentence(turn)))
     speed = _speed_answer(found, used, held_out, full, settings)
     findings += speed.findings
@@ -200,7 +204,7 @@ def _answer(
     measure = doubts or tuple(ends.values())
     compared = {run.run.name: worse_channels(run, nominal, full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}
-    settled = {*minor, *(f.effect for f in findings)}
+    settled = {*minor, *refuted, *(f.effect for f in findings)}
     possible = {e: p for e, p in weighed.effects.items() if p >= SHARE and e not in settled}
     answer = Diagnosis(
         # a model with doubtful numbers explains nothing, however well it fits
@@ -216,7 +220,7 @@ def _answer(
         scores={**found.gains, **speed.gains},
         overlays=overlays(held or used[:1], bool(held), nominal, whole, floor),
         held_out=total,
-        remarks=remarks_of(used, findings, minor, possible, worse),
+        remarks=(*remarks_of(used, findings, minor, possible, worse), *map(refuted_words, refuted.items())),
         runs=tuple(r.name for r in used),
         held_out_runs=tuple(r.name for r in held),
         p_none=weighed.none,

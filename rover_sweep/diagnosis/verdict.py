@@ -105,6 +105,15 @@ def remarks_of(
     return tuple(out)
 
 
+def refuted_words(refuted: tuple[str, float]) -> str:
+    """A sentence on (an effect that held-out runs refute, its probability in the other runs)."""
+    effect, sure = refuted
+    return (
+        f"{effect} is not named: it fits the runs ({100 * sure:.0f} %), but the held-out runs are predicted "
+        "worse with it, so it is something like it"
+    )
+
+
 def why_it_does_not_matter(absent: bool, turn: Turn | None = None, change: float = 1.0) -> str:
     """Why a probable effect is listed as present and not named, "" where it matters.
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import log
 
 import numpy as np
 
 from rover_sweep.data.recording import Array, Note
-from rover_sweep.quality.relations import FORCE_RANGE, Relation, Relations
+from rover_sweep.quality.relations import FORCE_RANGE, USUAL_FORCE, Relation, Relations
 
 STRETCHED = "stretched clock"
 ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
@@ -23,7 +24,8 @@ REACH = 0.25, 4.0  # factors of a clock; outside, the unit is wrong
 def stretched_by_angles(found: Relations) -> Iterator[Note]:
     """A fault when heading and roll angle both change by the same wrong factor of their rates.
 
-    Without a roll angle the heading decides, if r agrees with a_y.
+    Both gyros may be wrong instead: a_y, which no clock changes, is then that factor times V r. Without a
+    roll angle the heading decides, if r agrees with a_y.
     """
     if found.heading is None:
         return
@@ -33,12 +35,20 @@ def stretched_by_angles(found: Relations) -> Iterator[Note]:
     heading, roll = found.heading.ratio, found.roll.ratio
     if not all(REACH[0] < x < REACH[1] for x in (heading, roll)) or abs(heading - 1) < SLOPE:
         return
-    if abs(roll / heading - 1) < AGREE:
+    if abs(roll / heading - 1) < AGREE and not _gyros_are_wrong(heading, found.force):
         yield stretched(
             1 / heading,
             f"heading and roll angle change {heading:.3g} and {roll:.3g} times as fast as r and p, "
             f"unless both gyros read {1 / heading:.3g} times the true rate",
         )
+
+
+def _gyros_are_wrong(heading: float, force: Relation | None) -> bool:
+    """True where a_y over V r is nearer to its usual value times the heading's factor than to that value."""
+    if force is None or force.ratio <= 0.0:
+        return False
+    apart = log(force.ratio / USUAL_FORCE)
+    return abs(apart - log(heading)) < abs(apart)
 
 
 def _by_heading(heading: float, force: Relation | None) -> Iterator[Note]:

@@ -45,6 +45,7 @@ class Relations:
 CLEAR = 0.8  # coherence of an angle and its rate
 CLEAR_FORCE = 0.6  # of a_y and V r, which sideslip makes differ
 FORCE_RANGE = 0.55, 1.8  # accepted a_y over V r: correct recordings have .87 to 1.28
+USUAL_FORCE = 1.055  # the middle of those
 IN_PHASE = 0.6  # smallest real part of the cross-spectrum over its magnitude
 CLEAR_LEAN = 0.35  # of p and a_y': a stiff rover on rough ground has .4
 

@@ -41,6 +41,14 @@ def test_angles_and_rates_tell(sweep: Recording, factor: float, roll: bool) -> N
     assert reported == pytest.approx(factor if roll else factor**2, rel=0.02)
 
 
+@pytest.mark.parametrize("scale", [0.8, 0.87, 1.15, 1.3])
+def test_gyros_of_another_scale_are_no_clock(sweep: Recording, scale: float) -> None:
+    """a_y, which no clock changes, is then not V r; the diagnosis finds the scale."""
+    wrong = {c: replace(sweep[c], x=scale * sweep[c].x) for c in ("r", "p")}
+    run = replace(sweep, channels={**sweep.channels, **wrong}, notes=())
+    assert not [fault for fault in faults_of(run) if fault.fault == STRETCHED]
+
+
 @pytest.mark.parametrize("factor", [0.98, 1.02, 3.0])
 def test_the_clock_of_the_applet_tells(tmp_path: Path, factor: float) -> None:
     path = rewritten(APPLET, tmp_path / "run1.BIN", {("*", "TimeUS"): lambda us: factor * us})

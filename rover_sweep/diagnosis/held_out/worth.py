@@ -98,19 +98,22 @@ def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) 
 
 
 def worse_channels(held: HeldOutRun, before: FittedModel, after: FittedModel) -> tuple[str, ...]:
-    """The channels of a held-out run that the second model predicts worse, beyond the noise.
+    """The channels of a held-out run that the second model predicts worse, beyond the noise."""
+    problem = held.problem
+    one, two = held.residual(before), held.residual(after)
+    channels = dict.fromkeys(r.channel for r in problem.rows)
+    parts = {c: (problem.part(one, channel=c), problem.part(two, channel=c)) for c in channels}
+    return tuple(c for c, (a, b) in parts.items() if worse_by(a, b) > 0.0)
+
+
+def worse_by(before: Array, after: Array) -> float:
+    """By how much the second residual's sum of squares is larger (rows (n,)), beyond the noise.
 
     With s, the rows by which both models differ, the difference of the sums of squares has the standard
     deviation 2 sqrt(s^T s) where either model is right.
     """
-    problem = held.problem
-    one, two = held.residual(before), held.residual(after)
-    out = []
-    for channel in dict.fromkeys(r.channel for r in problem.rows):
-        a, b = (problem.part(rows, channel=channel) for rows in (one, two))
-        if b @ b - a @ a > SURE * (2.0 * float(np.linalg.norm(a - b)) + 1.0):
-            out.append(channel)
-    return tuple(out)
+    spread = 2.0 * float(np.linalg.norm(before - after)) + 1.0
+    return float(after @ after - before @ before) - SURE * spread
 
 
 def refitted_without(effect: str, used: Problem, whole: FittedModel) -> FittedModel:

@@ -98,6 +98,10 @@ class Weighed:
         """Ids of its effects that matter."""
         return frozenset(self.matters)
 
+    def without(self, effect: str) -> Weighed:
+        """With something else instead of one of its effects."""
+        return replace(self, matters={e: p for e, p in self.matters.items() if e != effect}, unnamed=True)
+
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
@@ -123,6 +127,10 @@ class Posterior:
     def something_else(self) -> float:
         """Probability that something without a name is there."""
         return sum(w.probability for w in self.weighed if w.unnamed)
+
+    def without(self, effect: str) -> Posterior:
+        """With an effect that is not the cause: explanations with it stand for something else."""
+        return Posterior(tuple(w.without(effect) if effect in w.matters else w for w in self.weighed))
 
 
 def posterior(
