@@ -89,7 +89,7 @@ def explored(
                 made_at = ranked[0]
                 problem, first = nearer(made_at)
                 own = [e for e in ranked if e.own]
-                ranked = sorted(side_by_side(partial(_converged, problem), own), key=lambda e: e.cost)
+                ranked = sorted(side_by_side(partial(_moved, problem, first), own), key=lambda e: e.cost)
                 pool, level = {first.effects: first}, [first]
         except Stopped:
             break
@@ -212,6 +212,19 @@ def _converged(problem: Problem, one: Explanation) -> Explanation:
     return Explanation(one.model, now, True)
 
 
+def _moved(problem: Problem, first: Explanation, one: Explanation) -> Explanation:
+    """A single effect in another metric. first: without effects, there.
+
+    Where its old numbers lead to a worse fit than none, the coordinates of `first` with its size are the start.
+    """
+    there = _converged(problem, one)
+    if there.cost < first.cost:
+        return there
+    start = {**one.fitted.x, **first.fitted.x}
+    again = fit(problem, one.model.structure, one.model.free, start)
+    return min(there, _converged(problem, Explanation(one.model, again)), key=lambda e: e.cost)
+
+
 def _without(fitted: Fitted, effect: str) -> Fitted:
     """The fit with the columns of all coordinates but those of an effect."""
     kept = [k for k, c in enumerate(fitted.free) if not c.name.startswith(f"{effect}.")]
@@ -251,7 +264,8 @@ def _extended(
     ]
     first_far = not of.effects and base.overdispersion >= FAR_OFF
     if first_far and not any(_comes_near(base, e.fitted) for e in found):
-        again = _promising_from_start(problem, of.model, free)
+        promising = _promising_from_start(problem, of.model, free)
+        again += [m for m in promising if m.effects[-1] not in {one.effects[-1] for one in again}]
     found += side_by_side(partial(_from_start, problem), again)
     return list({e.effects: e for e in sorted(found, key=lambda e: -e.cost)}.values())
 
