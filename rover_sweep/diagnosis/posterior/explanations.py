@@ -215,7 +215,7 @@ def _converged(problem: Problem, one: Explanation) -> Explanation:
 def _moved(problem: Problem, first: Explanation, one: Explanation) -> Explanation:
     """A single effect in another metric. first: without effects, there.
 
-    Where its old numbers lead to a worse fit than none, the coordinates of `first` with its size are the start.
+    Where its old numbers lead to a worse fit than none, those of `first` with its size are the start.
     """
     there = _converged(problem, one)
     if there.cost < first.cost:
