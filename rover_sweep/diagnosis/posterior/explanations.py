@@ -130,8 +130,9 @@ def _part_of(problem: Problem, whole: Explanation, effects: frozenset[str]) -> E
     """The explanation with one effect less, fitted from where the whole one is."""
     (effect,) = whole.effects - effects
     model = whole.model.without(effect)
-    start = {c.name: whole.fitted.x[c.name] for c in model.free}
-    found = fit(problem, model.structure, model.free, start, known=_without(whole.fitted, effect))
+    start = {c.name: whole.fitted.x.get(c.name, c.start) for c in model.free}
+    known = None if effect in DEGREES_OF_FREEDOM else _without(whole.fitted, effect)
+    found = fit(problem, model.structure, model.free, start, known=known)
     return _converged(problem, Explanation(model, found))
 
 
