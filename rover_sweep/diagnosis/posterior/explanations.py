@@ -54,8 +54,8 @@ class Explanation:
 
     @property
     def effects(self) -> frozenset[str]:
-        """The ids of its effects."""
-        return frozenset(self.model.ids)
+        """The ids of its effects, without those that its baseline has."""
+        return frozenset(self.model.ids) - self.model.given
 
     @property
     def cost(self) -> float:
@@ -177,7 +177,7 @@ def refitted(problem: Problem, one: Explanation) -> Explanation:
     best = _converged(problem, one)
     for law in [one.model.law(e) for e in one.model.effects]:
         for other in one.model.laws(law.id):
-            if other.name == law.name or law.id in DEGREES_OF_FREEDOM:
+            if other.name == law.name or law.id in DEGREES_OF_FREEDOM | one.model.given:
                 continue
             effects = tuple(other.name if e == law.name else e for e in one.model.effects)
             model = replace(one.model, effects=effects)

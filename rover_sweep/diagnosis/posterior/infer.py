@@ -122,6 +122,7 @@ def explore(
 ) -> Explored:
     """The explanations of what a model leaves; the arguments are those of `infer`."""
     options.progress("fitting the model", 0.0)
+    model = replace(model, given=frozenset(model.ids))
     none = model_fit(runs, model, start, options.only, options.without)
     first = Explanation(model, none.fitted, own=True)
     effects = possible(model, runs, options.only, options.without)[0]

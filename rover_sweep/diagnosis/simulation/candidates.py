@@ -24,7 +24,8 @@ class Model:
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". spread: normal tolerances of a rover. effects:
     names of laws. happened_in: name of the run with a surface change, happened_order: its place in
-    time. two_clocks: steering and motion have two clocks.
+    time. two_clocks: steering and motion have two clocks. given: ids of effects that are no question, as parts
+    of the baseline.
     """
 
     baseline: str
@@ -34,6 +35,7 @@ class Model:
     happened_in: str = ""
     two_clocks: bool = False
     happened_order: int = 0
+    given: frozenset[str] = frozenset()
 
     @property
     def slip(self) -> bool:
