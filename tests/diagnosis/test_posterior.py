@@ -154,6 +154,19 @@ def test_a_late_velocity_is_named_in_its_form_with_its_delay() -> None:
     assert found.last.fitted.x["velocity_lag.T"] == pytest.approx(0.2, abs=0.01)
 
 
+def test_an_effect_of_the_model_that_it_begins_with_is_no_question() -> None:
+    """A comparison's model has the recordings' effects; one more is found beside them."""
+    both = MODEL.with_effect("velocity_lag/delay").with_effect("steering_trim")
+    x, random = {**X, "velocity_lag.T": 0.2, "trim": 0.05}, np.random.default_rng(1)
+    runs = [noisy(run, both.structure, x, random) for run in sweeps(1, ((0.1, 2.2),))]
+    begin = MODEL.with_effect("velocity_lag/delay")
+    found = infer(runs, begin, X, Options(("steering_trim",), (), lambda what, share: None, never))
+    assert [n.law.id for n in found.named] == ["steering_trim"]
+    assert found.minor == ()
+    assert set(found.last.model.ids) == {"velocity_lag", "steering_trim"}
+    assert all("velocity_lag" in e.model.ids for e in (found.none, found.last))
+
+
 def test_the_noise_level_of_a_run_ignores_what_filters_took() -> None:
     """A gyro log at 200 Hz has hardly any noise above 12 Hz, where the floor is that of a good sensor."""
     (run,) = sweeps(1, ((0.1, 2.2),))

@@ -24,7 +24,7 @@ class Model:
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". spread: normal tolerances of a rover. effects:
     names of laws. happened_in: name of the run with a surface change, happened_order: its place in
-    time. two_clocks: steering and motion have two clocks. given: ids of effects that are no question, as parts
+    time. two_clocks: steering and motion have two clocks. given: ids of effects that are no question, but part
     of the baseline.
     """
 
