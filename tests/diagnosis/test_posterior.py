@@ -155,7 +155,7 @@ def test_a_late_velocity_is_named_in_its_form_with_its_delay() -> None:
 
 
 def test_an_effect_of_the_model_that_it_begins_with_is_no_question() -> None:
-    """A comparison's model has the recordings' effects; one more is found beside them."""
+    """The model of a comparison has the effects of the recordings already. Another effect is found too."""
     both = MODEL.with_effect("velocity_lag/delay").with_effect("steering_trim")
     x, random = {**X, "velocity_lag.T": 0.2, "trim": 0.05}, np.random.default_rng(1)
     runs = [noisy(run, both.structure, x, random) for run in sweeps(1, ((0.1, 2.2),))]

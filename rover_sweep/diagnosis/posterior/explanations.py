@@ -174,10 +174,10 @@ def _rivals(one: Explanation, best: Explanation, before: float) -> bool:
 
 def refitted(problem: Problem, one: Explanation) -> Explanation:
     """The explanation fitted on with its own Jacobian, in the best form of each of its effects."""
-    best = _converged(problem, one)
+    best, settled = _converged(problem, one), DEGREES_OF_FREEDOM | one.model.given
     for law in [one.model.law(e) for e in one.model.effects]:
         for other in one.model.laws(law.id):
-            if other.name == law.name or law.id in DEGREES_OF_FREEDOM | one.model.given:
+            if other.name == law.name or law.id in settled:
                 continue
             effects = tuple(other.name if e == law.name else e for e in one.model.effects)
             model = replace(one.model, effects=effects)
@@ -266,7 +266,7 @@ def _extended(
     first_far = not of.effects and base.overdispersion >= FAR_OFF
     if first_far and not any(_comes_near(base, e.fitted) for e in found):
         promising = _promising_from_start(problem, of.model, free)
-        again += [m for m in promising if m.effects[-1] not in {one.effects[-1] for one in again}]
+        again = list({m.effects: m for m in (*again, *promising)}.values())
     found += side_by_side(partial(_from_start, problem), again)
     return list({e.effects: e for e in sorted(found, key=lambda e: -e.cost)}.values())
 

@@ -24,8 +24,8 @@ class Model:
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". spread: normal tolerances of a rover. effects:
     names of laws. happened_in: name of the run with a surface change, happened_order: its place in
-    time. two_clocks: steering and motion have two clocks. given: ids of effects that are part of the base,
-    and no question.
+    time. two_clocks: steering and motion have two clocks. given: ids of effects that belong to the
+    baseline: an inference does not ask about them.
     """
 
     baseline: str
