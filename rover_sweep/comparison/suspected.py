@@ -58,13 +58,6 @@ def _cost(one: FittedSide, two: FittedSide) -> float:
 
 
 def _with(runs: Sequence[Experiment], side: FittedSide, name: str, model: Model) -> FittedSide:
-    """The side fitted with the effect; a law that jumps has no slope at 0, so its size is scanned too."""
-    law = form_named(name)
-    plain = side_of(runs, model, side.fitted.x, model.ids)
-    if not any(p.jumps for p in law.parameters):
-        return plain
-    found = screen(side.problem, side.fitted, tangent(side.fitted), side.model, law)
-    if found is None:
-        return plain
-    scanned = side_of(runs, model, {**side.fitted.x, **found.start}, model.ids)
-    return min(plain, scanned, key=lambda s: s.fitted.cost)
+    """The side fitted with the effect, from what a linear prediction says, where it says something."""
+    found = screen(side.problem, side.fitted, tangent(side.fitted), side.model, form_named(name))
+    return side_of(runs, model, {**side.fitted.x, **(found.start if found else {})}, model.ids)

@@ -75,6 +75,7 @@ FORMS_JUDGED = {
 }
 OTHERWISE = {"servo_lag/second order": {"q"}, "surface_change/one run": {"t"}}  # beside those of a report
 FIRST_IN_THE_PLANT = {"surface_change/from then on", "surface_change/one run"}
+BANDS = tuple(1.0 + 0.12 * ((2 * k + 1) / 16 - 1.0) for k in range(16))  # of `jumps` and `sticks`
 INSTANT = 6.5  # s after the start of the manoeuvre
 
 
@@ -143,21 +144,25 @@ def test_the_tyre_with_a_knee_is_the_same_in_the_plant(share: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("law", "share"),
+    ("law", "sizes", "share"),
     [
-        ("steering_deadband/full travel", 0.2),  # a jump in the plant, a ramp of a tenth of it in the model
-        ("steering_stiction", 1e-6),
-        ("steering_stiction/with memory", 1e-6),
+        ("steering_deadband/full travel", (1.0,), 0.2),  # a jump in the plant, a steep ramp in the model
+        ("steering_stiction", BANDS, 1e-6),  # the model is the mean of bands
+        ("steering_stiction/with memory", BANDS, 1e-6),
     ],
 )
-def test_laws_of_the_command_are_the_same_in_the_plant(law: str, share: float) -> None:
+def test_laws_of_the_command_are_the_same_in_the_plant(
+    law: str, sizes: tuple[float, ...], share: float
+) -> None:
     """A doublet does not show them: a command of two sines, angle by angle."""
     t = np.arange(0.0, 10.0, 0.005)
     u = 0.05 * np.sin(4.0 * t) + 0.02 * np.sin(11.0 * t)
     whole, effect = model(law), form_named(law)
     wanted = effect.act(u, effect.coordinates(whole.x))  # type: ignore[attr-defined]
-    linkage = Linkage(tomllib.loads(variant_text(whole))["effects"])
-    done = np.array([linkage.wanted(float(angle)) for angle in u])
+    (name,) = (effect.key(p.name) for p in effect.parameters)
+    each = [replace(whole, x={**whole.x, name: size * whole.x[name]}) for size in sizes]
+    plants = [Linkage(tomllib.loads(variant_text(one))["effects"]) for one in each]
+    done = np.array([np.mean([plant.wanted(float(angle)) for plant in plants]) for angle in u])
     assert np.sqrt(np.mean((wanted - u) ** 2)) > 0.001
     assert np.sqrt(np.mean((done - wanted) ** 2)) <= share * np.sqrt(np.mean((wanted - u) ** 2))
 

@@ -21,8 +21,8 @@ def test_forms_share_their_id_and_have_names_of_their_own() -> None:
 
 def test_a_servo_that_sticks_goes_all_the_way() -> None:
     u = np.array([0.0, 0.01, 0.02, 0.03, 0.02, 0.01, 0.0])
-    assert jumps(u, 0.015).tolist() == [0.0, 0.0, 0.02, 0.02, 0.02, 0.02, 0.0]
-    assert sticks(u, 0.015).tolist() == [0.0, 0.0, 0.02, 0.03, 0.03, 0.01, 0.0]
+    assert jumps(u, 0.015) == pytest.approx([0.0, 0.0, 0.02, 0.02, 0.02, 0.02, 0.0])
+    assert sticks(u, 0.015) == pytest.approx([0.0, 0.0, 0.02, 0.03, 0.03, 0.01, 0.0])
 
 
 def test_runs_of_one_clock_are_in_the_order_of_driving() -> None:

@@ -30,8 +30,6 @@ class EffectParameter:
     doubt: standard deviation that no data of this kind can reduce.
     nominal: the coordinate of the nominal model that is this parameter; "" if the effect adds its own.
     per: nominal coordinate per unit of the value.
-    jumps: the law jumps where this parameter says, so its derivative means nothing: it is scanned, not
-    fitted.
     grows_with: what of the rover its unit makes it grow with; the numbers are for 0.5 m or 3 N m of it.
     """
 
@@ -47,7 +45,6 @@ class EffectParameter:
     doubt: float = 0.0
     nominal: str = ""
     per: float = 1.0
-    jumps: bool = False
     grows_with: Literal["", "wheelbase", "roll moment"] = ""
 
     def value(self, coordinate: float) -> float:

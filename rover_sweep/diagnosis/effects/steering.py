@@ -20,6 +20,8 @@ from rover_sweep.diagnosis.effects.kinds import (
     VehicleEffect,
 )
 
+BANDS, SPREAD = 16, 0.12  # bands whose mean is a law that jumps, and how far they lie about the one
+
 
 @njit(cache=True, nogil=True)
 def play(u: Array, half_gap: float) -> Array:
@@ -52,32 +54,41 @@ def hysteresis(u: Array, half_gap: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def jumps(u: Array, band: float) -> Array:
-    """The angle (n,) that is held until the command u (n,) is more than the band away, then taken from u."""
-    d = np.empty(u.size)
-    x = u[0]
-    for k in range(u.size):
-        if abs(u[k] - x) > band:
-            x = u[k]
-        d[k] = x
-    return d
+    """The angle (n,) that is held until the command u (n,) is more than the band away, then taken from u.
+
+    The mean over bands around this one: when it jumps hangs on the last digits of u, its mean does not.
+    """
+    d = np.zeros(u.size)
+    for part in range(BANDS):
+        here, x = band * (1.0 + SPREAD * ((2 * part + 1) / BANDS - 1.0)), u[0]
+        for k in range(u.size):
+            if abs(u[k] - x) > here:
+                x = u[k]
+            d[k] += x
+    return d / BANDS
 
 
 @njit(cache=True, nogil=True)
 def sticks(u: Array, band: float) -> Array:
-    """The angle (n,) that is held until u (n,) is more than the band away, then follows it to its turn."""
-    d = np.empty(u.size)
-    x, way, before = u[0], 0.0, u[0]
-    for k in range(u.size):
-        du = u[k] - before
-        before = u[k]
-        if way != 0.0 and du * way < 0.0:
-            way = 0.0
-        if way == 0.0 and abs(u[k] - x) > band:
-            way = 1.0 if u[k] > x else -1.0
-        if way != 0.0:
-            x = u[k]
-        d[k] = x
-    return d
+    """The angle (n,) that is held until u (n,) is more than the band away, then follows it to its turn.
+
+    The mean over bands around this one, as in `jumps`.
+    """
+    d = np.zeros(u.size)
+    for part in range(BANDS):
+        here = band * (1.0 + SPREAD * ((2 * part + 1) / BANDS - 1.0))
+        x, way, before = u[0], 0.0, u[0]
+        for k in range(u.size):
+            du = u[k] - before
+            before = u[k]
+            if way != 0.0 and du * way < 0.0:
+                way = 0.0
+            if way == 0.0 and abs(u[k] - x) > here:
+                way = 1.0 if u[k] > x else -1.0
+            if way != 0.0:
+                x = u[k]
+            d[k] += x
+    return d / BANDS
 
 
 def full_outside(u: Array, q: Values) -> Array:
@@ -219,16 +230,7 @@ LAWS = (
             equation="the servo's target d stays until abs(u - d) > s, then d = u",
             source="Armstrong-Helouvry 1994, stiction; position band of a digital servo",
             parameters=(
-                P(
-                    "s",
-                    "rad",
-                    0.012,
-                    0.0,
-                    0.15,
-                    "largest error at rest, road-wheel angle",
-                    tolerance=0.0015,
-                    jumps=True,
-                ),
+                P("s", "rad", 0.012, 0.0, 0.15, "largest error at rest, road-wheel angle", tolerance=0.0015),
             ),
             apart="goes all the way once it moves; with a backlash or a deadband a part stays lost",
             next_run="rover on blocks: a slow ramp, angle of the wheel over command",
@@ -253,7 +255,8 @@ LAWS = (
             parameters=(
                 P("b", "rad", 0.01, 0.0, 0.15, "half of the gap, road-wheel angle", tolerance=0.0015),
             ),
-            apart="the wheel lags by the gap at every reversal; with a deadband it does not",
+            apart="the wheel lags by the gap at every reversal, as with a servo that stops short of its target; "
+            "with a deadband it does not",
             next_run="rover on blocks: a slow ramp up and down, angle of the wheel over command",
             act=lambda u, q: play(u, q["b"]),
             signed=False,

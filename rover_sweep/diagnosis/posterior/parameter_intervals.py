@@ -24,7 +24,7 @@ from rover_sweep.diagnosis.posterior.model_fit import ModelFit
 from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, prior_information
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import EffectValue
-from rover_sweep.diagnosis.simulation.nominal import Coordinate, physical_numbers
+from rover_sweep.diagnosis.simulation.nominal import physical_numbers
 
 DRAWS = 400
 SWEEPS = 12  # of the sampler, over all axes
@@ -32,7 +32,6 @@ LEVEL = (5.0, 95.0)  # percent
 SURE = 0.95  # share of the draws that are implausible, from which a number is
 OCTAVES = (0.0, 0.4, 0.8, 1.6, 3.2, 100.0)  # Hz
 UNBOUNDED = 1e9  # value of a limit or cut-off that the data do not show
-SCANNED = 0.02  # relative standard deviation of a size that was scanned in steps of 2.5 %
 FEWEST = 4  # lines of an octave that form a group
 
 
@@ -76,23 +75,14 @@ def between_bounds(covariance: Array, low: Array, high: Array, seed: int) -> Arr
 def fit_covariance(problem: Problem, fitted: Fitted) -> Array:
     """Covariance (k, k) of the coordinates of a fit over their scales, see the module."""
     prior = prior_information(fitted.free) / COARSE  # the noise counts in full here
-    scanned = np.array([_scanned(c, fitted.x[c.name]) for c in fitted.free])
     known = fitted.jacobian.T @ fitted.jacobian
-    values, axes = np.linalg.eigh(np.linalg.inv(known + np.diag(prior + scanned + 1e-6)))
+    values, axes = np.linalg.eigh(np.linalg.inv(known + np.diag(prior + 1e-6)))
     root = axes * np.sqrt(np.maximum(values, 0.0)) @ axes.T
     scores = _scores(problem, fitted)
     scores = scores - scores.mean(axis=0)
     spread = scores.T @ scores * (len(scores) / max(len(scores) - 1, 1))
     beyond, ways = np.linalg.eigh(root @ (spread - known * fitted.overdispersion) @ root)
     return np.asarray(root @ (ways * (fitted.overdispersion + np.maximum(beyond, 0.0)) @ ways.T) @ root)
-
-
-def _scanned(c: Coordinate, value: float) -> float:
-    """Information (1/variance, in scales) of a coordinate that was scanned.
-
-    Known to `SCANNED` of its value.
-    """
-    return (c.scale / (SCANNED * abs(value) + 1e-3 * c.scale)) ** 2 if c.step == 0.0 else 0.0
 
 
 def _scores(problem: Problem, fitted: Fitted) -> Array:

@@ -41,7 +41,6 @@ ELSE, POWER = -3.2, 0.45  # ln prior of something else, and the power of its mar
 KEPT = 6.0  # gain of an effect over that of something else, at which it is a proxy in half of the cases
 LEAST_GAIN = 13.0  # drop of the cost over the variance of a row, below which an effect does not matter
 WIDTH = 2.5  # prior width of a parameter over the size at which its effect is plainly visible
-JUMP = 0.03  # relative width that the data leave to a parameter that is scanned
 HUGE = 1e9  # standard deviation of a coordinate that the data do not hold
 SPAN = sqrt(2.0 * np.pi)  # width of a normal density of unit height over its standard deviation
 
@@ -213,11 +212,7 @@ def standard_errors(fitted: Fitted) -> dict[str, float]:
     free = [fitted.free[k] for k in inside]
     found = {c.name: float(s) * c.scale for c, s in zip(free, spread, strict=True)}
     for k, c in enumerate(fitted.free):
-        if c.name in found:
-            continue
-        if c.step == 0.0:
-            found[c.name] = JUMP * abs(fitted.x[c.name])
-        else:
+        if c.name not in found:
             slope = abs(float(fitted.jacobian[:, k] @ fitted.rows)) / c.scale
             found[c.name] = min(1.0 / slope, HUGE) if slope > 0.0 else HUGE
     return found

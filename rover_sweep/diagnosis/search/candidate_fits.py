@@ -14,7 +14,6 @@ from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, pri
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 
-SCANNED_FROM = 30.0  # predicted gain from which the sizes of a law that jumps are scanned
 INSTANTS = 7  # at which a change of ground is tried in each run
 PER_PARAMETER = (
     6.0 * COARSE
@@ -81,8 +80,6 @@ def linear_prediction(
     if best is None or (best[0] < NO_GAIN and added_coordinates(effect)):
         return None
     predicted, amount, start = best
-    if any(p.jumps for p in effect.parameters) and predicted > SCANNED_FROM:
-        return _scanned(problem, base, space, model, effect)
     factor = float(np.sign(amount) * np.clip(abs(amount), 0.5, 2.0))
     return predicted, {
         k: v if k.endswith(".t") else base.x.get(k, 0.0) + (v - base.x.get(k, 0.0)) * factor
@@ -111,19 +108,6 @@ def _together(
     gain = float(np.sum((columns @ amounts) ** 2))
     change = {n: float(a) * moved[k][n] for (n, k), a in zip(first.items(), amounts, strict=True)}
     return gain, 1.0, {n: base.x.get(n, 0.0) + change.get(n, 0.0) for n in names}
-
-
-def _scanned(
-    problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
-) -> tuple[float, dict[str, float]]:
-    """(predicted gain, coordinates) of the best size of a law that jumps, among sizes 2.5 % apart."""
-    name, size = next((effect.key(p.name), p.size) for p in effect.parameters if p.jumps)
-    starts = [{name: float(f * size)} for f in np.geomspace(0.25, 4.0, 112)]
-    whole = float(np.sum(space.outside(base.rows) ** 2))
-    models = problem.models(model.structure, [{**base.x, **s} for s in starts])
-    left = [float(np.sum(space.outside(problem.measured - rows) ** 2)) for rows in models]
-    best = int(np.argmin(left))
-    return max(whole - left[best], 0.0), starts[best]
 
 
 def _starts(effect: Effect, problem: Problem, base: Fitted, model: Model) -> list[dict[str, float]]:
@@ -175,9 +159,6 @@ def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
     """The model with the effect, fitted from its linear prediction; from nearer where that went astray."""
     free, structure = one.model.free, one.model.structure
     known = None if one.effect in DEGREES_OF_FREEDOM else base
-    law = one.model.law(one.model.effects[-1])
-    if any(p.jumps for p in law.parameters):
-        return _around_the_scanned(problem, base, one, law)
     found = fit(problem, structure, free, {**base.x, **one.start}, known=known)
     if known is not None and base.cost - found.cost < ASTRAY * one.predicted:
         nearer = {
@@ -186,15 +167,3 @@ def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
         again = fit(problem, structure, free, {**base.x, **nearer}, known=known)
         found = again if again.cost < found.cost else found
     return found
-
-
-def _around_the_scanned(problem: Problem, base: Fitted, one: Screened, law: Effect) -> Fitted:
-    """A law that jumps: the other coordinates are fitted at the scanned size and beside it, then all."""
-    jumping = {law.key(p.name) for p in law.parameters if p.jumps}
-    others = tuple(c for c in one.model.free if c.name not in jumping)
-    best = fit(problem, one.model.structure, others, {**base.x, **one.start}, steps=3, known=base)
-    for factor in (0.985, 1.015, 0.97, 1.03):
-        size = {name: one.start[name] * factor for name in jumping if name in one.start}
-        found = fit(problem, one.model.structure, others, {**best.x, **size}, steps=3, known=base)
-        best = found if found.cost < best.cost else best
-    return fit(problem, one.model.structure, one.model.free, best.x, steps=1)

@@ -127,9 +127,7 @@ class Model:
 def added_coordinates(effect: Effect) -> list[Coordinate]:
     """The coordinates that an effect adds, without those that it releases."""
     return [
-        Coordinate(effect.key(p.name), 0.0, p.low, p.high, p.size, step=0.0 if p.jumps else 0.02)
-        for p in effect.parameters
-        if not p.nominal
+        Coordinate(effect.key(p.name), 0.0, p.low, p.high, p.size) for p in effect.parameters if not p.nominal
     ]
 
 
