@@ -255,7 +255,7 @@ LAWS = (
             parameters=(
                 P("b", "rad", 0.01, 0.0, 0.15, "half of the gap, road-wheel angle", tolerance=0.0015),
             ),
-            apart="the wheel lags by the gap at every reversal, as with a servo that stops short of its target; "
+            apart="the wheel lags by the gap at every reversal, as with a servo that stops short; "
             "with a deadband it does not",
             next_run="rover on blocks: a slow ramp up and down, angle of the wheel over command",
             act=lambda u, q: play(u, q["b"]),
