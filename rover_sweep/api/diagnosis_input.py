@@ -17,7 +17,7 @@ from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.settings import BASELINES, Baseline, DiagnosisSettings
+from rover_sweep.diagnosis.settings import BASELINES, START, Baseline, DiagnosisSettings
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
 from rover_sweep.identification.baseline import determined_model
@@ -106,8 +106,12 @@ def diagnosed(
         others = given.held_out, given.simulated, progress, stop, groups
         found = diagnose(given.runs, rover, settings, *others)
         while not own and (more := _more_complete(found)):
+            limit = settings.time_limit
+            left = None if limit is None else limit - (time.monotonic() - started)
+            if left is not None and left <= 0:
+                break
             settings, simpler = replace(settings, baseline=more), ""
-            found = diagnose(given.runs, rover, settings, *others)
+            found = diagnose(given.runs, rover, replace(settings, time_limit=left), *others)
     except DataRefused as error:
         found = _refused(str(error), given, settings, time.monotonic() - started)
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
@@ -123,7 +127,7 @@ def diagnosed(
     if stop is not None and stop():
         seconds = time.monotonic() - started
         remarks.append(f"stopped by hand after {seconds:.0f} s, so only the results so far are reported")
-    return replace(found, remarks=(*found.remarks, *remarks))
+    return replace(found, remarks=(*found.remarks, *remarks), seconds=time.monotonic() - started)
 
 
 def _with_baseline(
@@ -228,13 +232,16 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
         name, values = document.get("model"), document.get("parameters", {})
     else:
         name = baseline or document.get("recommended")
-        models = document.get("models", {})
-        if not isinstance(name, str) or not isinstance(models, dict) or name not in models:
-            raise UsageError(f"{path} has no model {name!r}; it has {', '.join(models) or 'none'}")
-        values = {p: v["value"] for p, v in models[name]["parameters"].items() if "variant" not in v}
+        models = _object(document.get("models", {}), path, "models")
+        if not isinstance(name, str) or name not in models:
+            raise UsageError(f"{path} has no model {name!r}; it has {', '.join(map(str, models)) or 'none'}")
+        given = _object(_object(models[name], path, name).get("parameters"), path, f"parameters of {name}")
+        entries = {p: _object(v, path, f"{p} of {name}") for p, v in given.items()}
+        values = {p: v.get("value") for p, v in entries.items() if "variant" not in v}
     known: dict[str, Baseline] = {b: b for b in BASELINES}
     if name not in known or baseline not in (None, name):
         raise UsageError(f"{path} holds the model {name!r}; give one of {', '.join(BASELINES)}")
+    values = _object(values, path, f"parameters of {name}")
     if lacking := [p for p, v in values.items() if v is None]:
         raise UsageError(
             f"{path}: {lacking[0]} of its {name} model could not be identified; use another model"
@@ -244,7 +251,24 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
             raise UsageError(
                 f"{path}: {p} of its {name} model is {v!r}, which is no number; run identify again"
             )
+        if p in START and v <= 0:
+            raise UsageError(
+                f"{path}: {p} of its {name} model is {v:g}; it must be above 0; run identify again"
+            )
+    if name in ("roll-yaw", "bicycle") and not values.keys() & set(START):
+        raise UsageError(
+            f"{path}: its {name} model has none of {', '.join(START)}; give the file that `identify` wrote"
+        )
     return known[name], {p: float(v) for p, v in values.items()}
+
+
+def _object(part: Any, path: Path, where: str) -> dict[str, Any]:
+    """The JSON object `where` of the file; UsageError if it is anything else."""
+    if isinstance(part, dict):
+        return part
+    raise UsageError(
+        f"{path} cannot be read as a model: {where} is {part!r}, not an object; run identify again"
+    )
 
 
 def _document(path: Path) -> dict[str, Any]:

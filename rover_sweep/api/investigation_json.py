@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.api.investigation import Decision
+from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_json
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.wording.strict_json import plain, strict_json
@@ -64,9 +65,18 @@ def write_investigation(
 
 
 def steps_before(folder: Path) -> tuple[Mapping[str, Any], ...]:
-    """The steps that an earlier call wrote into the folder; () without a readable document."""
+    """The steps that an earlier call wrote into the folder; () without a document.
+
+    UsageError for a damaged document, which would be lost when it is written again.
+    """
+    path = folder / DOCUMENT
     try:
-        steps = read_json((folder / DOCUMENT).read_text(encoding="utf-8"))["steps"]
+        steps = read_json(path.read_text(encoding="utf-8"))["steps"]
         return tuple({k: v for k, v in step.items() if k != "number"} for step in steps)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (FileNotFoundError, NotADirectoryError):
         return ()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"{path} cannot be read as the steps of an investigation ({error}); rename it to keep it, "
+            "or give another folder"
+        ) from None

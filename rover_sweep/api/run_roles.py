@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations, product
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +17,11 @@ LEFT_OUT = (
     "is not fitted: a sweep about a steering offset shows the rover near a steady turn, and the other "
     "runs show it near straight driving; identify it alone, or use it in diagnose"
 )
+
+
+_BLOCK = 64  # samples of a run that no other run has
+_ROUNDED = 1e-3  # a copy's rounding over the standard deviation of the yaw rate
+_GRID, _SAME_DRIVE = 50.0, 0.95  # Hz; correlation of two logs of one drive, without a shift in time
 
 
 def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
@@ -93,16 +99,45 @@ def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> 
 
 
 def same_recording(one: Recording, two: Recording) -> bool:
-    """True for the same run of the same file (by SHA-256), under any name; a pair equals each of its logs.
+    """True for the same drive, under any name: of one file (by SHA-256), of a copy, or of both its logs.
 
     Runs of one file differ in their time, or in their yaw rate if the file holds trials with restarted
-    clocks.
+    clocks. A copy, whole or in part, has the samples of the other. The two logs of one drive have the same
+    clock and yaw rate.
     """
     first, second = ({digest for _, digest in run.sources} for run in (one, two))
     if not first & second:
-        return False
+        return _copied(one, two) or _two_logs(one, two)
     if first == second:
         return one.span == two.span and np.array_equal(one["r"].x, two["r"].x)
     shared = min(one.span[1], two.span[1]) - max(one.span[0], two.span[0])
     nested = first < second or second < first
     return nested and shared > 0.5 * min(run.span[1] - run.span[0] for run in (one, two))
+
+
+def _copied(one: Recording, two: Recording) -> bool:
+    """True where a block of the shorter run's yaw rates is in the other: noise never repeats.
+
+    The block has the largest changes, so two runs at rest do not count as copies. Rounded copies count.
+    """
+    short, long = sorted((one["r"].x, two["r"].x), key=np.size)
+    if short.size < _BLOCK or not short.std():
+        return False
+    turning = np.convolve(np.abs(np.diff(short, append=short[-1])), np.ones(_BLOCK), "valid")
+    start = int(np.argmax(turning))
+    block, alike = short[start : start + _BLOCK], _ROUNDED * short.std()
+    begins = np.flatnonzero(np.abs(long[: long.size - _BLOCK + 1] - block[0]) <= alike)
+    windows = np.lib.stride_tricks.sliding_window_view(long, _BLOCK)[begins]
+    return bool(np.any(np.all(np.abs(windows - block) <= alike, axis=1)))
+
+
+def _two_logs(one: Recording, two: Recording) -> bool:
+    """True for an onboard log and a telemetry log of one drive: both have the autopilot's clock."""
+    kinds = [{Path(name).suffix.lower() for name, _ in run.sources} for run in (one, two)]
+    if ".tlog" not in kinds[0] ^ kinds[1] or ".bin" not in kinds[0] | kinds[1]:
+        return False
+    begin, end = (choose(run.span[i] for run in (one, two)) for i, choose in enumerate((max, min)))
+    if end - begin < 0.5 * min(run.span[1] - run.span[0] for run in (one, two)):
+        return False
+    grid = np.arange(begin, end, 1 / _GRID)
+    return bool(np.corrcoef(one["r"].on(grid), two["r"].on(grid))[0, 1] > _SAME_DRIVE)

@@ -99,6 +99,7 @@ LARGEST_OF_STEERING = {
 }
 EITHER_SIGN = ("asymmetry", "nonlinearity")
 LARGEST_FRICTION = 2.0
+LARGEST_SD = 0.5  # m; a length that is less certain was not measured
 DENSEST = 5000.0  # kg/m^3, mass over wheelbase cubed; rovers and cars have 20..200
 
 
@@ -166,10 +167,12 @@ def read_number(
         complaints.append(f"{where} is {value:g} {rule.unit}; it must be above 0")
     if sd is not None and (not _is_number(sd) or sd < 0):
         complaints.append(f"{where}: sd is {sd!r}; it must be a number, 0 or above")
-    elif sd is not None and rule and rule.sign > 0 and 0 < value < sd:
+    elif sd is not None and rule and (rule.sign > 0 or rule.required) and 0 < abs(value) < sd:
         complaints.append(
             f"{where}: sd {sd:g} is above the value {value:g}; sd is in {rule.unit}, not percent"
         )
+    elif sd is not None and (rule is None or rule.unit == "m") and sd > LARGEST_SD:
+        complaints.append(f"{where}: sd is {sd:g} m; millimetres or centimetres? give metres")
     if how is not None:
         complaints += _of_how(how, where, value if rule else 0.0, sd, rule.unit if rule else "m")
     return (

@@ -39,7 +39,7 @@ from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
 from rover_sweep.diagnosis.result import Diagnosis, Falsified, Finding, HeldOut, Unknown, Unseen
 from rover_sweep.diagnosis.search.material import at_the_end, many_at_the_end
-from rover_sweep.diagnosis.settings import Baseline, DiagnosisSettings
+from rover_sweep.diagnosis.settings import START, Baseline, DiagnosisSettings
 from rover_sweep.diagnosis.simulation import lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
@@ -155,10 +155,10 @@ def _refuse_without_floor(used: Sequence[Experiment]) -> None:
 
 def _start(parameters: Mapping[str, float]) -> dict[str, float]:
     """{coordinate: value} to begin the fit from, out of {parameter: SI value} of an identified model."""
-    out = {f"ln_{n}": log(v) for n in ("Izz", "k_phi", "b_phi", "C") if (v := parameters.get(n, 0.0)) > 0}
-    cf, cr = parameters.get("Cf", 0.0), parameters.get("Cr", 0.0)
-    if cf > 0 and cr > 0:
-        out |= {"ln_C": 0.5 * log(cf * cr), "ln_ratio": log(cf / cr)}
+    known = {n: log(v) for n in START if (v := parameters.get(n, 0.0)) > 0}
+    out = {f"ln_{n}": v for n, v in known.items() if n not in ("Cf", "Cr")}
+    if "Cf" in known and "Cr" in known:
+        out |= {"ln_C": 0.5 * (known["Cf"] + known["Cr"]), "ln_ratio": known["Cf"] - known["Cr"]}
     return out
 
 

@@ -11,6 +11,8 @@ from rover_sweep.data.tolerances import Tolerances
 Baseline = Literal["roll-yaw", "bicycle", "lumped", "kinematic"]
 BASELINES: tuple[Baseline, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")
 
+START = ("Izz", "k_phi", "b_phi", "C", "Cf", "Cr")  # parameters of a model that the fit begins from, above 0
+
 
 @dataclass(frozen=True)
 class DiagnosisSettings:

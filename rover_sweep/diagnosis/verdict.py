@@ -51,7 +51,7 @@ def sentence_of(
         rest = "the search was stopped before all effects were tried"
     elif left:
         rest = left.sentence.partition(";")[0]
-    elif variance > NOTABLE and findings:
+    elif variance > NOTABLE:
         ratio = f"{variance**0.5:.1f} times the noise floor"
         rest = f"the remaining residual, which no function of the state predicts, is {ratio}"
     if named and rest:
@@ -60,7 +60,7 @@ def sentence_of(
         answer = rest if "candidate" in rest else f"{rest}, and no candidate explains it"
     else:
         nothing = "nothing that matters was found" if listed else "these runs show no missing effect"
-        answer = named or rest or f"{nothing}: the residual is at the noise floor"
+        answer = named or rest or f"{nothing}: over all frequencies, the residual is at the noise floor"
         if possible and not named and not rest:
             best = max(possible, key=lambda e: possible[e])
             sure = 100 * possible[best]

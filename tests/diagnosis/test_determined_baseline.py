@@ -69,10 +69,11 @@ def test_without_the_numbers_of_roll_the_bicycle_is_the_most_complete_model():
 
 def test_a_baseline_that_lacks_roll_gives_way_to_one_with_it(monkeypatch: pytest.MonkeyPatch):
     """One channel's coherence hid the roll that all channels together show: it is no left-out physics."""
-    asked = []
+    asked, limits = [], []
 
     def found(runs, rover, settings, *others):
         asked.append(settings.baseline)
+        limits.append(settings.time_limit)
         effect = Finding("roll_dof", (), ByName(()), {}, (), "", "", "")
         return Diagnosis("explained", "", settings.baseline, findings=(effect,) if len(asked) == 1 else ())
 
@@ -80,7 +81,8 @@ def test_a_baseline_that_lacks_roll_gives_way_to_one_with_it(monkeypatch: pytest
     monkeypatch.setattr("rover_sweep.api.diagnosis_input.determined_model", lambda *_: ("bicycle", "no roll"))
     runs = rs.read(FIRMWARE / "defaults" / "run1.BIN", vehicle=DATA / "rover.toml")
     assert runs.vehicle is not None
-    answer = diagnosed(material(tuple(runs), ()), runs.vehicle, DiagnosisSettings())
+    answer = diagnosed(material(tuple(runs), ()), runs.vehicle, DiagnosisSettings(time_limit=60.0))
+    assert limits[0] == 60.0 and 0.0 < limits[1] < 60.0  # one limit for both
     assert asked == ["bicycle", "roll-yaw"] and answer.baseline == "roll-yaw" and not answer.findings
     assert not any(r.startswith("the baseline is") for r in answer.remarks)
     diagnosed(material(tuple(runs), ()), runs.vehicle, DiagnosisSettings("bicycle"))

@@ -10,11 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fabricated_diagnoses import EXPLAINED, NONE, REFUSED
 from fabricated_engine import Engine, ProgramResult
 
 from rover_sweep.api.run_roles import same_recording
+from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.read import read_runs
 
@@ -118,6 +120,12 @@ def test_an_identified_model_is_the_baseline(engine: Engine, asked: RunProgram, 
         ({}, ("--baseline", "bicycle"), "C of its bicycle model could not be identified"),
         ({"recommended": None}, (), "has no model None"),
         ({"format": "something"}, (), "is not an identification.json"),
+        ({"models": [1]}, (), "cannot be read as a model: models is [1], not an object"),
+        ({"models": {"roll-yaw": None}}, (), "roll-yaw is None, not an object"),
+        ({"models": {"roll-yaw": {}}}, (), "parameters of roll-yaw is None"),
+        ({"models": {"roll-yaw": {"parameters": {"C": 3}}}}, (), "C of roll-yaw is 3, not an object"),
+        ({"models": {"roll-yaw": {"parameters": {"C": {"value": -3}}}}}, (), "is -3; it must be above 0"),
+        ({"models": {"roll-yaw": {"parameters": {}}}}, (), "has none of Izz, k_phi"),
         ({}, ("--simulation", str(SWEEP)), "--model and --simulation are alternatives"),
     ],
 )
@@ -177,7 +185,35 @@ def test_runs_of_one_file_stand_apart_and_a_pair_is_each_of_its_logs() -> None:
     later = replace(run, span=(run.span[1] + 1.0, run.span[1] + 9.0))
     pair = replace(run, sources=(*run.sources, ("run1.tlog", "0" * 64)))
     assert not same_recording(run, later) and same_recording(run, pair)
-    assert not same_recording(pair, later) and not same_recording(run, replace(run, sources=()))
+    assert not same_recording(pair, later)
+
+
+def changed(run: Recording, of: slice, shift: float = 0.0, digits: int = 9) -> Recording:
+    """A copy of a part of a run, exported by another program."""
+    r = run["r"]
+    yaw = replace(r, t=r.t[of] + shift, x=np.round(r.x[of], digits))
+    span = float(yaw.t[0]), float(yaw.t[-1])
+    return replace(
+        run, channels={**run.channels, "r": yaw}, span=span, sources=((f"cut{shift}.csv", f"{of}"),)
+    )
+
+
+def test_a_cut_shifted_or_rounded_copy_is_that_recording_and_a_repeat_is_not() -> None:
+    run = read_runs(str(SWEEP))[0]
+    middle = slice(run["r"].x.size // 4, run["r"].x.size // 2)
+    for copy in (changed(run, middle), changed(run, middle, 100.0), changed(run, slice(None), 3.0, 4)):
+        assert same_recording(run, copy) and same_recording(copy, run)
+    noise = np.random.default_rng(1).normal(0.0, 0.003, run["r"].x.size)
+    repeat = replace(run["r"], x=run["r"].x + noise)
+    again = replace(run, channels={**run.channels, "r": repeat}, sources=(("again.csv", "1"),))
+    assert not same_recording(run, again)
+    assert not same_recording(run, read_runs(str(NOMINAL / "run2.BIN"))[0])
+
+
+def test_the_two_logs_of_one_drive_are_one_recording() -> None:
+    onboard, telemetry = (read_runs(str(SWEEP.with_suffix(suffix)))[0] for suffix in (".BIN", ".tlog"))
+    other = read_runs(str(NOMINAL.parent / "defaults" / "run1.tlog"))[0]
+    assert same_recording(onboard, telemetry) and not same_recording(onboard, other)
 
 
 def test_ctrl_c_once_ends_with_what_is_there(engine: Engine, asked: RunProgram, tmp_path: Path) -> None:

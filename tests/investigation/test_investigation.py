@@ -132,3 +132,6 @@ def test_the_document_keeps_the_steps_of_an_earlier_call(
     assert document["settled"] and document["effects"] == ["steering_backlash"]
     assert json.loads((tmp_path / "investigation.json").read_text())["action"] == "used up"
     assert steps_before(tmp_path / "none") == ()
+    (tmp_path / "investigation.json").write_text('{"steps": [1')
+    with pytest.raises(UsageError, match="rename it to keep it"):
+        steps_before(tmp_path)

@@ -91,8 +91,20 @@ def test_nan_is_left_out_and_told(tmp_path: Path) -> None:
     holes[500:520] = np.nan
     (run,) = read_runs(table(tmp_path, rows(side=holes)), column_map={**BASIC, "ay": "side"})
     assert np.all(np.isfinite(run["ay"].x)) and run["ay"].x.size == 1980
-    assert any("ay (column side): 20 of 2000 rows are NaN" in n.text for n in run.notes)
+    assert any("ay (column side): 20 of 2000 rows are no finite number" in n.text for n in run.notes)
     assert any("gap" in n.text for n in run.notes)
+
+
+def test_an_empty_column_and_a_still_clock_are_named(tmp_path: Path) -> None:
+    for change, words in (
+        ({"side": np.full(2000, np.nan)}, r"column side \(ay\) has no row with a finite number"),
+        (
+            {"t": np.zeros(2000), "side": np.zeros(2000)},
+            r"column t \(the time\) has the same value in all rows",
+        ),
+    ):
+        with pytest.raises(DataRefused, match=words):
+            read_logs(table(tmp_path, rows(**change)), column_map={**BASIC, "ay": "side"})
 
 
 def test_trials_are_recordings_of_their_own(tmp_path: Path) -> None:
@@ -228,7 +240,7 @@ def test_tables_that_are_none(tmp_path: Path, text: str, reason: str) -> None:
 
 def test_a_column_without_numbers_is_refused(tmp_path: Path) -> None:
     text = rows(none=np.full(2000, np.nan))
-    with pytest.raises(DataRefused, match="holds no yaw rate"):
+    with pytest.raises(DataRefused, match=r"column none \(r\) has no row"):
         read_runs(table(tmp_path, text), column_map={**BASIC, "r": "none"})
     with pytest.raises(DataRefused, match="holds no steering output"):
         read_runs(table(tmp_path, text), column_map={**BASIC, "delta": "none"})

@@ -150,6 +150,18 @@ MISTAKES = {
     "missing key": (MINIMAL.replace("mass = 2.66\n", ""), "mass is missing; add a line such as: mass = 2.66"),
     "half a steering": (MINIMAL + "[steering]\ntrim_us = 1500", "rad_per_us is missing; add a line such as"),
     "sd in percent": (MINIMAL.replace("0.203", "{value = 0.203, sd = 2}"), "sd is in m, not percent"),
+    "sd of a height in mm": (
+        MINIMAL + "cg_height_above_roll_centre = {value = 0.058, sd = 10}",
+        "sd is 10 m; millimetres or centimetres?",
+    ),
+    "sd of a place in mm": (
+        MINIMAL + "[imu]\nposition = [{value = 0.0, sd = 5}, 0, 0.05]",
+        "position[0]: sd is 5 m; millimetres",
+    ),
+    "sd of a gain": (
+        MINIMAL + "[steering]\ntrim_us = 1500\nrad_per_us = {value = -0.0009, sd = 0.01}",
+        "sd 0.01 is above the value",
+    ),
     "sd negative": (MINIMAL.replace("2.66", "{value = 2.66, sd = -0.1}"), "sd is -0.1"),
     "sd alone": (MINIMAL.replace("2.66", "{sd = 0.1}"), "has no value; write { value = .., sd = .. }"),
     "how, unknown": (MINIMAL.replace("2.66", '{value = 2.66, how = "eyes"}'), "how is 'eyes'; write one of"),

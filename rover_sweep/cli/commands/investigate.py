@@ -147,20 +147,28 @@ def _advice(
 ) -> None:
     """Show the next step after recorded runs."""
     from rover_sweep.api.investigation import decided
-    from rover_sweep.api.investigation_json import write_investigation
+    from rover_sweep.api.investigation_json import steps_before, write_investigation
     from rover_sweep.api.read import Reading, load_steered
     from rover_sweep.cli.driving.investigating import diagnosing, show_document, show_step
+    from rover_sweep.cli.types.folders import check_writable
+    from rover_sweep.cli.views.output import narration, print_warnings
     from rover_sweep.data.vehicle_file import load
 
     if not runs:
         raise UsageError("no rover: give --connect URL, --vehicle embedded or ardurover, or recorded runs")
     rover = load(Path(vehicle_path(vehicle, runs)))
     rover.steering()
-    decision = decided(load_steered(runs, rover, Reading()), rover, bounds, "", diagnosing(rover))
+    folder = None if out is None else Path(out)
+    if folder is not None:
+        check_writable(folder)
+    earlier = steps_before(folder) if folder else ()
+    driven = load_steered(runs, rover, Reading())
+    print_warnings(narration(), driven)
+    decision = decided(driven, rover, bounds, "", diagnosing(rover))
     show_step(decision)
-    if out is not None:
-        write_investigation(Path(out), [decision], ())
-    show_document([decision], Path(out) if out else None, as_json)
+    if folder is not None:
+        write_investigation(folder, [decision], earlier)
+    show_document([decision], folder, as_json, earlier)
 
 
 def _on_rover(
@@ -177,6 +185,7 @@ def _on_rover(
 ) -> None:
     """Investigate the rover at `connect`; checks before the drive all that could fail after it."""
     from firmware_params.param_files import read, shipped
+    from rover_sweep.api.investigation_json import steps_before
     from rover_sweep.cli.driving.investigating import show_investigation
     from rover_sweep.cli.driving.one_by_one import OneByOne
     from rover_sweep.data.vehicle_file import load
@@ -196,6 +205,7 @@ def _on_rover(
     settings = RunSettings(arm, throttle, trigger, extra, patience=_PILOT_PATIENCE)
     plan = SessionPlan((), settings, checked=read(shipped("identification")), logs=logs)
     folder = _folder(out)
+    steps_before(folder)
     driver = OneByOne(
         connect,
         folder,

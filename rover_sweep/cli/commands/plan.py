@@ -131,6 +131,7 @@ def plan(
     from rover_sweep.api.read import Reading, load_steered
     from rover_sweep.api.run_roles import refuse_overlap
     from rover_sweep.cli.views.long_work import long_work
+    from rover_sweep.cli.views.output import narration, print_warnings
     from rover_sweep.data.vehicle_file import load as load_vehicle
     from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 
@@ -139,6 +140,7 @@ def plan(
     vehicle.steering()  # raises here if the file has no steering gain, before anything is read
     reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
     driven = load_steered(have, vehicle, reading) if have else ()
+    print_warnings(narration(), driven)
     refuse_overlap(driven, ())
     blocks = [PlannedRun("servo_test", amplitude, 0.0) for amplitude in servo_test]
     runs = merged(

@@ -123,7 +123,10 @@ LAWS = (
             ),
         ),
         apart="r and p are correct; a filter changes the phase and does not raise the gain",
-        next_run="measure from the CG to the autopilot with a ruler",
+        next_run=(
+            "weigh both axles to place the CG (are cg_to_front_axle and cg_to_rear_axle interchanged?), and "
+            "measure from it to the autopilot with a ruler"
+        ),
         releases={"imu_x": (-1.0, 1.0), "imu_z": (-1.0, 1.0)},
         channels=("ay",),
     ),

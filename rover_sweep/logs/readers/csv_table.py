@@ -121,11 +121,16 @@ def _refuse_thrusters(path: Path, header: list[str]) -> None:
 def _log(name: str, numbers: Mapping[str, Array], columns: ColumnMap, source: tuple[str, str]) -> Log:
     time = (numbers[columns.time.name] - columns.time.offset) * columns.time.scale
     refuse_disorder(name, {f"column {columns.time.name}": time})
+    known = time[np.isfinite(time)]
+    if known.size > 1 and np.ptp(known) == 0:
+        raise DataRefused(f"{name}: column {columns.time.name} (the time) has the same value in all rows")
     signals, notes = {}, list(_time_notes(time))
     for channel, column in columns.columns.items():
         sign = -1.0 if columns.frd and channel in SIGN_CHANGES else 1.0
         values = (numbers[column.name] - column.offset) * column.scale * sign
         signals[channel], note = _signal(channel, column.name, time, values, columns.step)
+        if not signals[channel].t.size:
+            raise DataRefused(f"{name}: column {column.name} ({channel}) has no row with a finite number")
         notes += note
     whole = max(signals.values(), key=lambda s: s.t.size).t
     for channel, value in columns.constants.items():
@@ -162,7 +167,10 @@ def _signal(channel: str, column: str, time: Array, values: Array, step: bool) -
     t, (x,) = increasing(time[good], values[good])
     lost = int(np.sum(np.isfinite(time)) - np.sum(good))
     notes = [
-        Note("warning", f"{channel} (column {column}): {lost} of {time.size} rows are NaN and were left out")
+        Note(
+            "warning",
+            f"{channel} (column {column}): {lost} of {time.size} rows are no finite number and were left out",
+        )
     ]
     hold = channel == "throttle" or (step and channel in ("pwm", "delta"))
     return Signal(t, x, UNITS[channel], column, hold=hold), notes if lost else []
