@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from rover_sweep.api.identify_settings import check_settings, parameter_names
 from rover_sweep.api.read import Location, Runs
+from rover_sweep.api.recommended_numbers import with_numbers
 from rover_sweep.api.run_roles import fitted_and_verified
 from rover_sweep.api.structure_files import load_structures
 from rover_sweep.data.later import joined_frames
@@ -204,6 +205,7 @@ def identified(
     geometry = geometry_of(vehicle)
     geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *free))))
     found = run_identification(tuple(sweeps), geometry, tuple(checks), settings, tuple(structures), fitted)
+    found = with_numbers(found, vehicle) if settings.bootstrap else found
     origin = provenance(vehicle, vehicle_file, checks, command, datetime.now().astimezone())
     return Result(**{f.name: getattr(found, f.name) for f in fields(found)}, origin=origin)
 

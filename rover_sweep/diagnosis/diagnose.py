@@ -29,9 +29,9 @@ from rover_sweep.diagnosis.posterior.parameter_intervals import (
     effect_values,
     holds_absence,
     implausible_numbers,
-    nominal_values,
 )
 from rover_sweep.diagnosis.posterior.refuted import nearest_fit, without_refuted
+from rover_sweep.diagnosis.posterior.rover_numbers import rover_numbers
 from rover_sweep.diagnosis.posterior.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.posterior.speed_loss import ID as SPEED
 from rover_sweep.diagnosis.posterior.speed_loss import WORSE, earned, speed_finding, speed_loss, unknown_loss
@@ -216,7 +216,7 @@ def _answer(
         unknown=left,
         cannot_see=cannot_see,
         falsified=_falsified(found) if findings else (),
-        parameters=ByName(nominal_values(last, drawn)),
+        parameters=ByName(rover_numbers(last, settings.seed)),
         scores={**found.gains, **speed.gains},
         overlays=overlays(held or used[:1], bool(held), nominal, whole, floor),
         held_out=total,

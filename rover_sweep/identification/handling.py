@@ -22,7 +22,7 @@ from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.result_table import ShortTable, Shown, plain_number
-from rover_sweep.identification.fit import FitResult
+from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.models.bicycle import axle_stiffness
 from rover_sweep.identification.structure.state_space import ModelStructure
 
@@ -115,6 +115,21 @@ class Handling(Shown):
         kind = "understeers" if k.value > 0 else "oversteers"
         return f"the rover {kind}: {between}, {name.replace('_', ' ')} {v.value:.1f} m/s{ends}"
 
+    def with_understeer(self, k: Estimate, base: float) -> Handling:
+        """With K_us [deg/g] of both axles together, and the speeds that follow. base: wheelbase [m]."""
+        low, high = k.interval_90 or (None, None)
+        per_g = "understeer_gradient_deg_per_g"
+        kept = {n: q for n, q in self.quantities.items() if n not in (*OF_BOTH_AXLES, *OF_THE_SIGN)}
+        both = {per_g: Quantity(k.value, None, *UNITS[per_g], low, high)}
+        if k.value:
+            name = "characteristic_speed" if k.value > 0 else "critical_speed"
+            both[name] = Quantity(_speed(k.value, base), None, *UNITS[name])
+            if low is not None and high is not None and low * high > 0:
+                ends = sorted(_speed(end, base) for end in (low, high))
+                both[name] = replace(both[name], low=ends[0], high=ends[1])
+        found = {n: q for n in UNITS for q in ((both | kept).get(n),) if q is not None}
+        return replace(self, quantities=found, tied=False)
+
     def table(self) -> ShortTable:
         """The quantities that these runs identify, with their intervals."""
         rows = tuple(
@@ -130,6 +145,11 @@ class Handling(Shown):
         left_out = () if self.identified else OF_THE_SIGN
         left_out = (*left_out, *OF_BOTH_AXLES) if self.tied else left_out
         return {n: q for n, q in self.quantities.items() if n not in left_out}
+
+
+def _speed(per_g: float, base: float) -> float:
+    """Characteristic or critical speed [m/s] of K_us [deg/g]."""
+    return float(np.sqrt(base * GRAVITY / abs(np.radians(per_g))))
 
 
 def gain_error(runs: Sequence[Recording]) -> float:

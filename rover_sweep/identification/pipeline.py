@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import isfinite
 
 from threadpoolctl import threadpool_limits
 
+from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.result_table import ShortTable, Shown, band_words
 from rover_sweep.identification.bootstrap.model_intervals import with_intervals
+from rover_sweep.identification.fit import Estimate
 from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identification.handling import Handling, gain_error, handling, has_handling
 from rover_sweep.identification.imu_place import wrong_place
@@ -49,7 +51,9 @@ class Identification(PlainNumbers, Shown):
     """The result of an identification. recommended: name of the model to use; summary: reasons, as sentences.
 
     coherence: a verdict for each run. refused: {model that could not be identified: reason}. `models` always
-    has the kinematic model, which shows whether the data hold any effect of the tyres.
+    has the kinematic model, which shows whether the data hold any effect of the tyres. numbers: of the rover,
+    with errors of the vehicle file and normal tolerances allowed for, where they were asked for and a model
+    with tyres fits; those of `models` are of a fit of the responses alone, as CIFER's.
     """
 
     geometry: Geometry
@@ -60,6 +64,7 @@ class Identification(PlainNumbers, Shown):
     refused: Mapping[str, str]
     recommended: str | None
     summary: tuple[str, ...]
+    numbers: ByName[Estimate] = field(default_factory=ByName)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -92,7 +97,12 @@ class Identification(PlainNumbers, Shown):
             for fit in fits.values()
             if "Cf" in fit.structure.values
         }
-        return {name: handling(lagged.get(id(fit), fit), error=error) for name, fit in fits.items()}
+        found = {name: handling(lagged.get(id(fit), fit), error=error) for name, fit in fits.items()}
+        for name in (f"{self.recommended}, {UNTIED}", self.recommended):
+            if name in found and "K_us" in self.numbers:
+                known = self.numbers["K_us"], self.geometry.wheelbase
+                return found | {name: found[name].with_understeer(*known)}
+        return found
 
     def table(self) -> ShortTable:
         """A row for each model; usable bands, refused models, the recommendation."""

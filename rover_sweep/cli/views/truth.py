@@ -13,7 +13,7 @@ _PHYSICAL = ("roll-yaw", "bicycle")  # models with physical parameters, whose tr
 
 
 def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
-    """True and identified values of the recommended physical model, else the largest; None without one."""
+    """True and identified numbers, else the recommended physical model's parameters; None without any."""
     from rover_sweep.identification.acceptance import TITLES, usable
     from rover_sweep.report.identification.comparison import Cell, Table
     from rover_sweep.report.wording.number_format import change, number, symbol, unit
@@ -23,6 +23,7 @@ def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
     if name is None:
         return None
     true = truth(rover)
+    found = tuple(result.numbers) or tuple(e for e in models[name].fit.estimates if e.free)
     rows = tuple(
         (
             Cell(symbol(e.name)),
@@ -31,12 +32,12 @@ def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
             Cell(number(e.value)),
             Cell(change(100 * (e.value / true[e.name] - 1)), "strong"),
         )
-        for e in models[name].fit.estimates
-        if e.free and true.get(e.name)
+        for e in found
+        if true.get(e.name)
     )
     tied = (
         "Cf = Cr: mean of both axles, at zero slip."
-        if any(e.name == "C" and e.free for e in models[name].fit.estimates)
+        if any(e.name == "C" for e in found)
         else "Cf, Cr: at zero slip."
     )
     note = (
@@ -45,7 +46,8 @@ def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
     )
     if rover.effects:
         note += f" The rover also has effects that no model includes: {', '.join(rover.effects)}."
-    headings = ("", "", "true", f"{TITLES[name]} model", "difference %")
+    column = "identified" if result.numbers else f"{TITLES[name]} model"
+    headings = ("", "", "true", column, "difference %")
     return Table("True parameters of the simulated rover", headings, rows, note, 2)
 
 

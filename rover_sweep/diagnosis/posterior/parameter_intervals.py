@@ -12,7 +12,6 @@ Liang and Zeger 1986: Longitudinal data analysis using generalized linear models
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import exp
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -145,16 +144,6 @@ def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str,
 def _begin(last: ModelFit) -> float:
     """Start of the run in which the ground changed, on its recording's clock [s]."""
     return next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
-
-
-def nominal_values(last: ModelFit, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
-    """The physical parameters of the nominal model, refitted together with the effects."""
-    out = []
-    for c in last.fitted.free:
-        if c.parameter:
-            low, high = _interval(drawn, lambda x, n=c.name: exp(x[n]))  # type: ignore[misc]
-            out.append(EffectValue(c.parameter, c.unit, exp(last.fitted.x[c.name]), low, high))
-    return tuple(out)
 
 
 def _interval(

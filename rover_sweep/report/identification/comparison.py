@@ -43,6 +43,10 @@ INTERVALS = (
     "Fixed values of the vehicle file count as exact."
 )
 
+NUMBERS = (
+    "The intervals allow for the vehicle file's uncertainties, a lag of the steering, the bend of the tyres, "
+    "and normal differences of both axles. CIFER fit: of the responses alone, with the vehicle file as exact."
+)
 CIFER = "Trust the interval; CR and I are for comparison with CIFER."
 
 
@@ -63,6 +67,29 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
     text_columns: int = 1
+
+
+def numbers_table(result: Identification) -> Table | None:
+    """The rover's numbers with intervals, those of the recommended model's fit beside; None without any."""
+    name = result.recommended or ""
+    if not result.numbers or name not in result.models:
+        return None
+    fitted = {e.name: e.value for e in result.models[name].fit.estimates if e.free}
+    if "C" in fitted:
+        fitted |= {"Cf": fitted["C"], "Cr": fitted["C"]}
+    rows = tuple(
+        (
+            Cell(symbol(e.name), "strong"),
+            Cell(e.meaning),
+            Cell(number(e.value, 3), "strong"),
+            Cell(unit(e.unit)),
+            Cell(_interval(e, 3)),
+            Cell(number(fitted.get(e.name), 3), "muted"),
+        )
+        for e in result.numbers
+    )
+    headings = ("", "description", "value", "unit", "90 % interval", "CIFER fit")
+    return Table("Numbers of the rover", headings, rows, NUMBERS, 2)
 
 
 def parameter_table(
@@ -112,10 +139,10 @@ def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
     )
 
 
-def _interval(e: Estimate) -> str:
+def _interval(e: Estimate, digits: int = 4) -> str:
     if e.interval is None:
         return "free"
-    return f"{number(e.interval.low)} … {number(e.interval.high)}"
+    return f"{number(e.interval.low, digits)} … {number(e.interval.high, digits)}"
 
 
 def _fixed_row(e: Estimate) -> tuple[Cell, ...]:

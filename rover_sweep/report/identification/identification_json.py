@@ -11,6 +11,7 @@ import numpy as np
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
 from rover_sweep.identification.acceptance import inertia_of, judged_runs, ordered, rejection
+from rover_sweep.identification.fit import Estimate
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.quality.coherence import CoherenceVerdict
@@ -41,6 +42,7 @@ def identification_document(result: Identification, provenance: Provenance) -> d
             "recommended": result.recommended,
             "summary": result.summary,
             "speed_m_s": result.speed,
+            "numbers": {e.name: number_document(e) for e in result.numbers},
             "models": {name: model_document(result, name) for name in ordered(result)},
             "refused": result.refused,
             "inertia": inertia_document(result, provenance),
@@ -56,6 +58,11 @@ def identification_document(result: Identification, provenance: Provenance) -> d
             "made": provenance.made or None,
         }
     )
+
+
+def number_document(e: Estimate) -> dict[str, Any]:
+    """{value, unit, interval_90, meaning} of a number of the rover."""
+    return {"value": e.value, "unit": e.unit, "interval_90": e.interval_90, "meaning": e.meaning}
 
 
 def inertia_document(result: Identification, provenance: Provenance) -> dict[str, Any]:

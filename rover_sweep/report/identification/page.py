@@ -15,6 +15,7 @@ from rover_sweep.report.identification.comparison import (
     cost_table,
     filters_table,
     inertia_table,
+    numbers_table,
     parameter_table,
     poles_table,
     reduction_table,
@@ -79,6 +80,8 @@ def _main_table(result: Identification) -> Table | None:
     name = result.recommended
     if not name or rejection(result, name):
         return None
+    if numbers := numbers_table(result):
+        return numbers
     table = parameter_table(result, name, fixed_rows=False)
     rows = tuple(row[:5] for row in table.rows)
     return Table(f"{TITLES.get(name, name)} model, recommended", table.headings[:5], rows, text_columns=2)

@@ -68,7 +68,7 @@ def finding(result: Identification) -> str | None:
     model = result.models.get(result.recommended or "")
     if model is None:
         return None
-    free = [e for e in model.fit.estimates if e.free]
+    free = result.numbers or [e for e in model.fit.estimates if e.free]
     words = [f"{symbol(e.name)} {number(e.value, 3)} {unit(e.unit)} ({_uncertainty(e)})" for e in free]
     text = f"At {model.fit.speed:.2f} m/s: " + ", ".join(words)
     unseen = prediction_sentence(result)

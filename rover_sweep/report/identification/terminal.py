@@ -19,6 +19,7 @@ from rover_sweep.report.identification.comparison import (
     cost_table,
     filters_table,
     inertia_table,
+    numbers_table,
     parameter_table,
     reduction_table,
     verification_tables,
@@ -77,10 +78,8 @@ def short_answer(result: Identification, provenance: Provenance) -> Group:
     """Which model, its numbers with intervals, how it predicts, and what to do first."""
     lines: list[RenderableType] = [rich_table(coherence_table(result)), Text("")]
     if result.recommended and result.recommended in result.models:
-        lines += [
-            rich_table(parameter_table(result, result.recommended, fixed_rows=False, accuracies=False)),
-            Text(""),
-        ]
+        own = parameter_table(result, result.recommended, fixed_rows=False, accuracies=False)
+        lines += [rich_table(numbers_table(result) or own), Text("")]
     lines += [Sentence(sentence, "bold") for sentence in result.summary]
     if words := prediction_sentence(result):
         lines.append(Sentence(f"O{words[1:]}"))

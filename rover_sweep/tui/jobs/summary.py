@@ -48,6 +48,8 @@ def _identified(document: Mapping[str, Any]) -> Iterator[str]:
     summary = document.get("summary")
     yield from (summary,) if isinstance(summary, str) else tuple(summary or ())
     recommended = document.get("recommended")
+    if numbers := document.get("numbers"):
+        yield "numbers (90 % intervals): " + ", ".join(_parameter(n, v, True) for n, v in numbers.items())
     for name, model in sorted(document["models"].items(), key=lambda item: item[0] != recommended):
         best = name == recommended
         values = ", ".join(

@@ -1,0 +1,76 @@
+"""The rover's numbers: near the truth of the firmware's plant, with what a vehicle file leaves open."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+import rover_sweep as rs
+from rover_sweep.identification.handling import UNITS
+from rover_sweep.report.identification.comparison import numbers_table
+from rover_sweep.report.identification.handling_table import handling_sentence
+from rover_sweep.report.identification.terminal import short_answer
+
+DATA = Path(__file__).parents[1] / "data"
+NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
+TRUE = {"Cf": 31.0, "Cr": 33.5, "Izz": 0.071, "k_phi": 10.8, "b_phi": 0.36, "tau": 0.037}  # its README
+
+
+@pytest.fixture(scope="module")
+def nominal() -> rs.Result:
+    runs = [NOMINAL / f"run{k}.BIN" for k in (1, 2, 4)]
+    return rs.identify(rs.read(*runs, vehicle=DATA / "rover.toml"), bootstrap=40)
+
+
+def test_the_numbers_are_the_plants_and_their_intervals_hold_them(nominal: rs.Result) -> None:
+    for name, true in TRUE.items():
+        low, high = nominal.numbers[name].interval_90
+        assert nominal.numbers[name].value == pytest.approx(true, rel=0.05), name
+        assert low < true < high and high - low < 0.35 * true, name
+
+
+def test_understeer_is_that_of_both_axles_together_wherever_it_is_told(nominal: rs.Result) -> None:
+    k = nominal.numbers["K_us"]
+    assert f"{k.value:.2g} deg/g" in (handling_sentence(nominal) or "")
+    found = replace(nominal.numbers["K_us"], value=2.0)
+    sure = replace(found, interval=replace(found.interval, low=1.0, high=3.0))
+    (handling,) = (h for n, h in nominal.handling.items() if n == "roll-yaw")
+    told = handling.with_understeer(sure, 0.391)
+    speed = told["characteristic_speed"]
+    assert speed.value == pytest.approx((0.391 * 9.81 / 0.034907) ** 0.5, rel=1e-3)  # sqrt(L g / K)
+    assert speed.low < speed.value < speed.high and set(told.quantities) <= set(UNITS)
+    assert told.sentence.startswith("the rover understeers: K_us 2 deg/g (1 to 3)")
+
+
+def test_the_answer_shows_the_numbers_and_the_fit_beside_them(nominal: rs.Result, tmp_path: Path) -> None:
+    table = numbers_table(nominal)
+    assert table is not None and [row[0].text for row in table.rows][:3] == ["Cf", "Cr", "K_us"]
+    out = io.StringIO()
+    Console(file=out, width=100).print(short_answer(nominal, nominal.origin))
+    assert "Numbers of the rover" in out.getvalue() and "CIFER fit" in out.getvalue()
+    nominal.report(tmp_path / "report")
+    document = json.loads((tmp_path / "report" / "identification.json").read_text())
+    assert document["numbers"]["Cf"]["value"] == nominal.numbers["Cf"].value
+    assert len(document["numbers"]["K_us"]["interval_90"]) == 2
+    assert "Numbers of the rover" in (tmp_path / "report" / "report.html").read_text()
+
+
+def test_without_intervals_there_are_no_numbers() -> None:
+    runs = rs.read(NOMINAL / "run1.BIN", vehicle=DATA / "rover.toml")
+    assert not rs.identify(runs, bootstrap=0).numbers
+    stock = rs.read(DATA / "ardurover-4.6.3" / "stock" / "run1.BIN", vehicle=DATA / "rover.toml")
+    assert not rs.identify(stock, bootstrap=20).numbers  # a rover whose tyres these runs do not show
+
+
+def test_a_rover_with_other_physics_gets_a_sentence_and_no_numbers() -> None:
+    for letter, words in (("b", "the roll-yaw model is poor"), ("d", "times the noise in r")):
+        folder = DATA / "concealed-ardurover" / letter
+        runs = rs.read(folder / "run1.BIN", folder / "run2.BIN", vehicle=folder / "rover.toml")
+        found = rs.identify(runs, bootstrap=20)
+        assert not found.numbers
+        assert any(words in sentence for sentence in found.summary), letter
