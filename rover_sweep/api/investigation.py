@@ -27,6 +27,7 @@ from rover_sweep.diagnosis.simulation.experiment import experiment
 from rover_sweep.errors import UsageError
 from rover_sweep.investigation.decide import SAME, first_run, next_step
 from rover_sweep.investigation.next_step import Means, NextStep
+from rover_sweep.investigation.open_questions import told
 
 MOST_RUNS = 6
 USUAL_SPEED = 2.4  # m/s
@@ -57,13 +58,15 @@ class Bounds:
 class Decision:
     """A step with the diagnosis it follows from, None before the first.
 
-    given: the recordings by their roles; runs: their names.
+    given: the recordings by their roles; runs: their names. told: information of the last run [bit], None
+    where nothing was expected of it.
     """
 
     step: NextStep
     diagnosis: Diagnosis | None = None
     given: Material | None = None
     runs: tuple[str, ...] = ()
+    told: float | None = None
 
 
 class RunDriver(Protocol):
@@ -90,11 +93,14 @@ def investigation(
     A run that did not come to its end counts as one of the allowed runs. The last decision has no run.
     """
     once = _remembered(diagnose or _diagnose(vehicle))
-    tried = len(driver.recordings())
+    tried, before = len(driver.recordings()), Decision(NextStep("open", ""))
     while True:
         left = replace(bounds, runs=bounds.runs - tried)
         decision = decided(driver.recordings(), vehicle, left, driver.spent(), once)
+        if before.step.bits is not None and decision.diagnosis and decision.runs != before.runs:
+            decision = replace(decision, told=told(before.step.odds, decision.diagnosis))
         yield decision
+        before = decision
         if decision.step.run is None:
             return
         driver.drive(decision.step.run)

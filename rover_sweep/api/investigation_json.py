@@ -22,7 +22,8 @@ def investigation_document(
 ) -> dict[str, Any]:
     """All steps in plain JSON types, those of an earlier call first.
 
-    proposal and settles: the run to drive now and its reason, as in the JSON of `plan`.
+    proposal and settles: the run to drive now and its reason, as in the JSON of `plan`. Of a step:
+    expected_bits of its run, told_bits of the run before it.
     """
     step = decisions[-1].step
     steps = [*earlier, *(_step(decision) for decision in decisions)]
@@ -54,6 +55,8 @@ def _step(decision: Decision) -> dict[str, Any]:
         "action": step.action,
         "reason": step.reason,
         "run": asdict(step.run) if step.run else None,
+        "expected_bits": step.bits,
+        "told_bits": decision.told,
     }
 
 

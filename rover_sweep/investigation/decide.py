@@ -59,7 +59,8 @@ def next_step(found: Diagnosis, driven: Sequence[PlannedRun], means: Means, rank
     if found.verdict == "none" and best is None:
         return NextStep("settled", f"{asked.why}, and no run is expected to tell more about them")
     if best is not None:
-        return NextStep("drive", f"{asked.why}; {_purpose(best, asked)}", named, best.run)
+        reason = f"{asked.why}; {_purpose(best, asked)}"
+        return NextStep("drive", reason, named, best.run, best.bits, asked.odds)
     return _without_ranking(asked, driven, means, named)
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from rover_sweep.diagnosis.plans.next_run import Odds
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 
 Action = Literal["drive", "settled", "used up", "open"]
@@ -15,13 +16,16 @@ class NextStep:
     """What to do now, and why.
 
     action: "drive" `run`; "settled"; "used up": runs, ground or battery; "open": no run would tell more.
-    reason: a sentence. effects: named by the diagnosis. run: only with "drive".
+    reason: a sentence. effects: named by the diagnosis. run: only with "drive". bits: what it is expected to
+    tell about the explanations, which are as probable as `odds` now; None where the plan does not know.
     """
 
     action: Action
     reason: str
     effects: tuple[str, ...] = ()
     run: PlannedRun | None = None
+    bits: float | None = None
+    odds: Odds = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, inf, log, prod
+from math import exp, inf, log, log2, prod
 
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
 from rover_sweep.diagnosis.plans.next_run import Odds
@@ -22,6 +22,7 @@ from rover_sweep.diagnosis.problem.least_squares import COARSE
 from rover_sweep.diagnosis.result import Diagnosis, Finding, UpperBound
 
 RIVALS = 3  # other effects that are considered where nothing names one
+LEAST = 1e-3  # least probability that an explanation had before a run: probabilities have that precision
 FOLLOWS = 0.3  # share of the largest gain, from which on an effect is considered
 
 
@@ -101,6 +102,22 @@ def _bounds(found: Diagnosis) -> OpenQuestions:
         return OpenQuestions({})
     why = f"no effect is missing, but {len(over)} may still be larger than the size that matters"
     return OpenQuestions(_odds(found, {}, tuple(over)), why)
+
+
+def told(before: Odds, found: Diagnosis) -> float:
+    """Information [bit] of the diagnosis on explanations that were as probable as `before`.
+
+    The divergence of their probabilities now from those before (Lindley 1956). Its mean over all outcomes of
+    a run is what the plan expects.
+    """
+    now = {f.effect: f.probability or 0.0 for f in found.findings}
+    now |= {e: f.evidence.get(f"probability:{e}", 0.0) for f in found.findings for e in f.look_alikes}
+    after = _odds(found, now, [e for e in before if e not in (NONE, OTHER, *now)])
+    sums = sum(before.values()), sum(after.get(e, 0.0) for e in before)
+    if min(sums) <= 0.0:
+        return 0.0
+    pairs = [(after.get(e, 0.0) / sums[1], max(p, LEAST) / sums[0]) for e, p in before.items()]
+    return max(sum(a * log2(a / b) for a, b in pairs if a > 0.0), 0.0)
 
 
 def times_over(bound: UpperBound) -> float:

@@ -25,7 +25,7 @@ from rover_sweep.diagnosis.problem.least_squares import COARSE
 from rover_sweep.diagnosis.result import Finding, UpperBound
 from rover_sweep.investigation.decide import first_run, next_step
 from rover_sweep.investigation.next_step import Means
-from rover_sweep.investigation.open_questions import times_over
+from rover_sweep.investigation.open_questions import times_over, told
 
 ALIKE = replace(PLAY, look_alikes=("steering_deadband",))
 PAIR = ("steering_backlash", "steering_deadband")
@@ -151,3 +151,20 @@ def test_bounds_over_what_matters() -> None:
     assert times_over(UpperBound("-", 0.8, 1.25, 1.15)) == pytest.approx(1.6, abs=0.01)
     assert times_over(UpperBound("rad/s", 2.0, None, 4.0)) == pytest.approx(2.0)
     assert times_over(UpperBound("s", 0.0, 0.14, None)) == float("inf")
+
+
+def test_a_run_told_as_many_bits_as_the_probabilities_moved() -> None:
+    even = {"steering_backlash": 0.5, "steering_deadband": 0.5}
+    sure = explained(replace(PLAY, probability=1.0))
+    assert told(even, sure) == pytest.approx(1.0)
+    still = replace(
+        PLAY, probability=0.5, look_alikes=PAIR[1:], evidence={"probability:steering_deadband": 0.5}
+    )
+    assert told(even, explained(still)) == pytest.approx(0.0)
+    assert told({"steering_backlash": 0.9, "steering_deadband": 0.1}, sure) < 0.2
+    assert told({}, sure) == 0.0
+
+
+def test_a_step_says_what_its_run_is_expected_to_tell() -> None:
+    step = next_step(explained(ALIKE), DRIVEN, MEANS, Ranking(TELLS))
+    assert step.bits == 0.6 and set(PAIR) <= set(step.odds)

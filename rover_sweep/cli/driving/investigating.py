@@ -75,6 +75,8 @@ def show_step(decision: Decision) -> None:
     console, found = narration(), decision.diagnosis
     if found is not None:
         console.print(f"diagnosis: {found.verdict}: {found.sentence}", markup=False, soft_wrap=True)
+    if decision.told is not None:
+        console.print(f"the last run told {decision.told:.1f} bit", markup=False)
     step = decision.step
     console.print(f"{TITLES[step.action]}: {step.reason}", style="bold", markup=False, soft_wrap=True)
 
