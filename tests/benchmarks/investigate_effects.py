@@ -1,13 +1,12 @@
 """How many runs an investigation needs: twelve effects, each concealed in a simulated rover.
 
-    python -m tests.benchmarks.investigate_effects [--effect ID]... [--embedded] [--fixed] [--out FILE]
+    python -m tests.benchmarks.investigate_effects [--effect ID]... [--embedded] [--out FILE]
 
 Conceals each effect at three times its size of tests/concealed/sizes.toml, investigates without asking, and
 prints the answer, the number of runs, and whether it is settled: the verdict is explained, it names exactly
-this effect, and no look-alike is left. --fixed: also diagnoses the four runs of the fixed way (sweeps at two
-amplitudes and two speeds, a doublet); where their answer leaves a pair open, the advised next run counts as a
-fifth. The runs are those of the plant with the applet's wave, in this process; --embedded drives the embedded
-rover over its link. A diagnosis takes 15 to 60 s.
+this effect, and no look-alike is left. At the end: what the chosen runs were expected to tell and what they
+told, in bits, with the correlation. The runs are those of the plant with the applet's wave, in this process;
+--embedded drives the embedded rover over its link. A diagnosis takes 5 to 20 s.
 """
 
 from __future__ import annotations
@@ -21,7 +20,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from rover_sweep.api.diagnosis_input import diagnosed, material
+import numpy as np
+
 from rover_sweep.api.investigation import Bounds, RunDriver, investigation
 from rover_sweep.cli.driving.investigate_simulated import simulated_driver
 from rover_sweep.data.recording import Recording
@@ -29,8 +29,6 @@ from rover_sweep.data.vehicle_file import Vehicle, load
 from rover_sweep.diagnosis.plans.plan_result import PlannedRun
 from rover_sweep.diagnosis.plans.proposals import manoeuvre_for
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.settings import DiagnosisSettings
-from rover_sweep.investigation.open_questions import open_questions
 from rover_sweep.session.simulated_rover import SimulatedRover
 from rover_sweep.study.virtual_drive import Firmware, virtual_drive
 from sitl.plant.variant import PlantParameters, load_variant
@@ -52,12 +50,6 @@ EFFECTS: Mapping[str, Mapping[str, float | str]] = {
     "imu_offset": {"x": 0.096, "z": 0.096},
 }
 """Three times the sizes of tests/concealed/sizes.toml."""
-FIXED = (
-    PlannedRun("sweep", 100.0, 2.4),
-    PlannedRun("sweep", 200.0, 2.4),
-    PlannedRun("sweep", 140.0, 1.6),
-    PlannedRun("doublet", 120.0, 2.4),
-)
 LINEAR = {"friction": 4.0, "servo_rate_limit": 40.0}  # of the plant, so that only one effect is concealed
 FIRMWARE = Firmware(100, 20.0, 20.0)
 
@@ -85,7 +77,7 @@ class PlantDriver:
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table. fixed_answer: of the fixed four runs, "" where they were not diagnosed."""
+    """A line of the table. bits: (expected, told) of each run that the plan chose."""
 
     effect: str
     answer: str
@@ -94,8 +86,7 @@ class Row:
     runs: tuple[str, ...]
     seconds: float
     steps: tuple[str, ...]
-    fixed_answer: str = ""
-    fixed_runs: int = 0
+    bits: tuple[tuple[float, float], ...] = ()
 
 
 def concealing(effect: str) -> PlantParameters:
@@ -122,11 +113,15 @@ def answer_of(found: Diagnosis | None) -> str:
 
 
 def investigated(effect: str, driver: RunDriver, vehicle: Vehicle, bounds: Bounds) -> Row:
-    began, steps, last = time.monotonic(), [], None
+    began, steps, bits, last, expected = time.monotonic(), [], [], None, None
     for decision in investigation(driver, vehicle, bounds):
         steps.append(f"{decision.step.action}: {decision.step.reason}")
         print(f"    {steps[-1]}", flush=True)
         last = decision.diagnosis or last
+        if expected is not None and decision.told is not None:
+            bits.append((expected, decision.told))
+            print(f"    expected {expected:.2f} bit, told {decision.told:.2f}", flush=True)
+        expected = decision.step.bits
     settled = decision.step.action == "settled" and named(last, effect)
     runs = tuple(f"{r.name} {r.mean_speed:.1f} m/s" for r in driver.recordings())
     return Row(
@@ -137,17 +132,8 @@ def investigated(effect: str, driver: RunDriver, vehicle: Vehicle, bounds: Bound
         runs,
         time.monotonic() - began,
         tuple(steps),
+        tuple(bits),
     )
-
-
-def with_fixed(row: Row, effect: str, vehicle: Vehicle, seed: int) -> Row:
-    """The row with the answer of the fixed four runs, and the number of runs that way."""
-    driver = PlantDriver(concealing(effect), seed + 50)
-    for run in FIXED:
-        driver.drive(run)
-    found = diagnosed(material(driver.recordings(), ()), vehicle, DiagnosisSettings())
-    more = bool(open_questions(found).points.pairs)
-    return replace(row, fixed_answer=answer_of(found), fixed_runs=len(FIXED) + more)
 
 
 @contextmanager
@@ -166,21 +152,28 @@ def driver_for(effect: str, embedded: bool, seed: int, folder: Path) -> Iterator
 
 
 def table(rows: list[Row]) -> str:
-    lines = [f"{'effect':<22} {'settled':<8} {'runs':>4} {'fixed':>5}  answer (fixed way's answer)"]
+    lines = [f"{'effect':<22} {'settled':<8} {'runs':>4}  answer"]
     for row in rows:
-        fixed = str(row.fixed_runs or "-")
-        other = f" ({row.fixed_answer})" if row.fixed_answer else ""
         settled = "yes" if row.settled else f"no, {row.ended}"
-        lines.append(f"{row.effect:<22} {settled:<8} {len(row.runs):>4} {fixed:>5}  {row.answer}{other}")
+        lines.append(f"{row.effect:<22} {settled:<8} {len(row.runs):>4}  {row.answer}")
     count = sum(row.settled for row in rows)
     return "\n".join([*lines, f"{count} of {len(rows)} settled, {sum(len(r.runs) for r in rows)} runs"])
+
+
+def information(rows: list[Row]) -> str:
+    """Expected against told bits of all runs that the plan chose."""
+    bits = np.array([pair for row in rows for pair in row.bits])
+    if len(bits) < 3:
+        return f"{len(bits)} runs were chosen by what they tell"
+    expected, told = bits.mean(axis=0)
+    like = np.corrcoef(*bits.T)[0, 1]
+    return f"{len(bits)} runs: expected {expected:.2f} bit, told {told:.2f}, correlation {like:.2f}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.investigate_effects")
     parser.add_argument("--effect", action="append", choices=[*EFFECTS, "none"])
     parser.add_argument("--embedded", action="store_true")
-    parser.add_argument("--fixed", action="store_true")
     parser.add_argument("--runs", type=int, default=Bounds().runs)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path)
@@ -195,11 +188,12 @@ def main() -> None:
             print(name, flush=True)
             with driver_for(effect, given.embedded, given.seed, Path(folder) / name) as driver:
                 row = investigated(effect, driver, vehicle, Bounds(given.runs, headings=False))
-            rows.append(with_fixed(row, effect, vehicle, given.seed) if given.fixed else row)
+            rows.append(row)
             print(table(rows[-1:]), flush=True)
             if given.out:
                 given.out.write_text(json.dumps([asdict(r) for r in rows], indent=1))
     print(table(rows))
+    print(information(rows))
 
 
 if __name__ == "__main__":
