@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
 
-from rover_sweep.comparison.answer import Comparison, Difference
+from rover_sweep.comparison.answer import Comparison, Difference, Kind
 from rover_sweep.comparison.corrected import Correction
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import EffectValue
@@ -23,6 +23,13 @@ from sitl.plant.variant import PlantParameters
 Entry = Mapping[str, float | str]
 Changes = dict[str, object]  # {field of PlantParameters: new value}
 OTHER_UNITS = {"yaw_damping", "steering_compliance"}
+WHY: Mapping[Kind, str] = {
+    "number": "another number",
+    "instrument": "another number of the instrument",
+    "left out": "left out of the simulation",
+    "too much": "not in the recordings",
+    "size": "another size",
+}
 LEAST_BEND = BEND_ALIKE / LINEAR_TYRES**2
 NOT_IN_THE_PLANT = {
     "lag_shape": "the second-order share of the servo's lag",
@@ -67,11 +74,17 @@ def _entries(before: PlantParameters, after: PlantParameters, d: Difference) -> 
     for name in vars(after):
         one, two = getattr(before, name), getattr(after, name)
         if name != "effects" and one != two:
-            yield Correction(name, _text(one), _text(two), _in_plant(name, two, d) or shown, d.sentence)
+            yield Correction(name, _text(one), _text(two), _in_plant(name, two, d) or shown, _why(d))
     for name in {**before.effects, **after.effects}:
         one, two = before.effects.get(name), after.effects.get(name)
         if one != two:
-            yield Correction(f"effects.{name}", _entry_text(one), _entry_text(two), shown, d.sentence)
+            yield Correction(f"effects.{name}", _entry_text(one), _entry_text(two), shown, _why(d))
+
+
+def _why(d: Difference) -> str:
+    """What differed, without its size: the table of corrections has the values."""
+    meaning = library()[d.name].title if d.name in library() else d.recordings[0].meaning
+    return f"{meaning or d.name}: {WHY[d.kind]}"
 
 
 def _in_plant(name: str, value: object, d: Difference) -> str:
@@ -84,7 +97,8 @@ def _in_plant(name: str, value: object, d: Difference) -> str:
         return ""
     if name == "friction":  # it falls where the tyres bend more, and bend is what was compared
         bend = BEND_ALIKE / value**2
-        low, high = (_friction(bend + end - v.value) for end in (v.high, v.low))
+        times = bend / v.value if v.value > 0.0 else 1.0
+        low, high = (_friction(bend + times * (end - v.value)) for end in (v.high, v.low))
         return value_text(replace(v, value=value, unit="", low=low, high=high))
     ends = (v.low / v.value, v.high / v.value) if d.relative else (v.low - v.value, v.high - v.value)
     low, high = (value * end if d.relative else value + end for end in ends)
@@ -107,13 +121,20 @@ def _entry_text(entry: Entry | None) -> str:
     return "" if entry is None else ", ".join(f"{name} {_text(value)}" for name, value in entry.items())
 
 
-def _change(d: Difference) -> float:
+def _change(rover: PlantParameters, d: Difference) -> float:
+    """The change in the rover's own unit, or the factor.
+
+    How much of a tyre's bend shows depends on how far it was driven: it changes by the ratio of what shows.
+    """
+    one, two = d.simulation[0], d.recordings[0]
+    if d.name == "tyre_bend" and one.low is not None and one.low > 0.0:
+        return BEND_ALIKE / rover.friction**2 * (max(two.value, 0.0) / one.value - 1.0)
     return next(iter(d.change.values()))
 
 
 def _with_number(rover: PlantParameters, d: Difference) -> PlantParameters | None:
     try:
-        return replace(rover, **_NUMBERS[d.name](rover, _change(d)))  # type: ignore[arg-type]
+        return replace(rover, **_NUMBERS[d.name](rover, _change(rover, d)))  # type: ignore[arg-type]
     except ValueError:  # the new number is impossible beside the others
         return None
 

@@ -42,7 +42,7 @@ def test_a_relative_number_is_multiplied():
     (entry,) = done.corrections
     assert (entry.entry, entry.before) == ("yaw_inertia", "0.071")
     assert entry.recordings == "0.0852 (0.0767 to 0.0937)"  # 90 to 110 % of 0.0852
-    assert entry.reason == "Izz differs"
+    assert entry.reason == "Izz: another number"
 
 
 def test_both_axles_are_multiplied_by_c():
@@ -70,6 +70,13 @@ def test_the_imu_moves_up_against_the_plants_axis():
 
 def test_a_more_bent_tyre_has_less_friction():
     assert _corrected(_difference("tyre_bend", 0.0, 3.0)).parameters.friction < NOMINAL.friction
+
+
+def test_a_bend_changes_by_the_ratio_of_what_shows_of_it():
+    """At small slip angles little of the tyres' bend shows, on both sides."""
+    rover = replace(NOMINAL, friction=0.9)
+    done = _corrected(_difference("tyre_bend", 0.9, 0.225), rover).parameters
+    assert done.friction == pytest.approx(1.8)
 
 
 def test_a_friction_has_the_interval_of_its_bend():
@@ -135,4 +142,4 @@ def test_the_variant_file_gives_the_same_rover(tmp_path):
     again = load_variant(path)
     assert again.yaw_inertia == pytest.approx(done.parameters.yaw_inertia)
     assert again.effects == done.parameters.effects
-    assert "# was 0.08: Izz differs" in path.read_text(encoding="utf-8")
+    assert "# was 0.08: Izz: another number" in path.read_text(encoding="utf-8")

@@ -113,19 +113,20 @@ def could_differ_table(found: Comparison) -> Table | None:
     return Table("What could still differ unseen", headings, tuple(rows), BOUNDS, 2)
 
 
-def correction_table(corrections: Sequence[Correction]) -> Table:
-    """Entry, simulation before, recordings, simulation after; within 80 columns, so with short words."""
+def correction_table(corrections: Sequence[Correction], reasons: bool = False) -> Table:
+    """Entry, simulation before, recordings, simulation after; within 80 columns without the reasons."""
     rows = tuple(
         (
             Cell(c.entry.removeprefix("effects."), "strong"),
             Cell(c.before or "–"),
             Cell(c.recordings.replace(" to ", "–") or "–"),
             Cell(c.after or "–", "strong"),
+            *((Cell(c.reason),) if reasons else ()),
         )
         for c in corrections
     )
-    headings = ("entry", "before", "recorded (90 %)", "after")
-    return Table("What was corrected in the simulated rover", headings, rows, text_columns=4)
+    headings = ("entry", "before", "recorded (90 %)", "after", *(("what it is",) if reasons else ()))
+    return Table("What was corrected in the simulated rover", headings, rows, text_columns=5)
 
 
 def rounds_table(rounds: Sequence[TwinDrive]) -> Table:

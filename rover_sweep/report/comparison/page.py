@@ -47,7 +47,7 @@ def twin_page(found: Twin, provenance: Provenance, pictures: Sequence[ShownChart
     """The page of a corrected simulation, before and after."""
     first, last = found.rounds[0].comparison, found.rounds[-1].comparison
     parts = [
-        Part("corrected", "What was corrected", (correction_table(found.corrections),)),
+        Part("corrected", "What was corrected", (correction_table(found.corrections, reasons=True),)),
         Part("rounds", "Drive by drive", (rounds_table(found.rounds),)),
         Part("bode", "Responses before and after", pictures="bode"),
         Part("histories", "Time histories before and after", pictures="histories"),
@@ -57,8 +57,7 @@ def twin_page(found: Twin, provenance: Provenance, pictures: Sequence[ShownChart
     ]
     parts = [p for p in parts if p.tables or p.pictures or p.texts]
     answer = (found.sentence, "agrees" if found.agrees else "differs", "good" if found.agrees else "warn")
-    lines = [f"{c.entry}: {c.reason}" for c in found.corrections]
-    return _page("the corrected simulation", answer, lines, parts, provenance, pictures)
+    return _page("the corrected simulation", answer, [], parts, provenance, pictures)
 
 
 def _of_comparison(found: Comparison) -> list[Part]:
