@@ -1,6 +1,6 @@
 """How many runs an investigation needs: twelve effects, each concealed in a simulated rover.
 
-    python -m tests.benchmarks.investigate_effects [--effect ID]... [--embedded] [--out FILE]
+    python -m tests.benchmarks.investigate_effects [--effect ID]... [--embedded] [--smaller K] [--out FILE]
 
 Conceals each effect at three times its size of tests/concealed/sizes.toml, investigates without asking, and
 prints the answer, the number of runs, and whether it is settled: the verdict is explained, it names exactly
@@ -89,10 +89,18 @@ class Row:
     bits: tuple[tuple[float, float], ...] = ()
 
 
-def concealing(effect: str) -> PlantParameters:
-    """The nominal plant, linear, with one effect; without any for ""."""
-    effects = {effect: EFFECTS[effect]} if effect else {}
+def concealing(effect: str, smaller: float) -> PlantParameters:
+    """The nominal plant, linear, with one effect, so many times smaller; without any for ""."""
+    effects = {effect: {p: _smaller(p, v, smaller) for p, v in EFFECTS[effect].items()}} if effect else {}
     return replace(load_variant("nominal"), **LINEAR, effects=effects)  # type: ignore[arg-type]
+
+
+def _smaller(parameter: str, value: float | str, times: float) -> float | str:
+    if isinstance(value, str):
+        return value
+    if parameter in ("R", "mu"):
+        return value * times
+    return float(value ** (1 / times)) if parameter == "ratio" else value / times
 
 
 def named(found: Diagnosis | None, effect: str) -> bool:
@@ -137,17 +145,17 @@ def investigated(effect: str, driver: RunDriver, vehicle: Vehicle, bounds: Bound
 
 
 @contextmanager
-def driver_for(effect: str, embedded: bool, seed: int, folder: Path) -> Iterator[RunDriver]:
+def driver_for(rover: PlantParameters, embedded: bool, seed: int, folder: Path) -> Iterator[RunDriver]:
     """A driver of the plant, or of the embedded rover."""
     if not embedded:
-        yield PlantDriver(concealing(effect), seed)
+        yield PlantDriver(rover, seed)
         return
-    variant, rover = folder / "variant.toml", folder / "rover.toml"
+    variant, vehicle = folder / "variant.toml", folder / "rover.toml"
     folder.mkdir(parents=True)
-    variant.write_text(variant_text(concealing(effect)))
-    rover.write_text(rover_file(load_variant("nominal"), "nominal"))
+    variant.write_text(variant_text(rover))
+    vehicle.write_text(rover_file(load_variant("nominal"), "nominal"))
     simulation = SimulatedRover("embedded", variant=variant, seed=seed, prepared=False)
-    with simulated_driver(simulation, folder / "run", (load(rover), rover), {}, True) as driver:
+    with simulated_driver(simulation, folder / "run", (load(vehicle), vehicle), {}, True) as driver:
         yield driver
 
 
@@ -176,6 +184,7 @@ def main() -> None:
     parser.add_argument("--embedded", action="store_true")
     parser.add_argument("--runs", type=int, default=Bounds().runs)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--smaller", type=float, default=1.0, help="times that each effect is smaller")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     rows: list[Row] = []
@@ -186,7 +195,8 @@ def main() -> None:
         for name in given.effect or EFFECTS:
             effect = "" if name == "none" else name
             print(name, flush=True)
-            with driver_for(effect, given.embedded, given.seed, Path(folder) / name) as driver:
+            rover = concealing(effect, given.smaller)
+            with driver_for(rover, given.embedded, given.seed, Path(folder) / name) as driver:
                 row = investigated(effect, driver, vehicle, Bounds(given.runs, headings=False))
             rows.append(row)
             print(table(rows[-1:]), flush=True)
