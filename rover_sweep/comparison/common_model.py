@@ -53,6 +53,7 @@ WIDE = Tolerances(
     bend=1.5,
 )
 NEAR = 1e-3  # of a coordinate's scale: at its bound
+KNOWN_ABSENT = 0.1  # standard deviation over an effect's usual size, of one that a side does not have
 ABSENT, STEP = 0.3, 0.5  # of an effect's usual size: absent below, and step of its difference quotient
 QUIET = 0.5  # share of the recordings' noise density below which a simulation has its noise added
 SEED = 5
@@ -129,8 +130,20 @@ def side_of(
             plain, closest = bare
     metric = plain.in_metric(columns(speed_drift(plain, closest), plain.size))
     fitted = fit(metric, model.structure, closest.free, closest.x)
+    held = {c.name for c in model.free} - {c.name for c in closest.free}
     fitted = _seen(metric, replace(fitted, free=model.free), model)
-    return FittedSide(model, plain, metric, fitted, fit_covariance(metric, fitted))
+    return FittedSide(model, plain, metric, fitted, _covariance(metric, fitted, held))
+
+
+def _covariance(problem: Problem, fitted: Fitted, held: set[str]) -> Array:
+    """Covariance (k, k) of the coordinates over their scales; those that are held are known to be absent."""
+    free = np.array([c.name not in held for c in fitted.free])
+    kept = replace(
+        fitted, free=tuple(c for c in fitted.free if c.name not in held), jacobian=fitted.jacobian[:, free]
+    )
+    out = np.diag(np.where(free, 0.0, KNOWN_ABSENT**2))
+    out[np.ix_(free, free)] = fit_covariance(problem, kept)
+    return out
 
 
 def _closest(

@@ -22,6 +22,7 @@ from rover_sweep.diagnosis.held_out.worth import (
     worse_channels,
 )
 from rover_sweep.diagnosis.locate.locate import mismatches
+from rover_sweep.diagnosis.posterior.answer_curves import answer_curves
 from rover_sweep.diagnosis.posterior.infer import SHARE, Inference, Named, Options, infer
 from rover_sweep.diagnosis.posterior.parameter_intervals import (
     UNBOUNDED,
@@ -217,6 +218,7 @@ def _answer(
         cannot_see=cannot_see,
         falsified=_falsified(found) if findings else (),
         parameters=ByName(rover_numbers(last, settings.seed)),
+        curves=() if found.stopped else answer_curves(last, drawn),
         scores={**found.gains, **speed.gains},
         overlays=overlays(held or used[:1], bool(held), nominal, whole, floor),
         held_out=total,

@@ -122,7 +122,7 @@ class Finding(PlainNumbers, Shown):
 
 @dataclass(frozen=True)
 class LawCurve(PlainNumbers):
-    """A law without a name, fitted in the model: y over x with its 90 % band, at one place of the equations.
+    """A law in the model: y over x with its 90 % band, at one place of the equations.
 
     place: "steering", "side force front", "side force rear", "side force", "yaw moment", "roll moment",
     "speed" or "sensor of r" (ay, p, vy). alternatives: other places that explain nearly as much. over: the
@@ -268,8 +268,9 @@ class Diagnosis(PlainNumbers):
     """The result of a diagnosis.
 
     sentence: the answer in one sentence. baseline: the model that was tested. parameters: those of the
-    nominal model, refitted with the effects. scores: {effect: drop of chi-squared with it alone}. p_none,
-    p_else: probability that nothing which matters is missing, and that something is which has no name.
+    nominal model, refitted with the effects. curves: of the tyres, and where an effect acts. scores:
+    {effect: drop of chi-squared with it alone}. p_none, p_else: probability that nothing which matters is
+    missing, and that something is which has no name.
     held_out: nominal and full model on each held-out run. remarks: on the data. seconds: computing time.
     """
 
@@ -282,6 +283,7 @@ class Diagnosis(PlainNumbers):
     cannot_see: tuple[Unseen, ...] = ()
     falsified: tuple[Falsified, ...] = ()
     parameters: ByName[EffectValue] = ByName()
+    curves: tuple[LawCurve, ...] = ()
     scores: Mapping[str, float] = field(default_factory=dict)
     overlays: tuple[Overlay, ...] = ()
     held_out: tuple[HeldOut, ...] = ()

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
+from typing import Any
 
 from rover_sweep.comparison.answer import Comparison, Difference, Kind
 from rover_sweep.comparison.corrected import Correction
@@ -66,6 +67,37 @@ def corrected(rover: PlantParameters, found: Comparison, model: AugmentedModel) 
         corrections += _entries(rover, changed, d)
         rover = changed
     return Corrected(rover, tuple(corrections), tuple(left))
+
+
+def halved(before: PlantParameters, by: Corrected) -> Corrected:
+    """Half of each correction; effects that were added or removed are so in whole."""
+    after = by.parameters
+    changed: Changes = {
+        name: _between(one, two)
+        for name, two in vars(after).items()
+        if name not in ("effects", "laws") and (one := getattr(before, name)) != two
+    }
+    effects = {
+        name: {
+            p: _between(before.effects.get(name, entry).get(p, value), value) for p, value in entry.items()
+        }
+        for name, entry in after.effects.items()
+    }
+    rover = replace(after, **changed, effects=effects)  # type: ignore[arg-type]
+    texts = {name: _text(getattr(rover, name)) for name in changed}
+    texts |= {f"effects.{name}": _entry_text(entry) for name, entry in rover.effects.items()}
+    return Corrected(
+        rover, tuple(replace(c, after=texts.get(c.entry, c.after)) for c in by.corrections), by.left
+    )
+
+
+def _between(one: Any, two: Any) -> Any:
+    """The middle of two numbers, of their logarithms where both are above 0; else the second value."""
+    if isinstance(two, tuple):
+        return tuple(_between(a, b) for a, b in zip(one, two, strict=True))
+    if not isinstance(one, float) or not isinstance(two, float):
+        return two
+    return sqrt(one * two) if one > 0.0 and two > 0.0 else 0.5 * (one + two)
 
 
 def _entries(before: PlantParameters, after: PlantParameters, d: Difference) -> Iterator[Correction]:

@@ -16,13 +16,13 @@ from rover_sweep.diagnosis.effects import form_named, library
 from rover_sweep.diagnosis.effects.kinds import SpeedEffect
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import RoverSweepError
-from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected
+from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected, halved
 from rover_sweep.twin.simulated_drives import MEASURED
 from sitl.plant.effects_table import FORMS
 from sitl.plant.variant import PlantParameters
 
 MOST_DRIVES = 5
-MOST_IN_VAIN = 2  # drives in a row that do not help; near the limit of grip one correction alone may fail
+MOST_IN_VAIN = 2  # drives in a row that do not help: with a correction, and with half of it
 AGREES = 1.3  # rms of each run over the noise of both
 HELPED = 0.98  # of the level before, below which a correction helped
 SETTLED = 1.0  # level at which small differences are left alone
@@ -58,6 +58,8 @@ def twin_of(
 ) -> tuple[Twin, PlantParameters]:
     """(the twin, its rover). Only runs that are not held out decide what is corrected and what is kept.
 
+    A correction that does not help, or with which the rover cannot be driven, is halved first.
+
     rover: to begin with; measured: entries of it that were replaced by those of a vehicle file. model: of the
     recordings. drive(rover) -> its recordings with the steering of all recorded runs; compare(recordings,
     names of the laws that the simulation has).
@@ -68,20 +70,24 @@ def twin_of(
     remarks: list[str] = []
     in_vain = 0
     while len(driven) < MOST_DRIVES and not stop():
-        last = driven[-1]
-        if not _to_correct(last.compared.answer):
+        last, best = driven[-1], min(driven, key=lambda d: d.level)
+        if last is best and not _to_correct(last.compared.answer):
             break
-        by = corrected(last.rover, last.compared.answer, model)
+        by = (
+            corrected(last.rover, last.compared.answer, model)
+            if last is best
+            else halved(best.rover, last.by)
+        )
         if not by.corrections:
             break
         try:
-            again = _Driven(by.parameters, by, _compared(by.parameters, model, drive, compare))
+            again = _driven_or_halved(last.rover, by, lambda rover: _compared(rover, model, drive, compare))
         except RoverSweepError as error:  # it overturns, or its run is too short to be compared
             remarks.append(f"the rover could not be driven with the next corrections: {error}")
             break
         driven.append(again)
         say(_progress(driven))
-        helped = again.level < HELPED * last.level or again.level < SETTLED
+        helped = again.level < HELPED * best.level or again.level < SETTLED
         in_vain = 0 if helped else in_vain + 1
         if in_vain == MOST_IN_VAIN:
             break
@@ -92,6 +98,17 @@ def twin_of(
     kept = driven[: driven.index(best) + 1]
     left = corrected(best.rover, best.compared.answer, model).left
     return _twin(driven, kept, measured, left, tuple(remarks), time.monotonic() - started), best.rover
+
+
+def _driven_or_halved(
+    before: PlantParameters, by: Corrected, compared: Callable[[PlantParameters], Compared]
+) -> _Driven:
+    """The corrected rover, driven; with half of each correction where it cannot be driven with the whole."""
+    try:
+        return _Driven(by.parameters, by, compared(by.parameters))
+    except RoverSweepError:
+        half = halved(before, by)
+        return _Driven(half.parameters, half, compared(half.parameters))
 
 
 def with_last_drive(

@@ -111,6 +111,29 @@ def test_a_correction_that_does_not_help_is_taken_back():
     assert "taken back" in twin.remarks[0]
 
 
+def test_a_correction_that_goes_too_far_is_halved():
+    """The answer that it overshoots by is the square of the right factor: half of it is right."""
+    world = World(0.16, gain=2.0)
+    twin, rover = _twin(world)
+    assert world.drives[1].yaw_inertia > 2.0 * 0.16
+    assert rover.yaw_inertia == pytest.approx(0.16, rel=0.01)
+    assert twin.agrees and [c.before for c in twin.corrections] == ["0.071"]
+
+
+def test_a_rover_that_overturns_with_a_correction_gets_half_of_it():
+    world = World(0.10)
+    plain = world.drive
+
+    def drive(rover):
+        if rover.yaw_inertia > 0.09:
+            raise UsageError("the simulated rover overturns")
+        return plain(rover)
+
+    twin, rover = twin_of(NOMINAL, (), MODEL, drive, world.compare)
+    assert NOMINAL.yaw_inertia < rover.yaw_inertia < 0.09
+    assert "overturns" in twin.remarks[0]
+
+
 def test_held_out_runs_decide_nothing_but_the_verdict():
     world = World(0.09, held=3.0)
     twin, rover = _twin(world)

@@ -34,8 +34,8 @@ class VehicleNumbers(NamedTuple):
 
     m, ms: mass and sprung mass. h: height of the sprung mass above the roll axis. Ixx, Izz, Ixz: inertia.
     a, b: CG to the front and to the rear axle. Cf, Cr: cornering stiffness. k_phi, b_phi: roll stiffness
-    and damping. g: gravity. bend: third-order fall of the tyre force, see `_tyre`. inv_mu: 1 over the peak
-    force per axle load. sigma: relaxation length. k_load: loss of stiffness at a_y = g. e_roll: steering
+    and damping. g: gravity. bend: third-order fall of the tyre force. inv_mu: 1 over the peak force per axle
+    load. sigma: relaxation length. k_load: loss of stiffness at a_y = g. e_roll: steering
     angle per roll angle, e_rear the same of the rear axle. T_roll: dry friction torque. ln_width: ln of its
     smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a falling peak, 3 a knee. yaw_damp [N m s]
     and yaw_damp_v [N m^2]: yaw moments -yaw_damp r and -yaw_damp_v r/V. compliance [rad/N]: angle of the
@@ -75,7 +75,7 @@ AT = VehicleNumbers(*range(len(VehicleNumbers._fields)))  # index of each number
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _tyre(alpha, c, load, inv_load, inv_mu, bend, form):  # type: ignore[no-untyped-def]
+def tyre_force(alpha, c, load, inv_load, inv_mu, bend, form):  # type: ignore[no-untyped-def]
     """Side force [N]: -C alpha, less from the third order on (bend), saturating by a form (inv_mu)."""
     force = -c * alpha
     share = force * inv_load
@@ -190,8 +190,8 @@ def _slope(c, given, x, shifted, roll, relaxed):  # type: ignore[no-untyped-def]
     if compliance != 0.0:
         # the force that takes the angle away, by linear tyres: F = -C (alpha + compliance F)
         alpha_f -= compliance * cf * alpha_f / (1.0 + compliance * cf)
-    front = _tyre(alpha_f, cf, load_f, inv_load_f, inv_mu, bend, form)
-    rear = _tyre(alpha_r, cr, load_r, inv_load_r, inv_mu, bend, form)
+    front = tyre_force(alpha_f, cf, load_f, inv_load_f, inv_mu, bend, form)
+    rear = tyre_force(alpha_r, cr, load_r, inv_load_r, inv_mu, bend, form)
     df = drear = 0.0
     if relaxed:
         rate = min(forward / sigma, FASTEST)

@@ -58,6 +58,7 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
                 for f in found.falsified
             ],
             "parameters": {v.name: _value(v) for v in found.parameters},
+            "curves": [asdict(c) for c in found.curves],
             "model": augmented_document(found.model) if found.model else None,
             "scores": found.scores,
             "remarks": found.remarks,

@@ -24,6 +24,10 @@ SCORES = (
     "search kept."
 )
 
+CURVES = (
+    "The rover's laws at rest, with their 90 % bands, over the range that the runs visited. Dashed: the "
+    "linear law, of a tyre its tangent at 0."
+)
 LAW = (
     "The laws that were fitted in the model for the part without a name, with their 90 % bands. A constant "
     "cannot be separated from trim and biases, so a curve is relative to its value at 0 or to its mean. Of a "
@@ -33,7 +37,7 @@ LAW = (
 
 def planned(found: Diagnosis) -> tuple[Picture, ...]:
     """All pictures of a diagnosis, not drawn yet."""
-    return (*_mismatches(found), *_runs(found), *_law(found), *_scores(found))
+    return (*_mismatches(found), *_runs(found), *_curves(found), *_law(found), *_scores(found))
 
 
 def mismatch_section(index: int) -> str:
@@ -68,9 +72,16 @@ def _runs(found: Diagnosis) -> Iterator[Picture]:
         )
 
 
+def _curves(found: Diagnosis) -> Iterator[Picture]:
+    if found.curves:
+        yield Picture("curves", "curves", CURVES, partial(law_curves, found.curves))
+
+
 def _law(found: Diagnosis) -> Iterator[Picture]:
     if found.unknown and found.unknown.curves:
-        yield Picture("unknown-law", "unknown", LAW, partial(law_curves, found.unknown))
+        yield Picture(
+            "unknown-law", "unknown", LAW, partial(law_curves, found.unknown.curves, found.unknown.held_out)
+        )
 
 
 def _scores(found: Diagnosis) -> Iterator[Picture]:

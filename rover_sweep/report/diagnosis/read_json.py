@@ -71,6 +71,7 @@ def _diagnosis(d: Mapping[str, Any]) -> Diagnosis:
             Falsified(f["parameter"], f["unit"], f["before"], f["after"]) for f in d["falsified"]
         ),
         parameters=_values(d["parameters"]),
+        curves=tuple(_curve(c) for c in d.get("curves") or ()),
         scores=dict(d["scores"]),
         held_out=tuple(_held_out(h) for h in d["held_out"]),
         remarks=tuple(d["remarks"]),

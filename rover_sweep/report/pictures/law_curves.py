@@ -6,30 +6,39 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_sweep.diagnosis.result import LawCurve, LawHeldOut, Unknown
+from rover_sweep.diagnosis.result import LawCurve, LawHeldOut
 from rover_sweep.report.pictures.style import BAND, MODEL_LINES, WIDTH, literal
 
 HEIGHT = 3.4  # in
 BEFORE, AFTER = "#BDBDBD", "#D55E00"
 
 
-def law_curves(unknown: Unknown) -> Figure:
+def law_curves(curves: tuple[LawCurve, ...], held_out: tuple[LawHeldOut, ...] = ()) -> Figure:
     """A panel for each curve, and one with the mean square of the held-out rows before and after."""
-    panels = len(unknown.curves) + bool(unknown.held_out)
+    panels = len(curves) + bool(held_out)
     rows = (panels + 1) // 2
     figure = Figure(figsize=(WIDTH, rows * HEIGHT), layout="constrained")
     axes = [figure.add_subplot(rows, min(panels, 2), k + 1) for k in range(panels)]
-    for curve, panel in zip(unknown.curves, axes, strict=False):
+    for curve, panel in zip(curves, axes, strict=False):
         _curve(curve, panel)
-    if unknown.held_out:
-        _held_out(unknown.held_out, axes[-1])
+    if held_out:
+        _held_out(held_out, axes[-1])
     return figure
 
 
 def _curve(curve: LawCurve, axes: Axes) -> None:
     axes.axhline(0.0, color="#777777", linewidth=0.8)
-    axes.fill_between(curve.x, curve.low, curve.high, color=BAND, alpha=0.35, linewidth=0, label="90 % band")
+    turn = int(np.argmax(curve.x)) + 1  # a curve with a loop goes back from here
+    for part in (slice(0, turn), slice(turn, None)):
+        label = "" if part.start else "90 % band"
+        low, high = curve.low[part], curve.high[part]
+        axes.fill_between(curve.x[part], low, high, color=BAND, alpha=0.35, linewidth=0, label=label)
     axes.plot(curve.x, curve.y, marker="o", markersize=4, **MODEL_LINES["roll-yaw"], label="fitted law")
+    if not curve.gain:  # of a law with a name
+        x, y = np.array(curve.x[:turn]), np.array(curve.y[:turn])
+        middle = int(np.argmin(np.abs(x)))
+        straight = x if turn < len(curve.x) else np.gradient(y, x)[middle] * (x - x[middle]) + y[middle]
+        axes.plot(x, straight, color="#333333", linestyle=(0, (4, 2)), linewidth=1.0, label="linear")
     if curve.memory == "resonance":
         axes.set_title(literal(f"{curve.place}: resonance of {curve.over} at {curve.size:.2g} Hz"))
         axes.set_xlabel(literal(f"frequency, {curve.over_unit}"))
