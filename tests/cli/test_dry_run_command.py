@@ -36,7 +36,7 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     true, found, percent = (float(x) for x in inertia[-3:])
     assert true == 0.071 and percent == pytest.approx(100 * (found / true - 1), abs=0.1)
     written = json.loads((tmp_path / "dry-run-2/report/identification.json").read_text())
-    assert found == pytest.approx(written["models"]["roll-yaw"]["parameters"]["Izz"]["value"], rel=1e-3)
+    assert found == pytest.approx(written["numbers"]["Izz"]["value"], rel=1e-3)
     assert [p.name for p in (tmp_path / "dry-run").iterdir()] == ["notes.txt"]
     again = run_program("dry-run", "--out", "dry-run-2")
     assert again.code == 2 and "already contains a session" in again.err and again.err.count("\n") == 1

@@ -98,7 +98,7 @@ def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
     assert "sweep2 interrupted: the rover was released" in done.err and "it is disarmed" in done.err
     assert "doublet" not in [p.stem for p in (tmp_path / "x").glob("*.tlog")]
     found = json.loads(done.out)  # nothing but the JSON; the tables are on stderr
-    assert len(found["runs"]) == 1 and "Roll-yaw model" in done.err
+    assert len(found["runs"]) == 1 and "Numbers of the rover" in done.err
 
 
 def test_a_rover_without_the_applet_is_told_how_to_get_it(

@@ -19,7 +19,7 @@ import rover_sweep as rs
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.effects import every_form, form_named
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
-from rover_sweep.diagnosis.simulation.single_track import _tyre
+from rover_sweep.diagnosis.simulation.single_track import tyre_force
 from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.redrive.recorded_course import course_of
 from rover_sweep.redrive.vehicle_variant import on_the_clock
@@ -138,7 +138,7 @@ def test_the_tyre_with_a_knee_is_the_same_in_the_plant(share: float) -> None:
     """The doublet stays below it, so force by force. share: of the slip at which a linear tyre slides."""
     stiffness, load, mu = 31.0, 13.0, 0.4
     slip = share * mu * load / stiffness
-    ours = _tyre(slip, stiffness, load, 1.0 / load, 1.0 / mu, 0.0, 3.0)
+    ours = tyre_force(slip, stiffness, load, 1.0 / load, 1.0 / mu, 0.0, 3.0)
     assert ours == pytest.approx(knee(slip, stiffness, mu * load, 1.3), rel=1e-9)
     assert min(share, 1.0) * 0.85 < -ours / (mu * load) < min(share, 1.0)
 

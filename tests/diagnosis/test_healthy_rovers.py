@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from healthy import examined
 
-from rover_sweep.diagnosis.simulation.single_track import _tyre
+from rover_sweep.diagnosis.simulation.single_track import tyre_force
 from sitl.plant.tyre import lateral_force
 
 
@@ -32,4 +32,4 @@ def test_the_nominal_tyre_bends_as_a_magic_formula_does(friction):
     for share in (0.1, 0.3, 0.5):
         alpha = share * friction * load / 31.0
         theirs = lateral_force(alpha, 31.0, friction * load, 1.3)
-        assert _tyre(alpha, 31.0, load, 1.0 / load, 0.0, bend, 0.0) == pytest.approx(theirs, rel=0.01)
+        assert tyre_force(alpha, 31.0, load, 1.0 / load, 0.0, bend, 0.0) == pytest.approx(theirs, rel=0.01)

@@ -97,14 +97,20 @@ def test_nan_is_left_out_and_told(tmp_path: Path) -> None:
 
 def test_an_empty_column_and_a_still_clock_are_named(tmp_path: Path) -> None:
     for change, words in (
-        ({"side": np.full(2000, np.nan)}, r"column side \(ay\) has no row with a finite number"),
+        ({"rate": np.full(2000, np.nan)}, r"column rate \(r\) has no row with a finite number"),
         (
             {"t": np.zeros(2000), "side": np.zeros(2000)},
             r"column t \(the time\) has the same value in all rows",
         ),
     ):
         with pytest.raises(DataRefused, match=words):
-            read_logs(table(tmp_path, rows(**change)), column_map={**BASIC, "ay": "side"})
+            read_logs(table(tmp_path, rows(**change)), column_map=BASIC)
+
+
+def test_an_empty_column_that_no_run_needs_is_left_out_and_told(tmp_path: Path) -> None:
+    (run,) = read_runs(table(tmp_path, rows(side=np.full(2000, np.nan))), column_map={**BASIC, "ay": "side"})
+    assert "ay" not in run.channels
+    assert any("ay (column side) is empty and was left out" in n.text for n in run.notes)
 
 
 def test_trials_are_recordings_of_their_own(tmp_path: Path) -> None:

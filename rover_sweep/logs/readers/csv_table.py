@@ -16,6 +16,7 @@ from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import Array, Log, increasing, refuse_disorder, source_of
 from rover_sweep.logs.readers.column_map import UNITS, ColumnMap, read_column_map
 
+NEEDED = {"pwm", "delta", "r", "speed"}
 SIGN_CHANGES = {"r", "ay", "vy", "psi", "delta"}  # between FRD and ISO axes
 THRUSTERS = [re.compile(rf"^(thr|thrust|throttle|thruster|motor)_?{side}(_|$)") for side in ("left", "right")]
 
@@ -128,10 +129,13 @@ def _log(name: str, numbers: Mapping[str, Array], columns: ColumnMap, source: tu
     for channel, column in columns.columns.items():
         sign = -1.0 if columns.frd and channel in SIGN_CHANGES else 1.0
         values = (numbers[column.name] - column.offset) * column.scale * sign
-        signals[channel], note = _signal(channel, column.name, time, values, columns.step)
-        if not signals[channel].t.size:
+        signal, note = _signal(channel, column.name, time, values, columns.step)
+        if signal.t.size:
+            signals[channel], notes = signal, notes + note
+        elif channel in NEEDED:
             raise DataRefused(f"{name}: column {column.name} ({channel}) has no row with a finite number")
-        notes += note
+        else:
+            notes.append(Note("warning", f"{channel} (column {column.name}) is empty and was left out"))
     whole = max(signals.values(), key=lambda s: s.t.size).t
     for channel, value in columns.constants.items():
         signals[channel] = Signal(whole, np.full(whole.size, value), UNITS[channel], "column map")

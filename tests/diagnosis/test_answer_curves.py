@@ -1,0 +1,52 @@
+"""The curves of an answer agree with its numbers, and the report shows them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rover_sweep as rs
+from rover_sweep.diagnosis.result import LawCurve
+from rover_sweep.report.pictures.law_curves import law_curves
+
+FOLDER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "f"  # play in the steering
+
+
+@pytest.fixture(scope="module")
+def found() -> rs.FullDiagnosis:
+    runs = rs.read(FOLDER / "run1.BIN", FOLDER / "run2.BIN", vehicle=FOLDER / "rover.toml")
+    return rs.diagnose(runs, baseline="roll-yaw", only=["steering_backlash"])
+
+
+def curve(found: rs.FullDiagnosis, place: str) -> LawCurve:
+    return next(c for c in found.curves if c.place == place)
+
+
+def test_play_is_the_gap_of_the_steering_loop(found: rs.FullDiagnosis) -> None:
+    loop = curve(found, "steering")
+    half = len(loop.x) // 2
+    up, down = np.array(loop.y[:half]), np.array(loop.y[half:])[::-1]
+    assert loop.x[:half] == loop.x[half:][::-1]
+    gap = found.findings[0].parameters["b"].value
+    assert np.median(down - up) == pytest.approx(2.0 * gap, rel=0.01)
+    assert np.all(np.array(loop.low) <= loop.y) and np.all(np.array(loop.high) >= loop.y)
+
+
+def test_the_slope_of_a_tyre_is_its_cornering_stiffness(found: rs.FullDiagnosis) -> None:
+    for place, name in (("side force front", "Cf"), ("side force rear", "Cr")):
+        tyre = curve(found, place)
+        x, y = np.array(tyre.x), np.array(tyre.y)
+        middle = np.argsort(np.abs(x))[:5]
+        slope = -np.polyfit(x[middle], y[middle], 1)[0]
+        number = found.parameters[name]
+        assert number.low < slope < number.high
+        assert x[0] < 0.0 < x[-1] and y[0] > 0.0 > y[-1]
+
+
+def test_the_curves_are_in_the_report_and_in_its_json(found: rs.FullDiagnosis, tmp_path: Path) -> None:
+    found.report(tmp_path)
+    assert rs.load_diagnosis(tmp_path).curves == found.curves
+    assert 'id="curves"' in (tmp_path / "diagnosis.html").read_text()
+    assert len(law_curves(found.curves).axes) == len(found.curves) == 3
