@@ -160,8 +160,6 @@ def _closest(
     free = tuple(c for c in model.free if c.name not in absent)
     problem = with_floor_of(runs, model, x)
     first = fit(problem, model.structure, free, x)
-    if not absent:
-        return problem, first
     problem = with_floor_of(runs, model, first.x)  # the start was far off, and its residual no noise
     return problem, fit(problem, model.structure, free, first.x)
 
