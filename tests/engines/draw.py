@@ -58,7 +58,7 @@ def _drawn(used: Engine, kind: str, seed: int) -> BenchSet:
     rng = np.random.default_rng([list(MODULES).index(used.name), list(KINDS).index(kind), seed])
     rover = drawn_rover(rng, used.sizes[int(rng.integers(len(used.sizes)))])
     plan = drives(rng, rover)
-    concealed, hidden = _concealed(used, kind, rover, plan, rng)
+    concealed, hidden = hidden_in(used, kind, rover, plan, rng)
     vehicle = parse(vehicle_toml(rover.told))
     recordings = [
         with_delta(logged(rover.instruments, drive, *driven(used, concealed, drive, rng), "rover"), vehicle)
@@ -70,7 +70,7 @@ def _drawn(used: Engine, kind: str, seed: int) -> BenchSet:
     return BenchSet(used.name, kind, seed, runs, tuple(recordings[3:]), effects, truth)
 
 
-def _concealed(
+def hidden_in(
     used: Engine, kind: str, rover: EngineRover, plan: tuple[Drive, ...], rng: Generator
 ) -> tuple[EngineRover, list[dict[str, Any]]]:
     """(rover with the effects, what is hidden)."""
