@@ -65,6 +65,15 @@ class FullDiagnosis(Shown, Diagnosis):
 
         return draw_diagnosis(self, run, axes)
 
+    def plot_curves(self, axes: Any = None) -> Any:
+        """Draws `curves` with their 90 % bands; returns matplotlib axes (n,), one for each curve.
+
+        axes: as many to draw on; default a new figure. UsageError without a curve.
+        """
+        from rover_sweep.drawing.of_diagnosis import draw_curves
+
+        return draw_curves(self.curves, axes)
+
     def to_frame(self) -> Any:
         """The findings as a pandas.DataFrame with the index (effect, parameter); UsageError without pandas.
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from math import log
 from typing import Literal
 
+import numpy as np
+
 from rover_sweep.data.by_name import ByName
 from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Array
@@ -145,6 +147,22 @@ class LawCurve(PlainNumbers):
     memory: str = ""
     size: float = 0.0
     damping: float = 0.0
+
+    def straight(self, x: Sequence[float]) -> list[float]:
+        """The line through the curve's middle with its slope there, at x."""
+        own, y = np.array(self.x), np.array(self.y)
+        turn = int(np.argmax(own)) + 1  # a curve with a loop goes back from here
+        middle = int(np.argmin(np.abs(own[:turn])))
+        if turn < own.size:  # a loop has two values in its middle: the line between its ends
+            slope = (y[turn - 1] - y[0]) / (own[turn - 1] - own[0])
+            return [float(slope * (one - own[0]) + y[0]) for one in x]
+        slope = np.gradient(y, own)[middle]
+        return [float(slope * (one - own[middle]) + y[middle]) for one in x]
+
+    @property
+    def bend(self) -> float:
+        """Largest distance of the curve from its straight line, over its largest value."""
+        return float(np.max(np.abs(np.array(self.y) - self.straight(self.x))) / np.max(np.abs(self.y)))
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
-"""`FullDiagnosis.plot`: a run measured, and simulated without and with the effects that were found."""
+"""`FullDiagnosis.plot`: a run measured and simulated; `.plot_curves`: the fitted laws."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from rover_sweep.diagnosis.result import Diagnosis, Overlay
+from rover_sweep.diagnosis.result import Diagnosis, LawCurve, Overlay
 from rover_sweep.drawing.axes import panels
 from rover_sweep.errors import UsageError
+from rover_sweep.report.pictures.law_curves import HEIGHT, draw_curve
 from rover_sweep.report.pictures.overlay import draw_overlay, draw_residual
 from rover_sweep.report.pictures.style import WIDTH, literal
 from rover_sweep.report.wording.effect_names import LONG_CHANNELS
@@ -32,6 +33,17 @@ def draw_diagnosis(found: Diagnosis, run: str | None, axes: Any) -> Any:
         given[-1, 0].set_xlabel("time, s")
         given[-1, 1].set_xlabel("frequency, rad/s")
     return given
+
+
+def draw_curves(curves: tuple[LawCurve, ...], axes: Any) -> Any:
+    """Axes (n,): each law over its quantity, with its band."""
+    if not curves:
+        raise UsageError("this diagnosis has no curves: its model has no tyres, or it was refused")
+    names = [curve.place for curve in curves]
+    with panels(axes, (1, len(curves)), names, (0.5 * WIDTH * len(curves), HEIGHT)) as given:
+        for curve, panel in zip(curves, given.ravel(), strict=True):
+            draw_curve(curve, panel)
+    return given.ravel()
 
 
 def _channels(found: Diagnosis, run: str | None) -> list[Overlay]:

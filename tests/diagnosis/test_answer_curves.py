@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import rover_sweep as rs
 from rover_sweep.diagnosis.result import LawCurve
+from rover_sweep.report.diagnosis.terminal import summary
 from rover_sweep.report.pictures.law_curves import law_curves
 
 FOLDER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "f"  # play in the steering
@@ -50,3 +53,15 @@ def test_the_curves_are_in_the_report_and_in_its_json(found: rs.FullDiagnosis, t
     assert rs.load_diagnosis(tmp_path).curves == found.curves
     assert 'id="curves"' in (tmp_path / "diagnosis.html").read_text()
     assert len(law_curves(found.curves).axes) == len(found.curves) == 3
+
+
+def test_a_terminal_draws_what_bends_and_matplotlib_draws_every_curve(found: rs.FullDiagnosis) -> None:
+    console = Console(file=StringIO(), width=80)
+    console.print(summary(found))
+    drawn = console.file.getvalue()  # type: ignore[attr-defined]
+    loop = drawn[drawn.index("steering, rad, over command, rad") :].splitlines()[1:8]
+    assert all(line.count("┤") == 1 for line in loop) and any(chr(0x2800) < c for c in loop[3])
+    assert "side force front, N" not in drawn  # as straight as its middle
+    assert [axes.get_xlabel() for axes in found.plot_curves()] == [
+        *("command, rad", "slip angle front, rad", "slip angle rear, rad")
+    ]

@@ -17,6 +17,7 @@ _ = [
     it.theme,
     # the public results, for users' Python; the functions are found by address (rover_sweep.data.later)
     it.plot,
+    it.plot_curves,
     it.to_frame,
     it.interval_90,
     it.responses,

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from rover_sweep.api.read import with_delta
+from rover_sweep.data.braille import braille_lines
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.live.snapshot import ResponseCurve
 from rover_sweep.live.verdict.run_verdict import verdict_on_log
 from rover_sweep.logs.read import read_logs, runs_of
 from rover_sweep.quality.coherence import responses
 from rover_sweep.spectra.unwrapped import unwrapped_phase
-from rover_sweep.tui.drawn.braille import braille_curve, decades
 from rover_sweep.tui.drawn.drawing import ScreenRows
 from rover_sweep.tui.drawn.palette import LIGHT
-from rover_sweep.tui.screens.bode_rows import draw_bode
+from rover_sweep.tui.screens.bode_rows import decades, draw_bode
 
 DATA = Path(__file__).parents[1] / "data"
 RECORDED = DATA / "concealed-ardurover" / "a" / "run1.BIN"
@@ -24,15 +24,18 @@ NOMINAL = DATA / "ardurover-4.6.3" / "nominal" / "run1.BIN"
 
 
 def test_a_falling_line_falls_from_corner_to_corner() -> None:
-    drawn = braille_curve((1.0, 10.0, 100.0), (1.0, 0.5, 0.0), 0.0, 1.0, 8, 4)
+    drawn = braille_lines([((0.0, 1.0, 2.0), (1.0, 0.5, 0.0))], (0.0, 2.0), (0.0, 1.0), 8, 4)
     first = [row.index(next(c for c in row if c != " ")) for row in drawn]
     assert first == sorted(first) and first[0] == 0
     assert drawn[3][-1] != " " and drawn[0][-1] == " "
 
 
 def test_values_outside_and_without_a_number_leave_no_dot() -> None:
-    assert braille_curve((1.0, 2.0), (5.0, 5.0), 0.0, 1.0, 4, 2) == ["    ", "    "]
-    assert braille_curve((1.0, 2.0), (float("nan"), 0.5), 0.0, 1.0, 4, 2) == ["    ", "    "]
+    assert braille_lines([((1.0, 2.0), (5.0, 5.0))], (1.0, 2.0), (0.0, 1.0), 4, 2) == ["    ", "    "]
+    assert braille_lines([((1.0, 2.0), (float("nan"), 0.5))], (1.0, 2.0), (0.0, 1.0), 4, 2) == [
+        "    ",
+        "    ",
+    ]
 
 
 def test_the_axis_has_its_ends_and_decades() -> None:

@@ -11,7 +11,8 @@ import numpy as np
 
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.cli.views.paragraphs import bullet, fact
-from rover_sweep.cli.views.terminal_plot import blocks, braille, ruler
+from rover_sweep.cli.views.terminal_plot import blocks, ruler
+from rover_sweep.data.braille import braille_lines
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.design.demand import (
     DOUBLET_PEAK,
@@ -71,9 +72,10 @@ def _title(design: Design) -> str:
 
 def _wave_lines(design: Design) -> list[str]:
     m = design.manoeuvre
-    _, x = wave(m)
+    t, x = wave(m)
+    drawn = braille_lines([(t, x)], (t[0], t[-1]), (-m.peak, m.peak), WIDTH, 6)
     names = [f"{m.peak:+g} us", "", "", "", "", f"{-m.peak:+g} us"]
-    lines = [f"  {name:>8} {line}" for name, line in zip(names, braille(x, WIDTH, 6), strict=True)]
+    lines = [f"  {name:>8} {line}" for name, line in zip(names, drawn, strict=True)]
     step = 10 if m.duration > 30 else 2 if m.duration > 8 else 1
     ticks = [(t / m.duration, f"{t:g}") for t in np.arange(0, m.duration, step)]
     lines.append(f"  {'s':>8} {ruler(ticks, WIDTH)}")

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from rover_sweep.diagnosis.result import Diagnosis, Finding, Unknown
+from rover_sweep.data.braille import braille_lines
+from rover_sweep.diagnosis.result import Diagnosis, Finding, LawCurve, Unknown
 from rover_sweep.diagnosis.verdict import importance_words
 from rover_sweep.report.diagnosis.tables import (
     certainty_words,
@@ -27,6 +28,8 @@ from rover_sweep.report.wording.effect_names import channel, sentence
 from rover_sweep.report.wording.number_format import number
 
 WIDTH = 80
+BENT = 0.05  # share of a curve's height from which its bend is drawn
+PLOT = (44, 7)  # characters and rows of a curve
 ROOM = 24  # characters of a run's name that leave enough width for the numbers
 STYLES = {
     "none": "bold green",
@@ -64,6 +67,7 @@ def _parts(found: Diagnosis) -> Iterator[RenderableType]:
     if found.findings:
         yield rich_table(finding_table(found))
         yield from (_explained(f) for f in found.findings)
+        yield from (_drawn(curve) for curve in found.curves if curve.bend >= BENT)
     if falsified := falsified_table(found):
         yield rich_table(falsified)
     if found.held_out:
@@ -92,6 +96,22 @@ def _explained(f: Finding) -> Group:
     ]
     lines += [_indented(sentence(text)) for text in words if text]
     return Group(*lines)
+
+
+def _drawn(curve: LawCurve) -> Group:
+    """The ends of a curve's 90 % band and the straight line of its middle, in dots."""
+    across, up = (min(curve.x), max(curve.x)), (min(curve.low), max(curve.high))
+    lines = braille_lines(
+        [(curve.x, curve.low), (curve.x, curve.high), (across, curve.straight(across))], across, up, *PLOT
+    )
+    labels = [number(up[1], 2), *[""] * (PLOT[1] - 2), number(up[0], 2)]
+    rows = [f"  {label:>8} ┤{line}" for label, line in zip(labels, lines, strict=True)]
+    left, right = (number(end, 2) for end in across)
+    return Group(
+        Text(f"{curve.place}, {curve.unit}, over {curve.over}, {curve.over_unit}", "bold"),
+        Text("\n".join([*rows, f"{'':11}{left}{right:>{PLOT[0] - len(left)}}"])),
+        Sentence("Both ends of the 90 % band, and a straight line.", "dim"),
+    )
 
 
 def _unknown(u: Unknown, headline: str) -> Group:

@@ -20,13 +20,14 @@ def law_curves(curves: tuple[LawCurve, ...], held_out: tuple[LawHeldOut, ...] = 
     figure = Figure(figsize=(WIDTH, rows * HEIGHT), layout="constrained")
     axes = [figure.add_subplot(rows, min(panels, 2), k + 1) for k in range(panels)]
     for curve, panel in zip(curves, axes, strict=False):
-        _curve(curve, panel)
+        draw_curve(curve, panel)
     if held_out:
         _held_out(held_out, axes[-1])
     return figure
 
 
-def _curve(curve: LawCurve, axes: Axes) -> None:
+def draw_curve(curve: LawCurve, axes: Axes) -> None:
+    """The curve with its 90 % band, and the straight line through its middle."""
     axes.axhline(0.0, color="#777777", linewidth=0.8)
     turn = int(np.argmax(curve.x)) + 1  # a curve with a loop goes back from here
     for part in (slice(0, turn), slice(turn, None)):
@@ -35,10 +36,14 @@ def _curve(curve: LawCurve, axes: Axes) -> None:
         axes.fill_between(curve.x[part], low, high, color=BAND, alpha=0.35, linewidth=0, label=label)
     axes.plot(curve.x, curve.y, marker="o", markersize=4, **MODEL_LINES["roll-yaw"], label="fitted law")
     if not curve.gain:  # of a law with a name
-        x, y = np.array(curve.x[:turn]), np.array(curve.y[:turn])
-        middle = int(np.argmin(np.abs(x)))
-        straight = x if turn < len(curve.x) else np.gradient(y, x)[middle] * (x - x[middle]) + y[middle]
-        axes.plot(x, straight, color="#333333", linestyle=(0, (4, 2)), linewidth=1.0, label="linear")
+        axes.plot(
+            curve.x,
+            curve.straight(curve.x),
+            color="#333333",
+            linestyle=(0, (4, 2)),
+            linewidth=1.0,
+            label="linear",
+        )
     if curve.memory == "resonance":
         axes.set_title(literal(f"{curve.place}: resonance of {curve.over} at {curve.size:.2g} Hz"))
         axes.set_xlabel(literal(f"frequency, {curve.over_unit}"))

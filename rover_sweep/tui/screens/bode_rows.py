@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rover_sweep.data.braille import braille_lines
 from rover_sweep.live.snapshot import ResponseCurve
 from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.braille import braille_curve, decades
 from rover_sweep.tui.drawn.drawing import ScreenRows
 
 ENOUGH = 0.6  # coherence from which a point is used in a fit
@@ -44,7 +44,8 @@ def _width(rows: ScreenRows) -> int:
 def _panel(
     rows: ScreenRows, name: str, w: Sequence[float], y: Sequence[float], ends: tuple[float, float], each: int
 ) -> None:
-    drawn = braille_curve(w, y, *ends, _width(rows), each)
+    across = [math.log(one) for one in w]
+    drawn = braille_lines([(across, y)], (across[0], across[-1]), ends, _width(rows), each)
     for n, line in enumerate(drawn):
         value = f"{ends[1]:.4g}" if n == 0 else f"{ends[0]:.4g}" if n == each - 1 else ""
         word = name if n == each // 2 else ""
@@ -60,3 +61,21 @@ def _range(values: Sequence[float], step: float) -> tuple[float, float]:
     finite = [v for v in values if math.isfinite(v)] or [0.0]
     low, high = math.floor(min(finite) / step) * step, math.ceil(max(finite) / step) * step
     return low, (high if high > low else low + step)
+
+
+def decades(low: float, high: float, width: int) -> str:
+    """A row of `width` characters below a logarithmic axis: 1, 2, 5, ... at their places, and the ends."""
+    row = [" "] * width
+    span = math.log(high / low)
+    first, last = f"{low:.2g}", f"{high:.2g}"
+    for place, text in ((0, first), (width - len(last), last)):
+        row[place : place + len(text)] = text
+    for exponent in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
+        for digit in (1, 2, 5):
+            value = digit * 10.0**exponent
+            text = f"{value:g}"
+            at = round(math.log(value / low) / span * (width - 1))
+            around = row[max(0, at - 1) : at + len(text) + 1]
+            if low < value < high and at + len(text) < width and all(cell == " " for cell in around):
+                row[at : at + len(text)] = text
+    return "".join(row)
