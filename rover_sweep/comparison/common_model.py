@@ -88,6 +88,16 @@ class FittedSide:
             if c.prior and c.low < 0.0 and not c.low + NEAR * c.scale < x[c.name] < c.high - NEAR * c.scale
         )
 
+    def at_largest(self, name: str) -> bool:
+        """True where an effect's fit ended at the largest size of a vehicle: it measures nothing."""
+        added = {c.name for c in added_coordinates(self.model.law(name))}
+        return any(
+            end and abs(self.fitted.x[c.name] - end) <= NEAR * c.scale
+            for c in self.coordinates
+            if c.name in added
+            for end in (c.low, c.high)
+        )
+
     @property
     def values(self) -> Array:
         """The coordinates (k,) over their scales."""

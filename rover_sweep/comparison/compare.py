@@ -18,9 +18,9 @@ from rover_sweep.comparison.pairing import Pair, pairs_by_steering, shared
 from rover_sweep.comparison.pictured import bode, histories_of, predicted
 from rover_sweep.comparison.sentences import answer_sentence
 from rover_sweep.comparison.suspected import with_suspects
-from rover_sweep.diagnosis.effects import form_named
+from rover_sweep.diagnosis.effects import every_form, form_named
 from rover_sweep.diagnosis.locate.locate import mismatches
-from rover_sweep.diagnosis.posterior.infer import Options, infer
+from rover_sweep.diagnosis.posterior.infer import Inference, Options, infer
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment
@@ -141,10 +141,12 @@ def _sides(
     recorded, raw = [p.recorded for p in pairs], [p.simulated for p in pairs]
 
     def recordings(common: Model, begin: Mapping[str, float]) -> FittedSide:
-        if common.effects not in fitted:
-            has = [form_named(name).id for name in common.effects]
-            fitted[common.effects] = side_of(recorded, common, begin, has)
-        return fitted[common.effects]
+        if common.laws_and_run not in fitted:
+            laws = [(name, form_named(name)) for name in common.effects]
+            # without the event there is no instant at which it could be fitted
+            has = [law.id for name, law in laws if name in model.effects or not law.in_one_run]
+            fitted[common.laws_and_run] = side_of(recorded, common, begin, has)
+        return fitted[common.laws_and_run]
 
     seen = any({"p", "ay"} & set(run.measured) for run in recorded)
     common = common_model(model, effects or (), seen)
@@ -156,11 +158,17 @@ def _sides(
         own = side_of(simulated, common, own.fitted.x, has)
     if effects is not None or not _more_in(own):
         return first, own
-    both = common_model(model, _searched(simulated, common, first, options), seen)
+    more = _searched(simulated, common, first, options)
+    both = common_model(model, [n.law.name for n in more.named], seen)
     if both.effects == common.effects:
         return first, own
     has = [form_named(name).id for name in both.effects]
-    return recordings(both, first.fitted.x), side_of(simulated, both, own.fitted.x, has)
+    where, partners = more.last.model, {p.simulated.name: p.recorded.name for p in pairs}
+    theirs, ours = (
+        replace(both, happened_in=run or both.happened_in, happened_order=where.happened_order)
+        for run in (where.happened_in, partners.get(where.happened_in, ""))
+    )
+    return recordings(ours, first.fitted.x), side_of(simulated, theirs, more.last.fitted.x, has)
 
 
 def _more_in(side: FittedSide) -> bool:
@@ -170,10 +178,15 @@ def _more_in(side: FittedSide) -> bool:
 
 def _searched(
     simulated: Sequence[Experiment], start: Model, recordings: FittedSide, options: Options
-) -> tuple[str, ...]:
-    """The laws that the simulation has beside those of the recordings."""
-    found = infer(simulated, start, recordings.fitted.x, options)
-    return tuple(n.law.name for n in found.named)
+) -> Inference:
+    """What the simulation has beside the laws of the recordings.
+
+    Where one of those begins in a run, no other that does is looked for: a model has one such run.
+    """
+    if start.happened_in:
+        once = {law.id for law in every_form().values() if law.in_one_run}
+        options = replace(options, without=(*options.without, *once))
+    return infer(simulated, start, recordings.fitted.x, options)
 
 
 def _far_off(simulation: FittedSide) -> tuple[str, ...]:

@@ -33,16 +33,18 @@ def with_suspects(
 ) -> Suspected:
     """Both sides with the effects added in which they differ clearly; of several the one that fits best.
 
-    recorded: the recorded runs. fitted: {laws: the recordings fitted with them}, used and filled.
+    recorded: the recorded runs. fitted: {laws and run: the recordings fitted with them}, used and filled.
     """
     alike: dict[str, tuple[str, ...]] = {}
     for _ in range(MOST):
         tried: dict[str, tuple[FittedSide, FittedSide]] = {}
         for name in suspects(recordings, simulation):
             model = recordings.model.with_effect(name)
-            if model.effects not in fitted:
-                fitted[model.effects] = _with(recorded, recordings, name, model)
-            tried[name] = fitted[model.effects], _with(simulation.plain.runs, simulation, name, model)
+            if model.laws_and_run not in fitted:
+                fitted[model.laws_and_run] = _with(recorded, recordings, name, model)
+            sides = fitted[model.laws_and_run], _with(simulation.plain.runs, simulation, name, model)
+            if not any(side.at_largest(name) for side in sides):
+                tried[name] = sides
         if not tried:
             break
         before = _cost(recordings, simulation)

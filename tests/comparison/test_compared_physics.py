@@ -9,6 +9,7 @@ import pytest
 
 import rover_sweep as rs
 from rover_sweep.api.compare import compared
+from rover_sweep.comparison.common_model import common_model, side_of
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.augmented import augmented
@@ -107,6 +108,19 @@ def test_an_effect_that_no_diagnosis_named(recorded):
 
 
 @pytest.mark.slow
+def test_what_begins_in_one_run_of_a_simulation_stays_in_that_run(recorded):
+    """Elsewhere it would scale the tyres of every run, and no stiffness could be told from it."""
+    rover = replace(ROVER, effects={"surface_change": {"ratio": 0.6, "t": 92.0}})
+    found = _answer(recorded, rover, None, seed=95)
+    (only,) = found.differences
+    assert (only.name, only.kind) == ("surface_change", "too much")
+    values = {v.name: v for v in only.simulation}
+    assert values["ratio"].value == pytest.approx(0.6, rel=0.06)
+    assert values["ratio"].high - values["ratio"].low < 0.1
+    assert 30.0 < values["t"].value < 45.0  # at 41 s of the run, or over ten seconds about it
+
+
+@pytest.mark.slow
 def test_another_filter_is_an_instrument(recorded):
     rover = replace(ROVER, velocity_lag=ROVER.velocity_lag + 0.06)
     found = _answer(recorded, rover, seed=90)
@@ -172,3 +186,14 @@ def _write_bicycle(path, run, inertia):
                 rows.append((now, d, fast, r, (one + two) / m))
             v, r = v + 0.002 * ((one + two) / m - fast * r), r + 0.002 * (a * one - b * two) / inertia
     np.savetxt(path, rows, delimiter=",", header="t,d,V,r,ay", comments="")
+
+
+def test_an_effect_at_the_largest_size_of_a_vehicle_measures_nothing(recorded):
+    _, _, runs, _, diagnosis = recorded
+    model = common_model(diagnosis.model, ["tyre_speed"])
+    side = side_of([experiment(run) for run in runs], model, diagnosis.model.x, ())
+    (key,) = (c.name for c in side.coordinates if c.name.startswith("tyre_speed"))
+    assert not side.at_largest("tyre_speed")  # absent
+    for x, largest in ((-1.5, True), (-1.49, False), (1.5, True)):
+        there = replace(side, fitted=replace(side.fitted, x={**side.fitted.x, key: x}))
+        assert there.at_largest("tyre_speed") is largest

@@ -119,6 +119,11 @@ class Model:
         return replace(self, effects=tuple(e for e in self.effects if form_named(e).id != effect))
 
     @property
+    def laws_and_run(self) -> tuple[str, ...]:
+        """The laws by their names and the run in which one begins: what tells models of a rover apart."""
+        return (*self.effects, self.happened_in)
+
+    @property
     def ids(self) -> tuple[str, ...]:
         """The ids of the effects, without their forms."""
         return tuple(form_named(e).id for e in self.effects)
