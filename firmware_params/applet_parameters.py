@@ -13,6 +13,8 @@ from types import MappingProxyType
 
 PREFIX = "SWP_"
 AUX_FUNCTION = 300  # RCx_OPTION Scripting1, also for MAV_CMD_DO_AUX_FUNCTION
+# us: an auxiliary switch is low below, high above (RC_Channel.cpp, 4.6.3)
+SWITCH_LOW, SWITCH_HIGH = 1200, 1800
 
 
 @dataclass(frozen=True)

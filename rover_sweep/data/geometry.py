@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 GRAVITY = 9.81  # m/s^2, as the paper
+STANDARD_GRAVITY = 9.80665  # m/s^2: what "g" means in a log, a column and a parameter (GRAVITY_MSS)
+MILLI_G = 1e-3 * STANDARD_GRAVITY
 NEAR = 0.8  # of the critical speed or of the friction limit: runs above it get a warning
 FRICTION = 0.5  # assumed without a value in the vehicle file: wet grass; tyres are nonlinear above .8 of it
 

@@ -6,11 +6,11 @@ import math
 from dataclasses import replace
 
 from firmware_params.applet_parameters import PARAMETERS
+from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.recording import Note
 from rover_sweep.design.demand import (
     APPLET_RATE,
     FRICTION,
-    GRAVITY,
     HORN_DEG_PER_US,
     LEAST_SAMPLES,
     SERVO_60_DEG,

@@ -16,7 +16,6 @@ from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep, ThrottleSweep, long_periods
 from rover_sweep.spectra.response import default_windows
 
-GRAVITY = 9.81
 HORN_DEG_PER_US = 0.09  # a hobby servo turns its horn by about 90 deg from 1000 to 2000 us
 SERVO_60_DEG = (0.1, 0.2)  # s, typical data-sheet times for 60 deg without load, fast and slow
 FRICTION = (0.5, 0.9)  # loose or wet ground, clean dry asphalt

@@ -33,9 +33,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rover_sweep.data.geometry import STANDARD_GRAVITY
+
 STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
 SERVO_OUTPUTS = 16
-GRAVITY = 9.80665  # GRAVITY_MSS
 LEAST_SPEED = 1.0  # m/s, AR_ATTCONTROL_STEER_SPEED_MIN
 
 DEFAULTS: Mapping[str, float] = {
@@ -145,7 +146,7 @@ class Autopilot:
 
     def rate_limit(self, speed: float) -> float:
         """Largest target turn rate [rad/s] that the firmware allows at a speed [m/s]."""
-        by_force = self.lateral_g_max * GRAVITY / max(abs(speed), LEAST_SPEED)
+        by_force = self.lateral_g_max * STANDARD_GRAVITY / max(abs(speed), LEAST_SPEED)
         by_force = max(by_force, math.radians(1.0))
         return min(by_force, self.rate_max) if self.rate_max > 0 else by_force
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rover_sweep.data.geometry import STANDARD_GRAVITY
 from rover_sweep.gains.proposal import Proposal
-from rover_sweep.gains.steering_chain import GRAVITY
 from rover_sweep.gains.tuning import bound
 
 REACH = 0.9  # share of the turn rate at the stops: the rest is left for feedback
@@ -42,8 +42,8 @@ def steering_limits(proposal: Proposal) -> SteeringLimits | None:
     reach = per_us * travel
     confirmed = None
     if found.largest_us is not None:
-        confirmed = per_us * min(found.largest_us, travel) * speed / GRAVITY
-    most_g = REACH * reach * speed / GRAVITY
+        confirmed = per_us * min(found.largest_us, travel) * speed / STANDARD_GRAVITY
+    most_g = REACH * reach * speed / STANDARD_GRAVITY
     largest_g = bound("ATC_TURN_MAX_G", loop.lateral_g_max)
     turn_g = (
         None if confirmed is None else max(math.floor(100 * min(confirmed, most_g, largest_g)) / 100, 0.1)

@@ -12,19 +12,18 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from firmware_params.applet_parameters import AUX_FUNCTION, PREFIX, STATES
+from rover_sweep.data.geometry import MILLI_G
 from rover_sweep.live.snapshot import Snapshot
 from rover_sweep.manoeuvre.configured import configured_manoeuvre
 from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.vehicle.estimator import has_position
-from rover_sweep.vehicle.link.mavlink import Message, kind
+from rover_sweep.vehicle.link.mavlink import SAFETY_ARMED, Message, kind
 
 STALE = 3.0  # s after which a fast signal that no longer comes counts as unknown
 STALE_SLOW = 10.0  # s, for the battery, the satellites and the EKF's state
 RATE_OVER = 1.0  # s of the vehicle's clock over which messages are counted
 _MOST_TIMES = 20_000  # messages in RATE_OVER, so that a clock that stopped cannot fill the memory
 _MOST_PARAMETERS = 5000  # names; ArduRover 4.6 has 1,300
-_MILLI_G = 9.80665e-3
-_SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
 _NO_VOLTAGE, _NO_SATELLITES = 65535, 255  # "not known" in SYS_STATUS and GPS_RAW_INT
 _OUTPUT, _RADIO = re.compile(r"^SERVO(\d+)_FUNCTION$"), re.compile(r"^RC(\d+)_OPTION$")
@@ -126,13 +125,13 @@ class Telemetry:
     # ---- messages ------------------------------------------------------------------------------
 
     def _heartbeat(self, m: Message) -> None:
-        self._armed, self._mode = bool(m.base_mode & _SAFETY_ARMED), int(m.custom_mode)
+        self._armed, self._mode = bool(m.base_mode & SAFETY_ARMED), int(m.custom_mode)
 
     def _attitude(self, m: Message) -> None:
         self._keep(r=-m.yawspeed, p=m.rollspeed, phi=m.roll, yaw=m.yaw)
 
     def _imu(self, m: Message) -> None:
-        self._keep(ay=-m.yacc * _MILLI_G)
+        self._keep(ay=-m.yacc * MILLI_G)
 
     def _velocity(self, m: Message) -> None:
         """Forward speed; the speed over ground if the heading is unknown."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_sweep.data.geometry import STANDARD_GRAVITY
 from rover_sweep.data.recording import Note
 from rover_sweep.quality.relations import FORCE_RANGE, Relation, Relations
 
@@ -15,7 +16,7 @@ SAME = 0.8, 1.25  # an angle's slope over its rate: correct recordings have .94 
 CLOSE = 1.15  # tolerance (factor) for the scale of a known unit; wheels that slip give others
 PLAIN = 0.5, 2.0  # magnitude of a factor that is not a change of unit
 LEANING = 0.15  # rad s^2/m: 84 deg at 1 g; correct recordings have .002 to .03
-DEGREES, G = 180 / np.pi, 9.80665
+DEGREES, G = 180 / np.pi, STANDARD_GRAVITY
 UNITS = {
     "r": (("in deg/s", DEGREES), ("converted from deg/s twice", 1 / DEGREES), ("in mrad/s", 1e3)),
     "p": (("in deg/s", DEGREES), ("converted from deg/s twice", 1 / DEGREES), ("in mrad/s", 1e3)),

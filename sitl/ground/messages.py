@@ -17,9 +17,9 @@ from sitl.autopilot.radio import CHANNEL_COUNT
 from sitl.autopilot.rover import GPS_MS, HOLD, MANUAL, Rover
 from sitl.autopilot.version import OFFICIAL_RELEASE, VERSION
 from sitl.geodesy import ORIGIN, latitude_longitude
+from sitl.plant.variant import GRAVITY
 
 Message = Any  # pymavlink's classes carry no types
-GRAVITY = 9.80665
 GPS_EPOCH_UNIX_MS = 315_964_800_000 - 18_000  # 1980-01-06 and 18 leap seconds
 MILLI_G = 1000.0 / GRAVITY
 ROVER_TYPE, ARDUPILOT = mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA

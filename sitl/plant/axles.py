@@ -6,9 +6,8 @@ from math import cos, sin, sqrt
 
 from sitl.plant.road import Road
 from sitl.plant.tyre import lateral_force, slip_angle
-from sitl.plant.variant import PlantParameters
+from sitl.plant.variant import GRAVITY, PlantParameters
 
-GRAVITY = 9.80665
 STICTION_SPEED = 0.02  # m/s, below which resistance that exceeds the drive stops the rover
 
 Forces = tuple[float, float, float, float]

@@ -22,7 +22,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import ceil, cos, hypot, sin, sqrt
 
-from sitl.plant.axles import GRAVITY, STICTION_SPEED, Axles
+from sitl.plant.axles import STICTION_SPEED, Axles
 from sitl.plant.effects.axle_effects import IDS, EffectAxles, friction_pole, yaw_poles
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects.slope import Slope
@@ -32,7 +32,7 @@ from sitl.plant.motor import Motor
 from sitl.plant.road import Road
 from sitl.plant.servo import Servo
 from sitl.plant.tyre import LOW_SPEED
-from sitl.plant.variant import PlantParameters, load_variant, variant_names
+from sitl.plant.variant import GRAVITY, PlantParameters, load_variant, variant_names
 
 __all__ = ["GRAVITY", "Plant", "PlantParameters", "PlantState", "load_variant", "variant_names"]
 

@@ -12,6 +12,8 @@ from sitl.plant.effects_table import Effects, checked, merged
 from sitl.plant.plant_law import PlantLaw, table_laws
 from sitl.plant.variant_toml import read_toml
 
+GRAVITY = 9.80665  # m/s^2
+
 VARIANTS = Path(__file__).parent / "variants"
 _MAY_BE_NEGATIVE = {"roll_yaw_inertia", "rad_per_us"}
 
@@ -101,7 +103,7 @@ class PlantParameters:
             raise ValueError(f"sprung_mass = {self.sprung_mass} kg is more than mass = {self.mass} kg")
         if not 1.0 <= self.tyre_shape < 2.0:
             raise ValueError(f"tyre_shape = {self.tyre_shape} must lie in 1..2 (1.3 is usual)")
-        topple = self.sprung_mass * 9.80665 * self.cg_height_above_roll_centre
+        topple = self.sprung_mass * GRAVITY * self.cg_height_above_roll_centre
         if self.roll_stiffness <= topple:
             raise ValueError(
                 f"roll_stiffness = {self.roll_stiffness} N m/rad does not hold the body upright: "

@@ -43,7 +43,7 @@ ROOMS: dict[str, set[str]] = {
         "spectra",
     },
     "drawing": {"data", "diagnosis", "identification", "report", "spectra"},
-    "vehicle": {"files", "firmware_params", "logs", "manoeuvre"},
+    "vehicle": {"data", "files", "firmware_params", "logs", "manoeuvre"},
     "session": {"data", "files", "firmware_params", "logs", "manoeuvre", "sitl", "vehicle"},
     "bench": {"data", "files", "logs", "vehicle"},
     "redrive": {"data", "firmware_params", "logs", "sitl", "vehicle"},

@@ -13,10 +13,10 @@ from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.cli.views.paragraphs import bullet, fact
 from rover_sweep.cli.views.terminal_plot import blocks, ruler
 from rover_sweep.data.braille import braille_lines
+from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.design.demand import (
     DOUBLET_PEAK,
-    GRAVITY,
     SERVO_60_DEG,
     Design,
     ServoDemand,

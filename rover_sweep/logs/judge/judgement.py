@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rover_sweep.data.geometry import STANDARD_GRAVITY
 from rover_sweep.data.recording import Note, Recording, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import (
@@ -35,7 +36,8 @@ UNEVEN = 0.2  # standard deviation of the sampling interval over its median
 SLOWEST, FASTEST = 1.0, 20e3  # Hz; outside, the unit of time is wrong
 SLOWEST_CAR = 0.15  # m/s; small cars are also driven so slowly, and a table is no log of a pushed rover
 COARSE = 20.0  # Hz, 5 times the w_max of the paper (25 rad/s)
-GYRO_RANGE, ACCEL_RANGE = 34.9, 16 * 9.80665  # rad/s (2000 deg/s), m/s^2: full scale of the usual sensors
+# rad/s (2000 deg/s), m/s^2: full scale of the usual sensors
+GYRO_RANGE, ACCEL_RANGE = 34.9, 16 * STANDARD_GRAVITY
 
 
 def refuse_useless(log: Log) -> None:

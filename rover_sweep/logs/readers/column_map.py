@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.data.geometry import STANDARD_GRAVITY
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_toml
 
@@ -47,7 +48,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
     "rad": {"rad": 1.0, "deg": math.pi / 180},
     "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "mrad/s": 1e-3},
     "m/s": {"m/s": 1.0, "km/h": 1 / 3.6, "ft/s": 0.3048},
-    "m/s^2": {"m/s^2": 1.0, "g": 9.80665, "ft/s^2": 0.3048},
+    "m/s^2": {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "ft/s^2": 0.3048},
 }
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_sweep.data.geometry import MILLI_G
 from rover_sweep.data.recording import Note, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import (
@@ -61,7 +62,6 @@ KINDS = {
     15: "copter",
 }
 EVERY_STEP = 100.0  # Hz; a faster stream records each step of the staircase (Lua runs at 84 Hz)
-MILLI_G = 9.80665e-3
 STEERING_FIRST = 1
 _PASSING = 2  # heartbeats of another vehicle that are ignored: a link records none after the first
 

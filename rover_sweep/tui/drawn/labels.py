@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from firmware_params.applet_parameters import SWITCH_HIGH, SWITCH_LOW
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.vehicle import modes as vehicle_modes
@@ -48,10 +49,10 @@ def mode_label(custom_mode: int) -> str:
 
 
 def switch_label(pwm: float) -> str:
-    """Position of a switch as the firmware reads it: below 1200 us low, above 1800 us high."""
+    """Position of a switch as the firmware reads it: low, in the middle or high."""
     if not math.isfinite(pwm) or pwm <= 0:
         return "?"
-    return "LOW" if pwm < 1200 else "HIGH" if pwm > 1800 else "MIDDLE"
+    return "LOW" if pwm < SWITCH_LOW else "HIGH" if pwm > SWITCH_HIGH else "MIDDLE"
 
 
 def manoeuvre(m: Manoeuvre) -> str:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isfinite
 
-from firmware_params.applet_parameters import PARAMETERS
+from firmware_params.applet_parameters import PARAMETERS, SWITCH_HIGH
 from rover_sweep.tui.drawn.labels import APPLET
 from rover_sweep.tui.model.state import State
 
-SWITCH_HIGH = 1800  # us, above which the firmware reads high
 _STILL = next(p.default for p in PARAMETERS if p.name == "SWP_STILL")  # s
 STILL_SPEED = 0.2  # m/s, below which the applet takes the rover to stand
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
+from firmware_params.applet_parameters import SWITCH_LOW
 from rover_sweep.live.snapshot import Snapshot, Verdict
 from rover_sweep.live.source import (
     Began,
@@ -206,7 +207,7 @@ def _moved(state: State, now: Snapshot) -> State:
     """The state after a snapshot; one that goes back in time (seek, reboot) starts a new history."""
     gone_on = bool(state.history) and now.t >= state.history[-1].t
     history = (*state.history[-(HISTORY - 1) :], now) if gone_on else (now,)
-    done = _wants(state, "low") and now.switch < 1200  # us, below which the firmware reads low
+    done = _wants(state, "low") and now.switch < SWITCH_LOW
     done = done or (_wants(state, "high") and now.state > 0)
     return replace(
         state,

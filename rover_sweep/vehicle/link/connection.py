@@ -19,7 +19,7 @@ from rover_sweep.vehicle.link.access import Access
 from rover_sweep.vehicle.link.clock import Periodic, VehicleClock
 from rover_sweep.vehicle.link.inbox import Inbox
 from rover_sweep.vehicle.link.link_quality import LinkQuality
-from rover_sweep.vehicle.link.mavlink import Codec, Message, is_autopilot, kind, make, sender
+from rover_sweep.vehicle.link.mavlink import SAFETY_ARMED, Codec, Message, is_autopilot, kind, make, sender
 from rover_sweep.vehicle.link.recorder import TlogWriter
 from rover_sweep.vehicle.link.refusals import Refusals
 from rover_sweep.vehicle.link.roll_call import RollCall, heard_as
@@ -27,7 +27,6 @@ from rover_sweep.vehicle.link.statustext import StatusText, TextAssembler
 from rover_sweep.vehicle.link.transport import Line, Transport
 from rover_sweep.vehicle.link.watch import Unwatched, Watch
 
-_SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _GCS_TYPE, _NO_AUTOPILOT = 6, 8  # MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID
 
 
@@ -89,7 +88,7 @@ class Connection:
 
     @property
     def armed(self) -> bool:
-        return self.heartbeat is not None and bool(self.heartbeat.base_mode & _SAFETY_ARMED)
+        return self.heartbeat is not None and bool(self.heartbeat.base_mode & SAFETY_ARMED)
 
     @property
     def mode(self) -> int:

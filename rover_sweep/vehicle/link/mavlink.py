@@ -22,6 +22,7 @@ Message = Any  # a pymavlink message: attributes are the MAVLink fields
 
 GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
 GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
+SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED of a heartbeat's base_mode
 V1, V2 = 0xFE, 0xFD
 _LINK_ID = 0  # of our signatures: one link at a time
 _FTP_IDLE = 3.0  # s in which we send nothing that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from math import isnan
 
+from firmware_params.applet_parameters import SWITCH_HIGH, SWITCH_LOW
 from rover_sweep.vehicle.preflight.item import Check, Remedy
 from rover_sweep.vehicle.preflight.observed import Observation
 from rover_sweep.vehicle.run.controls import SCRIPTING_1
 
-_LOW, _HIGH = 1200, 1800  # us: an auxiliary switch is low below, high above (RC_Channel.cpp, 4.6.3)
 _PULSES = (800, 2200)  # us: RC_MIN_LIMIT_PWM, RC_MAX_LIMIT_PWM
 _NOTICE = Remedy(
     "set FS_THR_ENABLE to 1 and FS_ACTION to 2 (Hold)", sets=(("FS_THR_ENABLE", 1.0), ("FS_ACTION", 2.0))
@@ -74,8 +74,8 @@ def switch(observed: Observation) -> Check:
         sentence = f"channel {number} has no pulses: the position of the switch is unknown"
         hand = Remedy(f"give channel {number} a switch on the transmitter", by_hand=True)
         return Check("switch", "unknown", value, sentence, hand)
-    if pwm >= _LOW:
-        where = "high" if pwm > _HIGH else "in the middle"
+    if pwm >= SWITCH_LOW:
+        where = "high" if pwm > SWITCH_HIGH else "in the middle"
         sentence = f"switch {number} is {where}; it must be low before the rover is armed"
         return Check("switch", "bad", value, sentence, Remedy(f"throw switch {number} low", by_hand=True))
     return Check("switch", "good", f"{value}, low")

@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from firmware_params.applet_parameters import STATES
+from rover_sweep.data.geometry import MILLI_G
 from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
 from rover_sweep.vehicle.link.mavlink import Message, kind
 from rover_sweep.vehicle.link.statustext import StatusText
 
 _SAMPLE_EVERY = 0.1  # s of the vehicle's clock between two `Sample`s
-_MILLI_G = 9.80665e-3
 _DONE = re.compile(r"^SWP: run (\d+) done")
 _REFUSED = "SWP: refused: "
 _STOPPED = re.compile(r"^SWP: run (\d+) stopped:? *(.*)")
@@ -96,7 +96,7 @@ class Follower:
             self._r = -message.yawspeed
             self._sample(t)
         elif name == "RAW_IMU":
-            self._ay = -message.yacc * _MILLI_G
+            self._ay = -message.yacc * MILLI_G
         elif name == "LOCAL_POSITION_NED":
             self.speed = math.hypot(message.vx, message.vy)
 

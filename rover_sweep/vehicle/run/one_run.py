@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 
+from firmware_params.applet_parameters import SWITCH_LOW
 from rover_sweep.errors import LinkError, RoverSweepError
 from rover_sweep.manoeuvre.applet_values import parameters_of
 from rover_sweep.manoeuvre.sweep import Manoeuvre
@@ -54,7 +55,6 @@ from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 from rover_sweep.vehicle.run.settings import RunSettings
 
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
-_SWITCH_LOW = 1200  # us, below which an auxiliary switch is low (RC_Channel.cpp, 4.6.3)
 _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's first state
 _ARMING_LIMIT = 60.0  # s for which we try to arm: a consent does not last for ever
 _LOOK, _ASKED = 0.1, 0.3  # s
@@ -233,10 +233,10 @@ def _not_started(link: Link, controls: Controls, trigger: Trigger, patience: flo
         return f"{sentence}; it says: {said[-1]}"
     radio = None if trigger == "override" else link.wait_for("RC_CHANNELS", 1.0)
     pwm = getattr(radio, f"chan{number}_raw", 0)
-    if _SWITCH_LOW <= pwm < 0xFFFF:
+    if SWITCH_LOW <= pwm < 0xFFFF:
         return (
             f"{sentence}: the radio holds that channel at {pwm} us, but the applet waits until it is low "
-            f"(below {_SWITCH_LOW} us); throw switch {number} low and start again"
+            f"(below {SWITCH_LOW} us); throw switch {number} low and start again"
         )
     return f"{sentence} and sent no message; is scripting on (SCR_ENABLE 1)?"
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rover_sweep.vehicle.link.clock import VehicleClock
-from rover_sweep.vehicle.link.mavlink import Message, kind
+from rover_sweep.vehicle.link.mavlink import SAFETY_ARMED, Message, kind
 from rover_sweep.vehicle.link.transport import Line
 from rover_sweep.vehicle.run.reboot_watch import RebootWatch
 
@@ -28,7 +28,7 @@ _SPARE = 6.0  # s that a phase may take longer than planned
 _RC_RECEIVER = 65536  # MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 _RSSI_UNKNOWN = 255
 _JUMP, _JUMPED = 150, 2  # us between two RC_CHANNELS; channels
-_SAFETY_ARMED, _MANUAL = 128, 0
+_MANUAL = 0
 _STANDING, _WAIT, _FIRST, _LAST, _AFTER = 1, 2, 3, 8, 9  # SWP_ST
 
 
@@ -233,7 +233,7 @@ class RightToMove:
             case "LOCAL_POSITION_NED":
                 self._speed, self._sped = math.hypot(message.vx, message.vy), now
             case "HEARTBEAT":
-                self._armed = bool(message.base_mode & _SAFETY_ARMED)
+                self._armed = bool(message.base_mode & SAFETY_ARMED)
                 self._mode = int(message.custom_mode)
             case "SYS_STATUS":
                 self._receiver(message)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import cos, sin, sqrt
 
-from sitl.plant.axles import GRAVITY, Axles, Forces, direction
+from sitl.plant.axles import Axles, Forces, direction
 from sitl.plant.effects.tyres import IDS as TYRE_IDS
 from sitl.plant.effects.tyres import Relaxation, Stiffness, tyre_law, yielding
 from sitl.plant.effects_table import Effects, form, number
 from sitl.plant.road import Road
 from sitl.plant.tyre import LOW_SPEED, slip_angle
-from sitl.plant.variant import PlantParameters
+from sitl.plant.variant import GRAVITY, PlantParameters
 
 IDS = TYRE_IDS | {
     "roll_steer",

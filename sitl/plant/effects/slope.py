@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from sitl.plant.axles import GRAVITY
 from sitl.plant.effects_table import Effects, number
+from sitl.plant.variant import GRAVITY
 
 
 class Slope:
