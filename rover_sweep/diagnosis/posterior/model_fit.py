@@ -63,6 +63,7 @@ def model_fit(
 def in_metric_of(plain: Problem, fitted: Fitted, model: Model) -> Problem:
     """The problem in the metric of what every rover has: tolerances, errors of speed and structure."""
     effects = possible(model, plain.runs)[0]
+    given, plain = plain, plain.steadied(fitted.structure, fitted.x)
     known = signatures(plain, fitted, model, effects, tolerances=True)
     inexact = {e.id for e in effects if isinstance(e, VehicleEffect | SpeedGripEffect)}
     usual = [*(s for s in known if s.effect in inexact), *speed_drift(plain, fitted)]
@@ -71,7 +72,7 @@ def in_metric_of(plain: Problem, fitted: Fitted, model: Model) -> Problem:
     # what people know of a part counts in full, as a prior does; equations and estimator are as inexact
     # as the rows
     both = columns(usual, plain.size), columns(measured, plain.size) / np.sqrt(COARSE)
-    return plain.in_metric(np.column_stack(both))
+    return given.in_metric(np.column_stack(both))
 
 
 def fit_with_floor(

@@ -21,6 +21,8 @@ Bounds: where the step leaves them, the coordinate that leaves farthest is fixed
 are solved again, until all are inside. This is an active set method (Nocedal and Wright 2006, section 16.5)
 without multipliers: all coordinates are free again at the beginning of the next step.
 
+The derivatives are those of steadied runs, whose speed has no error (`Experiment.steadied`).
+
 `known` keeps Jacobian columns of an earlier fit (a chord method, Kelley 1995, chapter 5): the limit is then
 no exact minimum, so the gain is a lower bound until the fit goes on with a fresh Jacobian.
 
@@ -99,6 +101,7 @@ def fit(
     """
     free = tuple(free)
     x = {**start, **{c.name: float(np.clip(start.get(c.name, c.start), c.low, c.high)) for c in free}}
+    given, problem = problem, problem.steadied(structure, x)
     rows = problem.measured - problem.model(structure, x)
     cost = rows @ rows + _prior_cost(free, x)
     damping = 1e-3
@@ -121,12 +124,14 @@ def fit(
         damping = max(damping / 10.0, 1e-7)
         if gain < tolerance + 1e-5 * cost:
             break
-    return Fitted(structure, free, x, float(cost), rows, jacobian)
+    rows = given.measured - given.model(structure, x)
+    return Fitted(structure, free, x, float(rows @ rows + _prior_cost(free, x)), rows, jacobian)
 
 
 def sensitivities(problem: Problem, fitted: Fitted) -> Fitted:
     """The fit with a Jacobian computed at its own coordinates."""
-    fresh = _jacobian(problem, fitted.structure, fitted.free, fitted.x, fitted.rows, None)
+    steadied = problem.steadied(fitted.structure, fitted.x)
+    fresh = _jacobian(steadied, fitted.structure, fitted.free, fitted.x, fitted.rows, None)
     return replace(fitted, jacobian=fresh)
 
 

@@ -186,6 +186,16 @@ class Problem:
         """The same problem without tolerances."""
         return replace(self, measured=self.plain_measured, metric=None)
 
+    def steadied(self, structure: Structure, x: Mapping[str, float]) -> Problem:
+        """The problem of the same residual at x whose runs are `Experiment.steadied`.
+
+        What the steadied speed changes in the model at x is taken from the measured rows.
+        """
+        other = replace(self, runs=tuple(run.steadied for run in self.runs))
+        changed = self.plain_models(structure, [x])[0] - other.plain_models(structure, [x])[0]
+        measured = self.plain_measured - changed
+        return replace(other, plain_measured=measured, measured=self.of(measured))
+
     def part(self, rows: Array, run: int | None = None, channel: str | None = None) -> Array:
         """The part of rows (size,) of one run and channel (None: all)."""
         parts = [

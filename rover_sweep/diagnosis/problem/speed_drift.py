@@ -15,10 +15,10 @@ import numpy as np
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Problem, whitened
 from rover_sweep.diagnosis.problem.signatures import Signature
+from rover_sweep.diagnosis.simulation.experiment import SPEED_ERROR
 from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.spectra.side_by_side import side_by_side
 
-ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers specify 0.05 m/s before filtering
 FASTEST = 0.3  # Hz; over shorter times the accelerometer determines the estimate
 
 
@@ -36,7 +36,7 @@ def _of_run(problem: Problem, fitted: Fitted, index: int) -> Iterator[Signature]
 
     def signature(wave: tuple[int, float]) -> Signature:
         number, phase = wave
-        error = ERROR / np.sqrt(waves) * np.cos(2 * np.pi * number * run.t / length + phase)
+        error = SPEED_ERROR / np.sqrt(waves) * np.cos(2 * np.pi * number * run.t / length + phase)
         moved = logged(replace(run, speed=run.speed + error), fitted.structure, fitted.x, sensors)
         change = {c: moved[c] - now[c] for c in moved}
         logs = [change if r == index else {} for r in range(len(problem.runs))]
@@ -44,6 +44,6 @@ def _of_run(problem: Problem, fitted: Fitted, index: int) -> Iterator[Signature]
         for r in rows:
             column[r.start : r.start + r.size] = parts[start : start + r.size]
             start += r.size
-        return Signature("speed", f"{run.name} {number}", ERROR, True, column)
+        return Signature("speed", f"{run.name} {number}", SPEED_ERROR, True, column)
 
     return side_by_side(signature, [(n, p) for n in range(1, waves + 1) for p in (0.0, 0.5 * np.pi)])

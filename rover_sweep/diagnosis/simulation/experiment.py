@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.fft import next_fast_len
+from scipy.ndimage import gaussian_filter1d
 
 from rover_sweep.data.recording import Array, LowPass, Recording, Signal
 
@@ -15,6 +16,8 @@ RATE = 100.0  # Hz, of the simulation; rows are compared up to 12 Hz
 FINE = 2  # times as many points of the commanded steering, whose corners a rate limit or play shows
 SLOWEST = 0.4  # m/s; a slip angle is not defined at standstill
 CHANNELS = ("r", "ay", "p", "vy")
+SPEED_ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers specify 0.05 m/s before filtering
+STEADIED = 4.0  # s, standard deviation of the Gaussian that takes the error out of a speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,23 @@ class Experiment:
     def acceleration(self) -> Array:
         """Rate of change (n,) of the speed [m/s^2]."""
         return np.gradient(self.speed, 1.0 / RATE)
+
+    @cached_property
+    def steadied(self) -> Experiment:
+        """The run at a speed whose changes are no error of its estimate: an instrument for derivatives.
+
+        The measured speed multiplies the motion and the model's derivatives alike. Its error is in both, so
+        their product has the error's square, which does not average out and moves lag and inertia by 10 %.
+        Changes within `STEADIED` are kept by the share of their power that is above three times the error.
+        Fuller 1987: Measurement Error Models, section 2.4 (instrumental variables).
+        """
+        even = gaussian_filter1d(self.speed, STEADIED * RATE, mode="nearest")
+        changes = self.speed - even
+        power = gaussian_filter1d(changes**2, RATE, mode="nearest")  # within some seconds
+        kept = np.maximum(0.0, 1.0 - (3.0 * SPEED_ERROR) ** 2 / np.maximum(power, 1e-12))
+        out = replace(self, speed=even + kept * changes)
+        object.__setattr__(out, "angles", self.angles)  # of the wheels, for which the speed does not count
+        return out
 
     @property
     def mean_speed(self) -> float:
