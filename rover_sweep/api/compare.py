@@ -21,6 +21,8 @@ from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
 from rover_sweep.errors import DataRefused, UsageError
 
+HALF = 0.5  # probability of something without a name, from which none is given
+
 
 def compare(
     runs: Runs,
@@ -83,4 +85,5 @@ def compared(
         progress or (lambda what, share: None),
         stop or (lambda: False),
         fitted,
+        (found.p_else or 0.0) >= HALF,
     )

@@ -33,6 +33,10 @@ SOME_LEFT, SUSPICIOUS = 1.1, 20.0
 """Variance of a row and score of an effect from which effects are searched in a simulation.
 
 A score above 20 by chance is rarer than 1 in 1000 for 40 parameters; the search itself decides."""
+UNNAMED = (
+    "the recordings have something that is not in the list of effects, as their diagnosis says, so no effect "
+    "was looked for in the difference"
+)
 Progress = Callable[[str, float], None]
 
 
@@ -59,14 +63,16 @@ def compare(
     progress: Progress = lambda what, share: None,
     stop: Callable[[], bool] = lambda: False,
     fitted: dict[tuple[str, ...], FittedSide] | None = None,
+    unnamed: bool = False,
 ) -> Compared:
     """Compare simulated runs with the recorded runs whose steering they have.
 
     held_out: recorded runs that were used for nothing. model: of the recordings, from their diagnosis.
     effects: names of the laws in the simulation where they are known; None: they are searched. fitted:
     {laws: the recordings fitted with them}, filled and used where the same recordings are compared several
-    times; then without bounds and pictures. DataRefused where a simulated run has the steering of no
-    recording, or no run that is not held out was simulated.
+    times; then without bounds and pictures. unnamed: the diagnosis says that the recordings have something
+    without a name, so none is given to a difference that it did not name either. DataRefused where a
+    simulated run has the steering of no recording, or no run that is not held out was simulated.
     """
     started = time.monotonic()
     progress("comparing simulation and recordings", 0.0)
@@ -75,12 +81,14 @@ def compare(
     pairs, held = [shared(p) for p in pairs], [shared(p) for p in held]
     known_fits = {} if fitted is None else fitted
     recordings, simulation = _sides(pairs, model, effects, options, known_fits)
-    found_more = with_suspects([p.recorded for p in pairs], recordings, simulation, known_fits)
-    recordings, simulation = found_more.recordings, found_more.simulation
+    alike: Mapping[str, tuple[str, ...]] = {}
+    if not unnamed:
+        more = with_suspects([p.recorded for p in pairs], recordings, simulation, known_fits)
+        recordings, simulation, alike = more.recordings, more.simulation, more.alike
     progress("comparing simulation and recordings", 0.8)
     found = found_between(recordings, simulation, seed)
     clear, minor = differences(found)
-    clear = tuple(replace(d, look_alikes=(*d.look_alikes, *found_more.alike.get(d.name, ()))) for d in clear)
+    clear = tuple(replace(d, look_alikes=(*d.look_alikes, *alike.get(d.name, ()))) for d in clear)
     plain = direct(pairs, recordings, simulation)
     unused = direct(held, recordings, simulation, unused=True) if held else None
     agreement = (*plain.agreement(False), *(unused.agreement(True) if unused else ()))
@@ -93,7 +101,7 @@ def compare(
         minor,
         instruments(known, recordings.plain.floor, simulation.plain.floor),
         agreement,
-        remarks=_far_off(simulation),
+        remarks=(*_far_off(simulation), *([UNNAMED] if unnamed else [])),
         seconds=time.monotonic() - started,
     )
     if fitted is None:
