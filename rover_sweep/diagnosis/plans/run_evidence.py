@@ -175,7 +175,8 @@ def basis(run: Experiment, given: Assumed) -> Basis:
     problem = _on_blocks(run) if blocks else with_floor([run], given.floor)
     nothing = np.zeros(problem.size)
     base = Fitted(model.structure, model.free, given.x, 0.0, nothing, nothing[:, None])
-    problem = replace(problem, measured=problem.model(model.structure, given.x))
+    expected = problem.model(model.structure, given.x)
+    problem = replace(problem, measured=expected, plain_measured=expected)
     base = sensitivities(problem, base)
     usual = signatures(problem, base, model, effects, tolerances=True)
     own = [s for s in usual if given.effects[s.effect].in_one_run]
